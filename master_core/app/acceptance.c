@@ -13,6 +13,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "entries.h"
 #include "log.h"
 
 enum { MOST_TEXT = 16384, NOT_STARTED = 127 };
@@ -150,6 +151,7 @@ int acceptance_check(const uint8_t *plan, size_t plan_bytes, const struct option
         return EXIT_ENVIRONMENT;
     }
     const int code = WIFEXITED(status) ? WEXITSTATUS(status) : NOT_STARTED;
+    entry_acceptance(options, code == EXIT_FINE, text);
     log_text(code == EXIT_FINE ? FSN_LOG_INFO : FSN_LOG_ERROR, text);
     if (code == EXIT_FINE) {
         return -1;

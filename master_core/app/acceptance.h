@@ -11,7 +11,7 @@
  *  run without a shell, from the folder of this program or from PATH, and gets the very bytes that
  *  were loaded. What it prints goes to the log.
  *  @return -1 when all is as signed, else the exit code; then it has said why.
- *  Context: before any thread is there; waits for the other program. */
+ *  Context: before the control thread runs; waits for the other program. */
 int acceptance_check(const uint8_t *plan, size_t plan_bytes, const struct options *options);
 
 #endif

@@ -12,6 +12,8 @@
 #include <unistd.h>
 
 #include "acceptance.h"
+#include "control/base/words.h"
+#include "entries.h"
 #include "explain.h"
 #include "log.h"
 #include "master.h"
@@ -71,17 +73,12 @@ static int load(const struct options *o, struct fsn_plan **plan) {
         explain_fault(&fault, NULL, text, sizeof text);
         log_line(FSN_LOG_ERROR, "%s: %s", path, text);
         code = EXIT_REFUSED;
-    } else if (o->acceptance != NULL) {
-        code = acceptance_check(bytes, len, o);
+    } else {
+        entry_plan(*plan, o);
+        code = o->acceptance != NULL ? acceptance_check(bytes, len, o) : -1;
     }
     free(bytes);
     return code;
-}
-
-static void hex_text(const uint8_t digest[FSN_SHA256_BYTES], char hash[2 * FSN_SHA256_BYTES + 1]) {
-    for (size_t i = 0; i < FSN_SHA256_BYTES; i++) {
-        snprintf(hash + 2 * i, 3, "%02x", (unsigned)digest[i]);
-    }
 }
 
 /** Compares the plan with the accepted hash: that of the file, or the whole fingerprint. */
@@ -92,12 +89,12 @@ static int check_accepted(const struct fsn_plan *plan, const struct options *o) 
     char whole[2 * FSN_SHA256_BYTES + 1];
     char code[FSN_FINGERPRINT_CODE_BYTES];
     fsn_plan_sha256(plan, digest);
-    hex_text(digest, hash);
+    fsn_hex_text(digest, sizeof digest, hash);
     if (fsn_plan_fingerprint(plan, &made) != FSN_OK) {
         log_line(FSN_LOG_ERROR, "no memory for the fingerprint of the plan");
         return EXIT_REFUSED;
     }
-    hex_text(made.whole, whole);
+    fsn_hex_text(made.whole, sizeof made.whole, whole);
     fsn_fingerprint_code(&made, code);
     log_line(FSN_LOG_INFO, "plan %s, SHA-256 %s", o->plan_file, hash);
     log_line(FSN_LOG_INFO, "fingerprint %s (%s)", code, whole);
@@ -163,9 +160,54 @@ static int block_signals(void) {
     sigaddset(&set, SIGHUP);
     /* Before any thread is there, so that all of them inherit it. */
     sigprocmask(SIG_BLOCK, &set, NULL);
-    signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); /* an incident that gets too long is cut off, and said to be */
     return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
+}
+
+/** Opens the intervention log.   @return -1, else the exit code; then it has said why. */
+static int keep_log(const struct options *o, int argc, char **argv) {
+    struct interventions *log = NULL;
+    struct fsn_refusal refusal;
+    if (o->interventions == NULL) {
+        return -1;
+    }
+    if (interventions_open(o->interventions, (uint64_t)o->interventions_mib << 20, &log,
+                           &refusal) != FSN_OK) {
+        log_line(FSN_LOG_ERROR, "%s%s%s", refusal.text, refusal.hint != NULL ? "; " : "",
+                 refusal.hint != NULL ? refusal.hint : "");
+        return refusal.status == FSN_E_STATE ? EXIT_REFUSED : EXIT_ENVIRONMENT;
+    }
+    log_keep(log);
+    entry_start(argc, argv);
+    return -1;
+}
+
+static int run(struct options *options) {
+    const struct fsn_backend *backend = backend_find(options->bus);
+    if (backend == NULL) {
+        log_line(FSN_LOG_ERROR,
+                 "FSN_E_ABSENT: this build has no bus %s; fsn-master --version lists those it "
+                 "has, and fsoe-net install-master --overwrite builds one with soem",
+                 options->bus);
+        return EXIT_REFUSED;
+    }
+    if (options->scan) {
+        return scan_run(options, backend);
+    }
+    struct fsn_plan *plan = NULL;
+    int code = load(options, &plan);
+    if (code == -1) {
+        code = check_plan(plan, options);
+    }
+    if (code == -1) {
+        char path[512];
+        socket_path(options, path, sizeof path);
+        notify_begin();
+        const int signal_fd = block_signals();
+        code = master_run(options, plan, backend, path, signal_fd);
+        close(signal_fd);
+    }
+    fsn_plan_free(plan);
+    return code;
 }
 
 int main(int argc, char **argv) {
@@ -174,32 +216,9 @@ int main(int argc, char **argv) {
     if (code != -1) {
         return code;
     }
+    signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN); /* what gets too long is cut off, and said to be */
     log_as_json(options.log_json);
-    const struct fsn_backend *backend = backend_find(options.bus);
-    if (backend == NULL) {
-        log_line(FSN_LOG_ERROR,
-                 "FSN_E_ABSENT: this build has no bus %s; fsn-master --version lists those it "
-                 "has, and fsoe-net install-master --overwrite builds one with soem",
-                 options.bus);
-        return EXIT_REFUSED;
-    }
-    if (options.scan) {
-        signal(SIGPIPE, SIG_IGN);
-        return scan_run(&options, backend);
-    }
-    struct fsn_plan *plan = NULL;
-    code = load(&options, &plan);
-    if (code == -1) {
-        code = check_plan(plan, &options);
-    }
-    if (code == -1) {
-        char path[512];
-        socket_path(&options, path, sizeof path);
-        notify_begin();
-        const int signal_fd = block_signals();
-        code = master_run(&options, plan, backend, path, signal_fd);
-        close(signal_fd);
-    }
-    fsn_plan_free(plan);
-    return code;
+    code = keep_log(&options, argc, argv);
+    return code != -1 ? code : log_end(run(&options));
 }

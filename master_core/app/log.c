@@ -18,7 +18,10 @@
 #include "control/base/json.h"
 #include "control/base/words.h"
 
-static bool as_json; /* set once, before there are threads */
+enum { END_MS = 3000 /**< how long the end waits for the disk of the intervention log */ };
+
+static bool as_json;               /* set once, before there are threads */
+static struct interventions *kept; /* the same */
 
 static const char *level_name(enum fsn_log_level level) {
     static const char *const names[] = {"detail", "info", "warning", "error"};
@@ -163,7 +166,25 @@ static void put_json(struct fsn_json *json) {
     fsn_json_end(json);
     /* Without memory for it, it is lost as well. */
     put(json->bytes, json->failed ? 0 : json->len_bytes);
-    fsn_json_free(json);
+}
+
+/** A line as an event; the caller frees it. */
+static struct fsn_json as_event(const char *event, enum fsn_log_level level, const char *text) {
+    struct fsn_json json = {.limit_bytes = 8192};
+    char utc[32];
+    fsn_utc_text(fsn_now_ns(), utc);
+    fsn_json_open(&json, '{');
+    fsn_json_put_text(&json, "event", event);
+    fsn_json_put_text(&json, "utc", utc);
+    fsn_json_put_text(&json, "level", level_name(level));
+    fsn_json_put_text(&json, "text", text);
+    return json;
+}
+
+void log_entry(const struct fsn_json *json) {
+    if (kept != NULL && !json->failed) {
+        interventions_put(kept, json->bytes, json->len_bytes);
+    }
 }
 
 void log_line(enum fsn_log_level level, const char *format, ...) {
@@ -172,28 +193,59 @@ void log_line(enum fsn_log_level level, const char *format, ...) {
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    if (!as_json) {
-        put_text(level, text);
-        return;
-    }
-    struct fsn_json json = {.limit_bytes = 8192};
-    char utc[32];
-    fsn_utc_text(fsn_now_ns(), utc);
-    fsn_json_open(&json, '{');
-    fsn_json_put_text(&json, "event", "log");
-    fsn_json_put_text(&json, "utc", utc);
-    fsn_json_put_text(&json, "level", level_name(level));
-    fsn_json_put_text(&json, "text", text);
+    struct fsn_json json = as_event("log", level, text);
     fsn_json_close(&json, '}');
-    put_json(&json);
+    if (level >= FSN_LOG_WARNING) {
+        log_entry(&json);
+    }
+    if (as_json) {
+        put_json(&json);
+    } else {
+        put_text(level, text);
+    }
+    fsn_json_free(&json);
 }
 
 void log_event(enum fsn_log_level level, const char *text, const char *json, size_t json_bytes) {
+    interventions_put_event(kept, json, json_bytes);
     if (as_json) {
         struct fsn_json line = {.limit_bytes = json_bytes + 2};
         fsn_json_raw(&line, json, json_bytes);
         put_json(&line);
+        fsn_json_free(&line);
     } else if (level > FSN_LOG_DETAIL) {
         put_text(level, text);
     }
+}
+
+void log_keep(struct interventions *log) {
+    kept = log;
+}
+
+bool log_kept(struct fsn_interventions *state) {
+    if (kept != NULL) {
+        interventions_state(kept, state);
+    }
+    return kept != NULL;
+}
+
+int log_end(int code) {
+    if (kept == NULL) {
+        return code;
+    }
+    char text[64];
+    snprintf(text, sizeof text, "ends with exit code %d", code);
+    struct fsn_json json = as_event("stop", FSN_LOG_INFO, text);
+    fsn_json_put_u64(&json, "code", (uint64_t)code);
+    fsn_json_close(&json, '}');
+    log_entry(&json);
+    fsn_json_free(&json);
+    struct interventions *log = kept;
+    kept = NULL;
+    const uint64_t left = interventions_close(log, END_MS);
+    if (left > 0) {
+        log_line(FSN_LOG_ERROR, "entries of the intervention log that were not written: %llu",
+                 (unsigned long long)left);
+    }
+    return code;
 }

@@ -5,10 +5,26 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "control/base/json.h"
 #include "control/server/control.h"
+#include "interventions.h"
 
 /** Chooses between text and JSON lines. */
 void log_as_json(bool json);
+
+/** From now on warnings, errors and what belongs there go into an intervention log too; it is this
+ *  one's to end. Context: before another thread logs. */
+void log_keep(struct interventions *log);
+
+/** How the intervention log is.   @return false  there is none. */
+bool log_kept(struct fsn_interventions *state);
+
+/** Writes what is still to be written into the intervention log, the exit code last, and ends it.
+ *  @return `code`. */
+int log_end(int code);
+
+/** An entry for the intervention log alone: a whole object; nothing where there is no log. */
+void log_entry(const struct fsn_json *json);
 
 /** One line in the chosen form. */
 __attribute__((format(printf, 2, 3))) void log_line(enum fsn_log_level level, const char *format,

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "control/base/clock.h"
+#include "control/base/peer.h"
 #include "explain.h"
 #include "log.h"
 #include "notify.h"
@@ -42,6 +43,9 @@ struct master {
     bool locked;
     uint64_t started_ns, run_until_ns, end_until_ns;
     uint64_t watchdog_ns, watched_cycles;
+    bool logs;                              /**< there is an intervention log */
+    bool log_fails;                         /**< reported: it is not written */
+    struct fsn_interventions interventions; /**< how it was in this turn */
 };
 
 static const char *const policy_name[] = {"fifo", "deadline", "other"};
@@ -66,6 +70,7 @@ static void host_status(void *self, struct fsn_control_status *status) {
         .redundant = o->redundant,
         .plan_file = o->plan_file,
         .accepted = o->accepted != NULL ? o->accepted : o->acceptance,
+        .interventions = m->logs ? &m->interventions : NULL,
         .require_observed = o->require_observed,
         .policy = policy_name[m->policy],
         .started_ns = m->started_ns,
@@ -251,10 +256,14 @@ static void take_signal(struct master *m) {
     }
     if (m->ending) {
         log_line(FSN_LOG_ERROR, "a second signal: ends at once");
-        _exit(EXIT_REFUSED);
+        _exit(log_end(EXIT_REFUSED));
     }
-    char text[64];
-    snprintf(text, sizeof text, "ends: %s", strsignal((int)info.ssi_signo));
+    char text[FSN_PEER_TEXT_BYTES + 64];
+    char who[FSN_PEER_TEXT_BYTES];
+    struct fsn_peer sender;
+    fsn_peer_read(&sender, (pid_t)info.ssi_pid, info.ssi_uid);
+    snprintf(text, sizeof text, "ends: %s, sent by %s", strsignal((int)info.ssi_signo),
+             fsn_peer_text(&sender, who));
     begin_end(m, text);
 }
 
@@ -264,7 +273,7 @@ static void watch_time(struct master *m, uint64_t now_ns) {
     }
     if (m->ending && now_ns >= m->end_until_ns) {
         log_line(FSN_LOG_ERROR, "the bus neither opens nor closes; ends without it");
-        _exit(EXIT_REFUSED);
+        _exit(log_end(EXIT_REFUSED));
     }
     if (notify_watchdog_ns() == 0 || now_ns < m->watchdog_ns) {
         return;
@@ -278,6 +287,27 @@ static void watch_time(struct master *m, uint64_t now_ns) {
         m->watchdog_ns = now_ns + notify_watchdog_ns() / 2;
         notify("WATCHDOG=1");
     }
+}
+
+/** Reports once that the intervention log is not written, and once that it is again. */
+static void watch_log(struct master *m) {
+    char text[320];
+    m->logs = log_kept(&m->interventions);
+    const struct fsn_interventions *log = &m->interventions;
+    if (!m->logs || (log->error != NULL) == m->log_fails) {
+        return;
+    }
+    m->log_fails = !m->log_fails;
+    if (m->log_fails) {
+        snprintf(text, sizeof text,
+                 "the intervention log in %.150s is not written: %s; entries wait", log->folder,
+                 log->error);
+    } else {
+        snprintf(text, sizeof text, "the intervention log is written again; entries lost: %llu",
+                 (unsigned long long)log->lost);
+    }
+    fsn_control_interventions_changed(m->control, m->log_fails ? FSN_LOG_ERROR : FSN_LOG_WARNING,
+                                      text);
 }
 
 static void turn(struct master *m) {
@@ -300,6 +330,7 @@ static void turn(struct master *m) {
     }
     fsn_control_serve(m->control, fds, FSN_CONTROL_FDS);
     watch_time(m, fsn_now_ns());
+    watch_log(m);
     advance(m);
 }
 
@@ -347,6 +378,7 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
         log_line(FSN_LOG_ERROR, "out of memory");
         return EXIT_ENVIRONMENT;
     }
+    watch_log(&m);
     m.code = keep_incidents(&m);
     m.code = m.code == -1 ? listen_on(&m, socket_path) : m.code;
     if (m.code == -1) {

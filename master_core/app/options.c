@@ -11,6 +11,7 @@
 
 #include "backends.h"
 #include "control/base/words.h"
+#include "interventions.h"
 
 static const char usage_text[] =
     "usage: fsn-master PLAN --interface IF [options]\n"
@@ -44,6 +45,10 @@ static const char usage_text[] =
     "  --allow-group NAME the same for a group; both may be given several times\n"
     "  --incidents DIR    keeps a file of what happened around each connection that leaves Data\n"
     "  --incidents-limit MIB  no further one once those in DIR have so much; default 1024\n"
+    "  --intervention-log DIR  keeps a log of starts, stops, requests that change something,\n"
+    "                     parameters that differ and incidents; each entry holds the hash of the\n"
+    "                     one before\n"
+    "  --intervention-log-file MIB  begins the next file once one has so much; default 16\n"
     "  --log text|json    lines on stderr; default text\n"
     "  --trace            writes markers into the kernel's trace buffer\n"
     "  --scan             brings what stands on the bus to PREOP, prints it as JSON and ends\n"
@@ -176,6 +181,8 @@ enum option_id {
     ALLOW_GROUP,
     INCIDENTS,
     INCIDENTS_LIMIT,
+    INTERVENTIONS,
+    INTERVENTIONS_FILE,
     LOG,
     TRACE,
     SCAN,
@@ -201,6 +208,10 @@ static int take_number(int id, const char *text, struct options *o) {
         return read_number(text, 1, 1000000, &o->incidents_mib)
                    ? -1
                    : wrong("--incidents-limit", text, "1 to 1000000 MiB");
+    case INTERVENTIONS_FILE:
+        return read_number(text, 1, 1000, &o->interventions_mib)
+                   ? -1
+                   : wrong("--intervention-log-file", text, "1 to 1000 MiB");
     default:
         code = read_integer("--dc-every", text, 0, 1000000, "0 to 1000000 cycles", &number);
         o->dc_every = (uint32_t)number;
@@ -243,6 +254,9 @@ static bool take_plain(int id, const char *text, struct options *o) {
         return true;
     case INCIDENTS:
         o->incidents = text;
+        return true;
+    case INTERVENTIONS:
+        o->interventions = text;
         return true;
     case ACCEPTANCE:
         o->acceptance = text;
@@ -292,6 +306,7 @@ static int take(int id, const char *text, struct options *o) {
     case CPU:
     case DC_EVERY:
     case INCIDENTS_LIMIT:
+    case INTERVENTIONS_FILE:
         return take_number(id, text, o);
     default:
         return take_time(id, text, o);
@@ -337,6 +352,12 @@ static int check_signed(const struct options *o) {
                : wrong("--revoked", o->revoked, "goes with --signers FILE");
 }
 
+static int check_interventions(const struct options *o) {
+    return o->interventions != NULL || o->interventions_mib == INTERVENTIONS_MIB
+               ? -1
+               : wrong("--intervention-log-file", NULL, "goes with --intervention-log DIR");
+}
+
 static int check_together(const struct options *o) {
     if (o->plan_file == NULL && !o->scan) {
         return wrong("PLAN", NULL, "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
@@ -347,6 +368,9 @@ static int check_together(const struct options *o) {
     int code = check_bus(o);
     if (code == -1) {
         code = check_signed(o);
+    }
+    if (code == -1) {
+        code = check_interventions(o);
     }
     return code != -1 ? code : check_schedule(o);
 }
@@ -375,6 +399,8 @@ int options_read(int argc, char **argv, struct options *o) {
         {"allow-group", required_argument, NULL, ALLOW_GROUP},
         {"incidents", required_argument, NULL, INCIDENTS},
         {"incidents-limit", required_argument, NULL, INCIDENTS_LIMIT},
+        {"intervention-log", required_argument, NULL, INTERVENTIONS},
+        {"intervention-log-file", required_argument, NULL, INTERVENTIONS_FILE},
         {"log", required_argument, NULL, LOG},
         {"trace", no_argument, NULL, TRACE},
         {"scan", no_argument, NULL, SCAN},
@@ -385,6 +411,7 @@ int options_read(int argc, char **argv, struct options *o) {
     int id;
     o->bus = "soem"; /* the one that needs no kernel module */
     o->record_ns = 10000000000u;
+    o->interventions_mib = INTERVENTIONS_MIB;
     while ((id = getopt_long(argc, argv, "", table, NULL)) != -1) {
         if (id == HELP) {
             fputs(usage_text, stdout);

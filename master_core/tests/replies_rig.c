@@ -433,8 +433,8 @@ void set_up(void) {
     on.client = &on.control->client[0];
     *on.client = (struct fsn_client){.fd = open("/dev/null", O_RDWR | O_CLOEXEC),
                                      .number = 5,
-                                     .pid = 4321,
-                                     .uid = 12,
+                                     .peer.pid = 4321,
+                                     .peer.uid = 12,
                                      .lease_ms = FSN_LEASE_MS,
                                      .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     fsn_control_attach(on.control, on.core);

@@ -427,7 +427,8 @@ static void who_is_idle_makes_room(void) {
         CHECK(client[i].fd >= 0 && client[i].number == i + 1);
         CHECK((fcntl(client[i].fd, F_GETFL) & O_NONBLOCK) != 0);
         CHECK(fcntl(client[i].fd, F_GETFD) == FD_CLOEXEC);
-        CHECK(client[i].pid == 77 && client[i].uid == user && client[i].lease_ms == FSN_LEASE_MS);
+        CHECK(client[i].peer.pid == 77 && client[i].peer.uid == user &&
+              client[i].lease_ms == FSN_LEASE_MS);
         CHECK(client[i].request_ns == client[i].heard_ns && client[i].heard_ns > 0);
         CHECK(client[i].moved_ns >= client[i].heard_ns);
     }

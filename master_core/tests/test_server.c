@@ -102,7 +102,7 @@ static void set_up(unsigned count) {
         rig.peer[i] = ends[1];
         rig.control->client[i] = (struct fsn_client){.fd = ends[0],
                                                      .number = i + 1,
-                                                     .pid = 100 + (pid_t)i,
+                                                     .peer.pid = 100 + (pid_t)i,
                                                      .lease_ms = 0,
                                                      .heard_ns = now_ns,
                                                      .moved_ns = now_ns,
@@ -286,13 +286,13 @@ static void who_does_not_read_is_dropped(void) {
     now_ns += 1;
     turn();
     CHECK(client->fd == -1);
-    CHECK(
-        strcmp(rig.logged,
-               "w client 1 (pid 100) dropped: does not read\n"
-               "{\"event\":\"dropped\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
-               "\"now_ns\":1005000000001,\"client\":1,\"pid\":100,\"why\":\"does not read\","
-               "\"level\":\"warning\",\"text\":\"client 1 (pid 100) dropped: does not read\"}\n") ==
-        0);
+    CHECK(strcmp(rig.logged,
+                 "w client 1, pid 100 (?), uid 0 (?) dropped: does not read\n"
+                 "{\"event\":\"dropped\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
+                 "\"now_ns\":1005000000001,\"client\":1,\"pid\":100,\"uid\":0,\"user\":null,"
+                 "\"program\":null,\"why\":\"does not read\","
+                 "\"level\":\"warning\",\"text\":\"client 1, pid 100 (?), uid 0 (?) dropped: "
+                 "does not read\"}\n") == 0);
     tear_down(1);
 }
 
@@ -406,19 +406,23 @@ static void leases_end(void) {
     say(0, "lease 200\nset t=5\n");
     turn();
     CHECK(lines_of(heard(0)) == 2 && client->lease_ms == 200);
+    CHECK(strstr(rig.logged, "d client 1, pid 100 (?), uid 0 (?) writes 1 output\n") == rig.logged);
+    rig.logged[0] = 0;
     now_ns += 200000000;
     turn();
     CHECK(rig.logged[0] == 0);
     now_ns += 1;
     turn();
     CHECK(strcmp(rig.logged,
-                 "w client 1 (pid 100) silent: 1 output takes its stop value\n"
+                 "w client 1, pid 100 (?), uid 0 (?), silent: 1 output takes its stop value\n"
                  "{\"event\":\"fallback\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
-                 "\"now_ns\":1000200000001,\"client\":1,\"pid\":100,\"why\":\"silent\","
-                 "\"outputs\":[\"t\"],\"level\":\"warning\",\"text\":\"client 1 (pid 100) "
+                 "\"now_ns\":1000200000001,\"client\":1,\"pid\":100,\"uid\":0,\"user\":null,"
+                 "\"program\":null,\"why\":\"silent\","
+                 "\"outputs\":[\"t\"],\"level\":\"warning\",\"text\":\"client 1, pid 100 (?), uid "
+                 "0 (?), "
                  "silent: 1 output takes its stop value\"}\n") == 0);
     turn();
-    CHECK(strlen(rig.logged) < 400); /* reported once */
+    CHECK(strlen(rig.logged) < 440); /* reported once */
     tear_down(1);
 }
 

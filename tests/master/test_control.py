@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import pwd
 import signal
 import stat
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 from master.rig import ROOT, Client, running
@@ -241,6 +243,10 @@ def test_other_users_are_refused_unless_allowed() -> None:
         with running(*options) as master:
             master.directory.chmod(0o755)
             assert answer in as_nobody(str(master.path)), options
+            if answer == "may not connect":
+                (told,) = master.logged("turned_away")
+                assert (told["uid"], told["user"], told["times"]) == (65534, "nobody", 1)
+                assert told["program"] is not None
 
 
 DROPPED = {
@@ -296,6 +302,9 @@ def test_clients_that_do_nothing_lock_nobody_out() -> None:
                 "text": first["text"],
                 "client": 3,
                 "pid": os.getpid(),
+                "uid": os.getuid(),
+                "user": pwd.getpwuid(os.getuid()).pw_name,
+                "program": Path("/proc/self/comm").read_text().strip(),
                 "why": "makes room",
             }
             assert idle[0].line() == DROPPED

@@ -36,6 +36,7 @@ def test_a_client_asks_for_one(tmp_path):
     assert "after the door was opened" in told["text"]
     head, cycles, end = read(told["file"])
     assert Path(told["file"]).parent == tmp_path
+    assert told["sha256"] == hashlib.sha256(Path(told["file"]).read_bytes()).hexdigest()
     assert end == {"end": True, "cycles": told["cycles"]}
     assert told["cycles"] == len(cycles) > 100
     numbers = [row["cycle"] for row in cycles]
@@ -61,6 +62,7 @@ def test_files_of_all_runs_have_a_limit_and_nothing_is_deleted(tmp_path):
         client.good("incident first")
         told = client.event("incident")
         assert (told["file"], told["cycles"], told["whole"]) == ("", 0, False)
+        assert told["sha256"] is None
         assert told["level"] == "error"
         assert told["text"] == (
             f"incident: first; not kept, for the incident files in {tmp_path} have 1 MiB; move "

@@ -21,6 +21,16 @@ enum fsn_program_request {
 /** FSN_LOG_DETAIL: for subscribers and a log of records; too much for lines that people read. */
 enum fsn_log_level { FSN_LOG_DETAIL, FSN_LOG_INFO, FSN_LOG_WARNING, FSN_LOG_ERROR };
 
+/** How the intervention log is. */
+struct fsn_interventions {
+    const char *folder;
+    uint64_t entry;    /**< number of the last one that was written; 0: none */
+    const char *hash;  /**< SHA-256 of its line; empty: none */
+    uint64_t waiting;  /**< entries to be written */
+    uint64_t lost;     /**< entries of this run that nothing took in time */
+    const char *error; /**< why nothing is written now, or NULL */
+};
+
 /** What the program says about itself. Strings live until the next call. */
 struct fsn_control_status {
     const char *state; /**< stopped, opening, starting, running, stopping or failed */
@@ -32,6 +42,7 @@ struct fsn_control_status {
     int cpu;             /**< CPU number + 1; 0: not pinned */
     int priority;        /**< of the cyclic thread; 0: none */
     bool free_run;
+    const struct fsn_interventions *interventions; /**< NULL: none are logged */
     bool require_observed; /**< other parameters than the plan has are an alarm */
 };
 

@@ -141,3 +141,10 @@ const char *fsn_words_split(char *line, size_t len_bytes, struct fsn_words *word
         words->word[words->count++] = word;
     }
 }
+
+void fsn_hex_text(const uint8_t *bytes, size_t len_bytes, char *to) {
+    for (size_t i = 0; i < len_bytes; i++) {
+        snprintf(to + 2 * i, 3, "%02x", (unsigned)bytes[i]);
+    }
+    to[2 * len_bytes] = 0;
+}

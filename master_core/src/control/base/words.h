@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 enum {
     FSN_LINE_BYTES = 8192, /**< longest request, without its newline */
@@ -36,6 +37,11 @@ size_t fsn_show_character(const char *at, size_t left, char shown[FSN_SHOWN_BYTE
  *  @return length of what was written.
  *  Context: any thread. */
 size_t fsn_show_text(char *to, size_t size_bytes, const char *text);
+
+/** Writes bytes as two hexadecimal digits each.
+ *  @param[out] to  2 * len_bytes + 1 bytes; zero-terminated.
+ *  Context: any thread. */
+void fsn_hex_text(const uint8_t *bytes, size_t len_bytes, char *to);
 
 /** Whether bytes are whole, shortest UTF-8 without surrogates. Context: any thread. */
 bool fsn_is_utf8(const char *bytes, size_t len_bytes);

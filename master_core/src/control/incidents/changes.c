@@ -10,10 +10,11 @@
 #include "plan/plan_internal.h"
 
 enum {
-    POLL_MS = 20,    /**< between two polls of the SubDevices */
-    WKC_MS = 1000,   /**< between two reports of single incomplete cycles */
-    AGAIN_MS = 5000, /**< between two lines on a connection that resets again and again */
-    DRAIN = 256,     /**< events of the core taken at once */
+    POLL_MS = 20,       /**< between two polls of the SubDevices */
+    WKC_MS = 1000,      /**< between two reports of single incomplete cycles */
+    AGAIN_MS = 5000,    /**< between two lines on a connection that resets again and again */
+    FOREIGN_MS = 60000, /**< between two lines on another MainDevice */
+    DRAIN = 256,        /**< events of the core taken at once */
 };
 
 /** Into Data and out of it, and the first reset of several: that is what people look for. */
@@ -297,6 +298,23 @@ static void poll_wkc(struct fsn_changes *changes, uint64_t now_ns) {
     }
 }
 
+/** Another MainDevice sends on this bus: at once, then at most once a minute. */
+static void poll_foreign(struct fsn_changes *changes, uint64_t now_ns) {
+    const struct fsn_statistics *s = &changes->view->statistics;
+    if (s->foreign_frames == changes->foreign_frames ||
+        (changes->foreign_reported_ns != 0 &&
+         now_ns - changes->foreign_reported_ns < FOREIGN_MS * UINT64_C(1000000))) {
+        return;
+    }
+    struct fsn_json *json = fsn_event_begin(changes->events, "foreign", s->now_ns);
+    fsn_json_put_u64(json, "foreign_frames", s->foreign_frames);
+    fsn_event_send(changes->events, FSN_LOG_WARNING,
+                   "another MainDevice sends on this bus: %" PRIu64 " of its frames so far",
+                   s->foreign_frames);
+    changes->foreign_frames = s->foreign_frames;
+    changes->foreign_reported_ns = now_ns;
+}
+
 bool fsn_changes_init(struct fsn_changes *changes, struct fsn_bus_view *view,
                       struct fsn_events *events) {
     uint64_t *reset_reported_ns =
@@ -348,5 +366,6 @@ void fsn_changes_poll(struct fsn_changes *changes, struct fsn_incidents *inciden
                        s->events_lost);
         changes->events_lost = s->events_lost;
     }
+    poll_foreign(changes, now_ns);
     poll_wkc(changes, now_ns);
 }

@@ -14,6 +14,8 @@ struct fsn_changes {
     bool wkc_lost;               /**< a line has said that nobody answers */
     uint64_t wkc_errors, lost_frames, old_replies, unsent_frames, overruns; /**< last reported */
     uint64_t events_lost;                                                   /**< last reported */
+    uint64_t foreign_frames;                                                /**< last reported */
+    uint64_t foreign_reported_ns;
     uint64_t wkc_reported_ns, polled_ns;
     uint64_t cycle; /**< the last one that was polled */
 };

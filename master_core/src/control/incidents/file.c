@@ -14,6 +14,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "plan/plan_internal.h"
+
 enum { MOST_BYTES = 32 << 20, MOST_NAMES = 1000 };
 
 /* -- the window ----------------------------------------------------------------------------- */
@@ -103,7 +105,7 @@ static int open_new(struct fsn_incident_file *file) {
         }
         snprintf(file->result.path, sizeof file->result.path, "%s/%s%s" FSN_INCIDENT_SUFFIX,
                  file->folder, file->stem, number);
-        const int fd = open(file->result.path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+        const int fd = open(file->result.path, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
         if (fd >= 0 || errno != EEXIST) {
             return fd;
         }
@@ -163,6 +165,21 @@ static bool write_all(struct fsn_incident_file *file, FILE *out) {
     return fflush(out) == 0 && fsync(fileno(out)) == 0;
 }
 
+/** Reads a file that was written, for its hash.   @return 0, or errno. */
+static int hash_file(int fd, uint8_t digest[FSN_SHA256_BYTES]) {
+    struct fsn_sha256_run hash;
+    char piece[4096];
+    ssize_t len;
+    off_t at = 0;
+    fsn_sha256_start(&hash);
+    while ((len = pread(fd, piece, sizeof piece, at)) > 0) {
+        fsn_sha256_add(&hash, piece, (size_t)len);
+        at += len;
+    }
+    fsn_sha256_end(&hash, digest);
+    return len < 0 ? errno : 0;
+}
+
 static void *run(void *context) {
     struct fsn_incident_file *file = context;
     const int fd = open_new(file);
@@ -173,7 +190,8 @@ static void *run(void *context) {
             close(fd);
         }
     } else {
-        file->result.error = write_all(file, out) ? 0 : errno;
+        file->result.error =
+            write_all(file, out) ? hash_file(fileno(out), file->result.sha256) : errno;
         if (fclose(out) != 0 && file->result.error == 0) {
             file->result.error = errno;
         }

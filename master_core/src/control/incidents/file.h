@@ -37,9 +37,10 @@ struct fsn_incident_file *fsn_incident_file_begin(const char *folder, const char
 /** What became of it. */
 struct fsn_incident_result {
     char path[FSN_INCIDENT_PATH];
-    uint64_t cycles; /**< written */
-    int error;       /**< 0, or errno: it ends early */
-    bool full;       /**< it was not begun: the files in the folder have their most bytes */
+    uint8_t sha256[FSN_SHA256_BYTES]; /**< of a file that is whole */
+    uint64_t cycles;                  /**< written */
+    int error;                        /**< 0, or errno: it ends early */
+    bool full; /**< it was not begun: the files in the folder have their most bytes */
 };
 
 /** Whether the thread is done; if so, it is freed. */

@@ -159,6 +159,12 @@ static void tell_result(struct fsn_incidents *in, const struct fsn_incident_resu
     fsn_json_put_text(json, "file", result->path);
     fsn_json_put_u64(json, "cycles", result->cycles);
     fsn_json_put_bool(json, "whole", result->error == 0);
+    fsn_json_key(json, "sha256");
+    if (result->error == 0) {
+        fsn_json_hex(json, result->sha256, sizeof result->sha256);
+    } else {
+        fsn_json_null(json);
+    }
     if (result->error == 0) {
         fsn_event_send(in->events, FSN_LOG_WARNING, "incident: %.300s; fsoe-net incident %.150s",
                        in->text, result->path);

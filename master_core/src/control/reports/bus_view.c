@@ -1,8 +1,9 @@
 #include "control/reports/bus_view.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "control/base/words.h"
 
 struct fsn_control_status fsn_program_status(const struct fsn_control_host *host) {
     struct fsn_control_status status = {0};
@@ -16,9 +17,7 @@ bool fsn_bus_view_init(struct fsn_bus_view *view, const struct fsn_plan *plan,
     view->host = host;
     uint8_t digest[FSN_SHA256_BYTES];
     fsn_plan_sha256(plan, digest);
-    for (size_t i = 0; i < FSN_SHA256_BYTES; i++) {
-        snprintf(view->sha256 + 2 * i, 3, "%02x", (unsigned)digest[i]);
-    }
+    fsn_hex_text(digest, sizeof digest, view->sha256);
     const fsn_status made = fsn_plan_fingerprint(plan, &view->fingerprint);
     view->outputs = fsn_outputs_create(plan);
     view->connections =

@@ -13,6 +13,9 @@ void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json);
 /** Fingerprint of the loaded plan, with the version of the engine and the cycle that is used. */
 void fsn_report_fingerprint(struct fsn_bus_view *view, struct fsn_json *json);
 
+/** State of the intervention log. */
+void fsn_report_interventions(const struct fsn_interventions *log, struct fsn_json *json);
+
 /** Statistics and connections of one cycle, and the SubDevices. FSN_E_STATE without a core. */
 fsn_status fsn_report_snapshot(struct fsn_bus_view *view, struct fsn_json *json);
 /** The same for a file that is written in any case: without a core null and no connections. */

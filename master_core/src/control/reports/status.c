@@ -76,6 +76,25 @@ static void put_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
     put_parameters(view, json, taken);
 }
 
+void fsn_report_interventions(const struct fsn_interventions *log, struct fsn_json *json) {
+    fsn_json_put_text(json, "folder", log->folder);
+    fsn_json_put_u64(json, "entry", log->entry);
+    fsn_json_put_text_or_null(json, "hash", log->hash[0] != 0 ? log->hash : NULL);
+    fsn_json_put_u64(json, "waiting", log->waiting);
+    fsn_json_put_u64(json, "lost", log->lost);
+    fsn_json_put_text_or_null(json, "error", log->error);
+}
+
+static void put_interventions(const struct fsn_interventions *log, struct fsn_json *json) {
+    if (log == NULL) {
+        fsn_json_put_text_or_null(json, "interventions", NULL);
+        return;
+    }
+    fsn_json_put_open(json, "interventions", '{');
+    fsn_report_interventions(log, json);
+    fsn_json_close(json, '}');
+}
+
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json) {
     const struct fsn_control_status status = fsn_program_status(view->host);
     fsn_json_put_text(json, "state", status.state);
@@ -88,6 +107,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     fsn_report_fingerprint(view, json);
     fsn_json_put_bool(json, "accepted", status.accepted != NULL);
     fsn_json_put_bool(json, "require_observed", status.require_observed);
+    put_interventions(status.interventions, json);
     fsn_json_put_u64(json, "uptime_ns", fsn_now_ns() - status.started_ns);
     fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
     fsn_json_put_bool(json, "free_run", status.free_run);

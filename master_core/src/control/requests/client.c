@@ -3,6 +3,7 @@
 #include "control/requests/client.h"
 
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -69,6 +70,18 @@ bool fsn_client_send(struct fsn_client *client, uint64_t now_ns) {
     return true;
 }
 
+void fsn_client_put_peer(const struct fsn_client *client, struct fsn_json *json) {
+    fsn_json_put_u64(json, "client", client->number);
+    fsn_peer_put(&client->peer, json);
+}
+
+const char *fsn_client_text(const struct fsn_client *client, char room[FSN_CLIENT_TEXT_BYTES]) {
+    char who[FSN_PEER_TEXT_BYTES];
+    snprintf(room, FSN_CLIENT_TEXT_BYTES, "client %u, %s", (unsigned)client->number,
+             fsn_peer_text(&client->peer, who));
+    return room;
+}
+
 /** Adds the name of an output that fell back to the event being written. */
 static void add_output(void *self, uint32_t symbol) {
     struct fsn_services *services = self;
@@ -78,17 +91,16 @@ static void add_output(void *self, uint32_t symbol) {
 void fsn_client_take_back(struct fsn_services *services, const struct fsn_client *client,
                           const char *why) {
     struct fsn_json *json = fsn_event_begin(&services->events, "fallback", fsn_now_ns());
-    fsn_json_put_u64(json, "client", client->number);
-    fsn_json_put_u64(json, "pid", (uint64_t)client->pid);
+    char who[FSN_CLIENT_TEXT_BYTES];
+    fsn_client_put_peer(client, json);
     fsn_json_put_text(json, "why", why);
     fsn_json_put_open(json, "outputs", '[');
     const size_t taken =
         fsn_outputs_take_back(services->view.outputs, client->number, add_output, services);
     fsn_json_close(json, ']');
     if (taken > 0) {
-        fsn_event_send(&services->events, FSN_LOG_WARNING,
-                       "client %u (pid %ld) %s: %zu output%s stop value%s",
-                       (unsigned)client->number, (long)client->pid, why, taken,
+        fsn_event_send(&services->events, FSN_LOG_WARNING, "%s, %s: %zu output%s stop value%s",
+                       fsn_client_text(client, who), why, taken,
                        taken == 1 ? " takes its" : "s take their", taken == 1 ? "" : "s");
     }
 }
@@ -116,11 +128,11 @@ void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, c
     /* After it is gone, so that it cannot be informed about its own end. */
     if (strcmp(why, "disconnected") != 0) {
         struct fsn_json *json = fsn_event_begin(&services->events, "dropped", fsn_now_ns());
-        fsn_json_put_u64(json, "client", client->number);
-        fsn_json_put_u64(json, "pid", (uint64_t)client->pid);
+        char who[FSN_CLIENT_TEXT_BYTES];
+        fsn_client_put_peer(client, json);
         fsn_json_put_text(json, "why", why);
-        fsn_event_send(&services->events, FSN_LOG_WARNING, "client %u (pid %ld) dropped: %s",
-                       (unsigned)client->number, (long)client->pid, why);
+        fsn_event_send(&services->events, FSN_LOG_WARNING, "%s dropped: %s",
+                       fsn_client_text(client, who), why);
     }
     fsn_client_take_back(services, client, why);
 }

@@ -2,12 +2,14 @@
 #ifndef FSN_CONTROL_CLIENT_H
 #define FSN_CONTROL_CLIENT_H
 
-#include <sys/types.h>
-
+#include "control/base/peer.h"
 #include "control/base/words.h"
 #include "control/requests/services.h"
 
-enum { FSN_CLIENT_OUT_BYTES = 1 << 20 /**< what it may leave unread before it is dropped */ };
+enum {
+    FSN_CLIENT_OUT_BYTES = 1 << 20, /**< what it may leave unread before it is dropped */
+    FSN_CLIENT_TEXT_BYTES = FSN_PEER_TEXT_BYTES + 20,
+};
 
 /** Cycles that a client wants to see. */
 struct fsn_stream {
@@ -23,8 +25,7 @@ struct fsn_stream {
 struct fsn_client {
     int fd;          /**< -1: the slot is free */
     uint32_t number; /**< rising, never used twice, never FSN_NOBODY */
-    pid_t pid;
-    uid_t uid;
+    struct fsn_peer peer;
     bool events; /**< subscribed */
     struct fsn_stream stream;
     bool skipping;           /**< inside a line that was too long */
@@ -33,6 +34,8 @@ struct fsn_client {
     uint32_t lease_ms;       /**< 0: until it disconnects */
     uint64_t heard_ns;       /**< end of its last request, or of its last lease */
     uint64_t request_ns;     /**< end of its last request, or its beginning */
+    uint64_t refused_ns;     /**< last event about a refused request; 0: none */
+    uint32_t refused;        /**< refused requests since then without an event */
     uint64_t moved_ns;       /**< when it last took bytes, or had none to take */
     size_t in_bytes;
     char in[FSN_LINE_BYTES + 2];
@@ -53,6 +56,12 @@ bool fsn_client_send(struct fsn_client *client, uint64_t now_ns);
 
 /** Drops a client: its outputs fall back. */
 void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why);
+
+/** Adds to an event who a client is. */
+void fsn_client_put_peer(const struct fsn_client *client, struct fsn_json *json);
+
+/** In words: "client 3, pid 12 (fsoe-net), uid 1000 (anna)".   @return room. */
+const char *fsn_client_text(const struct fsn_client *client, char room[FSN_CLIENT_TEXT_BYTES]);
 
 /** Takes back what a client holds and reports it. */
 void fsn_client_take_back(struct fsn_services *services, const struct fsn_client *client,

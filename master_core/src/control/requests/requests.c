@@ -10,11 +10,14 @@
 #include "control/requests/request.h"
 #include "fsn/version.h"
 
+enum { AGAIN_NS = 1000000000 /**< between two events about refused requests of a client */ };
+
 /** One request of the protocol. */
 struct entry {
     const char *name;
-    size_t least, most;   /**< number of arguments */
-    fsn_answer_fn answer; /**< NULL: a job answers later */
+    size_t least, most;                          /**< number of arguments */
+    fsn_answer_fn answer;                        /**< NULL: a job answers later */
+    enum { READS, CHANGES, REFUSED_ONLY } event; /**< which of them are events */
     const char *usage;
 };
 
@@ -70,6 +73,50 @@ static fsn_status subdevices(struct fsn_request *request) {
 static fsn_status symbols(struct fsn_request *request) {
     fsn_report_symbols(&request->services->view, request->json);
     return FSN_OK;
+}
+
+/** The words of a request in one line, as far as there is room. */
+static const char *request_text(const struct fsn_request *request, char *room, size_t room_bytes) {
+    size_t used = (size_t)snprintf(room, room_bytes, "%.30s", request->name);
+    for (size_t i = 0; i < request->count && used + 1 < room_bytes; i++) {
+        used += (size_t)snprintf(room + used, room_bytes - used, " %s", request->argument[i]);
+    }
+    return room;
+}
+
+/** Reports a request that changes something, or that was refused when it would have; of those that
+ *  were refused at most one a second for each client. */
+static void report_request(struct fsn_request *request, fsn_status found) {
+    struct fsn_client *client = request->client;
+    struct fsn_events *events = &request->services->events;
+    const uint64_t now_ns = fsn_now_ns();
+    char who[FSN_CLIENT_TEXT_BYTES];
+    char words[200];
+    request_text(request, words, sizeof words);
+    if (found != FSN_OK) {
+        client->refused++;
+        if (client->refused_ns != 0 && now_ns - client->refused_ns < AGAIN_NS) {
+            return;
+        }
+        client->refused_ns = now_ns;
+    }
+    struct fsn_json *json = fsn_event_begin(events, "request", now_ns);
+    fsn_client_put_peer(client, json);
+    fsn_json_put_text(json, "request", request->name);
+    fsn_json_put_open(json, "arguments", '[');
+    for (size_t i = 0; i < request->count; i++) {
+        fsn_json_text(json, request->argument[i]);
+    }
+    fsn_json_close(json, ']');
+    fsn_json_put_text_or_null(json, "error", found != FSN_OK ? fsn_status_name(found) : NULL);
+    if (found == FSN_OK) {
+        fsn_event_send(events, FSN_LOG_INFO, "%s requests %s", fsn_client_text(client, who), words);
+        return;
+    }
+    fsn_json_put_u64(json, "times", client->refused);
+    client->refused = 0;
+    fsn_event_send(events, FSN_LOG_WARNING, "%s requests %s, refused: %s",
+                   fsn_client_text(client, who), words, request->refusal.text);
 }
 
 static fsn_status lease(struct fsn_request *request) {
@@ -131,34 +178,37 @@ static fsn_status incident(struct fsn_request *request) {
 static fsn_status help(struct fsn_request *request);
 
 static const struct entry requests[] = {
-    {"hello", 0, 0, hello, "hello: version of protocol and program, your client number"},
-    {"status", 0, 0, status, "status: state of the program and of the bus, short"},
-    {"snapshot", 0, 0, snapshot, "snapshot: statistics, connections and SubDevices in full"},
-    {"subdevices", 0, 0, subdevices, "subdevices: what is known about each SubDevice"},
-    {"symbols", 0, 0, symbols, "symbols: named inputs and outputs, and who writes them"},
-    {"get", 1, FSN_WORDS, fsn_answer_get, "get [--typed] NAME…: values of one cycle"},
-    {"layout", 0, 0, layout, "layout: where everything lies in the process image"},
-    {"set", 1, FSN_WORDS, fsn_answer_set,
+    {"hello", 0, 0, hello, READS, "hello: version of protocol and program, your client number"},
+    {"status", 0, 0, status, READS, "status: state of the program and of the bus, short"},
+    {"snapshot", 0, 0, snapshot, READS, "snapshot: statistics, connections and SubDevices in full"},
+    {"subdevices", 0, 0, subdevices, READS, "subdevices: what is known about each SubDevice"},
+    {"symbols", 0, 0, symbols, READS, "symbols: named inputs and outputs, and who writes them"},
+    {"get", 1, FSN_WORDS, fsn_answer_get, READS, "get [--typed] NAME…: values of one cycle"},
+    {"layout", 0, 0, layout, READS, "layout: where everything lies in the process image"},
+    {"set", 1, FSN_WORDS, fsn_answer_set, REFUSED_ONLY,
      "set [--typed] NAME=VALUE…: all or none; yours until your lease ends"},
-    {"lease", 1, 1, lease, "lease MS: silence after which your outputs fall back; 0: never"},
-    {"arm", 1, 1, fsn_answer_arm,
+    {"lease", 1, 1, lease, READS, "lease MS: silence after which your outputs fall back; 0: never"},
+    {"arm", 1, 1, fsn_answer_arm, REFUSED_ONLY,
      "arm NAME: allows one edge of an output that can restart a machine"},
-    {"events", 1, 1, events, "events on|off: every change as a line of JSON"},
-    {"incident", 0, 1, incident, "incident [TEXT]: keeps the last seconds in a file"},
-    {"watch", 1, FSN_WORDS, fsn_answer_watch,
+    {"events", 1, 1, events, READS, "events on|off: every change as a line of JSON"},
+    {"incident", 0, 1, incident, READS, "incident [TEXT]: keeps the last seconds in a file"},
+    {"watch", 1, FSN_WORDS, fsn_answer_watch, READS,
      "watch N|off [--image|--typed] [NAME…]: every N-th cycle as a line of JSON; NAME may end in "
      "*"},
-    {"start", 0, 0, of_program, "start: opens the bus and brings it to OP"},
-    {"stop", 0, 0, of_program, "stop: stop values, SAFEOP, bus closed; no emergency stop"},
-    {"restart", 0, 0, of_program, "restart: stop, then start"},
-    {"shutdown", 0, 0, of_program, "shutdown: stop, then the end of the program"},
-    {"sdo-read", 3, 4, NULL, "sdo-read SUBDEVICE INDEX SUB [TYPE]: an object of a SubDevice"},
-    {"sdo-write", 5, 5, NULL, "sdo-write SUBDEVICE INDEX SUB TYPE VALUE: no safety objects"},
-    {"sii-read", 1, 1, NULL, "sii-read SUBDEVICE: its SII, in hex"},
-    {"alias-write", 2, 2, NULL, "alias-write SUBDEVICE ALIAS: used after its next power-on"},
-    {"history", 1, 1, NULL, "history SUBDEVICE: its diagnosis messages"},
-    {"scan", 0, 0, NULL, "scan: all that stands on the bus, planned or not"},
-    {"help", 0, 0, help, "help: this list"},
+    {"start", 0, 0, of_program, CHANGES, "start: opens the bus and brings it to OP"},
+    {"stop", 0, 0, of_program, CHANGES, "stop: stop values, SAFEOP, bus closed; no emergency stop"},
+    {"restart", 0, 0, of_program, CHANGES, "restart: stop, then start"},
+    {"shutdown", 0, 0, of_program, CHANGES, "shutdown: stop, then the end of the program"},
+    {"sdo-read", 3, 4, NULL, READS,
+     "sdo-read SUBDEVICE INDEX SUB [TYPE]: an object of a SubDevice"},
+    {"sdo-write", 5, 5, NULL, CHANGES,
+     "sdo-write SUBDEVICE INDEX SUB TYPE VALUE: no safety objects"},
+    {"sii-read", 1, 1, NULL, READS, "sii-read SUBDEVICE: its SII, in hex"},
+    {"alias-write", 2, 2, NULL, CHANGES,
+     "alias-write SUBDEVICE ALIAS: used after its next power-on"},
+    {"history", 1, 1, NULL, READS, "history SUBDEVICE: its diagnosis messages"},
+    {"scan", 0, 0, NULL, READS, "scan: all that stands on the bus, planned or not"},
+    {"help", 0, 0, help, READS, "help: this list"},
 };
 enum { REQUESTS = sizeof requests / sizeof requests[0] };
 
@@ -221,11 +271,12 @@ static fsn_status answer(struct fsn_request *request) {
     if (request->count < entry->least || request->count > entry->most) {
         return fsn_request_refuse(request, FSN_E_ARG, entry->usage, "wrong number of words");
     }
-    if (entry->answer == NULL) {
-        request->later = true;
-        return fsn_answer_later(request);
+    request->later = entry->answer == NULL;
+    const fsn_status found = request->later ? fsn_answer_later(request) : entry->answer(request);
+    if (entry->event == CHANGES || (entry->event == REFUSED_ONLY && found != FSN_OK)) {
+        report_request(request, found);
     }
-    return entry->answer(request);
+    return found;
 }
 
 void fsn_request_answer(struct fsn_services *services, struct fsn_client *client, char *line,

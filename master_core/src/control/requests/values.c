@@ -84,16 +84,39 @@ static void report_edge(struct fsn_request *request, const char *event, uint32_t
                         uint64_t raw) {
     const struct fsn_symbol_info info = fsn_known_symbol(request->services->view.plan, symbol);
     struct fsn_json *json = fsn_event_begin(&request->services->events, event, fsn_now_ns());
-    fsn_json_put_u64(json, "client", request->client->number);
-    fsn_json_put_u64(json, "pid", (uint64_t)request->client->pid);
-    fsn_json_put_u64(json, "uid", request->client->uid);
+    char who[FSN_CLIENT_TEXT_BYTES];
+    fsn_client_put_peer(request->client, json);
     fsn_json_put_text(json, "output", info.name);
     fsn_json_put_u64(json, "raw", raw);
-    fsn_event_send(&request->services->events, FSN_LOG_WARNING,
-                   "client %u (pid %ld, uid %ld) %s %.120s, raw "
-                   "%" PRIu64,
-                   (unsigned)request->client->number, (long)request->client->pid,
-                   (long)request->client->uid, event, info.name, raw);
+    fsn_event_send(&request->services->events, FSN_LOG_WARNING, "%s: %s %.120s, raw %" PRIu64,
+                   fsn_client_text(request->client, who), event, info.name, raw);
+}
+
+/** Reports outputs that a client did not write before: they are its own from now on. */
+static void report_taken(struct fsn_request *request, const struct fsn_wanted *wanted) {
+    struct fsn_services *services = request->services;
+    struct fsn_json *json = NULL;
+    size_t taken = 0;
+    for (size_t i = 0; i < request->count; i++) {
+        const struct fsn_symbol_info info = fsn_known_symbol(services->view.plan, wanted[i].symbol);
+        if (fsn_outputs_state(services->view.outputs, wanted[i].symbol).owner ==
+            request->client->number) {
+            continue;
+        }
+        if (taken++ == 0) {
+            json = fsn_event_begin(&services->events, "taken", fsn_now_ns());
+            fsn_client_put_peer(request->client, json);
+            fsn_json_put_u64(json, "lease_ms", request->client->lease_ms);
+            fsn_json_put_open(json, "outputs", '{');
+        }
+        fsn_json_put_u64(json, info.name, wanted[i].raw);
+    }
+    if (taken > 0) {
+        char who[FSN_CLIENT_TEXT_BYTES];
+        fsn_json_close(json, '}');
+        fsn_event_send(&services->events, FSN_LOG_DETAIL, "%s writes %zu output%s",
+                       fsn_client_text(request->client, who), taken, taken == 1 ? "" : "s");
+    }
 }
 
 /** All or none: every value is read and allowed before the first is written. */
@@ -114,6 +137,7 @@ fsn_status fsn_answer_set(struct fsn_request *request) {
             }
         }
     }
+    report_taken(request, wanted);
     fsn_outputs_write(request->services->view.outputs, request->client->number, wanted,
                       request->count);
     for (size_t i = 0; i < request->count; i++) {

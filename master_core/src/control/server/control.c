@@ -1,14 +1,17 @@
 /** What the program around the socket calls beside its turns. */
 #include "control/server/control.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "control/base/clock.h"
+#include "control/reports/reports.h"
 #include "control/requests/requests.h"
 #include "control/requests/stream.h"
 #include "control/server/server.h"
+#include "plan/plan_internal.h"
 
 /** Sends an event to incidents and subscribers. */
 static void deliver(void *self, struct fsn_json *json) {
@@ -113,7 +116,37 @@ void fsn_control_close_outputs(struct fsn_control *control) {
     fsn_services_close_outputs(&control->services);
 }
 
+/** Reports what became of a request to write into a SubDevice. */
+static void report_written(struct fsn_control *control, const struct fsn_job *job) {
+    struct fsn_services *services = &control->services;
+    const bool alias = job->kind == FSN_JOB_ALIAS;
+    if (!alias && job->kind != FSN_JOB_WRITE) {
+        return;
+    }
+    const bool done = job->status == FSN_OK;
+    const char *name = fsn_known_subdevice(services->view.plan, job->subdevice).name;
+    char what[64];
+    struct fsn_json *json = fsn_event_begin(&services->events, "written", fsn_now_ns());
+    fsn_json_put_u64(json, "client", job->client);
+    fsn_json_put_text(json, "subdevice", name);
+    if (alias) {
+        fsn_json_put_u64(json, "alias", job->alias);
+        snprintf(what, sizeof what, "alias %u", (unsigned)job->alias);
+    } else {
+        fsn_json_put_u64(json, "index", job->index);
+        fsn_json_put_u64(json, "sub", job->sub);
+        fsn_json_put_hex(json, "data", job->data, job->data_bytes);
+        snprintf(what, sizeof what, "0x%04x:%02x", (unsigned)job->index, (unsigned)job->sub);
+    }
+    fsn_json_put_text_or_null(json, "error", done ? NULL : fsn_status_name(job->status));
+    fsn_event_send(&services->events, done ? FSN_LOG_INFO : FSN_LOG_WARNING,
+                   "SubDevice %.120s, %s: %s%s, for client %u", name, what,
+                   done ? "written" : "not written: ", done ? "" : job->refusal.text,
+                   (unsigned)job->client);
+}
+
 void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job) {
+    report_written(control, job);
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         struct fsn_client *client = &control->client[i];
         if (client->fd >= 0 && client->job == job) {
@@ -133,5 +166,13 @@ void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level l
     struct fsn_events *events = &control->services.events;
     struct fsn_json *json = fsn_event_begin(events, "state", fsn_now_ns());
     fsn_json_put_text(json, "state", fsn_program_status(events->host).state);
+    fsn_event_send(events, level, "%.500s", text);
+}
+
+void fsn_control_interventions_changed(struct fsn_control *control, enum fsn_log_level level,
+                                       const char *text) {
+    struct fsn_events *events = &control->services.events;
+    struct fsn_json *json = fsn_event_begin(events, "interventions", fsn_now_ns());
+    fsn_report_interventions(fsn_program_status(events->host).interventions, json);
     fsn_event_send(events, level, "%.500s", text);
 }

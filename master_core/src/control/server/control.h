@@ -79,6 +79,10 @@ void fsn_control_job_done(struct fsn_control *control, struct fsn_job *job);
 void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,
                                const char *text);
 
+/** Sends subscribers and the log an event: the intervention log is written again, or no longer. */
+void fsn_control_interventions_changed(struct fsn_control *control, enum fsn_log_level level,
+                                       const char *text);
+
 /** Whether a connection has had other parameters than the plan since the program began. */
 bool fsn_control_differed(const struct fsn_control *control);
 

@@ -12,9 +12,10 @@
 #include "control/server/server.h"
 
 enum {
-    TURN_LINES = 16, /**< requests of one client before the others have their turn */
-    STALL_MS = 5000, /**< a client that reads nothing for so long is dropped */
-    IDLE_MS = 5000,  /**< one that does nothing for so long makes room for another */
+    TURN_LINES = 16,       /**< requests of one client before the others have their turn */
+    STALL_MS = 5000,       /**< a client that reads nothing for so long is dropped */
+    AGAIN_NS = 1000000000, /**< between two events about users that may not connect */
+    IDLE_MS = 5000,        /**< one that does nothing for so long makes room for another */
 };
 
 /** Answers the whole lines in the buffer, a few at a time. */
@@ -142,16 +143,37 @@ static struct fsn_client *make_room(struct fsn_control *control, uid_t user, uin
     return client;
 }
 
+/** Somebody who may not connect has tried: at most one event a second. */
+static void report_turned_away(struct fsn_control *control, pid_t pid, uid_t uid) {
+    const uint64_t now_ns = fsn_now_ns();
+    struct fsn_peer peer;
+    char who[FSN_PEER_TEXT_BYTES];
+    control->turned_away++;
+    if (control->turned_away_ns != 0 && now_ns - control->turned_away_ns < AGAIN_NS) {
+        return;
+    }
+    fsn_peer_read(&peer, pid, uid);
+    struct fsn_events *events = &control->services.events;
+    struct fsn_json *json = fsn_event_begin(events, "turned_away", now_ns);
+    fsn_peer_put(&peer, json);
+    fsn_json_put_u64(json, "times", control->turned_away);
+    fsn_event_send(events, FSN_LOG_WARNING, "%s may not connect; tries since the last line: %u",
+                   fsn_peer_text(&peer, who), (unsigned)control->turned_away);
+    control->turned_away_ns = now_ns;
+    control->turned_away = 0;
+}
+
 /** Takes in one of those who wait; false when nobody does. */
 static bool accept_one(struct fsn_control *control) {
     const int fd = accept4(control->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (fd < 0) {
         return false;
     }
-    struct ucred peer;
+    struct ucred peer = {.pid = 0};
     socklen_t size = sizeof peer;
     if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 ||
         !fsn_control_may(control->access, peer.uid, peer.gid)) {
+        report_turned_away(control, peer.pid, peer.uid);
         turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_CLOSED\",\"text\":\"this user may not "
                       "connect\",\"hint\":\"start fsn-master with --allow-user or "
                       "--allow-group\"}\n");
@@ -166,13 +188,12 @@ static bool accept_one(struct fsn_control *control) {
     }
     *client = (struct fsn_client){.fd = fd,
                                   .number = ++control->last_number,
-                                  .pid = peer.pid,
-                                  .uid = peer.uid,
                                   .lease_ms = FSN_LEASE_MS,
                                   .heard_ns = now,
                                   .request_ns = now,
                                   .moved_ns = now,
                                   .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
+    fsn_peer_read(&client->peer, peer.pid, peer.uid);
     return true;
 }
 

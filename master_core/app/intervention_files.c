@@ -1,0 +1,434 @@
+#define _GNU_SOURCE
+
+#include "intervention_files.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "control/base/clock.h"
+#include "control/base/json.h"
+#include "control/base/words.h"
+#include "plan/plan_internal.h"
+
+enum {
+    TAIL_BYTES = 4 * INTERVENTION_LINE_BYTES, /**< of a file, looked through for its last entry */
+    OWN_BYTES = 1024,                         /**< of an entry about the log itself */
+    MODE = 0640,
+};
+
+static const char torn_mark[] = " torn\n";
+static const char begin_text[] = "{\"number\":";
+static const char hash_text[] = ",\"previous\":";
+static const char stop_text[] = ",\"event\":\"stop\",";
+
+/** End of a file as it is on the disk. */
+struct tail {
+    uint64_t number; /**< of its last whole entry; 0: none found */
+    bool stopped;
+    char hash[2 * FSN_SHA256_BYTES + 1];
+    char *bytes;          /**< owned */
+    size_t len_bytes, at; /**< what begins at `at` belongs to no whole entry */
+    bool whole_file;      /**< the file is not longer than `bytes` */
+};
+
+void intervention_file_name(uint32_t file, char name[INTERVENTION_NAME_BYTES]) {
+    snprintf(name, INTERVENTION_NAME_BYTES, "interventions-%06" PRIu32 ".jsonl", file);
+}
+
+void intervention_files_init(struct intervention_files *files, const char *path,
+                             uint64_t most_bytes) {
+    *files = (struct intervention_files){.folder = -1, .fd = -1, .most_bytes = most_bytes};
+    snprintf(files->path, sizeof files->path, "%s", path);
+}
+
+static void close_file(struct intervention_files *files) {
+    if (files->fd >= 0) {
+        close(files->fd);
+        files->fd = -1;
+    }
+}
+
+void intervention_files_close(struct intervention_files *files) {
+    close_file(files);
+    if (files->folder >= 0) {
+        close(files->folder);
+        files->folder = -1;
+    }
+}
+
+/* -- what is there -------------------------------------------------------------------------- */
+
+/** Number of the last file in the folder; 0: there is none. */
+static int last_file(const struct intervention_files *files, uint32_t *last) {
+    const int copy = openat(files->folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    DIR *rows = copy < 0 ? NULL : fdopendir(copy);
+    const struct dirent *row;
+    *last = 0;
+    if (rows == NULL) {
+        const int error = errno;
+        if (copy >= 0) {
+            close(copy);
+        }
+        return error;
+    }
+    while ((row = readdir(rows)) != NULL) {
+        uint32_t number = 0;
+        char name[INTERVENTION_NAME_BYTES];
+        if (sscanf(row->d_name, "interventions-%9" SCNu32 ".jsonl", &number) == 1) {
+            intervention_file_name(number, name);
+            *last = strcmp(row->d_name, name) == 0 && number > *last ? number : *last;
+        }
+    }
+    closedir(rows);
+    return 0;
+}
+
+/** Whether a line, without its newline, is an entry as this program writes them. */
+static bool read_entry(const char *line, size_t len, struct tail *tail) {
+    const size_t begin = sizeof begin_text - 1;
+    char *end = NULL;
+    if (len < begin + 2 || memcmp(line, begin_text, begin) != 0 || line[begin] < '1' ||
+        line[begin] > '9' || line[len - 1] != '}') {
+        return false;
+    }
+    /* The buffer goes on behind the line, at least with a newline: no digit is read past it. */
+    const uint64_t number = strtoull(line + begin, &end, 10);
+    if (memmem(line, len, hash_text, sizeof hash_text - 1) == NULL) {
+        return false;
+    }
+    uint8_t digest[FSN_SHA256_BYTES];
+    fsn_sha256(line, len, digest);
+    fsn_hex_text(digest, sizeof digest, tail->hash);
+    tail->number = number;
+    tail->stopped = strncmp(end, stop_text, sizeof stop_text - 1) == 0;
+    return true;
+}
+
+/** Finds the last whole entry in the bytes that were read. */
+static void find_entry(struct tail *tail) {
+    size_t end = tail->len_bytes;
+    tail->at = 0;
+    while (end > 0) {
+        const char *newline = memrchr(tail->bytes, '\n', end);
+        if (newline == NULL) {
+            return;
+        }
+        const size_t stop = (size_t)(newline - tail->bytes);
+        const char *before = memrchr(tail->bytes, '\n', stop);
+        const size_t start = before == NULL ? 0 : (size_t)(before - tail->bytes) + 1;
+        if ((start > 0 || tail->whole_file) &&
+            read_entry(tail->bytes + start, stop - start, tail)) {
+            tail->at = stop + 1;
+            return;
+        }
+        end = stop;
+    }
+}
+
+static int read_tail(int fd, uint64_t file_bytes, struct tail *tail) {
+    *tail = (struct tail){.whole_file = file_bytes <= TAIL_BYTES};
+    const size_t wanted = tail->whole_file ? (size_t)file_bytes : (size_t)TAIL_BYTES;
+    tail->bytes = malloc(wanted + 1);
+    if (tail->bytes == NULL) {
+        return ENOMEM;
+    }
+    while (tail->len_bytes < wanted) {
+        const ssize_t got = pread(fd, tail->bytes + tail->len_bytes, wanted - tail->len_bytes,
+                                  (off_t)(file_bytes - wanted + tail->len_bytes));
+        if (got < 0 && errno == EINTR) {
+            continue;
+        }
+        if (got <= 0) {
+            return got < 0 ? errno : EIO;
+        }
+        tail->len_bytes += (size_t)got;
+    }
+    tail->bytes[wanted] = 0;
+    find_entry(tail);
+    return 0;
+}
+
+/** Opens one of the files, nothing but a regular one.   @return 0, or errno. */
+static int open_file(const struct intervention_files *files, uint32_t file, int flags, int *fd,
+                     struct stat *found) {
+    char name[INTERVENTION_NAME_BYTES];
+    intervention_file_name(file, name);
+    *fd = openat(files->folder, name, flags | O_NOFOLLOW | O_NONBLOCK | O_NOCTTY | O_CLOEXEC, MODE);
+    if (*fd < 0) {
+        return errno;
+    }
+    int error = fstat(*fd, found) != 0 ? errno : 0;
+    if (error == 0 && !S_ISREG(found->st_mode)) {
+        error = EISDIR; /* or a device, a socket, a pipe */
+    }
+    if (error != 0) {
+        close(*fd);
+        *fd = -1;
+    }
+    return error;
+}
+
+/* -- writing -------------------------------------------------------------------------------- */
+
+static int write_all(struct intervention_files *files, const char *bytes, size_t len) {
+    while (len > 0) {
+        const ssize_t wrote = write(files->fd, bytes, len);
+        if (wrote < 0 && errno == EINTR) {
+            continue;
+        }
+        if (wrote <= 0) {
+            return wrote < 0 ? errno : EIO;
+        }
+        files->bytes += (uint64_t)wrote;
+        bytes += wrote;
+        len -= (size_t)wrote;
+    }
+    return 0;
+}
+
+/** Writes an entry where the file is.   @param json  an object that is not empty. */
+static int append(struct intervention_files *files, const char *json, size_t json_bytes) {
+    char *line = malloc(json_bytes + 160);
+    if (line == NULL) {
+        return ENOMEM;
+    }
+    size_t len = (size_t)sprintf(line, "%s%" PRIu64 ",", begin_text, files->number + 1);
+    memcpy(line + len, json + 1, json_bytes - 2);
+    len += json_bytes - 2;
+    len +=
+        (size_t)(files->number == 0 ? sprintf(line + len, "%snull}\n", hash_text)
+                                    : sprintf(line + len, "%s\"%s\"}\n", hash_text, files->hash));
+    const int error = write_all(files, line, len);
+    struct tail written = {.number = 0};
+    if (error == 0 && read_entry(line, len - 1, &written)) {
+        files->number = written.number;
+        files->stopped = written.stopped;
+        memcpy(files->hash, written.hash, sizeof files->hash);
+    }
+    free(line);
+    return error;
+}
+
+static void begin_own(struct fsn_json *json, const char *event) {
+    char utc[32];
+    fsn_utc_text(fsn_now_ns(), utc);
+    fsn_json_open(json, '{');
+    fsn_json_put_text(json, "event", event);
+    fsn_json_put_text(json, "utc", utc);
+}
+
+/** Ends an entry about the log itself, and appends it. */
+static int append_own(struct intervention_files *files, struct fsn_json *json, const char *level,
+                      const char *text) {
+    fsn_json_put_text(json, "level", level);
+    fsn_json_put_text(json, "text", text);
+    fsn_json_close(json, '}');
+    const int error = json->failed ? ENOMEM : append(files, json->bytes, json->len_bytes);
+    fsn_json_free(json);
+    return error;
+}
+
+/** First entry of a file: which one it goes on from. */
+static int append_begin(struct intervention_files *files, uint32_t before) {
+    struct fsn_json json = {.limit_bytes = OWN_BYTES};
+    char name[INTERVENTION_NAME_BYTES];
+    begin_own(&json, "file");
+    fsn_json_put_u64(&json, "file", files->file);
+    if (files->number == 0) {
+        fsn_json_put_text_or_null(&json, "before", NULL);
+        return append_own(files, &json, "info", "begins a new log");
+    }
+    char text[120];
+    intervention_file_name(before, name);
+    snprintf(text, sizeof text, "goes on from entry %" PRIu64 " in %s", files->number,
+             before > 0 ? name : "a file that is no longer there");
+    fsn_json_put_text_or_null(&json, "before", before > 0 ? name : NULL);
+    return append_own(files, &json, "info", text);
+}
+
+/** Entry for bytes that are no whole entry, as they stand in the file. */
+static int append_torn(struct intervention_files *files, const struct tail *tail, bool marked) {
+    struct fsn_json json = {.limit_bytes = OWN_BYTES};
+    struct fsn_sha256_run run;
+    uint8_t digest[FSN_SHA256_BYTES];
+    const size_t mark = marked ? sizeof torn_mark - 1 : 0;
+    fsn_sha256_start(&run);
+    fsn_sha256_add(&run, tail->bytes + tail->at, tail->len_bytes - tail->at);
+    fsn_sha256_add(&run, torn_mark, mark);
+    fsn_sha256_end(&run, digest);
+    begin_own(&json, "torn");
+    fsn_json_put_u64(&json, "bytes", tail->len_bytes - tail->at + mark);
+    fsn_json_put_hex(&json, "sha256", digest, sizeof digest);
+    return append_own(files, &json, "warning",
+                      "an entry before this one was not written whole: power loss, crash or a full "
+                      "disk; its bytes stay as they are");
+}
+
+/* -- the end of the chain ------------------------------------------------------------------- */
+
+static int begin_file(struct intervention_files *files, uint32_t file, uint32_t before) {
+    struct stat found;
+    const bool stopped = files->number == 0 || files->stopped;
+    const int error =
+        open_file(files, file, O_RDWR | O_APPEND | O_CREAT | O_EXCL, &files->fd, &found);
+    if (error != 0) {
+        return error;
+    }
+    files->file = file;
+    files->bytes = 0;
+    files->device = found.st_dev;
+    files->inode = found.st_ino;
+    (void)fsync(files->folder); /* best effort: not every file system can */
+    const int begun = append_begin(files, before);
+    files->stopped = stopped;
+    return begun;
+}
+
+/** Takes number and hash from the last file below `file` that holds an entry.
+ *  @param[out] before  that file; 0: none. */
+static int find_before(struct intervention_files *files, uint32_t file, uint32_t *before) {
+    for (*before = file - 1; *before > 0; (*before)--) {
+        struct tail tail = {.number = 0};
+        struct stat found;
+        int fd;
+        int error = open_file(files, *before, O_RDONLY, &fd, &found);
+        if (error == ENOENT) {
+            continue;
+        }
+        if (error == 0) {
+            error = read_tail(fd, (uint64_t)found.st_size, &tail);
+            close(fd);
+            free(tail.bytes);
+        }
+        if (error != 0) {
+            return error;
+        }
+        if (tail.number > 0) {
+            if (!files->known) {
+                files->number = tail.number;
+                files->stopped = tail.stopped;
+                memcpy(files->hash, tail.hash, sizeof files->hash);
+            }
+            return 0;
+        }
+    }
+    return 0;
+}
+
+/** Goes on in the file that is open: marks what is torn at its end. */
+static int go_on(struct intervention_files *files, const struct tail *tail) {
+    uint32_t before = 0;
+    const size_t torn = tail->len_bytes - tail->at;
+    const bool marked = torn > 0 && tail->bytes[tail->len_bytes - 1] != '\n';
+    int error = 0;
+    if (tail->number == 0) {
+        error = find_before(files, files->file, &before);
+    } else if (!files->known) {
+        files->number = tail->number;
+        files->stopped = tail->stopped;
+        memcpy(files->hash, tail->hash, sizeof files->hash);
+    }
+    if (error == 0 && marked) {
+        error = write_all(files, torn_mark, sizeof torn_mark - 1);
+    }
+    const bool stopped = files->number == 0 || files->stopped;
+    if (error == 0 && tail->number == 0) {
+        error = append_begin(files, before);
+    }
+    if (error == 0 && torn > 0) {
+        error = append_torn(files, tail, marked);
+    }
+    files->stopped = stopped && torn == 0;
+    return error;
+}
+
+/** Finds the end of the chain in an open folder. */
+static int find_end(struct intervention_files *files) {
+    uint32_t last;
+    uint32_t before = 0;
+    struct tail tail = {.number = 0};
+    struct stat found;
+    int error = last_file(files, &last);
+    if (error != 0 || last == 0 || (files->known && last < files->file)) {
+        /* The first one, or the one that was written is no longer there. */
+        return error != 0 ? error : begin_file(files, files->file + 1, files->file);
+    }
+    error = open_file(files, last, O_RDWR | O_APPEND, &files->fd, &found);
+    error = error != 0 ? error : read_tail(files->fd, (uint64_t)found.st_size, &tail);
+    if (error == 0 && tail.number == 0 && !tail.whole_file) {
+        /* Long, and nothing in it is ours: it stays as it is, and the next one begins. */
+        close_file(files);
+        error = find_before(files, last, &before);
+        error = error != 0 ? error : begin_file(files, last + 1, before);
+    } else if (error == 0) {
+        files->file = last;
+        files->bytes = (uint64_t)found.st_size;
+        files->device = found.st_dev;
+        files->inode = found.st_ino;
+        error = go_on(files, &tail);
+    }
+    free(tail.bytes);
+    return error;
+}
+
+/** Whether the file that is written still has its name in the folder. */
+static bool is_there(const struct intervention_files *files) {
+    struct stat found;
+    char name[INTERVENTION_NAME_BYTES];
+    intervention_file_name(files->file, name);
+    return fstatat(files->folder, name, &found, AT_SYMLINK_NOFOLLOW) == 0 &&
+           found.st_dev == files->device && found.st_ino == files->inode;
+}
+
+int intervention_files_open(struct intervention_files *files) {
+    if (files->fd >= 0 && is_there(files)) {
+        return 0;
+    }
+    intervention_files_close(files);
+    files->folder = open(files->path, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    int error = files->folder < 0 ? errno : 0;
+    if (error == 0 && flock(files->folder, LOCK_EX | LOCK_NB) != 0) {
+        error = errno == EWOULDBLOCK ? EBUSY : errno;
+    }
+    error = error != 0 ? error : find_end(files);
+    if (error == 0 && !files->known && !files->stopped) {
+        struct fsn_json json = {.limit_bytes = OWN_BYTES};
+        begin_own(&json, "unfinished");
+        error = append_own(files, &json, "warning",
+                           "the run before has no stop entry: power loss, crash, kill, or a disk "
+                           "that took none");
+    }
+    if (error != 0) {
+        intervention_files_close(files);
+        return error;
+    }
+    files->known = true;
+    return 0;
+}
+
+int intervention_files_append(struct intervention_files *files, const char *json,
+                              size_t len_bytes) {
+    int error = intervention_files_open(files);
+    if (error == 0 && files->bytes + len_bytes > files->most_bytes) {
+        const uint32_t before = files->file;
+        close_file(files);
+        error = begin_file(files, before + 1, before);
+    }
+    error = error != 0 ? error : append(files, json, len_bytes);
+    if (error != 0) {
+        intervention_files_close(files);
+    }
+    return error;
+}
+
+int intervention_files_sync(struct intervention_files *files) {
+    return files->fd >= 0 && fdatasync(files->fd) != 0 ? errno : 0;
+}

@@ -1,0 +1,57 @@
+/** The files of the intervention log: lines that are appended, each with the hash of the one
+ * before.
+ *
+ *  A folder holds interventions-000001.jsonl, interventions-000002.jsonl and so on; no file is ever
+ *  renamed, shortened or removed. Format: docs/reference/intervention-log.md. */
+#ifndef FSN_APP_INTERVENTION_FILES_H
+#define FSN_APP_INTERVENTION_FILES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/types.h>
+
+#include "fsn/plan.h"
+
+enum {
+    INTERVENTION_LINE_BYTES = 1 << 20, /**< most bytes of a line */
+    INTERVENTION_PATH_BYTES = 512,
+    INTERVENTION_NAME_BYTES = 40, /**< of a file in the folder, with its zero */
+};
+
+struct intervention_files {
+    char path[INTERVENTION_PATH_BYTES]; /**< of the folder */
+    uint64_t most_bytes;                /**< of a file, before the next one begins */
+    int folder, fd;                     /**< -1: not open */
+    uint32_t file;                      /**< number of the one that is written */
+    uint64_t bytes;                     /**< its length */
+    dev_t device;                       /**< of that file, to notice that it was moved away */
+    ino_t inode;
+    bool known;      /**< number and hash are those of the chain, not to be read again */
+    bool stopped;    /**< the last entry is a stop */
+    uint64_t number; /**< of the last whole entry; 0: none */
+    char hash[2 * FSN_SHA256_BYTES + 1]; /**< of its line; empty: none */
+};
+
+/** Prepares it; nothing is opened. `path` is shortened to fit, and does not exist then. */
+void intervention_files_init(struct intervention_files *files, const char *path,
+                             uint64_t most_bytes);
+
+/** Opens the folder, locks it, finds the end of the chain and marks what is torn there. Does
+ * nothing while the folder is open and the file is still there.
+ *  @return 0, or errno: EBUSY for a folder that another program has locked. */
+int intervention_files_open(struct intervention_files *files);
+
+/** Appends one entry: the object `json` with number and hash added. After an error the files are
+ *  closed, and intervention_files_open() begins anew.   @return 0, or errno. */
+int intervention_files_append(struct intervention_files *files, const char *json, size_t len_bytes);
+
+/** Waits until all that was appended is on the disk.   @return 0, or errno. */
+int intervention_files_sync(struct intervention_files *files);
+
+void intervention_files_close(struct intervention_files *files);
+
+/** Name of a file in the folder. */
+void intervention_file_name(uint32_t file, char name[INTERVENTION_NAME_BYTES]);
+
+#endif

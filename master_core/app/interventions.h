@@ -1,0 +1,42 @@
+/** The intervention log: who has started, stopped, armed, written or changed something, when.
+ *
+ *  Threads put entries into a bounded queue and go on; a thread of its own writes them, since a
+ * disk may be slow, full or gone. What finds the queue full is counted, and the count is written.
+ */
+#ifndef FSN_APP_INTERVENTIONS_H
+#define FSN_APP_INTERVENTIONS_H
+
+#include "control/base/host.h"
+#include "intervention_files.h"
+
+struct interventions;
+
+enum { INTERVENTIONS_MIB = 16 /**< of a file, before the next one begins */ };
+
+/** Opens the log and starts its thread. A disk that is full, read-only or broken is no refusal:
+ *  entries wait until it takes them.
+ *  @param[in] most_bytes  of a file, before the next one begins.
+ *  @retval FSN_E_SYS    not a folder one can write to, or what stands there is no log.
+ *  @retval FSN_E_STATE  another program writes there.   @retval FSN_E_NOMEM  out of memory. */
+fsn_status interventions_open(const char *folder, uint64_t most_bytes, struct interventions **log,
+                              struct fsn_refusal *refusal);
+
+/** Adds an entry: an event as JSON object with "event" as its first key.
+ *  Context: any thread but the cyclic one; waits for no disk. */
+void interventions_put(struct interventions *log, const char *json, size_t len_bytes);
+
+/** Adds an event if it is of a kind that belongs in the log; `log` may be NULL. Context: as above.
+ */
+void interventions_put_event(struct interventions *log, const char *json, size_t len_bytes);
+
+/** How it is now; strings live until the next call. Context: one thread. */
+void interventions_state(struct interventions *log, struct fsn_interventions *state);
+
+/** Writes what waits, for at most `wait_ms`, and ends. NULL is allowed.
+ *  @return how many entries were not written. */
+uint64_t interventions_close(struct interventions *log, int wait_ms);
+
+/** Why the system refused, in words. Context: any thread. */
+const char *interventions_error(int error);
+
+#endif

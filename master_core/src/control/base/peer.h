@@ -1,0 +1,28 @@
+/** Who is at the other end of a socket or a signal, as far as the kernel and the machine say. */
+#ifndef FSN_CONTROL_PEER_H
+#define FSN_CONTROL_PEER_H
+
+#include <sys/types.h>
+
+#include "control/base/json.h"
+
+enum { FSN_PEER_TEXT_BYTES = 160 };
+
+struct fsn_peer {
+    pid_t pid;
+    uid_t uid;
+    char user[33];    /**< name in /etc/passwd; empty: none there */
+    char program[17]; /**< as the process calls itself; empty: not known */
+};
+
+/** Looks up names for a process. Reads two local files; no name service that may be slow.
+ *  Context: control thread, or before any thread. */
+void fsn_peer_read(struct fsn_peer *peer, pid_t pid, uid_t uid);
+
+/** Adds pid, uid, user and program to an object; null what is not known. */
+void fsn_peer_put(const struct fsn_peer *peer, struct fsn_json *json);
+
+/** In words: "pid 12 (fsoe-net), uid 1000 (anna)".   @return room. */
+const char *fsn_peer_text(const struct fsn_peer *peer, char room[FSN_PEER_TEXT_BYTES]);
+
+#endif

@@ -1,0 +1,164 @@
+"""The intervention log of a running ``fsn-master``: what is in it, and what a bad folder does."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import pwd
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+from master.rig import program, run_to_end, running, write_plan
+
+MODE = "drive_1.0x6060:00"
+Entry = dict[str, Any]
+
+
+def entries_of(folder: Path) -> list[Entry]:
+    """Return the entries of all files, whose chain holds."""
+    entries: list[Entry] = []
+    before = None
+    for path in sorted(folder.iterdir()):
+        for line in path.read_bytes().splitlines():
+            entry = json.loads(line)
+            assert (entry["number"], entry["previous"]) == (len(entries) + 1, before)
+            entries.append(entry)
+            before = hashlib.sha256(line).hexdigest()
+    return entries
+
+
+def ended(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return run_to_end("--bus", "emulated", *arguments)
+
+
+def test_a_run_is_in_the_log(tmp_path: Path) -> None:
+    with running("--intervention-log", str(tmp_path)) as master, master.client() as client:
+        client.good("events on")
+        client.good("lease 60000")
+        client.good(f"set {MODE}=1")
+        client.good(f"set {MODE}=2")  # its own already
+        client.refused("sdo-write drive_1 0xF980 1 uint16 7", "FSN_E_CLOSED")
+        client.refused("arm nothing", "FSN_E_ARG")  # within a second of it: counted only
+        client.good("stop")
+        while client.event("state")["state"] != "stopped":
+            pass
+        status = client.good("status")["interventions"]
+        assert (status["folder"], status["lost"], status["error"]) == (str(tmp_path), 0, None)
+        client.good("shutdown")
+        assert master.wait() == 0
+    entries = entries_of(tmp_path)
+    assert [entry["event"] for entry in entries if entry["event"] != "state"] == [
+        "file",
+        "start",
+        "plan",
+        "taken",
+        "request",
+        "request",
+        "fallback",
+        "request",
+        "stop",
+    ]
+    start, plan, taken, refused, stopped, _, _ = (
+        entry
+        for entry in entries
+        if entry["event"] in ("start", "plan", "taken", "request", "stop")
+    )
+    executable = hashlib.sha256(Path(program()).read_bytes()).hexdigest()
+    me = {"pid": os.getpid(), "uid": os.getuid(), "user": pwd.getpwuid(os.getuid()).pw_name}
+    assert start["program_sha256"] == executable
+    assert str(tmp_path) in start["arguments"]
+    assert (start["pid"], start["user"]) == (master.process.pid, me["user"])
+    assert plan["fingerprint"]["short"] in plan["text"]
+    assert (taken["outputs"], taken["lease_ms"]) == ({MODE: 1}, 60000)
+    for entry in (taken, refused, stopped):
+        assert {key: entry[key] for key in me} == me
+    assert (refused["request"], refused["error"]) == ("sdo-write", "FSN_E_CLOSED")
+    assert refused["arguments"] == ["drive_1", "0xF980", "1", "uint16", "7"]
+    assert (stopped["request"], stopped["error"]) == ("stop", None)
+    assert entries[-1]["code"] == 0
+
+
+def test_who_sent_a_signal_and_who_was_killed_is_in_the_log(tmp_path: Path) -> None:
+    with running("--intervention-log", str(tmp_path)) as master:
+        master.process.send_signal(signal.SIGKILL)
+        master.wait()
+    with running("--intervention-log", str(tmp_path)) as master:
+        master.process.send_signal(signal.SIGTERM)
+        assert master.wait() == 0
+    entries = entries_of(tmp_path)
+    events = [entry["event"] for entry in entries]
+    assert events.count("unfinished") == events.count("stop") == 1
+    assert events[events.index("unfinished") + 1] == "start"
+    assert any(f"Terminated, sent by pid {os.getpid()}" in entry["text"] for entry in entries)
+
+
+def test_a_refused_start_is_in_the_log(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.mkdir()
+    plan = str(write_plan(tmp_path))
+    done = ended(plan, "--accepted", "0" * 64, "--intervention-log", str(log))
+    assert done.returncode == 1
+    assert ended(str(tmp_path / "none"), "--intervention-log", str(log)).returncode == 2
+    entries = entries_of(log)
+    assert [entry["event"] for entry in entries] == [
+        "file",
+        *("start", "plan", "log", "stop"),
+        *("start", "log", "stop"),
+    ]
+    assert entries[2]["accepted"] == "0" * 64
+    assert "this is not the accepted plan" in entries[3]["text"]
+    assert [entries[n]["code"] for n in (4, 7)] == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("make", "code", "text"),
+    [
+        (lambda folder: None, 3, "No such file or directory; mkdir it"),
+        (lambda folder: folder.write_text("x"), 3, "Not a directory"),
+    ],
+)
+def test_a_folder_that_cannot_be_used_refuses_the_start(
+    tmp_path: Path, make: Any, code: int, text: str
+) -> None:
+    make(tmp_path / "log")
+    plan = str(write_plan(tmp_path))
+    done = ended(plan, "--intervention-log", str(tmp_path / "log"))
+    assert done.returncode == code
+    assert text in done.stderr
+
+
+def test_two_programs_do_not_share_a_log(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.mkdir()
+    with running("--intervention-log", str(log)):
+        done = ended(str(write_plan(tmp_path)), "--intervention-log", str(log))
+    assert done.returncode == 1
+    assert "another fsn-master writes its log there; give each fsn-master" in done.stderr
+
+
+def test_files_go_on_from_each_other(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    log.mkdir()
+    (log / "interventions-000007.jsonl").write_text('{"number":1,"cut in the mid')
+    plan = str(write_plan(tmp_path))
+    for _ in range(2):
+        assert ended(plan, "--accepted", "0" * 64, "--intervention-log", str(log)).returncode
+    (only,) = log.iterdir()
+    lines = only.read_bytes().splitlines()
+    assert lines[0] == b'{"number":1,"cut in the mid torn'
+    events = [json.loads(line)["event"] for line in lines[1:]]
+    assert events[:4] == ["file", "torn", "unfinished", "start"]
+    assert events[-1] == "stop"
+
+
+def test_options_go_together(tmp_path: Path) -> None:
+    plan = str(write_plan(tmp_path))
+    done = ended(plan, "--intervention-log-file", "1")
+    assert done.returncode == 2
+    assert "goes with --intervention-log DIR" in done.stderr
+    done = ended(plan, "--intervention-log", str(tmp_path), "--intervention-log-file", "0")
+    assert "1 to 1000 MiB" in done.stderr
