@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 CHANGES = re.compile(
     r"\b(longer|lengthen|raise|increase|greater|another) (the |an? )?(FSoE )?"
@@ -50,6 +52,7 @@ def texts_of(path: Path) -> Iterator[str]:
             yield node.value
 
 
+@pytest.mark.shows("R23")
 def test_who_advises_another_time_says_that_it_is_calculated_again():
     found = []
     for path in _sources():
@@ -94,6 +97,7 @@ def _touches() -> Iterator[str]:
                 yield f"{path.relative_to(ROOT)} | {kind} | {words}"
 
 
+@pytest.mark.shows("R23")
 def test_every_text_about_times_and_hands_was_read():
     text = "".join(f"{row}\n" for row in _touches())
     if os.environ.get("FSN_RECORD"):
@@ -103,6 +107,7 @@ def test_every_text_about_times_and_hands_was_read():
     assert [row for row in known if row not in text.splitlines()] == []
 
 
+@pytest.mark.shows("R23")
 def test_a_page_that_sends_hands_into_a_machine_begins_with_securing_it():
     found = []
     for path in (ROOT / "docs" / "diagnostics").glob("*.md"):

@@ -6,8 +6,6 @@ import contextlib
 import difflib
 import re
 import sys
-from importlib import resources
-from pathlib import Path
 
 import click
 from click.shell_completion import CompletionItem
@@ -16,6 +14,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.core.status import status_table
 from fsoe_net.diag.catalogue import CATALOGUE, nearest_code
 from fsoe_net.errors import CoreMissing
+from fsoe_net.project.installed import shipped
 from fsoe_net.rules.effects import effects_today
 
 __all__ = ["command", "page_text"]
@@ -45,11 +44,8 @@ class _Code(click.ParamType[str]):
 
 def page_text(code: str) -> str | None:
     """Return the Markdown page of a code, from the package or the source tree, or ``None``."""
-    in_source = Path(__file__).parents[2] / "docs" / "diagnostics" / f"{code}.md"
-    if in_source.is_file():  # a source tree, also when installed editable
-        return in_source.read_text("utf-8")
-    inside = resources.files("fsoe_net") / "diagnostics" / f"{code}.md"
-    return inside.read_text("utf-8") if inside.is_file() else None
+    page = shipped("diagnostics", "docs/diagnostics") / f"{code}.md"
+    return page.read_text("utf-8") if page.is_file() else None
 
 
 def _other_programs(code: str) -> str:

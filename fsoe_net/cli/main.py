@@ -46,6 +46,7 @@ _GROUPS = {
         "accept": "Write down who accepted which configuration, on what grounds.",
         "verify": "Compare a network, plan or running fsn-master with what was accepted.",
         "fingerprint": "Fingerprint of everything safety-relevant in a network or plan.",
+        "self-test": "Try this installation with networks and runs whose results are known.",
     },
     "Look into FSoE": {
         "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",

@@ -1,4 +1,5 @@
 /** Outputs of the application, ages, datagrams, resets, and other threads beside a running one. */
+/* shows R2 */
 #define _POSIX_C_SOURCE 200809L
 
 #include <pthread.h>

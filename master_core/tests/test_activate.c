@@ -1,5 +1,6 @@
 /** What the core demands of a bus and proves again of the plan: each fault whole. What no loaded
  *  plan can hold is written into its bytes behind the loader's back. */
+/* shows R2 */
 #include <string.h>
 
 #include "core/core_internal.h"

@@ -1,5 +1,6 @@
 /** The copy engine against a plain loop, on random networks, with every byte of the image compared.
  */
+/* shows R1, R2 */
 #include <string.h>
 
 #include "emulated_rig.h"

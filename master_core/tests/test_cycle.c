@@ -1,4 +1,5 @@
 /** Freshness, working counter, monitor and outputs on the emulated bus. */
+/* shows R1, R3 */
 #include <sched.h>
 #include <string.h>
 

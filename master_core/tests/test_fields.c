@@ -1,5 +1,6 @@
 /** Where the fields of a record lie, and the text that a fingerprint is made of: the bytes of a
  *  loaded plan are overwritten, so that each field has a value of its own. */
+/* shows R5 */
 #include <inttypes.h>
 #include <stdarg.h>
 #include <string.h>

@@ -1,4 +1,5 @@
 /** Checksums and fingerprint of a plan. */
+/* shows R4 */
 #include "broken.h"
 #include "heap.h"
 

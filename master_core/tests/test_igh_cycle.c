@@ -1,4 +1,5 @@
 /** Cycles of the backend on IgH: what it moves, what it sees of its SubDevices, who returns. */
+/* shows R3 */
 #include <string.h>
 
 #include "igh_rig.h"

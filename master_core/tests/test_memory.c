@@ -1,5 +1,6 @@
 /** Memory that runs out: whichever allocation fails, the call says so, leaves nothing behind, and
  *  the next one works. */
+/* shows R7 */
 #include <string.h>
 
 #include "control_host.h"

@@ -1,5 +1,6 @@
 /** CRC and monitor against frames that other implementations sent. The comparison with the Python
  *  monitor, over any input, is tests/core/test_monitor.py. */
+/* shows R17, R18 */
 #include <string.h>
 
 #include "builder.h"

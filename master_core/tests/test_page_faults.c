@@ -1,4 +1,5 @@
 /** No page is touched for the first time in a cycle, with memory that is not locked. */
+/* shows R26 */
 #define _GNU_SOURCE
 
 #include "emulated_rig.h"

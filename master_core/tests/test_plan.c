@@ -1,4 +1,5 @@
 /** The loader against tables of which one rule is broken. */
+/* shows R2 */
 #include "broken.h"
 #include "heap.h"
 

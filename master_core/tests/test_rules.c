@@ -1,5 +1,6 @@
 /** The loader's rules for SDOs, symbols, FSoE blocks and what copies may touch of them; every byte
  *  of a plan changed, one at a time; and a large plan, which must load in milliseconds. */
+/* shows R2 */
 #define _POSIX_C_SOURCE 200809L
 
 #include <string.h>

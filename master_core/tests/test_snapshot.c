@@ -2,6 +2,7 @@
  *
  *  The image is large, so that a reader and the writer meet in the middle of it all the time, and
  * the test goes on until enough of its pictures were whole. */
+/* shows R1 */
 #include <pthread.h>
 #include <sched.h>
 #include <stdatomic.h>

@@ -1,4 +1,5 @@
 /** The cyclic wire: freshness, old replies, what is in a frame. */
+/* shows R3 */
 #define _GNU_SOURCE
 
 #include <errno.h>

@@ -45,6 +45,7 @@ def _prepared(folder: Path, number: int = 1) -> list[str]:
     return ["timed.yaml", "--protocol", protocol, *pages]
 
 
+@pytest.mark.shows("R27")
 def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     given = _prepared(folder)
     done = fsn("accept", *given, *PEOPLE, *SOLDERED, "--date", "2021-11-21", "-o", "first.yaml")
@@ -118,6 +119,7 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     assert "io2 has a new ID after its exchange" in (folder / "new.md").read_text("utf-8")
 
 
+@pytest.mark.shows("R14")
 def test_every_reason_is_told_at_once_and_nothing_is_written(folder: Path) -> None:
     assert (
         fsn("test-protocol", "timed.yaml", "--virtual", "--cycles", "5", "-o", "p.yaml").returncode
@@ -190,6 +192,7 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
     assert done.returncode == 2
 
 
+@pytest.mark.shows("R14")
 def test_a_record_that_was_changed_accepts_nothing(folder: Path) -> None:
     assert fsn("accept", *_prepared(folder), *PEOPLE, *SOLDERED, "-o", "a.yaml").returncode == 0
     text = (folder / "a.yaml").read_text("utf-8")

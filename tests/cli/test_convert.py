@@ -39,6 +39,7 @@ def converted(*arguments: object):
     return fsn("convert", *map(str, arguments))
 
 
+@pytest.mark.shows("R22")
 @pytest.mark.parametrize("out", ["bus.eni.xml", "folder/", "deep/down/network.yaml"])
 def test_there_and_back_compiles_to_the_same_plan(out: str, tmp_path: Path):
     there = converted(NETWORK, "-o", f"{tmp_path}/{out}")
@@ -310,6 +311,7 @@ LOST: dict[str, dict[tuple[str, str | None], str]] = {
 }
 
 
+@pytest.mark.shows("R22")
 @pytest.mark.parametrize("target", LOST)
 def test_there_and_back_differs_only_in_what_was_told(target: str, tmp_path: Path):
     suffix = {"eni": "a.eni.xml", "igh": "a.h", "c": "a.h", "lcec": "a.xml"}.get(target, "d")

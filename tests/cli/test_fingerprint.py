@@ -65,6 +65,7 @@ def test_a_plan_does_not_hold_the_text_of_safety_functions(tmp_path: Path, other
     assert "name the files of the network" in done.stderr
 
 
+@pytest.mark.shows("R4")
 def test_same_is_0(tmp_path: Path, accepted: str, other: Path) -> None:
     edit(other, "version: 1", "# a comment\nversion: 1")
     plan = str(tmp_path / "estop.fsnplan")
@@ -77,6 +78,7 @@ def test_same_is_0(tmp_path: Path, accepted: str, other: Path) -> None:
             assert done.stdout.endswith("the same\n")
 
 
+@pytest.mark.shows("R4")
 def test_a_difference_is_1_with_sections_and_meaning(accepted: str, other: Path) -> None:
     edit(other, "watchdog_ms: 100", "watchdog_ms: 120")
     done = fsn("verify", str(other), "--accepted", ESTOP)

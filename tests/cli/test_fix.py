@@ -76,6 +76,7 @@ def test_the_exact_diff(folder: Path):
     )
 
 
+@pytest.mark.shows("R22")
 @pytest.mark.parametrize("name", sorted(p.stem for p in BROKEN.glob("*.yaml")))
 def test_what_has_no_single_way_stays_as_it_is(name: str, folder: Path):
     if name in GOOD:
@@ -145,6 +146,7 @@ def edit(line: int, column: int, key: str, text: str, *, renames: bool = False) 
     return Edit(span=Span("n.yaml", line, column), key=key, text=text, renames=renames)
 
 
+@pytest.mark.shows("R22")
 def test_only_the_scalar_changes_byte_for_byte():
     wanted = edit(4, 11, "size", "6")
     after, made = patch_yaml(TEXT.encode(), "n.yaml", [wanted])

@@ -68,6 +68,7 @@ def pairs(out: Path) -> list[tuple]:
 # -- equal lengths --------------------------------------------------------------------------------
 
 
+@pytest.mark.shows("R22")
 def test_equal_lengths_stay_unconfirmed_and_plan_refuses(tmp_path: Path):
     out = tmp_path / "out"
     done = init(*devices(tmp_path), out=out, answers=RING)
@@ -183,6 +184,7 @@ def test_lcec_with_process_data_of_the_library(tmp_path: Path):
     assert "CRC and connection ID swap" in (out / "devices" / "el1904.yaml").read_text("utf-8")
 
 
+@pytest.mark.shows("R22")
 def test_process_data_that_nobody_knows_are_not_invented(tmp_path: Path):
     out = tmp_path / "out"
     done = init(BASE / "lcec.xml", out=out)

@@ -45,6 +45,7 @@ def replace(name: str, before: str, after: str) -> None:
     path.write_text(text.replace(before, after, 1), "utf-8")
 
 
+@pytest.mark.shows("R15")
 def test_two_persons_with_two_keys(folder: Path) -> None:
     done = fsn(*VERIFY)
     assert (done.returncode, done.stderr) == (0, "")
@@ -63,6 +64,7 @@ def test_two_persons_with_two_keys(folder: Path) -> None:
     assert fsn("verify", *VERIFY[2:]).returncode == 0  # signatures alone
 
 
+@pytest.mark.shows("R15")
 @pytest.mark.parametrize(
     ("before", "after"),
     [
@@ -83,6 +85,7 @@ def test_any_byte_of_the_record_counts(folder: Path, before: str, after: str) ->
         assert row.endswith("Signature verification failed: incorrect signature")
 
 
+@pytest.mark.shows("R15")
 @pytest.mark.parametrize("name", ["report.html", "report.json", "protocol.yaml"])
 def test_any_byte_of_a_signed_file_counts(folder: Path, name: str) -> None:
     with Path(name).open("ab") as file:
@@ -165,6 +168,7 @@ def test_a_signature_that_does_not_hold(
     assert [row for word, row in zip(words, found, strict=True) if word not in row] == []
 
 
+@pytest.mark.shows("R15")
 def test_a_revoked_key_does_not_count(folder: Path) -> None:
     (folder / "revoked").write_text(public_key(folder, "bert"))
     (found,) = refused("--revoked", "revoked")
@@ -173,6 +177,7 @@ def test_a_revoked_key_does_not_count(folder: Path) -> None:
     assert fsn(*VERIFY, "--revoked", "revoked").returncode == 0
 
 
+@pytest.mark.shows("R15")
 def test_one_principal_is_not_two_persons(folder: Path) -> None:
     replace(RECORD, BERT, ANNA.upper())
     for key, role in (("anna", "author"), ("bert", "verifier")):
@@ -182,6 +187,7 @@ def test_one_principal_is_not_two_persons(folder: Path) -> None:
     assert "error[FSN163]: author and verifier are one person" in done.stderr
 
 
+@pytest.mark.shows("R15")
 def test_one_key_is_not_two_persons(folder: Path) -> None:
     sign(folder, "anna", "verifier")
     (folder / "signers").write_text(f"{ANNA},{BERT} {public_key(folder, 'anna')}")

@@ -61,6 +61,7 @@ def estop(tmp_path: Path) -> Path:
     return tmp_path / "n"
 
 
+@pytest.mark.shows("R24")
 @pytest.mark.parametrize(
     "command",
     [
@@ -111,6 +112,7 @@ def test_a_name_of_two_lines_is_refused(estop: Path):
         assert "error[FSN102]" in _run("check", "network.yaml", cwd=estop)
 
 
+@pytest.mark.shows("R24")
 def test_names_in_an_eni_are_shown_and_kept_apart(tmp_path: Path, estop: Path):
     assert "x.xml" in _run("convert", "network.yaml", "-o", "x.xml", cwd=estop)
     path = estop / "x.xml"
@@ -148,6 +150,7 @@ def test_a_plan_with_such_a_name_is_refused(estop: Path):
     assert "error" in text
 
 
+@pytest.mark.shows("R24")
 def test_what_prints_stays_as_it_is():
     arabic = "\u062a\u0648\u0642\u0641"
     for text in ("Förderband 2, links", "急停", arabic, "a b", ""):

@@ -44,6 +44,7 @@ def test_objects_may_die_in_any_order(plan: CorePlan):
     gc.collect()
 
 
+@pytest.mark.shows("R1")
 def test_frames_travel_in_one_cycle(plan: CorePlan):
     bus = EmulatedBus(plan)
     core = Core(plan, bus)
@@ -67,10 +68,12 @@ def test_outputs_and_inputs_by_name(plan: CorePlan):
         core.set_output(plan.symbols["ek1914.input_1"], 1)
 
 
+@pytest.mark.shows("R2")
 def test_no_symbol_reaches_into_a_frame(plan: CorePlan):
     assert not [name for name in plan.symbols if "0x7000" in name or "0x7001" in name]
 
 
+@pytest.mark.shows("R3")
 def test_missing_subdevice_shows_in_the_working_counter(plan: CorePlan):
     bus = EmulatedBus(plan)
     core = Core(plan, bus)

@@ -31,6 +31,7 @@ def poke(raw: bytes, kind: int, offset: int, layout: str, value: int) -> bytes:
     return fix_crc(bytes(changed))
 
 
+@pytest.mark.shows("R2")
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
@@ -56,6 +57,7 @@ def test_refusal_names_record_and_rule(change: tuple[int, int, str, int], expect
         CorePlan.load(poke(estop().build(), *change))
 
 
+@pytest.mark.shows("R2")
 def test_refusals_of_the_whole_file() -> None:
     need_core()
     good = estop().build()
@@ -71,6 +73,7 @@ def test_refusals_of_the_whole_file() -> None:
             CorePlan.load(data)
 
 
+@pytest.mark.shows("R2")
 def test_overlapping_destinations_name_the_second_copy() -> None:
     need_core()
     builder = Builder(

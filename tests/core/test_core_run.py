@@ -24,6 +24,7 @@ def frame(content: bytes) -> bytes:
     return content.ljust(8, b"\0")
 
 
+@pytest.mark.shows("R1")
 def test_frame_arrives_in_the_cycle_of_its_receive() -> None:
     rig = Rig()
     rig.bus.write_inputs(MAIN_IN, frame(RESET))
@@ -33,6 +34,7 @@ def test_frame_arrives_in_the_cycle_of_its_receive() -> None:
     assert rig.bus.read_outputs(MAIN_OUT) == bytes(9)
 
 
+@pytest.mark.shows("R1", "R3")
 def test_absent_subdevice_keeps_its_old_frame_whole() -> None:
     rig = Rig()
     rig.bus.write_inputs(SUB_IN, frame(PROCESS))
@@ -252,6 +254,7 @@ def networks(draw: st.DrawFn) -> Builder:
     return Builder(sizes=sizes, pairs=pairs)
 
 
+@pytest.mark.shows("R1")
 @settings(max_examples=60, deadline=None)
 @given(builder=networks(), data=st.data())
 def test_copies_equal_a_plain_model(builder: Builder, data: st.DataObject) -> None:

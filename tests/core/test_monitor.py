@@ -83,6 +83,7 @@ def frames_of(out, inn, cycles, seed=0, **changes):
     return rows
 
 
+@pytest.mark.shows("R18")
 @given(sizes, sizes, st.integers(0, 99))
 @settings(max_examples=30)
 def test_whole_life_is_right(out, inn, seed):
@@ -125,6 +126,7 @@ def test_a_collision_while_the_number_is_searched_for_and_known(size, rounds):
     assert both.frame(TO_SUB, skips.send(0x36, other, 10)) is wrong
 
 
+@pytest.mark.shows("R18")
 @given(sizes, sizes, st.integers(0, 99), st.integers(0, 100))
 @settings(max_examples=60)
 def test_joins_at_any_time(out, inn, seed, skip):
@@ -137,6 +139,7 @@ def test_joins_at_any_time(out, inn, seed, skip):
     assert both.python.gaps == 0
 
 
+@pytest.mark.shows("R18")
 @given(sizes, sizes, st.integers(0, 99), st.data())
 @settings(max_examples=200)
 def test_both_agree_on_anything(out, inn, seed, data):
@@ -160,6 +163,7 @@ def test_both_agree_on_anything(out, inn, seed, data):
         both.frame(way, frame)
 
 
+@pytest.mark.shows("R18")
 @pytest.mark.parametrize(("out", "inn"), [(1, 1), (2, 2), (6, 14)])
 @pytest.mark.parametrize("lost", [1, 2, 3, 4, 5])
 def test_finds_the_chain_again_after_a_gap(out, inn, lost):

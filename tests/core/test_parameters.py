@@ -47,6 +47,7 @@ def observed(rows, out, inn):
     return known
 
 
+@pytest.mark.shows("R16")
 @pytest.mark.parametrize("app", [b"", b"\0", b"\x01\x02\x03", bytes(range(256))])
 @pytest.mark.parametrize(("out", "inn"), SIZES)
 def test_all_lengths_in_both_directions(out, inn, app):
@@ -81,6 +82,7 @@ def test_what_passed_unseen_is_not_known(way, number):
     assert known == (last if number == 7 else NOTHING)
 
 
+@pytest.mark.shows("R16")
 @pytest.mark.parametrize("skipped", range(2, 16))
 def test_joining_late(skipped):
     rows = start(2, 2, cycles=20)
@@ -122,6 +124,7 @@ SENT = (Command.CONNECTION, b"\x07\x00\x09\x00")
 SEEN = FsoeParameters(connection_id=7, address=9)
 
 
+@pytest.mark.shows("R16")
 @pytest.mark.parametrize(
     ("lists", "known"),
     [
@@ -156,6 +159,7 @@ def test_a_main_that_sends_anything(lists, known):
     assert observed(crafted(6, *lists), 6, 6)[-1] == known
 
 
+@pytest.mark.shows("R16")
 @pytest.mark.parametrize("path", RUNS)
 def test_recorded_runs_of_foreign_stacks(path):
     lines = [json.loads(line) for line in need("traces", path).read_text("utf-8").splitlines()]

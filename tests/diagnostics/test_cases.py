@@ -90,6 +90,7 @@ def _check(folder: Path, case: dict, monkeypatch: pytest.MonkeyPatch) -> list[Di
     return findings(case)
 
 
+@pytest.mark.shows("R6")
 def test_every_code_has_a_case_and_a_page():
     assert sorted(CASES) == sorted(CATALOGUE)
     pages = HERE.parents[1] / "docs" / "diagnostics"
@@ -97,6 +98,7 @@ def test_every_code_has_a_case_and_a_page():
     assert missing == []
 
 
+@pytest.mark.shows("R6")
 @pytest.mark.parametrize("code", sorted(CASES))
 def test_seeded_mistake_is_named_at_its_place(
     code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -122,6 +124,7 @@ def test_clean_bus_raises_nothing_of_its_own(monkeypatch: pytest.MonkeyPatch):
 OTHERS = ["cell.eni.xml", "coupler.xml", "safety.xml", "slaves.txt"]
 
 
+@pytest.mark.shows("R6")
 @pytest.mark.parametrize(
     "files",
     [

@@ -15,6 +15,7 @@ from fsoe_net.project.check import check_files
 BROKEN = sorted(EXAMPLES.glob("broken/*.yaml"))
 
 
+@pytest.mark.shows("R6")
 @pytest.mark.parametrize("path", BROKEN, ids=lambda p: p.stem)
 def test_broken_example_gives_the_output_beside_it(path: Path):
     done = fsn("check", path.name, cwd=path.parent)
@@ -26,6 +27,7 @@ def test_there_are_ten_broken_examples():
     assert len(BROKEN) == 10
 
 
+@pytest.mark.shows("R6")
 @pytest.mark.parametrize(
     "name", ["estop/network.yaml", "estop/estop.urdf.xacro", "el6910/network.yaml"]
 )

@@ -33,6 +33,7 @@ def test_no_error_and_no_warning(files: list[str]):
     assert [f"{d.span} {d.code}" for d in found if d.level is not Severity.INFO] == []
 
 
+@pytest.mark.shows("R1")
 def test_both_forms_of_the_estop_move_the_same_bytes():
     def copies(*files: str) -> list[tuple[str, str, int]]:
         network = load_network([EXAMPLES / "estop" / f for f in files]).network

@@ -104,6 +104,7 @@ def _line(word: str) -> int:
     return next(n for n, line in enumerate(TEXT.splitlines(), 1) if line.startswith(word))
 
 
+@pytest.mark.shows("R14")
 @pytest.mark.parametrize(
     ("find", "put", "at"),
     [

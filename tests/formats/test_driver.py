@@ -145,6 +145,7 @@ def test_what_copies_need_of_a_bus(tmp_path: Path):
     assert len(written.files) == 3
 
 
+@pytest.mark.shows("R22")
 def test_the_main_instance_is_never_guessed(tmp_path: Path):
     two = bus(1)
     written = write_network(two)
@@ -253,6 +254,7 @@ def test_an_sdo_value_the_driver_cannot_read_is_told():
     ]
 
 
+@pytest.mark.shows("R22")
 @settings(max_examples=60, deadline=None)
 @given(described_devices())
 def test_any_device_comes_back(sub: DescribedSubDevice):

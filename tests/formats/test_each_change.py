@@ -89,6 +89,7 @@ def _in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path / "case")
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.usefixtures("_in_folder")
 @pytest.mark.parametrize("way", changed.WAYS)
 @pytest.mark.parametrize("name", TEXTS)
@@ -105,6 +106,7 @@ def test_each_change(name: str, way: str):
     changed.compare(__file__, f"{name}-{way}", results())
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.usefixtures("_in_folder")
 @pytest.mark.parametrize("name", BINARIES)
 def test_each_change_of_bytes(name: str):

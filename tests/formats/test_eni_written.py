@@ -106,6 +106,7 @@ def descriptions(draw: st.DrawFn) -> Description:
     return Description(format="eni", path="<eni>", subdevices=tuple(subs), cycle_us=cycle)
 
 
+@pytest.mark.shows("R22")
 @settings(max_examples=25, deadline=None)
 @given(descriptions(), st.sampled_from([0, 10]))
 def test_what_is_written_is_read_back(given_: Description, header: int):

@@ -36,6 +36,7 @@ def refused(text: str | bytes) -> tuple[str, str]:
 PLAIN = esi_text(DEVICE.format("N", ""))
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.parametrize(
     ("text", "code", "span"),
     [
@@ -71,6 +72,7 @@ def test_names_that_a_tool_did_not_escape():
     assert "&amp;" in out.diagnostics[0].hint
 
 
+@pytest.mark.shows("R7")
 def test_entities_never_expand():
     bomb = "<!DOCTYPE a [<!ENTITY b 'bbbbbbbbbb'><!ENTITY c '&b;&b;&b;'>]>"
     assert refused(bomb + PLAIN.replace(">D<", ">&c;<"))[0] == "FSN118"

@@ -57,6 +57,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_yaml_is_refused_with_one_code(name: str, tmp_path: Path):
     data, code = HOSTILE[name]
@@ -182,6 +183,7 @@ def test_very_many_unknown_keys_are_refused_with_few_guesses(
     assert len(guesses) == 100
 
 
+@pytest.mark.shows("R7")
 def test_memory_stays_bounded(tmp_path: Path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     codes(b"[" + b"[]," * 5_000_000 + b"]", tmp_path)
@@ -189,6 +191,7 @@ def test_memory_stays_bounded(tmp_path: Path):
     assert after - before < 700_000  # KiB; a million nodes and the text
 
 
+@pytest.mark.shows("R7")
 @given(st.binary(max_size=400))
 @settings(max_examples=300, deadline=None)
 def test_random_bytes_never_raise(data: bytes):
@@ -197,6 +200,7 @@ def test_random_bytes_never_raise(data: bytes):
     assert root is not None or out.diagnostics
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.parametrize("seed", range(60))
 def test_mutated_files_never_raise(seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     rng = random.Random(seed)

@@ -75,6 +75,7 @@ MALFORMED = {
 }
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.parametrize("name", MALFORMED)
 def test_malformed_files_are_refused_at_the_place(name: str, tmp_path: Path):
     data, place, message, hint = MALFORMED[name]
@@ -192,6 +193,7 @@ def test_random_bytes(data: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     _load_without_expansion(path, monkeypatch)
 
 
+@pytest.mark.shows("R7")
 @FUZZ
 @given(
     edits=st.lists(

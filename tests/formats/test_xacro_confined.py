@@ -271,6 +271,7 @@ PAYLOADS: dict[str, tuple[str, Callable[[World], bool]]] = {
 }
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.parametrize("name", PAYLOADS)
 def test_a_confined_payload_leaves_no_mark(name: str, world: World):
     code, happened = PAYLOADS[name]
@@ -282,6 +283,7 @@ def test_a_confined_payload_leaves_no_mark(name: str, world: World):
     assert happened(world), world.shown
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.parametrize("name", BUILTINS)
 def test_each_way_to_the_interpreter_ends_at_the_kernel(name: str, world: World):
     _write(world, "open(V, 'w').write('x')", BUILTINS[name])
@@ -416,6 +418,7 @@ def test_a_variable_that_is_not_set_has_its_default(
 NOTHING = "xacro: this machine cannot confine the expansion, and the file may hold any program"
 
 
+@pytest.mark.shows("R7")
 def test_without_confinement_nothing_is_expanded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     path = _robot(tmp_path, "<a>${1}</a>")
     monkeypatch.setattr(confine, "_libseccomp", lambda: None)

@@ -46,6 +46,7 @@ def _counts(result):
     return result.detected, result.tolerated, result.collisions, result.failed
 
 
+@pytest.mark.shows("R19")
 @pytest.mark.parametrize("sizes", SIZES, ids=str)
 @pytest.mark.parametrize("name", DRAWN)
 def test_our_ends_withstand_every_class(name, sizes):
@@ -186,6 +187,7 @@ def test_sizes_of_a_link_must_agree():
 # ------------------------------------------------------------------ ends with something forgotten
 
 
+@pytest.mark.shows("R19")
 @pytest.mark.parametrize(
     ("device", "name", "text"),
     [
@@ -264,6 +266,7 @@ def test_valid_data_which_nobody_sent():
     assert "after the end has left state Data" in found.failures[0].reason
 
 
+@pytest.mark.shows("R19")
 def test_data_taken_from_a_refused_frame():
     class Peeks(strange_sub):
         data = b"\0\0"

@@ -18,6 +18,7 @@ def _config(seed=1):
     return CampaignConfig(links=campaign_links(example("estop")), seed=seed)
 
 
+@pytest.mark.shows("R19")
 @pytest.mark.parametrize("broken", [*BROKEN, *HANDLERS], ids=lambda row: row.what)
 def test_a_broken_engine_is_noticed(broken, monkeypatch, said):
     if broken.name:

@@ -91,6 +91,7 @@ def pattern(size: int, seed: int) -> bytes:
     return bytes((seed + 37 * n) & 0xFF for n in range(size))
 
 
+@pytest.mark.shows("R17")
 @pytest.mark.parametrize("sizes", SIZES, ids=str)
 def test_data_flow_both_ways(make_pair, sizes):
     pair = make_pair(*sizes)
@@ -163,6 +164,7 @@ def test_resets_recover(make_pair, sizes, who):
     pair.exchange(pattern(sizes[0], 3), pattern(sizes[1], 4))
 
 
+@pytest.mark.shows("R17")
 @pytest.mark.parametrize("sizes", [(1, 1), (2, 4), (16, 16)], ids=str)
 def test_a_wrong_address_never_comes_to_data(make_pair, sizes):
     pair = make_pair(*sizes, address=ADDRESS + 1)

@@ -167,6 +167,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.shows("R19")
 @pytest.mark.parametrize("sizes", [(2, 2), (6, 4)], ids=str)
 @pytest.mark.parametrize("way", list(Way), ids=str)
 @pytest.mark.parametrize("name", FAULTS)

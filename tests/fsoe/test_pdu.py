@@ -22,25 +22,11 @@ from fsoe_net.fsoe.pdu import (
     safe_data_length,
     safe_data_of,
 )
+from fsoe_net.project.self_test.model import reference
 
 pytestmark = pytest.mark.usefixtures("said")
 
-RESETS_OF_TWO_BYTES = {
-    0: "2a0000c42d0000",
-    1: "2a010047b70000",
-    2: "2a020075210000",
-    3: "2a0300f6bb0000",
-    4: "2a0400a6340000",
-    5: "2a050025ae0000",
-    6: "2a060017380000",
-    7: "2a070094a20000",
-    8: "2a0800001f0000",
-    9: "2a090083850000",
-    10: "2a0a00b1130000",
-    11: "2a0b0032890000",
-    128: "2a80005d4b0000",
-    255: "2aff00c6f70000",
-}
+KNOWN = reference()["crc"]
 WORD = st.integers(0, 0xFFFF)
 SAFE_DATA = st.sampled_from(sorted(SAFE_SIZES)).flatmap(
     lambda size: st.binary(min_size=size, max_size=size)
@@ -59,15 +45,11 @@ def pdus(draw):
     )
 
 
-@pytest.mark.parametrize(("code", "frame"), RESETS_OF_TWO_BYTES.items())
-def test_reset_frames(code, frame):
-    assert reset_frame(code, 2).hex() == frame
-    assert fits_start(decode_pdu(bytes.fromhex(frame)))
-
-
-def test_reset_frames_of_other_sizes():
-    assert reset_frame(0, 1).hex() == "2a0086f80000"
-    assert reset_frame(0, 4).hex() == "2a0000c42d0000b9140000"
+@pytest.mark.shows("R17")
+@pytest.mark.parametrize("row", KNOWN["reset_frames"], ids=lambda row: row["frame"])
+def test_reset_frames(row):
+    assert reset_frame(row["code"], row["safe_bytes"]).hex() == row["frame"]
+    assert fits_start(decode_pdu(bytes.fromhex(row["frame"])))
 
 
 def test_sizes():
@@ -120,6 +102,7 @@ def test_decode_encode(frame):
             decode_pdu(frame)
 
 
+@pytest.mark.shows("R17")
 @settings(deadline=None)
 @given(WORD, WORD, WORD, st.integers(0, 255), SAFE_DATA)
 def test_fast_crcs_are_those_of_the_blocks(old, connection_id, sequence, command, data):
@@ -160,11 +143,13 @@ def test_texts(said):
     assert len({reset_code_text(code) for code in range(256)}) == 256
 
 
+@pytest.mark.shows("R17")
 def test_sra_known_answers():
-    assert sra_crc(b"123456789") == 0x3010BF7F
-    assert sra_crc(bytes.fromhex("0100020003000400")) == 0x59EC1C58
+    for row in KNOWN["sra"]:
+        assert f"{sra_crc(bytes.fromhex(row['data'])):08x}" == row["crc"]
 
 
+@pytest.mark.shows("R17")
 def test_sra_vectors():
     vectors = json.loads(need("traces", "sra_crc.json").read_text("utf-8"))["vectors"]
     assert vectors

@@ -40,6 +40,7 @@ def _lines(run: str) -> list[str]:
     return need("traces", run).read_text("utf-8").splitlines()
 
 
+@pytest.mark.shows("R17")
 @pytest.mark.parametrize("run", RUNS)
 def test_recorded_run(run):
     result = replay_file(need("traces", run))
@@ -59,6 +60,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.shows("R17")
 @pytest.mark.parametrize("field", CHANGES)
 def test_every_field_is_compared(field):
     lines = _lines("p06_aa_2x2_local_reset.jsonl")

@@ -11,6 +11,7 @@ from fuzz.bodies import TARGETS, mutated
 ROUNDS = int(os.environ.get("FSN_FUZZ_MUTATIONS", "60"))
 
 
+@pytest.mark.shows("R7")
 @pytest.mark.parametrize("name", TARGETS)
 def test_mutated_inputs_are_read_or_refused(name, tmp_path):
     target = TARGETS[name]

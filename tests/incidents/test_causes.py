@@ -17,6 +17,7 @@ from incidents.seeds_tried import NAMED
 from fsoe_net.observe.causes_table import CAUSES
 
 
+@pytest.mark.shows("R21")
 @pytest.mark.parametrize("name", SEEDS)
 def test_the_cause_is_named_first(name, tmp_path):
     seed, wanted = SEEDS[name]
@@ -29,12 +30,14 @@ def test_the_cause_is_named_first(name, tmp_path):
         assert device in found.likely.title
 
 
+@pytest.mark.shows("R21")
 @pytest.mark.parametrize("name", NOTHING)
 def test_nothing_is_named_where_nothing_is(name, tmp_path):
     found = judged(NOTHING[name](tmp_path))
     assert found.likely is None, found.likely
 
 
+@pytest.mark.shows("R21")
 def test_every_cause_has_a_seed():
     assert set(CAUSES) == {wanted for _, wanted in SEEDS.values()}
 

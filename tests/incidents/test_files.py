@@ -225,6 +225,7 @@ def test_a_damaged_plan_costs_names_not_the_file(whole, tmp_path):
         assert told in tell(path)
 
 
+@pytest.mark.shows("R24")
 def test_names_of_strangers_cannot_spoil_terminal_or_page(tmp_path):
     evil = "\x1b[2J<script>\ud800{sub}\n"
     path = failed(tmp_path, evil, (3, "another device", evil, {"name": evil}))
@@ -234,6 +235,7 @@ def test_names_of_strangers_cannot_spoil_terminal_or_page(tmp_path):
     assert "<script>" not in document_html(incident_document(facts_of(read(path)), "0"))
 
 
+@pytest.mark.shows("R7")
 def test_random_damage_never_raises_anything_else(whole, tmp_path):
     import random
 

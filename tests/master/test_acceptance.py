@@ -64,6 +64,7 @@ def tool(folder: Path, text: str) -> None:
     path.chmod(0o755)
 
 
+@pytest.mark.shows("R4")
 def test_the_signed_plan_runs(folder: Path) -> None:
     done = run(folder, *SIGNED)
     assert done.returncode == 0, done.stderr
@@ -75,6 +76,7 @@ def test_the_signed_plan_runs(folder: Path) -> None:
     assert "verifier.sig is no signature" in done.stderr
 
 
+@pytest.mark.shows("R4")
 def test_another_plan_or_other_files_do_not(folder: Path) -> None:
     done = run(folder, *SIGNED, plan="other.fsnplan")
     assert done.returncode == 1
@@ -93,6 +95,7 @@ def test_another_plan_or_other_files_do_not(folder: Path) -> None:
     assert not (folder / "s").exists()
 
 
+@pytest.mark.shows("R4")
 def test_it_is_refused_where_nothing_can_check_it(folder: Path) -> None:
     (folder / "fsoe-net").symlink_to("/bin/true")  # PATH holds folders of its user only
     for path in ("", ".", ":", "bin", "/none"):

@@ -34,6 +34,7 @@ def errors(replies: list[Any]) -> list[str | None]:
     return [reply.get("error") for reply in replies]
 
 
+@pytest.mark.shows("R20")
 def test_objects(tmp_path: Path) -> None:
     replies = seen("objects", tmp_path)
     vendor, name, kind, absent, no_sub = replies[:5]

@@ -119,6 +119,7 @@ def test_an_output_belongs_to_one_client() -> None:
         second.wait_for(MODE, 2)
 
 
+@pytest.mark.shows("R20")
 def test_silence_ends_a_lease_and_any_request_keeps_it() -> None:
     with running() as master, master.client() as client, master.client() as other:
         other.good("lease 0")
@@ -134,6 +135,7 @@ def test_silence_ends_a_lease_and_any_request_keeps_it() -> None:
             client.refused(f"lease {wrong}", "FSN_E_ARG")
 
 
+@pytest.mark.shows("R20")
 def test_a_killed_client_loses_its_outputs() -> None:
     script = (
         "import socket, sys, time\n"
@@ -157,6 +159,7 @@ def test_a_killed_client_loses_its_outputs() -> None:
         assert master.logged("fallback")[0]["outputs"] == [MODE]
 
 
+@pytest.mark.shows("R20")
 def test_an_output_that_can_restart_a_machine_takes_one_edge() -> None:
     with running() as master, master.client() as client, master.client() as other:
         client.good("lease 0")
@@ -286,6 +289,7 @@ def test_too_many_clients() -> None:
             closed(clients)
 
 
+@pytest.mark.shows("R26")
 def test_clients_that_do_nothing_lock_nobody_out() -> None:
     with running() as master, master.client() as other, master.client() as writer:
         other.good("events on")
@@ -360,6 +364,7 @@ def test_root_always_gets_in() -> None:
             closed(clients)
 
 
+@pytest.mark.shows("R26")
 def test_busy_clients_take_no_cycle() -> None:
     """Every due cycle is run or counted as left out, whatever clients do."""
     ends = threading.Event()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from cli.tool import fsn
 from master.rig import running
 from networks import PLAIN, example
@@ -29,6 +30,7 @@ def test_status_snapshot_and_client_tell_it() -> None:
             assert (status.fingerprint, status.version) == (wanted, __version__)
 
 
+@pytest.mark.shows("R4")
 def test_verify_asks_the_running_core(tmp_path: Path) -> None:
     with running(name="estop") as master:
         done = fsn("verify", ESTOP, "--socket", str(master.path), "--accepted", ESTOP)
@@ -40,6 +42,7 @@ def test_verify_asks_the_running_core(tmp_path: Path) -> None:
         assert "DIFFERS in devices, process_data, copies, connections\n" in done.stdout
 
 
+@pytest.mark.shows("R4")
 def test_another_cycle_than_that_of_the_plan_differs() -> None:
     with running("--cycle", "2ms", name="estop") as master:
         done = fsn("verify", "--socket", str(master.path), "--accepted", ESTOP)

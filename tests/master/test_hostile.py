@@ -51,6 +51,7 @@ def ask_and_synchronise(client: Client, line: bytes) -> None:
     assert replies == 1
 
 
+@pytest.mark.shows("R26")
 @settings(max_examples=500, deadline=None)
 @given(st.binary(max_size=300).filter(lambda b: b"\n" not in b))
 def test_any_bytes_get_one_answer(client: Client, line: bytes) -> None:
@@ -77,6 +78,7 @@ def test_lines_may_come_in_pieces_and_several_at_once(client: Client) -> None:
     assert [client.line()["tag"] for _ in range(100)] == ["n"] * 100
 
 
+@pytest.mark.shows("R26")
 def test_a_client_that_does_not_read_is_dropped_and_nobody_waits() -> None:
     with running() as master, master.client() as other:
         other.good("events on")

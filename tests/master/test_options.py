@@ -99,6 +99,7 @@ def test_a_plan_that_cannot_be_read_or_is_none(tmp_path: Path) -> None:
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.shows("R4")
 def test_only_the_accepted_plan(tmp_path: Path) -> None:
     plan = write_plan(tmp_path)
     digest = hashlib.sha256(plan.read_bytes()).hexdigest()
@@ -116,6 +117,7 @@ def test_only_the_accepted_plan(tmp_path: Path) -> None:
     assert "not the accepted plan" in done.stderr
 
 
+@pytest.mark.shows("R4")
 def test_the_hash_is_that_of_the_file() -> None:
     for name in ("estop", "el6910"):
         with running(name=name) as master, master.client() as client:
@@ -195,6 +197,7 @@ def test_the_default_socket(tmp_path: Path) -> None:
         assert f"{directory}/fsn-master-em_0.sock is there" in done.stderr
 
 
+@pytest.mark.shows("R24")
 def test_names_do_nothing_to_a_terminal(tmp_path: Path) -> None:
     bad = "a\x1b]0;owned\x07\x9b2J\u202e\nb"
     for arguments in ([tmp_path / bad, "--bus", "emulated"], [tmp_path / "x", "--bus", bad]):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from master.rig import Client, running
 from patience import PATIENCE_S
 
@@ -88,6 +89,7 @@ def test_images_fit_the_layout() -> None:
                 )
 
 
+@pytest.mark.shows("R26")
 def test_a_watcher_that_does_not_read_misses_lines_and_disturbs_nobody() -> None:
     with running("--cycle", "200us") as master, master.client() as slow, master.client() as client:
         slow.good("watch 1")

@@ -162,6 +162,7 @@ def _key(text: str, change: str) -> str:
     return "#" if upto.lstrip().startswith("#") else re.findall(r"(\w+):", upto)[0 - (upto != row)]
 
 
+@pytest.mark.shows("R5")
 @pytest.mark.parametrize(("name", "way"), CASES)
 def test_each_change_of_a_file(name, way, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     shutil.copytree(BASE, tmp_path / "case")
@@ -200,6 +201,7 @@ def _field_at(raw: bytes, at: int) -> tuple[str, str]:
     return "", ""
 
 
+@pytest.mark.shows("R5")
 @pytest.mark.parametrize("name", ["estop", "el6910"])
 def test_each_change_of_a_byte_of_a_plan(name: str) -> None:
     """Each is refused as it is; where its CRC is made to fit, the fingerprint is another one."""

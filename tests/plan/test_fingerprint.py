@@ -53,6 +53,7 @@ safety_functions:
 """
 
 
+@pytest.mark.shows("R4")
 @pytest.mark.parametrize("name", GOLDEN)
 def test_golden_values(name: str) -> None:
     found = fingerprint_of(compile_plan(example(name)))
@@ -68,6 +69,7 @@ def test_python_and_the_core_agree_without_asking_each_other(name: str) -> None:
         assert fingerprint_of(decode_plan(one.to_bytes())) == fingerprint_of(one)
 
 
+@pytest.mark.shows("R4")
 def test_it_can_be_recomputed_from_the_documented_text() -> None:
     plan = compile_plan(example("estop"))
     sums = {
@@ -133,6 +135,7 @@ def swapped_entries(plan: Plan) -> Plan:
     return replace(plan, entries=tuple(rows))
 
 
+@pytest.mark.shows("R5")
 @pytest.mark.parametrize(
     ("section", "change"),
     [
@@ -286,6 +289,7 @@ def test_safety_functions_are_a_section_of_their_own(folder: Path) -> None:
     )
 
 
+@pytest.mark.shows("R5")
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -422,6 +426,7 @@ def plans(draw: st.DrawFn) -> Plan:
     )
 
 
+@pytest.mark.shows("R4", "R5")
 @settings(max_examples=60, deadline=None)
 @given(plans())
 def test_python_and_the_core_agree_on_drawn_plans(plan: Plan) -> None:
@@ -432,6 +437,7 @@ def test_python_and_the_core_agree_on_drawn_plans(plan: Plan) -> None:
     assert found == fingerprint_of(plan)
 
 
+@pytest.mark.shows("R4", "R5")
 @settings(max_examples=25, deadline=None)
 @given(
     slots=st.lists(st.integers(0, 9), unique=True, min_size=1, max_size=6),

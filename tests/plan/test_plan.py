@@ -167,6 +167,7 @@ def test_header_is_as_documented():
     assert crc == zlib.crc32(data[:16] + bytes(4) + data[20:])
 
 
+@pytest.mark.shows("R2")
 def test_every_truncation_and_change_is_refused():
     data = compile_plan(example("estop")).to_bytes()
     for cut in range(len(data)):
@@ -179,6 +180,7 @@ def test_every_truncation_and_change_is_refused():
             decode_plan(bytes(changed))
 
 
+@pytest.mark.shows("R2")
 def test_random_plans_never_crash_and_python_accepts_what_the_core_accepts():
     good = compile_plan(example("el6910")).to_bytes()
     rng = random.Random(7)

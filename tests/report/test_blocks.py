@@ -80,6 +80,7 @@ def said(items: tuple[Item, ...]) -> str:
     return " ".join(str(getattr(i, "word", None) or getattr(i, "text", "")) for i in items)
 
 
+@pytest.mark.shows("R12")
 def test_what_is_not_stated_is_an_open_point(sparse: Path):
     points = compose_report(inputs_of(sparse)).points
     told = [(title, p.text) for title, p in points if p.kind is PointKind.OPEN]

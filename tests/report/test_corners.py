@@ -193,6 +193,7 @@ def points(**more: Any) -> list[str]:
     return [p.text for p in bus_evidence(inputs_of(TIMED, **more)).points]
 
 
+@pytest.mark.shows("R13")
 def test_a_running_bus_that_is_emulated_is_no_evidence(tmp_path_factory: pytest.TempPathFactory):
     master = WatchedMaster(tmp_path_factory.mktemp("m") / "s")
     try:

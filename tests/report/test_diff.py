@@ -56,6 +56,7 @@ def copied(tmp_path: Path):
     return make
 
 
+@pytest.mark.shows("R27")
 @pytest.mark.parametrize("name", ["estop", "el6910"])
 def test_a_network_is_the_same_as_itself_and_as_its_plan(name):
     side = side_of_network(example(name), "a")
@@ -108,6 +109,7 @@ ESTOP_CHANGES = [
 ]  # fmt: skip
 
 
+@pytest.mark.shows("R27")
 @pytest.mark.parametrize(("file", "old", "new", "expected"), ESTOP_CHANGES)
 def test_one_change_of_a_network_is_one_difference(copied, file, old, new, expected):
     before = network(PLAIN / "estop")

@@ -27,6 +27,7 @@ BOTH = sent(watchdog_ms=4000, connection_id=2099)
 DRIVE = "el6910-drive_1"
 
 
+@pytest.mark.shows("R16")
 @pytest.mark.parametrize(
     ("name", "observed", "differs", "said"),
     [

@@ -101,6 +101,7 @@ def leaves(node):
         yield str(node)
 
 
+@pytest.mark.shows("R12")
 @pytest.mark.parametrize("name", ["timed", "estop", "el6910"])
 def test_every_number_of_the_page_stands_in_the_json(name: str):
     path = TIMED if name == "timed" else ROOT / "examples" / name / "network.yaml"
@@ -137,6 +138,7 @@ def test_every_number_has_a_source_and_what_is_no_name_a_unit():
         assert item.unit or column in names, (where, column, item)
 
 
+@pytest.mark.shows("R12")
 def test_the_three_forms_say_the_same():
     inputs = inputs_of(TIMED)
     document = as_json(inputs)
@@ -178,6 +180,7 @@ def test_a_judgement_is_never_made_by_colour_alone():
     assert all(word.strip() for _, _, word in judged)
 
 
+@pytest.mark.shows("R12")
 def test_no_word_promises_safety():
     for form in ("html", "md", "json"):
         text = render_report(inputs_of(TIMED), form)
@@ -188,6 +191,7 @@ def test_no_word_promises_safety():
         assert "no findings" in text
 
 
+@pytest.mark.shows("R12")
 def test_a_network_with_mistakes_shows_each_on_top(tmp_path: Path):
     inputs = inputs_of(with_mistakes(tmp_path), fingerprint=None)
     document = as_json(inputs)
@@ -222,6 +226,7 @@ def test_many_findings_still_fit_the_first_page_one_row_per_code():
     assert any(isinstance(p, Table) and len(p.rows) == len(found) for p in last.parts)
 
 
+@pytest.mark.shows("R12")
 def test_what_is_open_stands_in_front_and_in_the_last_block():
     document = as_json(inputs_of(ROOT / "examples" / "el6910" / "network.yaml"))
     open_points = [p for p in document["points"] if p["kind"] == "open"]
@@ -317,6 +322,7 @@ def seen(word: str | None, ms: float | None = None, by: str = "") -> SimpleNames
     return SimpleNamespace(outcome=outcome, measured_ms=ms, remark="", by=by, date=by and "1 May")
 
 
+@pytest.mark.shows("R13")
 def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
     common = {"what": "press ES1", "expected": "K1 opens", "limit_ms": 150.0, "limit_source": "RA"}
     steps = (
@@ -384,6 +390,7 @@ def test_nothing_read_still_makes_a_report():
     assert "no such file" in render_report(inputs, "html")
 
 
+@pytest.mark.shows("R24")
 def test_names_of_the_user_are_text_everywhere(tmp_path: Path):
     evil = "<b>x</b> | `y` *z*"
     found = [Diagnostic(code="FSN202", span=Span(evil), message=evil)]

@@ -46,6 +46,7 @@ def with_step(grounds: Grounds, kind: StepKind, **machine: object) -> Grounds:
     return replace(grounds, protocol=replace(grounds.protocol, steps=steps))
 
 
+@pytest.mark.shows("R14")
 def test_a_record_says_what_it_rests_on() -> None:
     grounds = grounds_of()
     record, refusals = sign_off(grounds)
@@ -61,6 +62,7 @@ def test_a_record_says_what_it_rests_on() -> None:
     assert record.replaces is None
 
 
+@pytest.mark.shows("R14")
 @pytest.mark.parametrize("name", ["A. Meier", "a meier", "  A.  MEIER ", "\uff21. Meier"])
 def test_nobody_verifies_himself(name: str) -> None:
     grounds = grounds_of(verifier=SignedBy(name=name, date="2026-11-21"))
@@ -192,6 +194,7 @@ def _with_finding(severity: str, *reasons: Reason) -> Grounds:
     return grounds_of(report=report, reasons=reasons)
 
 
+@pytest.mark.shows("R14")
 def test_an_error_cannot_be_justified() -> None:
     reason = Reason(subject="FSN607@a.yaml:7", reason="we know", by="B. Kaya")
     assert "FSN607 at cells/a.yaml:7:3: says so" in refused(_with_finding("error", reason))
@@ -239,6 +242,7 @@ def test_notes_need_nobody() -> None:
     assert refused(_with_finding("info")) == []
 
 
+@pytest.mark.shows("R12", "R14")
 @pytest.mark.parametrize("rows", [[_row("info")], [_row("warning")]], ids=["note", "once"])
 def test_a_report_that_was_thinned_out_is_seen(rows: list[dict[str, object]]) -> None:
     found = Diagnostic(code="FSN607", message="says so", span=Span("cells/a.yaml", 7, 3))
@@ -281,6 +285,7 @@ def test_only_a_loss_may_be_left_out() -> None:
             assert refusals[0].what == f"step {ids[kind]} at : open at the machine"
 
 
+@pytest.mark.shows("R14")
 def test_what_failed_is_never_let_pass() -> None:
     for kind in (StepKind.TRIGGER, StepKind.LOSS):
         name = "loss *" if kind is StepKind.LOSS else "trigger estop"
@@ -289,6 +294,7 @@ def test_what_failed_is_never_let_pass() -> None:
         assert "not as expected at the machine" in refused(grounds)[0]
 
 
+@pytest.mark.shows("R13")
 def test_what_an_emulation_shows_to_fail_stands_against_it_but_never_for_it() -> None:
     grounds = grounds_of()
     bad, good = (
@@ -315,6 +321,7 @@ def test_a_reaction_is_measured_and_within_its_limit() -> None:
     assert "no time measured" in none
 
 
+@pytest.mark.shows("R14")
 @pytest.mark.parametrize(
     ("measured", "doubt"),
     [
@@ -425,6 +432,7 @@ def test_one_letter_names_nobody() -> None:
     ]
 
 
+@pytest.mark.shows("R14")
 def test_the_protocol_is_whole_and_of_this_configuration() -> None:
     grounds = grounds_of()
     wrong = [

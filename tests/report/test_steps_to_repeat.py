@@ -42,6 +42,7 @@ def test_nothing_changed_nothing_again() -> None:
     assert steps_to_repeat((), resolution, make_protocol(resolution, b"").steps) == ()
 
 
+@pytest.mark.shows("R27")
 def test_a_connection_touches_its_ends_and_what_uses_them(tmp_path: Path) -> None:
     again, _ = _again(tmp_path, lambda t: t.replace("connection_id: 11", "connection_id: 12"))
     assert again == [
@@ -75,6 +76,7 @@ def test_what_all_share_or_lost_its_name_touches_all(tmp_path: Path, find: str, 
     assert len(again) == count
 
 
+@pytest.mark.shows("R27")
 @pytest.mark.parametrize(
     "change",
     [
@@ -116,6 +118,7 @@ def _since(before: Resolution, now: Resolution) -> tuple[list[str], list[str]]:
     return list(again), [step.id for step in steps]
 
 
+@pytest.mark.shows("R27")
 @pytest.mark.parametrize(
     "device",
     [

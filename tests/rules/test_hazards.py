@@ -47,6 +47,7 @@ TRIES = [(number, n) for number in TABLE for n in range(len(TABLE[number].get("t
 QUIET = [(number, n) for number in TABLE for n in range(len(TABLE[number].get("quiet", ())))]
 
 
+@pytest.mark.shows("R6")
 @pytest.mark.parametrize(("number", "n"), TRIES)
 def test_mistake_is_found(number: int, n: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     code, case, fixed = _try(TABLE[number]["tries"][n])
@@ -54,6 +55,7 @@ def test_mistake_is_found(number: int, n: int, tmp_path: Path, monkeypatch: pyte
     assert code not in _codes(tmp_path / "right", fixed, monkeypatch)
 
 
+@pytest.mark.shows("R6")
 @pytest.mark.parametrize(("number", "n"), QUIET)
 def test_what_is_right_is_not_blamed(
     number: int, n: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -64,6 +66,7 @@ def test_what_is_right_is_not_blamed(
     assert [d.code for d in cases.findings(case) if d.level is not Severity.INFO] == []
 
 
+@pytest.mark.shows("R6")
 def test_every_hazard_is_in_the_table_and_each_code_is_tried():
     assert list(TABLE) == list(NUMBERS)
     for number, row in TABLE.items():

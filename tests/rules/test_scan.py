@@ -55,6 +55,7 @@ def robot() -> dict[str, Any]:
     return scan_of(ROBOT)
 
 
+@pytest.mark.shows("R8")
 @pytest.mark.parametrize("name", NETWORKS)
 def test_a_bus_as_it_should_be_gives_nothing(name: str):
     assert _found(NETWORKS[name], scan_of(NETWORKS[name])) == []
@@ -245,6 +246,7 @@ CASES = {
 }
 
 
+@pytest.mark.shows("R8")
 @pytest.mark.parametrize("case", CASES)
 def test_one_change_is_one_finding_at_its_place(case: str, robot: dict[str, Any]):
     change, code, words, line = CASES[case]
@@ -357,6 +359,7 @@ def test_alias_is_looked_up_and_offsets_count_from_it(tmp_path: Path):
     assert _codes(document, resolution) == ["FSN515"]
 
 
+@pytest.mark.shows("R8")
 @given(st.data())
 def test_a_bus_in_any_order_never_fails_and_is_never_clean(data: st.DataObject):
     document = scan_of(ROBOT)

@@ -60,6 +60,7 @@ def seed(folder: Path, file: str, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1), "utf-8")
 
 
+@pytest.mark.shows("R6")
 @pytest.mark.parametrize("name", SEEDED)
 def test_seeded_mistake(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     file, old, new, codes = SEEDED[name]
@@ -86,6 +87,7 @@ VALID = {
 }
 
 
+@pytest.mark.shows("R6")
 @pytest.mark.parametrize("name", VALID)
 def test_valid_networks_are_not_blamed(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     old, new = VALID[name]

@@ -110,6 +110,7 @@ def test_nobody_answers(tmp_path):
     assert seen["out"] == ""
 
 
+@pytest.mark.shows("R8")
 def test_another_network_on_the_bus(tmp_path):
     seen = on_the_wire("wrong", ESTOP, ROBOT, tmp=tmp_path)
     assert seen["code"] == 1
@@ -118,6 +119,7 @@ def test_another_network_on_the_bus(tmp_path):
     assert "network.yaml:8:5" in seen["err"]
 
 
+@pytest.mark.shows("R16")
 def test_other_parameters_than_the_plan_are_seen_on_the_wire(tmp_path):
     """Connection ID 4 and 100 ms in the plan; 2099 and 4000 ms on the wire."""
     (tmp_path / "devices").symlink_to(EXAMPLES / "el6910" / "devices")
@@ -140,6 +142,7 @@ def test_other_parameters_than_the_plan_are_seen_on_the_wire(tmp_path):
     )
 
 
+@pytest.mark.shows("R3")
 def test_an_unplugged_subdevice_is_named(tmp_path):
     seen = on_the_wire("unplug", ROBOT, tmp=tmp_path)
     assert seen["code"] == 1

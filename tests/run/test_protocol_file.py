@@ -212,6 +212,7 @@ FINE = StepResult(outcome=StepOutcome.AS_EXPECTED, measured_ms=5.0)
 WRONG = replace(FINE, outcome=StepOutcome.NOT_AS_EXPECTED)
 
 
+@pytest.mark.shows("R13")
 def test_what_programs_saw_closes_no_step() -> None:
     protocol, _ = protocol_of(timed())
     seen = replace(

@@ -91,6 +91,7 @@ def told_by_devices(file):
     }
 
 
+@pytest.mark.shows("R8")
 @pytest.mark.parametrize("network", [ESTOP, ROBOT])
 def test_each_change_on_the_wire_is_its_finding(network, tmp_path):
     commands = [row[0] for row in CHANGES[network]]

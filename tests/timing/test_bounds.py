@@ -33,6 +33,7 @@ def test_a_printed_bound_holds_under_what_it_leaves_out(what: Attack) -> None:
     assert 0.95 * found.bound <= found.worst <= found.bound + 1e-6
 
 
+@pytest.mark.shows("R9")
 @pytest.mark.parametrize("what", HANDSHAKE, **NAME)
 def test_a_bound_of_the_handshake_holds_and_is_reached(what: Attack) -> None:
     found = attack(what, WORKED, SCHEDULES, seed=7)
@@ -46,6 +47,7 @@ def test_a_printed_bound_does_not_hold_for_the_handshake(what: Attack) -> None:
     assert found.worst > 1.05 * found.bound
 
 
+@pytest.mark.shows("R9")
 @pytest.mark.parametrize("k", [2, 3])
 @pytest.mark.parametrize("cycle", [0.25, 4.0, 10.0])
 @pytest.mark.parametrize("what", HANDSHAKE, **NAME)
@@ -57,6 +59,7 @@ def test_no_other_cycle_exceeds_a_bound(what: Attack, cycle: float, k: int) -> N
     assert 0.5 * found.bound < found.worst <= found.bound + 1e-6
 
 
+@pytest.mark.shows("R9")
 @pytest.mark.parametrize("fault", ["none", "breaks", "any"])
 @pytest.mark.parametrize("to_main", [True, False])
 def test_the_model_is_what_the_real_ends_do(fault: Fault, to_main: bool) -> None:
@@ -91,6 +94,7 @@ def test_a_healthy_connection_keeps_the_least_watchdog() -> None:
         )
 
 
+@pytest.mark.shows("R9")
 def test_the_worked_example_of_the_documentation() -> None:
     wd = 100.0
     assert polled_error_free(PARTS) == 100

@@ -162,6 +162,7 @@ def with_watchdogs(required: float, first: int, second: int) -> tuple[str, tuple
     return text, (old + "connection_id: 2, watchdog_ms: 100", new)
 
 
+@pytest.mark.shows("R10")
 def test_a_watchdog_that_only_the_printed_formulas_allow_is_too_long(
     resolution_of: Maker,
 ) -> None:
@@ -189,6 +190,7 @@ def test_a_watchdog_that_only_the_printed_formulas_allow_is_too_long(
     assert rows["el1904"].judgement is WatchdogJudgement.WITHIN
 
 
+@pytest.mark.shows("R10")
 def test_an_interval_that_the_handshake_empties_is_an_error(resolution_of: Maker) -> None:
     # (116 - 78) / 2 = 19 is less than 1.2 * 16 = 19.2; ETG.5100 alone would leave 116 - 62 = 54.
     resolution = resolution_of(*with_watchdogs(116, 20, 17))
@@ -275,6 +277,7 @@ def test_an_empty_interval_is_told(resolution_of: Maker) -> None:
     )
 
 
+@pytest.mark.shows("R9")
 def test_a_measurement_only_makes_it_worse(resolution_of: Maker) -> None:
     resolution = resolution_of()
     name = next(c.name for c in resolution.connections if c.sub.name == "el1904")
@@ -307,6 +310,7 @@ def test_a_copy_one_cycle_later(resolution_of: Maker) -> None:
     assert row.reaction.error_free == 78
 
 
+@pytest.mark.shows("R10", "R11")
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
@@ -324,6 +328,7 @@ def test_what_is_missing_is_never_zero(
     assert row.verdict.startswith("not judged")
 
 
+@pytest.mark.shows("R10")
 def test_without_a_watchdog_or_cycle_there_is_no_verdict(resolution_of: Maker) -> None:
     (row,) = budget_of(resolution_of(network=("watchdog_ms: 100}", "slot: 0}"))).functions
     assert "the watchdog of" in row.verdict
@@ -336,6 +341,7 @@ def test_without_a_watchdog_or_cycle_there_is_no_verdict(resolution_of: Maker) -
     assert row.reaction.error_free == 88
 
 
+@pytest.mark.shows("R10")
 def test_values_of_the_library_pass_only_with_a_manual(resolution_of: Maker) -> None:
     bare = FUNCTION.replace("pfh_per_hour: 1.11e-9, source: manual", "source: manual")
     (row,) = make_budget(resolution_of(bare), builtin_library()).functions
@@ -347,6 +353,7 @@ def test_values_of_the_library_pass_only_with_a_manual(resolution_of: Maker) -> 
     assert row.pfh.verdict.startswith("PFH sum within the limit")
 
 
+@pytest.mark.shows("R11")
 def test_sums_above_the_limit(resolution_of: Maker) -> None:
     text = FUNCTION.replace("pfh_per_hour: 1.0e-8", "pfh_per_hour: 1.0e-6")
     (row,) = budget_of(resolution_of(text)).functions
@@ -417,6 +424,7 @@ def test_input_and_logic_in_one_subdevice(resolution_of: Maker) -> None:
     assert row.reaction.worst_beckhoff == 120
 
 
+@pytest.mark.shows("R9")
 def test_bounds_are_shown_on_their_safe_side(resolution_of: Maker):
     """A greatest watchdog of 179.98 ms is no 180.0 ms, and 62.04 ms are no 62.0 ms."""
     functions = FUNCTION.replace("time_ms: 20", "time_ms: 20.02")

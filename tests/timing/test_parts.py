@@ -257,6 +257,7 @@ def test_one_of_two_logics_is_enough_to_be_joined(resolution_of: Maker) -> None:
 # -- PFH ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.shows("R11")
 @pytest.mark.parametrize(
     ("required", "limit"),
     [
@@ -278,6 +279,7 @@ def test_the_limit_of_each_level(resolution_of: Maker, required: str, limit: flo
     assert row.pfh.limit == limit
 
 
+@pytest.mark.shows("R11")
 def test_a_sum_that_reaches_the_limit_is_above_it() -> None:
     for total, found in ((1e-6, Judgement.ABOVE), (9.99e-7, Judgement.WITHIN)):
         pfh = PfhSum(total=total, fsoe=0.0, limit=1e-6, missing=(), unverified=())
@@ -335,6 +337,7 @@ def test_the_school_that_takes_longer_is_named(
     ]
 
 
+@pytest.mark.shows("R10")
 @pytest.mark.parametrize(
     ("first", "level", "words"),
     [

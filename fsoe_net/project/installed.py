@@ -1,0 +1,114 @@
+"""What is installed of fsoe-net: its files with their hashes, and the versions beside them."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from fsoe_net import __version__
+
+__all__ = ["InstalledFiles", "installed_files", "shipped", "versions"]
+
+_PACKAGE = Path(__file__).parents[1]
+_NAME = re.compile(r"[A-Za-z0-9._-]+")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InstalledFiles:
+    """The files of the package as they are now.
+
+    Attributes:
+        hashes: Path below the folder that holds the package, with the SHA-256 of the file, in hex.
+        recorded: The same as the installer recorded it; ``None`` for a source tree, whose files
+            nobody recorded.
+    """
+
+    hashes: Mapping[str, str]
+    recorded: Mapping[str, str] | None
+
+    @property
+    def build(self) -> str:
+        """SHA-256 over the lines that ``sha256sum`` prints of all files, sorted by path."""
+        lines = "".join(f"{self.hashes[path]}  {path}\n" for path in sorted(self.hashes))
+        return hashlib.sha256(lines.encode("utf-8")).hexdigest()
+
+
+def installed_files() -> InstalledFiles:
+    """Read every file of the package and the compiled module; nothing is executed.
+
+    What Python writes itself (``__pycache__``) is no part of it.
+
+    Raises:
+        OSError: A file cannot be read.
+    """
+    paths = {
+        path.relative_to(_PACKAGE.parent).as_posix(): path
+        for folder, _, names in os.walk(_PACKAGE)
+        for path in (Path(folder, name) for name in names)
+        if "__pycache__" not in path.parts
+    }
+    spec = importlib.util.find_spec("fsoe_net.core._core")
+    if spec is not None and spec.origin is not None:
+        module = Path(spec.origin)  # of a source tree it lies elsewhere
+        paths[f"{_PACKAGE.name}/core/{module.name}"] = module
+    hashes = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in paths.items()}
+    return InstalledFiles(hashes=hashes, recorded=_recorded())
+
+
+def _recorded() -> dict[str, str] | None:
+    """Return what the installer wrote down about this package, if it is the one that it copied."""
+    try:
+        distribution = importlib.metadata.distribution("fsoe-net")
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    rows = {file.as_posix(): file for file in distribution.files or ()}
+    marker = rows.get(f"{_PACKAGE.name}/__init__.py")
+    place = None if marker is None else Path(str(marker.locate()))
+    if place is None or not place.is_file() or not place.samefile(_PACKAGE / "__init__.py"):
+        return None
+    return {
+        path: base64.urlsafe_b64decode(file.hash.value + "==").hex()
+        for path, file in rows.items()
+        if path.startswith(f"{_PACKAGE.name}/") and file.hash is not None
+    }
+
+
+def shipped(name: str, in_source: str = "") -> Path:
+    """Return a file or folder that comes with the package, of the source tree where it lies there.
+
+    Args:
+        name: Its place in an installed package.
+        in_source: Its place in a source tree, where that is another.
+    """
+    inside = _PACKAGE / name
+    return inside if inside.exists() else _PACKAGE.parent / (in_source or name)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of fsoe-net, Python, the system and every package that it needs."""
+    found = {
+        "fsoe-net": __version__,
+        "Python": f"{platform.python_implementation()} {platform.python_version()}",
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+    }
+    try:
+        needs = importlib.metadata.requires("fsoe-net") or []
+    except importlib.metadata.PackageNotFoundError:
+        needs = []
+    for need in needs:
+        name = _NAME.match(need)
+        if name is None or "extra ==" in need:
+            continue
+        try:
+            found[name[0]] = importlib.metadata.version(name[0])
+        except importlib.metadata.PackageNotFoundError:
+            found[name[0]] = "not installed"
+    return found

@@ -1,0 +1,114 @@
+"""A part of the self-test, and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+__all__ = [
+    "NotTried",
+    "PartResult",
+    "SelfTestPart",
+    "TriedValue",
+    "reference",
+    "reference_file",
+    "tried",
+]
+
+
+class TriedValue(NamedTuple):
+    """One value of this installation beside the one that is known."""
+
+    what: str
+    expected: object
+    got: object
+
+
+class NotTried(Exception):
+    """A part does not apply to this installation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SelfTestPart:
+    """A part of the self-test.
+
+    Attributes:
+        name: Stable.
+        compare: Yields what it compares.
+        next_step: What to do when something differs.
+    """
+
+    name: str
+    compare: Callable[[], Iterator[TriedValue]]
+    next_step: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartResult:
+    """What became of a part.
+
+    Attributes:
+        name: Of the part.
+        compared: How many values were compared.
+        different: Those that differ.
+        not_tried: Why it does not apply here; empty where it was tried.
+        next_step: What to do; empty unless something differs.
+    """
+
+    name: str
+    compared: int
+    different: tuple[TriedValue, ...]
+    not_tried: str
+    next_step: str
+
+    @property
+    def result(self) -> str:
+        """The word for it: ``pass``, ``fail`` or ``not tried``."""
+        return "not tried" if self.not_tried else "fail" if self.different else "pass"
+
+
+def tried(part: SelfTestPart) -> PartResult:
+    """Try a part; whatever goes wrong in it is its result."""
+    compared, different, not_tried = 0, list[TriedValue](), ""
+    try:
+        for row in part.compare():
+            compared += 1
+            if row.expected != row.got:
+                different.append(row)
+        if compared == 0:
+            different.append(TriedValue("values to compare", "at least 1", 0))
+    except NotTried as exc:
+        not_tried = str(exc)
+    except Exception as exc:  # a damaged installation may fail in any way: all are findings here
+        what = f"after {compared} values"
+        different.append(TriedValue(what, "the next value", f"{type(exc).__name__}: {exc}"))
+    return PartResult(
+        name=part.name,
+        compared=compared,
+        different=tuple(different),
+        not_tried=not_tried,
+        next_step=part.next_step if different else "",
+    )
+
+
+def reference_file(name: str) -> str:
+    """Return the text of a file beside this module."""
+    return (Path(__file__).parent / name).read_text("utf-8")
+
+
+@cache
+def reference() -> Mapping[str, Any]:
+    """Return the known values.
+
+    Raises:
+        TypeError: The file is damaged.
+    """
+    import yaml
+
+    found = yaml.safe_load(reference_file("reference.yaml"))
+    if not isinstance(found, dict):
+        raise TypeError("reference.yaml is damaged")
+    return found
