@@ -68,6 +68,9 @@ the test protocol is not of this network, or a file cannot be used; 2 wrong use.
     help="Acceptance record: sign-off, justifications, and the change log starts from it.",
 )
 @click.option("--protocol", type=FILE, metavar="FILE", help="Test protocol of this network.")
+@click.option(
+    "--self-test", type=FILE, metavar="FILE", help="Result (JSON) of a self-test of this tool."
+)
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -83,6 +86,7 @@ def command(
     against: str | None,
     accepted: str | None,
     protocol: str | None,
+    self_test: str | None,
 ) -> None:
     """Write the report of a network: what is copied, how late, what is known and what is open.
 
@@ -111,6 +115,7 @@ def command(
         against=against,
         accepted=record,
         protocol=protocol,
+        self_test=self_test,
         loading=loading,
     )
     print_diagnostics(report.protocol_findings, err=True)

@@ -221,6 +221,7 @@ class Network:
         against: AnyPath | None = None,
         accepted: AnyPath | None = None,
         protocol: AnyPath | None = None,
+        self_test: AnyPath | None = None,
     ) -> Report:
         """Return the report that a safety engineer hands in; one with errors says so first.
 
@@ -231,6 +232,7 @@ class Network:
             against: An earlier plan or network: the change log starts from it.
             accepted: An acceptance record: the change log starts from it otherwise.
             protocol: A test protocol of this network.
+            self_test: The result (JSON) of ``fsoe-net self-test``.
 
         Raises:
             InputError: There is no network to report on, or a file cannot be used.
@@ -250,6 +252,7 @@ class Network:
             against=_text(against),
             accepted=None if accepted is None else read_record(os.fspath(accepted)),
             protocol=_text(protocol),
+            self_test=_text(self_test),
             loading=self._options,
         )
 

@@ -25,6 +25,7 @@ from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import Checked, library_of, whole_network
 from fsoe_net.project.compare import read_side
+from fsoe_net.project.installed import installed_files
 from fsoe_net.project.known import AcceptedRecord
 from fsoe_net.project.simulate import prepare
 from fsoe_net.report.compose import compose_report
@@ -36,6 +37,7 @@ from fsoe_net.report.formats import FORMATS
 from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, ReportInputs, Tried
 from fsoe_net.report.model import ReportDocument
 from fsoe_net.report.protocol_steps import tried_of
+from fsoe_net.report.self_test_result import SelfTestResult, read_self_test
 from fsoe_net.report.steps_to_repeat import steps_to_repeat
 from fsoe_net.rules.scan import check_scan
 from fsoe_net.rules.timing import check_timing
@@ -112,6 +114,7 @@ def make_report(
     against: str | None = None,
     accepted: AcceptedRecord | None = None,
     protocol: str | None = None,
+    self_test: str | None = None,
     loading: LoadOptions | None = None,
 ) -> Report:
     """Make the report of a network; one with an error gets a report that says so first.
@@ -125,6 +128,7 @@ def make_report(
         against: An earlier plan or network, from which the change log starts.
         accepted: An acceptance record, from which it starts otherwise.
         protocol: A test protocol file.
+        self_test: A file with the result of ``fsoe-net self-test``.
         loading: How references in ``against`` are followed.
 
     Raises:
@@ -165,6 +169,7 @@ def make_report(
         against=before,
         tried=tried,
         accepted=None if accepted is None else _accepted(accepted, fingerprint),
+        self_test=_self_test(self_test),
     )
     return Report(
         document=compose_report(inputs),
@@ -222,6 +227,10 @@ def _run(resolution: Resolution, scenario: str) -> Run:
 
     session = prepare(resolution, None, scenario, virtual=True)
     return run_virtual(session, session.duration_ns)
+
+
+def _self_test(path: str | None) -> SelfTestResult | None:
+    return None if path is None else read_self_test(path, installed_files().build)
 
 
 def _given(path: str) -> GivenPlan:

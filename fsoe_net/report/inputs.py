@@ -15,6 +15,7 @@ from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
 from fsoe_net.report.diff import Difference
 from fsoe_net.report.evidence import Evidence, LiveEvidence
+from fsoe_net.report.self_test_result import SelfTestResult
 from fsoe_net.timing.budget import Budget
 
 if TYPE_CHECKING:
@@ -138,6 +139,7 @@ class ReportInputs:
         against: The state that the change log starts from.
         tried: A test protocol; ``None`` when there is none.
         accepted: An acceptance record; ``None`` when there is none.
+        self_test: What a self-test of the tool gave; ``None`` when there is none.
     """
 
     name: str
@@ -156,6 +158,7 @@ class ReportInputs:
     against: Against | None = None
     tried: Tried | None = None
     accepted: GivenRecord | None = None
+    self_test: SelfTestResult | None = None
 
     def justification(self, found: Diagnostic) -> JustifiedFinding | None:
         """Return who answers for a warning in the acceptance record of this configuration."""

@@ -25,6 +25,7 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.inputs import GivenPlan, ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.self_test_result import self_test_parts
 
 __all__ = ["files_table", "identity", "role"]
 
@@ -87,6 +88,10 @@ def identity(inputs: ReportInputs) -> ReportSection:
         parts += [Heading("Compared with"), files_table("compared with", inputs.references)]
     if inputs.given is not None:
         parts += _given(inputs.given, inputs, points)
+    if inputs.self_test is not None:
+        shown, found = self_test_parts(inputs.self_test)
+        parts += shown
+        points += found
     return ReportSection(key="identity", title="Identity", parts=tuple(parts), points=tuple(points))
 
 

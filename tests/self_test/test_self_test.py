@@ -237,3 +237,69 @@ def test_without_the_compiled_module_the_parts_that_need_it_fail(tmp_path: Path,
     _, text = self_test(folder, "C core and Python", "copies", "timing formulas")
     assert "FAILED: C core and Python, copies" in text
     assert "the compiled part of fsoe-net is missing" in text
+
+
+# -- in a report ----------------------------------------------------------------------------------
+
+
+def test_a_report_says_what_it_gave(tmp_path: Path):
+    result = tmp_path / "self-test.json"
+    result.write_text(fsn("self-test", "--format", "json").stdout)
+    network = str(EXAMPLES / "estop" / "network.yaml")
+
+    def report() -> str:
+        page = tmp_path / "report.md"
+        options = ["--self-test", str(result), "--overwrite", "-o", str(page)]
+        done = fsn("report", network, *options)
+        return done.stdout + done.stderr + (page.read_text("utf-8") if page.exists() else "")
+
+    text = report()
+    assert "### Self-test of the tool" in text
+    assert re.search(r"\| Result +\| .*passed", text)
+    assert "against it: Identity" not in text
+    document = json.loads(result.read_text())
+    for part, word in ((2, "not tried"), (3, "fail")):
+        document["parts"][part]["result"] = word
+        result.write_text(json.dumps(document))
+        text = report()
+        assert ("against it: Identity: FAILED: CRCs of FSoE" in text) is (word == "fail")
+        assert re.search(r"\| Not tried +\| .*broken networks", text)
+    document["parts"][3]["result"] = "pass"
+    document["build"]["sha256"] = "0" * 64
+    result.write_text(json.dumps(document))
+    assert "self-test of the tool: of another build than this report" in report()
+
+
+DAMAGED = {
+    "no JSON": "{",
+    "no object": "[1]",
+    "another tool": '{"tool": "x", "self_test": 1, "parts": []}',
+    "a scan": '{"tool": "fsoe-net", "subdevices": []}',
+    "no result": '{"tool": "fsoe-net", "self_test": 1, "parts": [{"name": "a", "result": 1}]}',
+    "deep": "[" * 100_000,
+    "no text": "\ufffe",
+}
+
+
+@pytest.mark.parametrize("what", DAMAGED)
+def test_what_is_no_result_is_refused(what: str, tmp_path: Path):
+    result = tmp_path / "result.json"
+    result.write_text(DAMAGED[what], "utf-16" if what == "no text" else "utf-8")
+    page = tmp_path / "report.html"
+    network = str(EXAMPLES / "estop" / "network.yaml")
+    done = fsn("report", network, "--self-test", str(result), "-o", str(page))
+    assert (done.returncode, page.exists()) == (1, False)
+    assert "is no result of a self-test" in done.stderr
+    assert "fsoe-net self-test --format json > self-test.json" in done.stderr
+
+
+def test_a_result_in_which_nothing_was_tried_has_failed(tmp_path: Path):
+    result = tmp_path / "result.json"
+    parts = [{"name": "a\x1b[2J", "result": "not tried"}]
+    document = {"tool": "fsoe-net", "self_test": 1, "version": "1", "build": {"sha256": "0"}}
+    result.write_text(json.dumps(document | {"parts": parts}))
+    page = tmp_path / "report.md"
+    network = str(EXAMPLES / "estop" / "network.yaml")
+    done = fsn("report", network, "--self-test", str(result), "-o", str(page))
+    assert "against it: Identity: FAILED: nothing was tried" in done.stdout
+    assert "\x1b" not in done.stdout + page.read_text("utf-8")
