@@ -61,8 +61,8 @@ def test_explain_knows_every_status() -> None:
     for word in ("FSN_E_BUS_SILENT", "fsn_e_bus_silent", "E_BUS_SILENT"):
         done = fsn("explain", word)
         assert done.stdout == (
-            "FSN_E_BUS_SILENT (-64): no SubDevice answers on this interface\n\nNext step: check "
-            "cable, power and --interface; --wait 30s tries again.\n"
+            "FSN_E_BUS_SILENT (-64): no SubDevice answers on this interface\n\nNext step: "
+            "secure the machine, then check cable, power and --interface; --wait 30s tries again.\n"
         )
     wrong = fsn("explain", "FSN_E_BUS_SILNT")
     assert wrong.returncode == 2
