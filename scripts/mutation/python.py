@@ -46,7 +46,7 @@ PARTS: dict[str, tuple[str, ...]] = {
              "fsoe/test_recording.py", "fsoe/test_replay.py", "core/test_monitor.py"),
     "timing": ("timing", "diagnostics", "cli/test_timing.py"),
     "formats": ("formats", "diagnostics", "cli/test_convert.py", "cli/test_write.py"),
-    "project": ("cli", "report", "test_library.py"),
+    "project": ("cli", "report", "self_test", "test_library.py"),
     "model": ("model", "diagnostics", "rules/test_edges.py", "rules/test_scan.py",
               "rules/test_hazards.py", "rules/test_references.py", "formats/test_cases.py",
               "formats/test_library.py", "plan/test_whole.py", "cli/test_init.py",

@@ -145,13 +145,18 @@ def installed_copy(folder: Path, core: Path) -> Path:
 
 
 def self_test(folder: Path, *parts: str) -> tuple[int, str]:
-    """Return exit code and text, whose lines are joined; nothing is on standard error."""
+    """Return exit code and text, whose lines are joined; nothing is on standard error.
+
+    Lines of the copy are not counted: it is gone when they would be reported.
+    """
+    env = {key: value for key, value in os.environ.items() if key != "COVERAGE_PROCESS_START"}
     done = subprocess.run(
         [sys.executable, "-B", "-c", RUN.format(folder=str(folder), parts=parts)],
         capture_output=True,
         text=True,
         check=False,
         cwd=folder,
+        env=env,
     )
     assert done.stderr == ""
     return done.returncode, " ".join(done.stdout.split())
