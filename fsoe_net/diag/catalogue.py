@@ -209,6 +209,9 @@ FSN608 error   sum of PFH is above the limit
 FSN609 error   two safety functions of one name
 FSN610 info    connection belongs to no safety function
 FSN611 error   reaction time holds only while the handshake of FSoE is not counted
+FSN612 warning time or PFH of 0 without a reason
+FSN613 error   required level is above the lowest claim of an element
+FSN614 warning claim is above what its category reaches
 """
 
 CATALOGUE: dict[str, CodeInfo] = {

@@ -30,7 +30,12 @@ class SafetyElement(Located):
         name: What people call it; the name of the SubDevice when nothing else is given.
         time_ms: Processing time in ms as its manual states it; ``None`` when not stated.
         pfh_per_hour: PFH per hour as its manual states it; ``None`` when not stated.
-        source: Where both come from, in words.
+        zero_because: Why a time or PFH of 0 is true, in words; empty when nobody says so.
+        pl: Performance level that its manual claims, ``a`` … ``e``; empty when not stated.
+        sil: Safety integrity level that its manual claims, 1 … 3; ``None`` when not stated.
+        category: ``B``, ``1`` … ``4`` by ISO 13849-1; empty when not stated.
+        mission_years: Mission time, for which its PFH holds, in years; ``None`` when not stated.
+        source: Where all of them come from, in words.
         manual: Revision of the manual that somebody has read; empty when nobody says so.
     """
 
@@ -39,6 +44,11 @@ class SafetyElement(Located):
     name: str
     time_ms: float | None = None
     pfh_per_hour: float | None = None
+    zero_because: str = ""
+    pl: str = ""
+    sil: int | None = None
+    category: str = ""
+    mission_years: float | None = None
     source: str = ""
     manual: str = ""
 

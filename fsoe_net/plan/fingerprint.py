@@ -151,6 +151,8 @@ def safety_text(functions: Sequence[SafetyFunction]) -> str:
         lines += [
             f"element kind={e.kind.value} sub={_word(e.sub)} name={_word(e.name)}"
             f" time_ms={_real(e.time_ms)} pfh_per_hour={_real(e.pfh_per_hour)}"
+            f" zero_because={_word(e.zero_because)} pl={e.pl or '-'} sil={_stated(e.sil)}"
+            f" category={e.category or '-'} mission_years={_real(e.mission_years)}"
             f" source={_word(e.source)} manual={_word(e.manual)}"
             for e in f.elements
         ]

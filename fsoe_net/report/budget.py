@@ -19,7 +19,8 @@ from fsoe_net.document.model import (
     words,
 )
 from fsoe_net.timing.budget import Budget
-from fsoe_net.timing.elements import Quantity
+from fsoe_net.timing.claims import LevelClaim
+from fsoe_net.timing.elements import ElementRow, Quantity
 from fsoe_net.timing.formulas import PartTimes
 from fsoe_net.timing.reaction import DISTURBED, FunctionBudget, Reaction, ResponseCase, with_cycle
 from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
@@ -70,7 +71,8 @@ _ELEMENTS = (
     Column("element"),
     Column("time", number=True),
     Column("PFH", number=True, rank=1),
-    Column("source", rank=2, wraps=True),
+    Column("claim", rank=2),
+    Column("source", rank=3, wraps=True),
 )
 _TIMES = (Column("response time"), Column("longest", number=True), Column("counted by", rank=1))
 
@@ -123,6 +125,7 @@ def _function(row: FunctionBudget) -> Section:
             cell(e.element.name),
             cell(_quantity(e.time)),
             cell(_quantity(e.pfh)),
+            cell(_claim(e)),
             cell(e.time.source or e.pfh.source or "no source"),
         )
         for e in row.parts.rows
@@ -136,6 +139,7 @@ def _function(row: FunctionBudget) -> Section:
     limit = "" if row.pfh.limit is None else f" of {row.pfh.limit:.0e} 1/h"
     fsoe = f", {row.pfh.fsoe:.2e} of it for FSoE" if row.pfh.fsoe else ""
     parts.append(words(f"PFH {row.pfh.total:.2e} 1/h{limit}{fsoe}: {row.pfh.verdict}"))
+    parts += [words(w) for claim in row.levels for w in (claim.verdict, claim.sum_words) if w]
     title = f"{f.name}: {f.trigger or '?'} -> {f.reaction or '?'}"
     return Section(key=f.name, title=title, parts=tuple(parts))
 
@@ -181,7 +185,19 @@ def _quantity(quantity: Quantity) -> str:
     if quantity.value is None:
         return "not stated"
     number = f"{quantity.value:g} {quantity.unit}"
+    if quantity.needs_reason:
+        return f"{number} (no reason)"
     return number if quantity.answered_for else f"{number} (unverified)"
+
+
+def _claim(row: ElementRow) -> str:
+    e = row.element
+    said = [
+        "not stated" if row.has_no_claim else row.claim,
+        f"category {e.category}" if e.category else "",
+        "" if e.mission_years is None else f"{e.mission_years:g} years",
+    ]
+    return ", ".join(w for w in said if w) or "needs none"
 
 
 # -- JSON -----------------------------------------------------------------------------------------
@@ -223,7 +239,40 @@ def _connection_json(c: ConnectionBudget) -> dict[str, Any]:
 
 
 def _quantity_json(q: Quantity) -> dict[str, Any]:
-    return {"value": q.value, "unit": q.unit, "source": q.source, "unverified": not q.answered_for}
+    return {
+        "value": q.value,
+        "unit": q.unit,
+        "source": q.source,
+        "unverified": not q.answered_for,
+        "needs_reason": q.needs_reason,
+    }
+
+
+def _element_json(row: ElementRow) -> dict[str, Any]:
+    e = row.element
+    return {
+        "kind": e.kind.value,
+        "sub": e.sub or None,
+        "name": e.name,
+        "time": _quantity_json(row.time),
+        "pfh": _quantity_json(row.pfh),
+        "claim": {"pl": e.pl or None, "sil": e.sil, "unverified": not row.claim_answered_for},
+        "category": e.category or None,
+        "mission_years": e.mission_years,
+    }
+
+
+def _level_json(claim: LevelClaim) -> dict[str, Any]:
+    return {
+        "required": claim.required or None,
+        "lowest": claim.lowest or None,
+        "weakest": list(claim.weakest),
+        "by_sum_alone": claim.by_sum or None,
+        "missing": list(claim.missing),
+        "unverified": list(claim.unverified),
+        "judgement": claim.judgement.value,
+        "verdict": claim.verdict,
+    }
 
 
 def _case_json(case: ResponseCase) -> dict[str, Any]:
@@ -255,16 +304,7 @@ def _function_json(row: FunctionBudget) -> dict[str, Any]:
         "reaction": f.reaction,
         "required_reaction_ms": f.required_reaction_ms,
         "required": {"pl": f.pl or None, "sil": f.sil},
-        "elements": [
-            {
-                "kind": e.element.kind.value,
-                "sub": e.element.sub or None,
-                "name": e.element.name,
-                "time": _quantity_json(e.time),
-                "pfh": _quantity_json(e.pfh),
-            }
-            for e in row.parts.rows
-        ],
+        "elements": [_element_json(e) for e in row.parts.rows],
         "connections": sorted({c.name for c in (*row.parts.to_input, *row.parts.to_output)}),
         "times": reaction,
         "missing": list(row.missing),
@@ -279,6 +319,7 @@ def _function_json(row: FunctionBudget) -> dict[str, Any]:
             "judgement": row.pfh.judgement.value,
             "verdict": row.pfh.verdict,
         },
+        "levels": [_level_json(claim) for claim in row.levels],
     }
 
 

@@ -32,8 +32,9 @@ from fsoe_net.report.section_copies import copies
 from fsoe_net.report.section_evidence import bus_evidence, tests
 from fsoe_net.report.section_identity import identity, role
 from fsoe_net.report.section_network import architecture, connections
+from fsoe_net.report.section_quantities import quantities
 from fsoe_net.report.section_record import change_log, fingerprint, open_points, sign_off
-from fsoe_net.report.section_timing import quantities, timing
+from fsoe_net.report.section_timing import timing
 
 __all__ = ["compose_report"]
 

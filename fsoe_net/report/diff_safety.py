@@ -61,6 +61,11 @@ def _element(function: str, name: str, a: SafetyElement, b: SafetyElement) -> It
         ("name", a.name, b.name),
         ("time_ms", a.time_ms, b.time_ms),
         ("pfh_per_hour", a.pfh_per_hour, b.pfh_per_hour),
+        ("zero_because", a.zero_because, b.zero_because),
+        ("claimed pl", a.pl or None, b.pl or None),
+        ("claimed sil", a.sil, b.sil),
+        ("category", a.category or None, b.category or None),
+        ("mission_years", a.mission_years, b.mission_years),
         ("source", a.source, b.source),
         ("manual", a.manual, b.manual),
     ):

@@ -1,8 +1,6 @@
-"""Blocks 6 and 7: watchdogs and reaction times by both methods, and sums of PFH."""
+"""Block 6: watchdogs, and reaction times by both methods."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
@@ -12,7 +10,6 @@ from fsoe_net.document.model import (
     Heading,
     Item,
     Level,
-    Number,
     Paragraph,
     Part,
     Picture,
@@ -33,17 +30,16 @@ from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
-from fsoe_net.timing.pfh import NOT_ASSESSED
 from fsoe_net.timing.reaction import FunctionBudget, Reaction
 from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
 
-__all__ = ["quantities", "timing"]
+__all__ = ["JUDGED", "quantity_cell", "timing"]
 
 _ETG = "ETG.5100 chapter 9.3 as printed by Lenze (i750)"
 _BECKHOFF = "Beckhoff, manuals of EL2904, EL6900, EK1914, EP1957"
 _HANDSHAKE = "derived: fsoe_net.timing.handshake, docs/explanation/timing.md"
 _FILE = "network file"
-_LEVELS = dict.fromkeys(Judgement, Level.OPEN) | {
+JUDGED = dict.fromkeys(Judgement, Level.OPEN) | {
     Judgement.WITHIN: Level.CLEAR,
     Judgement.ABOVE: Level.ERROR,
 }
@@ -235,7 +231,7 @@ def _reactions(budget: Budget) -> Table:
                 _late(r),
                 cell(_bound(r.disturbed if r else None, _HANDSHAKE)),
                 cell(stated(required, "ms", "risk assessment, as the network file states it")),
-                cell(Verdict(row.verdict, _LEVELS[row.judgement])),
+                cell(Verdict(row.verdict, JUDGED[row.judgement])),
             )
         )
     return Table(
@@ -278,11 +274,14 @@ def _story(row: FunctionBudget) -> Paragraph:
     return Paragraph((Text(f"{words}. Connections: {', '.join(used) or 'none'}."),))
 
 
-def _quantity(q: Quantity, text: str = "") -> Cell:
+def quantity_cell(q: Quantity, text: str = "") -> Cell:
+    """Return a value with its unit, and whether anybody answers for it."""
     if q.value is None:
         return cell(Verdict("not stated", Level.OPEN))
     number = stated(q.value, q.unit, q.source or "no source", text)
-    return (number,) if q.answered_for else (number, Verdict("unverified", Level.OPEN))
+    if q.answered_for:
+        return (number,)
+    return (number, Verdict("0 without a reason" if q.needs_reason else "unverified", Level.OPEN))
 
 
 def _elements(row: FunctionBudget) -> Table:
@@ -290,7 +289,7 @@ def _elements(row: FunctionBudget) -> Table:
         (
             cell(e.element.kind.value),
             cell(strong(e.element.name)),
-            _quantity(e.time, "" if e.time.value is None else f"{e.time.value:g}"),
+            quantity_cell(e.time, "" if e.time.value is None else f"{e.time.value:g}"),
             cell(e.time.source or muted("no source")),
         )
         for e in row.parts.rows
@@ -304,134 +303,4 @@ def _elements(row: FunctionBudget) -> Table:
             Column("Source"),
         ),
         rows=rows,
-    )
-
-
-# -- 7 quantities ---------------------------------------------------------------------------------
-
-
-def quantities(inputs: ReportInputs) -> ReportSection:
-    """PFH of every element with the sum, the claim limit, and the rate of safety PDUs."""
-    budget = inputs.budget
-    points: list[Point] = []
-    parts: list[Part] = []
-    for row in () if budget is None else budget.functions:
-        parts += [Heading(f"PFH of {row.function.name}"), _pfh(row), _level_words(row)]
-        points += [
-            Point(PointKind.OPEN, f"{row.function.name}: no PFH of {name}")
-            for name in row.pfh.missing
-        ]
-        if row.pfh.limit is None:
-            words = f"{row.function.name}: no level (PL or SIL) is required"
-            points.append(Point(PointKind.OPEN, words))
-    if parts:
-        words = f"sums of PFH (in older data sheets PFH_D) only: {NOT_ASSESSED}"
-        points.append(Point(PointKind.ASSUMPTION, words))
-        points.append(
-            Point(
-                PointKind.ASSUMPTION,
-                "1.00e-09 1/h is charged once per function for Safety over EtherCAT, as Beckhoff's "
-                "application guide for TwinSAFE does",
-            )
-        )
-    else:
-        parts.append(Paragraph((Text("No safety function is stated: there is no sum of PFH."),)))
-        points.append(Point(PointKind.OPEN, "no PFH is summed: no safety function is stated"))
-    if budget is not None and budget.connections:
-        parts += [Heading("Rate of safety PDUs"), _rates(budget.connections)]
-        points.append(
-            Point(
-                PointKind.ASSUMPTION,
-                "residual errors of FSoE are covered by its approval for the rate of safety PDUs "
-                "above; they are not worked out here",
-            )
-        )
-    return ReportSection(
-        key="quantities", title="Quantities", parts=tuple(parts), points=tuple(points)
-    )
-
-
-def _pfh(row: FunctionBudget) -> Table:
-    rows: list[tuple[Cell, ...]] = [
-        (
-            cell(e.element.kind.value),
-            cell(strong(e.element.name)),
-            _quantity(e.pfh, "" if e.pfh.value is None else f"{e.pfh.value:.2e}"),
-            cell(e.pfh.source or muted("no source")),
-        )
-        for e in row.parts.rows
-    ]
-    if row.pfh.fsoe:
-        source = "Beckhoff, Application Guide TwinSAFE"
-        rows.append(
-            (
-                cell("bus"),
-                cell("Safety over EtherCAT"),
-                cell(stated(row.pfh.fsoe, "1/h", source, f"{row.pfh.fsoe:.2e}")),
-                cell(source),
-            )
-        )
-    total = stated(row.pfh.total, "1/h", "sum of the rows above", f"{row.pfh.total:.2e}")
-    rows.append((cell(strong("sum")), cell(""), (total,), cell("sum of the rows above")))
-    return Table(
-        name=f"PFH of {row.function.name}",
-        columns=(
-            Column("Part"),
-            Column("Element"),
-            Column("PFH", number=True),
-            Column("Source"),
-        ),
-        rows=tuple(rows),
-    )
-
-
-def _level_words(row: FunctionBudget) -> Paragraph:
-    f = row.function
-    levels = [w for w in (f"PL {f.pl}" if f.pl else "", f"SIL {f.sil}" if f.sil else "") if w]
-    items: list[Item] = [Text(f"Required: {' and '.join(levels) or 'no level stated'}")]
-    if row.pfh.limit is not None:
-        items += [
-            Text(", PFH below "),
-            stated(
-                row.pfh.limit,
-                "1/h",
-                "ISO 13849-1 table 2, IEC 62061 table 3",
-                f"{row.pfh.limit:.0e}",
-            ),
-        ]
-    items += [
-        Text(". "),
-        Verdict(row.pfh.verdict, _LEVELS[row.pfh.judgement]),
-        Text(
-            ". The claim limit of the function is that of its weakest element; the manuals say it."
-        ),
-    ]
-    return Paragraph(tuple(items))
-
-
-def _rates(rows: Sequence[ConnectionBudget]) -> Table:
-    source = "two safety PDUs in four bus cycles"
-    return Table(
-        name="safety PDUs",
-        columns=(Column("Connection"), Column("Safety PDUs, both directions", number=True)),
-        rows=(
-            *(
-                (
-                    cell(strong(c.connection.name)),
-                    cell(stated(c.spdus_per_hour, "per hour", source)),
-                )
-                for c in rows
-            ),
-            (
-                cell(strong("logical connections")),
-                cell(
-                    Number(
-                        value=len(rows),
-                        text=str(len(rows)),
-                        unit="connections",
-                        source="network files",
-                    )
-                ),
-            ),
-        ),
     )

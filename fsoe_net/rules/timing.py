@@ -1,4 +1,4 @@
-"""FSN602 … FSN611: watchdogs and safety functions against the timing budget."""
+"""FSN602 … FSN614: watchdogs and safety functions against the timing budget."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.rules.context import nearest
 from fsoe_net.timing.budget import Budget
+from fsoe_net.timing.claims import most_of_category
+from fsoe_net.timing.elements import ElementRow
 from fsoe_net.timing.judgement import Judgement, exceeds
 from fsoe_net.timing.reaction import FunctionBudget
 from fsoe_net.timing.watchdogs import ConnectionBudget
@@ -94,6 +96,9 @@ def _function(out: FindingList, row: FunctionBudget, *, hopeless: bool) -> None:
     open_points = list(row.unstated)
     if row.pfh.limit is not None:
         open_points += [f"the PFH of {name} is not stated" for name in row.pfh.missing]
+        unclaimed = dict.fromkeys(name for claim in row.levels for name in claim.missing)
+        if unclaimed:
+            open_points.append(f"no PL or SIL claim of {', '.join(unclaimed)} is stated")
     if open_points and not row.parts.apart:
         out.add(
             "FSN606",
@@ -101,15 +106,7 @@ def _function(out: FindingList, row: FunctionBudget, *, hopeless: bool) -> None:
             f"{function.name} cannot be judged: {'; '.join(open_points)}",
             hint="state it with its source; nothing is taken as zero",
         )
-    names = list(dict.fromkeys((*row.parts.unverified, *row.pfh.unverified)))
-    if names:
-        out.add(
-            "FSN607",
-            function.span,
-            f"{function.name}: nobody answers for values of {', '.join(names)}",
-            hint="read the manual and add source: for own values, manual: with its revision for "
-            "those of the device library",
-        )
+    _sources(out, row)
     if not hopeless:
         _reaction(out, row)
     if row.pfh.judgement is Judgement.ABOVE:
@@ -120,6 +117,60 @@ def _function(out: FindingList, row: FunctionBudget, *, hopeless: bool) -> None:
             f"{row.pfh.limit:.3g}/h",
             hint="the elements with the largest PFH come first",
         )
+    _levels(out, row)
+
+
+def _sources(out: FindingList, row: FunctionBudget) -> None:
+    """Name what nobody answers for: values and claims without a source, 0 without a reason."""
+    name = row.function.name
+    unverified = [r.element.name for r in row.parts.rows if _is_unverified(r)]
+    if unverified:
+        out.add(
+            "FSN607",
+            row.function.span,
+            f"{name}: nobody answers for values of {', '.join(dict.fromkeys(unverified))}",
+            hint="read the manual and add source: for own values, manual: with its revision for "
+            "those of the device library",
+        )
+    for r in row.parts.rows:
+        element = r.element
+        for key, quantity in (("time_ms", r.time), ("pfh_per_hour", r.pfh)):
+            if quantity.needs_reason:
+                out.add(
+                    "FSN612",
+                    element.at(key),
+                    f"{name}: {key} 0 of {element.name} without a reason",
+                    hint="write zero_because: with the reason, or the figure of its manual",
+                )
+        most = most_of_category(element)
+        if most:
+            out.add(
+                "FSN614",
+                element.at("claim"),
+                f"{name}: {element.name} claims PL {element.pl} in category {element.category}, "
+                f"which reaches PL {most} at most",
+                hint="read claim and category in its manual again; the lower level is judged",
+            )
+
+
+def _is_unverified(row: ElementRow) -> bool:
+    """Whether a value lacks a source; 0 without a reason is another finding."""
+    known = [q for q in (row.time, row.pfh) if q.value is not None]
+    values = any(not q.answered_for and not q.needs_reason for q in known)
+    claims = bool(row.claim) and not row.claim_answered_for
+    return values or claims
+
+
+def _levels(out: FindingList, row: FunctionBudget) -> None:
+    for claim in row.levels:
+        if claim.judgement is Judgement.ABOVE:
+            out.add(
+                "FSN613",
+                row.function.at("required"),
+                f"{row.function.name}: {claim.verdict}",
+                hint="a function has at most the level of its weakest element: another element, or "
+                "another structure with its own claim",
+            )
 
 
 def _reaction(out: FindingList, row: FunctionBudget) -> None:

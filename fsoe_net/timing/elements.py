@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fsoe_net.model.acceptance import holds_a_place
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
+from fsoe_net.timing.sources import names_a_revision, names_a_source
 
 __all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
-
-_NO_SOURCE = r"assum\w*|estimat\w*|guess\w*|nosource"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,12 +24,14 @@ class Quantity:
         source: In words; empty when nobody says.
         answered_for: Whether somebody answers for it: the network file states it with a source, or
             names the manual that confirms the value of the library. It claims no more than that.
+        needs_reason: Whether it is 0 and nobody says why; then nobody answers for it either.
     """
 
     value: float | None
     unit: str
     source: str = ""
     answered_for: bool = False
+    needs_reason: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +41,24 @@ class ElementRow:
     element: SafetyElement
     time: Quantity
     pfh: Quantity
+
+    @property
+    def claim(self) -> str:
+        """PL and SIL that its source claims, in words; empty when it states none."""
+        e = self.element
+        words = (f"PL {e.pl}" if e.pl else "", "" if e.sil is None else f"SIL {e.sil}")
+        return ", ".join(w for w in words if w)
+
+    @property
+    def has_no_claim(self) -> bool:
+        """Whether a level is missing; what fails never, for a stated reason, needs none."""
+        is_never = self.pfh.value == 0 and not self.pfh.needs_reason
+        return not self.claim and not is_never
+
+    @property
+    def claim_answered_for(self) -> bool:
+        """Whether somebody answers for its level, category and mission time."""
+        return _is_sourced(self.element)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +142,7 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
     subs = {s.name: s for s in resolution.network.subdevices}
     rows = tuple(_row(e, subs, library) for e in function.elements)
     unstated = [
-        f"no {kind.value} is stated; write time_ms: 0 for what takes no time"
+        f"no {kind.value} is stated; write time_ms: 0 and zero_because: for what takes no time"
         for kind in ElementKind
         if all(e.kind is not kind for e in function.elements)
     ]
@@ -191,9 +209,11 @@ def _row(element: SafetyElement, subs: dict[str, SubDevice], library: Library) -
     )
 
 
-def _names_a_source(text: str) -> bool:
-    """Whether somebody answers for a figure; a word that holds a place for one is no answer."""
-    return not holds_a_place(text, _NO_SOURCE)
+def _is_sourced(element: SafetyElement) -> bool:
+    """Whether what an element states has a source; a manual speaks where no source is named."""
+    if element.source.strip():
+        return names_a_source(element.source)
+    return names_a_revision(element.manual)
 
 
 def _quantity(
@@ -204,12 +224,19 @@ def _quantity(
     figure: str,
 ) -> Quantity:
     if stated is not None:
-        words = [element.source, f"manual {element.manual}" if element.manual else ""]
+        is_zero, because = stated == 0, element.zero_because
+        needs_reason = is_zero and not names_a_source(because)
+        words = [
+            element.source,
+            f"manual {element.manual}" if element.manual else "",
+            f"0 because {because}" if is_zero and because else "",
+        ]
         return Quantity(
             value=stated,
             unit=unit,
             source=", ".join(w for w in words if w),
-            answered_for=_names_a_source(element.source) or _names_a_source(element.manual),
+            answered_for=_is_sourced(element) and not needs_reason,
+            needs_reason=needs_reason,
         )
     for known in () if device is None else device.figures:
         if known.name == figure and device is not None:
@@ -220,6 +247,6 @@ def _quantity(
                 value=known.value,
                 unit=unit,
                 source=source,
-                answered_for=_names_a_source(element.manual),
+                answered_for=names_a_revision(element.manual),
             )
     return Quantity(value=None, unit=unit)

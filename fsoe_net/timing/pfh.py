@@ -22,7 +22,7 @@ NOT_ASSESSED = "category, diagnostic coverage and common causes not assessed"
 
 # Upper bounds per hour: ISO 13849-1 table 2 and IEC 62061 table 3 for high demand.
 _PL = {"a": 1e-4, "b": 1e-5, "c": 3e-6, "d": 1e-6, "e": 1e-7}
-_SIL: dict[int | None, float] = {1: 1e-5, 2: 1e-6, 3: 1e-7}
+_SIL = {1: 1e-5, 2: 1e-6, 3: 1e-7}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +42,16 @@ class PfhSum:
     limit: float | None
     missing: tuple[str, ...]
     unverified: tuple[str, ...]
+
+    @property
+    def pl(self) -> str:
+        """Highest performance level whose limit the sum keeps; empty when it keeps none."""
+        return max((pl for pl, bound in _PL.items() if self.total < bound), default="")
+
+    @property
+    def sil(self) -> int:
+        """Highest safety integrity level whose limit the sum keeps; 0 when it keeps none."""
+        return max((sil for sil, bound in _SIL.items() if self.total < bound), default=0)
 
     @property
     def judgement(self) -> Judgement:
@@ -69,7 +79,7 @@ class PfhSum:
 
 def limit_of(function: SafetyFunction) -> float | None:
     """Return the upper bound of PFH of the required level; the stricter one of PL and SIL."""
-    found = (_PL.get(function.pl), _SIL.get(function.sil))
+    found = (_PL.get(function.pl), _SIL.get(function.sil or 0))
     bounds = [bound for bound in found if bound is not None]
     return min(bounds) if bounds else None
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 from fsoe_net.model.resolve import Connection
 from fsoe_net.model.safety import SafetyFunction
+from fsoe_net.timing.claims import LevelClaim, level_claims
 from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.formulas import (
     PartTimes,
@@ -125,6 +126,7 @@ class FunctionBudget:
         reaction: With the configured watchdogs; ``None`` while a time or a watchdog is missing.
         unstated: What has to be stated before there is a reaction time, in words.
         pfh: Sum of PFH.
+        levels: What its elements claim, in PL and in SIL as far as required.
     """
 
     function: SafetyFunction
@@ -133,6 +135,7 @@ class FunctionBudget:
     reaction: Reaction | None
     unstated: tuple[str, ...]
     pfh: PfhSum
+    levels: tuple[LevelClaim, ...]
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -204,13 +207,15 @@ def function_budget(
     reaction = None
     if times is not None and not unstated:
         reaction = _reaction(times, parts, drift)
+    pfh = sum_pfh(function, parts, crosses_bus=bool(used))
     return FunctionBudget(
         function=function,
         parts=parts,
         times=times,
         reaction=reaction,
         unstated=tuple(unstated),
-        pfh=sum_pfh(function, parts, crosses_bus=bool(used)),
+        pfh=pfh,
+        levels=level_claims(function, parts, pfh),
     )
 
 

@@ -21,7 +21,7 @@ def short(tmp_path: Path) -> Path:
     text = file.read_text("utf-8")
     text = re.sub(r"    transfers:.*?(?=    connections:)", "", text, flags=re.DOTALL)
     for slot, sub in enumerate(("el1904", "el2904", "drive_1", "drive_2")):
-        text = text.replace(f"sub: {sub},", f"sub: {sub}, slot: {slot},")
+        text = text.replace(f"6910, sub: {sub},", f"6910, sub: {sub}, slot: {slot},")
     file.write_text(text, "utf-8")
     return file
 

@@ -48,7 +48,16 @@ def test_every_number_of_the_text_is_in_the_document() -> None:
         "unit": "ms",
         "source": "sheet of the maker",
         "unverified": False,
+        "needs_reason": False,
     }
+    assert function["elements"][4]["claim"] == {"pl": "d", "sil": None, "unverified": False}
+    assert (function["elements"][4]["category"], function["elements"][4]["mission_years"]) == (
+        "3",
+        20,
+    )
+    (level,) = function["levels"]
+    assert (level["required"], level["lowest"], level["by_sum_alone"]) == ("PL d", "PL d", "PL e")
+    assert (level["weakest"], level["judgement"]) == (["ES1", "io", "logic", "io2", "K1"], "within")
     assert (function["judgement"], function["pfh"]["judgement"]) == ("within", "within")
     assert function["pfh"]["total"] == pytest.approx(2.439e-8)
 

@@ -38,7 +38,7 @@ GOLDEN = {
     "estop": "7ea038e0ba8386e10bfe0baf9340f93a9e2bde5ef0e015909f8acabb4b3f3c6d",
     "el6910": "636871bd9c1b3a104b699412c25e58e45d6727e35255f6da98a90f77471fc888",
 }
-GOLDEN_SAFETY = "ee123fda92a745739d7c12b6b0f653c3d9c9b797dd11e3dfdd91a1278420acaf"
+GOLDEN_SAFETY = "0e769848ca3a4056ee6de40a096ccaab13d021da7a67878e91fe60caaec46062"
 FUNCTIONS = """\
 safety_functions:
   - name: estop
@@ -303,6 +303,11 @@ def test_safety_functions_are_a_section_of_their_own(folder: Path) -> None:
         ("trigger: button", "trigger: key"),
         ("name: door", "name: gate"),
         ("source: manual", "source: guess"),
+        ("time_ms: 20", "time_ms: 20, zero_because: none"),
+        ("time_ms: 20", "time_ms: 20, claim: {pl: d}"),
+        ("time_ms: 20", "time_ms: 20, claim: {sil: 2}"),
+        ("time_ms: 20", "time_ms: 20, category: 3"),
+        ("time_ms: 20", "time_ms: 20, mission_years: 20"),
     ],
 )
 def test_what_is_said_of_a_function_changes_it(folder: Path, old: str, new: str) -> None:

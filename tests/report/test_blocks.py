@@ -29,7 +29,7 @@ SPARSE = (
     ("    required_reaction_ms: 300\n", ""),
     ("    required: {pl: d}\n", ""),
     (
-        "name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, source: sheet of the maker",
+        "name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, claim: {pl: d}, source: sheet of the maker",
         "name: ES1, time_ms: 5",
     ),
     ("position: 1,", "position: 1, alias: 7,"),
@@ -50,13 +50,15 @@ FSoE connections: logic-io is unconfirmed: asked by mail
 FSoE connections: logic-io2 is unconfirmed
 Timing: estop: values nobody answers for: ES1
 Timing: estop: no required reaction time is stated
-Timing: local stop: no sensor is stated; write time_ms: 0 for what takes no time
-Timing: local stop: no input is stated; write time_ms: 0 for what takes no time
-Timing: local stop: no output is stated; write time_ms: 0 for what takes no time
-Timing: local stop: no actuator is stated; write time_ms: 0 for what takes no time
+Timing: local stop: no sensor is stated; write time_ms: 0 and zero_because: for what takes no time
+Timing: local stop: no input is stated; write time_ms: 0 and zero_because: for what takes no time
+Timing: local stop: no output is stated; write time_ms: 0 and zero_because: for what takes no time
+Timing: local stop: no actuator is stated; write time_ms: 0 and zero_because: for what takes no time
 Timing: local stop: no required reaction time is stated
 Quantities: estop: no PFH of ES1
+Quantities: estop: no PL or SIL claim of ES1
 Quantities: estop: no level (PL or SIL) is required
+Quantities: local stop: no PL or SIL claim of relay
 Quantities: local stop: no level (PL or SIL) is required
 Bus evidence: no evidence of the machine: give --evidence scan.json or --interface IF
 Tests: no test protocol: nothing was tried at the machine
@@ -95,7 +97,8 @@ def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
     # A function without a connection has no share for the bus.
     assert [said(row[1]) for row in rows["PFH of local stop"]] == ["relay", ""]
     told = [said(p.items) for p in blocks["quantities"] if isinstance(p, Paragraph)]
-    assert told[-1].startswith("Required: no level stated .  ")
+    assert told[-2].startswith("Required: no level stated .  ")
+    assert told[-1].startswith("Weakest element:  no level is claimed .")
 
 
 def test_nothing_open_is_no_list():

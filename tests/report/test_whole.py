@@ -351,8 +351,8 @@ OTHERWISE = (
     ("name: safety\n", "name: other\n"),
     ("required_reaction_ms: 300", "required_reaction_ms: 301"),
     ("time_ms: 20,", "time_ms: 21,"),
-    ("{kind: output, sub: io2, time_ms: 3, pfh_per_hour: 1.25e-9, source: manual 3.0}",
-     "{kind: output, name: relay, time_ms: 3}"),
+    ("sub: io2, time_ms: 3, pfh_per_hour: 1.25e-9, claim: {pl: d}, source: manual 3.0}",
+     "name: relay, time_ms: 3}"),
 )  # fmt: skip
 
 

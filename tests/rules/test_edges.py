@@ -95,8 +95,16 @@ EDGES: dict[str, tuple[dict, list[str]]] = {
         {
             "check": ["timed.yaml"],
             "edit": [
-                ["timed.yaml", "1.11e-9, source: manual 3.0}", "1.11e-9}"],
-                ["timed.yaml", "1.25e-9, source: manual 3.0}", "1.25e-9}"],
+                [
+                    "timed.yaml",
+                    "1.11e-9, claim: {pl: d}, source: manual 3.0",
+                    "1.11e-9, claim: {pl: d}",
+                ],
+                [
+                    "timed.yaml",
+                    "1.25e-9, claim: {pl: d}, source: manual 3.0",
+                    "1.25e-9, claim: {pl: d}",
+                ],
             ],
         },
         ["FSN607"],

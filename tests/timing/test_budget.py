@@ -36,11 +36,16 @@ safety_functions:
     required_reaction_ms: 300
     required: {pl: d}
     elements:
-      - {kind: sensor, name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, source: sheet}
-      - {kind: input, sub: el1904, time_ms: 4, pfh_per_hour: 1.11e-9, source: manual}
-      - {kind: logic, sub: el6910, time_ms: 2, pfh_per_hour: 1.03e-9, source: manual}
-      - {kind: output, sub: el2904, time_ms: 3, pfh_per_hour: 1.25e-9, source: manual}
-      - {kind: actuator, name: K1, time_ms: 20, pfh_per_hour: 0, source: sheet}
+      - {kind: sensor, name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, source: sheet,
+         claim: {pl: d}}
+      - {kind: input, sub: el1904, time_ms: 4, pfh_per_hour: 1.11e-9, source: manual,
+         claim: {pl: d}}
+      - {kind: logic, sub: el6910, time_ms: 2, pfh_per_hour: 1.03e-9, source: manual,
+         claim: {pl: d}}
+      - {kind: output, sub: el2904, time_ms: 3, pfh_per_hour: 1.25e-9, source: manual,
+         claim: {pl: d}}
+      - {kind: actuator, name: K1, time_ms: 20, pfh_per_hour: 0, source: sheet,
+         zero_because: part of el2904}
 """
 
 

@@ -6,14 +6,16 @@ import math
 
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import own_int, read_float
-from fsoe_net.formats.shared.yaml_tree import MapNode
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node
 from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 
 __all__ = ["safety_functions_from_yaml"]
 
 _KINDS = {kind.value: kind for kind in ElementKind}
 _LEVELS = ("a", "b", "c", "d", "e")
+_CATEGORIES = ("B", "1", "2", "3", "4")
 _MOST_MS = 3_600_000.0
+_MOST_YEARS = 100.0
 _MOST_SIL = 3
 
 
@@ -33,8 +35,7 @@ def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
     elements = tuple(
         e for e in (_element(item, out) for item in node.maps("elements")) if e is not None
     )
-    required = node.get("required")
-    level, sil = _required(required, out) if isinstance(required, MapNode) else ("", None)
+    level, sil = _level(node.get("required"), out)
     reaction_ms = _positive(node, "required_reaction_ms", _MOST_MS, "ms", out)
     if name is None:
         return None
@@ -51,7 +52,10 @@ def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
     )
 
 
-def _required(node: MapNode, out: Collector) -> tuple[str, int | None]:
+def _level(node: Node | None, out: Collector) -> tuple[str, int | None]:
+    """Return PL and SIL of a level that is required or claimed; empty and ``None`` without."""
+    if not isinstance(node, MapNode):
+        return "", None
     level = (node.text("pl") or "").lower()
     if level and level not in _LEVELS:
         out.add(
@@ -69,6 +73,8 @@ def _element(node: MapNode, out: Collector) -> SafetyElement | None:
     kind = _KINDS.get(node.text("kind") or "")
     time_ms = _positive(node, "time_ms", _MOST_MS, "ms", out)
     pfh = _positive(node, "pfh_per_hour", 1.0, "per hour", out)
+    level, sil = _level(node.get("claim"), out)
+    years = _positive(node, "mission_years", _MOST_YEARS, "years", out)
     sub = node.text("sub") or ""
     if kind is None:
         return None  # the schema has said so
@@ -80,9 +86,27 @@ def _element(node: MapNode, out: Collector) -> SafetyElement | None:
         name=node.text("name") or sub or kind.value,
         time_ms=time_ms,
         pfh_per_hour=pfh,
+        zero_because=node.text("zero_because") or "",
+        pl=level,
+        sil=sil,
+        category=_category(node, out),
+        mission_years=years or None,
         source=node.text("source") or "",
         manual=node.text("manual") or "",
     )
+
+
+def _category(node: MapNode, out: Collector) -> str:
+    text = (node.text("category") or "").upper()
+    if text in ("", *_CATEGORIES):
+        return text
+    out.add(
+        "FSN113",
+        node.at("category"),
+        f"category {text!r} is not one of B, 1 … 4",
+        hint="write it as its manual states it: category: 3",
+    )
+    return ""
 
 
 def _positive(node: MapNode, key: str, most: float, unit: str, out: Collector) -> float | None:

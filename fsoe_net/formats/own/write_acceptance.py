@@ -72,17 +72,20 @@ def _person(person: SignedBy) -> dict[str, Any]:
 
 
 def _function(f: SafetyFunction) -> dict[str, Any]:
-    required = {"pl": f.pl or None, "sil": f.sil}
     return _stated(
         {
             "name": f.name,
             "trigger": f.trigger or None,
             "reaction": f.reaction or None,
             "required_reaction_ms": f.required_reaction_ms,
-            "required": _stated(required) or None,
+            "required": _level(f.pl, f.sil),
             "elements": [_element(e) for e in f.elements],
         }
     )
+
+
+def _level(pl: str, sil: int | None) -> dict[str, Any] | None:
+    return _stated({"pl": pl or None, "sil": sil}) or None
 
 
 def _element(e: SafetyElement) -> dict[str, Any]:
@@ -93,6 +96,10 @@ def _element(e: SafetyElement) -> dict[str, Any]:
             "name": e.name,
             "time_ms": e.time_ms,
             "pfh_per_hour": e.pfh_per_hour,
+            "zero_because": e.zero_because or None,
+            "claim": _level(e.pl, e.sil),
+            "category": e.category or None,
+            "mission_years": e.mission_years,
             "source": e.source or None,
             "manual": e.manual or None,
         }
