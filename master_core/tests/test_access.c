@@ -95,6 +95,8 @@ static void one_byte_is_enough(void) {
     CHECK(fsn_emulated_read_outputs(rig.bus, 0, &byte, 1, NULL) == FSN_OK && byte == 0);
     CHECK(fsn_emulated_write_inputs(rig.bus, 3, &byte, 0) == FSN_E_ARG);
     CHECK(fsn_emulated_write_inputs(rig.bus, 4, &byte, 1) == FSN_E_ARG);
+    CHECK(fsn_emulated_write_inputs(rig.bus, UINT32_MAX, &byte, 1) == FSN_E_ARG);
+    CHECK(strcmp(fsn_emulated_ops()->name, "emulated") == 0);
     emulated_rig_end(&rig);
 }
 
@@ -110,6 +112,11 @@ static void percentiles_begin_with_the_first(void) {
     CHECK(fsn_histogram_percentile(&h, 1000000) == second);
     h.max_ns = second - 1;
     CHECK(fsn_histogram_percentile(&h, 1000000) == second - 1);
+    /* The last two: one has an end, the other has none. */
+    struct fsn_histogram late = {.count = 2, .min_ns = 1, .max_ns = UINT64_MAX};
+    late.bucket[FSN_BUCKETS - 2] = late.bucket[FSN_BUCKETS - 1] = 1;
+    CHECK(fsn_histogram_percentile(&late, 500000) == fsn_histogram_floor(FSN_BUCKETS - 1) - 1);
+    CHECK(fsn_histogram_percentile(&late, 1000000) == UINT64_MAX);
 }
 
 static void age_and_news_are_reported(void) {

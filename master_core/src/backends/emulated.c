@@ -17,7 +17,7 @@ struct mailbox {
     _Atomic uint8_t middle;
 };
 
-enum { FRESH = 4, NUMBER = 3 };
+enum { FRESH = 4, NUMBER = 3 }; /* mutants: only two threads at once see two buffers in one */
 
 struct fsn_emulated {
     /** Caller and core: the last one to let go frees it, so that they may go in any order. */
@@ -69,6 +69,7 @@ static size_t read_plan(struct fsn_emulated *bus) {
 }
 
 static bool allocate(struct fsn_emulated *bus) {
+    /* mutants: one more, so that nothing is not a request for 0 bytes */
     const size_t sms = (size_t)bus->box_count + 1;
     const size_t subs = (size_t)bus->subdevice_count + 1;
     bus->boxes = calloc(sms, sizeof *bus->boxes);
@@ -79,7 +80,7 @@ static bool allocate(struct fsn_emulated *bus) {
         return false;
     }
     const size_t total = read_plan(bus);
-    bus->storage = fsn_calloc_prefaulted(3 * total + 1, 1);
+    bus->storage = fsn_calloc_prefaulted(3 * total + 1, 1); /* mutants: as above */
     bus->image = fsn_calloc_prefaulted(total + 1, 1);
     return bus->storage != NULL && bus->image != NULL;
 }

@@ -29,7 +29,7 @@ fsn_status fsn_core_snapshot(struct fsn_core *core, struct fsn_statistics *stati
     if (core == NULL) {
         return FSN_E_ARG;
     }
-    for (int i = 0; i < ATTEMPTS; i++) {
+    for (int i = 0; i < ATTEMPTS; i++) { /* mutants: one attempt more or less */
         if (try_snapshot(&core->rt, statistics, connections, image)) {
             return FSN_OK;
         }
@@ -74,6 +74,7 @@ bool fsn_core_event(struct fsn_core *core, struct fsn_event *event) {
 }
 
 uint64_t fsn_histogram_floor(uint32_t bucket) {
+    /* mutants: of 4 both say 4 */
     return bucket < 4 ? bucket : (uint64_t)(4 + bucket % 4) << (bucket / 4 - 1);
 }
 
@@ -152,9 +153,7 @@ fsn_status fsn_core_set_outputs(struct fsn_core *core, size_t count, const uint3
     for (size_t i = 0; i < count; i++) {
         want(core, symbols[i], values[i]);
     }
-    if (count > 0) {
-        hand_over(core);
-    }
+    hand_over(core);
     return FSN_OK;
 }
 

@@ -63,6 +63,7 @@ fsn_status fsn_core_download(struct fsn_core *core, uint32_t subdevice,
 /** How much of the SII is needed by what was read of it: up to the end of its categories. `at` is
  * the first category not yet passed; it goes on from there. */
 static uint32_t needed(const uint8_t *sii, uint32_t have, uint32_t room, uint32_t *at) {
+    /* mutants: both are even */
     while (*at + 4 <= have && fsn_get16(sii + *at) != SII_END) {
         *at += 4 + 2u * fsn_get16(sii + *at + 2);
     }
@@ -129,7 +130,7 @@ fsn_status fsn_core_alias_write(struct fsn_core *core, uint32_t subdevice, uint1
     if (status == FSN_OK) {
         status = acyclic->sii_write(bus, position, SII_CHECKSUM, fsn_get16(head + SII_CHECKSUM));
     }
-    uint8_t back[16] = {0};
+    uint8_t back[16] = {0}; /* mutants: read before it is compared */
     if (status == FSN_OK) {
         status = acyclic->sii_read(bus, position, 0, back, sizeof back);
     }

@@ -35,11 +35,12 @@ fsn_status fsn_core_fit_recorder(struct fsn_core *core, uint64_t cycle_ns) {
     if (slots == 0) {
         return FSN_OK;
     }
-    /* No calloc: its pages would be touched for the first time in a cycle. */
+    /* mutants: more room or another alignment costs, and is not wrong */
     r->words = aligned_alloc(64, (size_t)((slots * slot_bytes + 63) / 64 * 64));
     if (r->words == NULL) {
         return FSN_E_NOMEM;
     }
+    /* mutants: no calloc; its pages would be touched for the first time in a cycle */
     memset((void *)r->words, 0, (size_t)(slots * slot_bytes));
     r->slots = slots;
     r->slot_words = slot_words(&core->rt);
@@ -58,7 +59,6 @@ fsn_status fsn_core_keep(struct fsn_core *core, uint64_t time_ns, size_t most_by
     const fsn_status status = fsn_core_fit_recorder(core, core->plan->cycle_ns);
     if (status != FSN_OK) {
         core->keep_ns = 0;
-        core->keep_bytes = 0;
     }
     return status;
 }
