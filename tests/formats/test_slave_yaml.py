@@ -8,9 +8,11 @@ import pytest
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.own.network import load_network
+from fsoe_net.formats.own.slave_yaml import device_from_yaml
 from fsoe_net.formats.own.type_words import type_bits
 from fsoe_net.formats.own.write_slave_yaml import type_word, write_slave_yaml
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.yaml_tree import parse_yaml
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
@@ -63,3 +65,32 @@ def test_a_device_with_every_type_is_read_back(tmp_path: Path):
     assert [(e.subindex, e.bits) for e in read.tpdos[0].entries] == [
         (e.subindex, e.bits) for e in rows
     ]
+
+
+MASKED = """\
+vendor_id: 2
+product_id: 3
+rpdo:
+  - index: 0x1600
+    channels:
+      - {{index: 0x7000, sub_index: 1, type: uint8{first}}}
+      - {{index: 0x7000, sub_index: 1, type: uint8{second}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "stated"),
+    [
+        ("", "", ""),
+        (", mask: 1", "", '{"mask":{"0x7000:01":[1,null]}}'),
+        ("", ", mask: 1", '{"mask":{"0x7000:01":[null,1]}}'),
+        (", mask: 1", ", mask: 2", '{"mask":{"0x7000:01":[1,2]}}'),
+    ],
+)
+def test_each_mask_of_an_entry_that_is_mapped_twice_is_kept(first: str, second: str, stated: str):
+    out = Collector()
+    root = parse_yaml(MASKED.format(first=first, second=second).encode(), "x.yaml", out)
+    assert root is not None
+    device = device_from_yaml(root, "x.yaml", out)
+    assert device is not None
+    assert device.driver == stated

@@ -92,9 +92,12 @@ def _driver(root: MapNode, pdos: tuple[Pdo, ...]) -> str:
     for key in _DRIVER_LISTS:
         if (found := _plain(root.get(key))) is not None:
             rows[key] = found
-    masks = {e.address: e.mask for pdo in pdos for e in pdo.entries if e.mask is not None}
-    if masks:
-        rows["mask"] = masks
+    masks: dict[str, list[int | None]] = {}
+    for entry in (e for pdo in pdos for e in pdo.entries):
+        masks.setdefault(entry.address, []).append(entry.mask)
+    stated = {address: m for address, m in masks.items() if m.count(None) < len(m)}
+    if stated:  # an entry may be mapped twice
+        rows["mask"] = {address: m[0] if len(m) == 1 else m for address, m in stated.items()}
     return json.dumps(rows, sort_keys=True, separators=(",", ":")) if rows else ""
 
 
