@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Document, Level, Part, Verdict, words
 from fsoe_net.model.acceptance import Acceptance
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.project.known import AcceptedRecord
@@ -38,11 +39,12 @@ A record is evidence. It is no certificate. A signature says who agreed, not tha
 
 def print_refusals(refusals: tuple[Refusal, ...]) -> None:
     """Print why there is no record."""
+    parts: list[Part] = []
     for refusal in refusals:
-        echo("refused: ", fg="red", bold=True, nl=False, err=True)
-        echo(refusal.what, err=True)
-        echo(f"  next: {refusal.fix}", err=True)
-    echo(f"no record written: {counted(len(refusals), 'reason')}", err=True)
+        parts.append(words(Verdict("refused: ", Level.ERROR), refusal.what))
+        parts.append(words(f"  next: {refusal.fix}"))
+    parts.append(words(f"no record written: {counted(len(refusals), 'reason')}"))
+    show(Document(lead=tuple(parts)), err=True)
 
 
 def print_record(output: str, record: Acceptance, before: AcceptedRecord | None) -> None:

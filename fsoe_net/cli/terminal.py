@@ -17,22 +17,15 @@ if TYPE_CHECKING:
 __all__ = ["echo", "show", "terminal"]
 
 
-def echo(
-    text: str = "", *, err: bool = False, nl: bool = True, fg: str | None = None, bold: bool = False
-) -> None:
+def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     """Print a text; whatever it holds, nothing in it acts on the terminal.
 
     Args:
         text: Lines of any origin; names in them come from files, devices and the network.
         err: Print to standard error.
         nl: End with a line break.
-        fg: Colour on a terminal, as `click.style` names them.
-        bold: Bold on a terminal.
     """
-    shown = printable(text, keep="\n\t")
-    click.echo(
-        click.style(shown, fg=fg, bold=bold or None) if fg or bold else shown, err=err, nl=nl
-    )
+    click.echo(printable(text, keep="\n\t"), err=err, nl=nl)
 
 
 def show(document: Document, *, width: int | None = None, err: bool = False) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
-from fsoe_net.cli.terminal import echo
-from fsoe_net.diag.printable import printable
+from fsoe_net.cli.terminal import echo, show
+from fsoe_net.document.model import Document, Level, Part, Verdict, words
 from fsoe_net.project.known import Known
 from fsoe_net.project.signatures import SignedRecord
 from fsoe_net.project.verify import Comparison
@@ -15,29 +15,31 @@ from fsoe_net.project.verify import Comparison
 __all__ = ["print_json", "print_text"]
 
 
-def _print_signed(signed: SignedRecord) -> None:
+def _signed(signed: SignedRecord) -> Iterator[Part]:
     for row in signed.signatures:
-        echo(printable(f"{row.role} {row.name}, {row.date}: signed, {row.key}"))
+        yield words(f"{row.role} {row.name}, {row.date}: signed, {row.key}")
     for refusal in signed.refusals:
-        echo("NOT as signed: ", fg="red", nl=False)
-        echo(printable(refusal.what))
-        echo(printable(f"  next: {refusal.fix}"))
+        yield words(Verdict("NOT as signed: ", Level.ERROR), refusal.what)
+        yield words(f"  next: {refusal.fix}")
+
+
+def _compared(row: Comparison) -> Iterator[Part]:
+    verdict = Verdict("the same", Level.CLEAR)
+    if not row.same:
+        verdict = Verdict(f"DIFFERS in {', '.join(row.sections)}", Level.ERROR)
+    note = f" ({row.note})" if row.note else ""
+    yield words(f"{row.known.fingerprint.short}  {row.known.path}{note}: ", verdict)
+    for line in row.lines:
+        yield words(f"  {line}")
 
 
 def print_text(wanted: Known, rows: Sequence[Comparison], signed: SignedRecord | None) -> None:
     """Print each comparison, and the signatures before."""
-    if signed is not None:
-        _print_signed(signed)
-    echo(f"{wanted.fingerprint.short}  accepted: {wanted.path}")
+    parts = [] if signed is None else list(_signed(signed))
+    parts.append(words(f"{wanted.fingerprint.short}  accepted: {wanted.path}"))
     for row in rows:
-        verdict = "the same" if row.same else f"DIFFERS in {', '.join(row.sections)}"
-        note = f" ({row.note})" if row.note else ""
-        colour = "green" if row.same else "red"
-        text = f"{row.known.fingerprint.short}  {row.known.path}{note}: "
-        echo(text, nl=False)
-        echo(verdict, fg=colour)
-        for line in row.lines:
-            echo(f"  {line}")
+        parts += _compared(row)
+    show(Document(lead=tuple(parts)))
 
 
 def print_json(wanted: Known, rows: Sequence[Comparison], signed: SignedRecord | None) -> None:

@@ -146,7 +146,9 @@ def _wrapped(
     from rich.text import Text
 
     text = _text(items, between="")
-    for n, line in enumerate(text.wrap(console, max(width - len(first), 1)) or [text]):
+    room = max(width - len(first), 1)
+    fits = "\n" not in text.plain and text.cell_len <= room
+    for n, line in enumerate([text] if fits else text.wrap(console, room) or [text]):
         yield Text(first if n == 0 else " " * len(first)) + line
 
 
