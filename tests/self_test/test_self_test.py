@@ -175,6 +175,7 @@ BROKEN = {
     "handshake": ("timing formulas", "timing/handshake.py", "2 * max(", "1 * max("),
     "PFH of FSoE": ("safety function", "timing/pfh.py", "FSOE_PFH = 1.0e-9", "FSOE_PFH = 0"),
     "limit of a PL": ("safety function", "timing/pfh.py", '"d": 1e-6', '"d": 1e-5'),
+    "weakest element": ("safety function", "timing/claims.py", "lowest = min(", "lowest = max("),
     "polynomial": ("CRCs of FSoE", "fsoe/crc.py", "0x139B7", "0x139B5"),
     "table of CRCs": ("CRCs of FSoE", "fsoe/crc.py", "_HEAD_TWO.pack", "_HEAD_ONE.pack"),
     "SRA polynomial": ("CRCs of FSoE", "fsoe/crc.py", "0x1814141AB", "0x1814141AF"),

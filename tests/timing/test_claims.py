@@ -28,6 +28,7 @@ def judged(
     return budget.functions[0].levels, check_timing(resolution.network, budget)
 
 
+@pytest.mark.shows("R28")
 @pytest.mark.parametrize(
     ("required", "claim", "lowest", "judgement"),
     [
@@ -76,6 +77,7 @@ def test_both_levels_are_judged_where_both_are_required(resolution_of: Maker) ->
     assert [d.code for d in found if d.code == "FSN613"] == ["FSN613"]
 
 
+@pytest.mark.shows("R28")
 def test_the_sum_alone_would_claim_more(resolution_of: Maker) -> None:
     # 1.44e-8 keeps the limit of PL e, 1e-7; each part claims PL d.
     (level,), _ = judged(resolution_of)
@@ -89,6 +91,7 @@ def test_the_sum_alone_would_claim_more(resolution_of: Maker) -> None:
     assert level.by_sum == ""
 
 
+@pytest.mark.shows("R28")
 def test_a_missing_claim_is_named_and_a_low_one_counts_all_the_same(resolution_of: Maker) -> None:
     (level,), found = judged(resolution_of, (INPUT, "source: manual"))
     assert (level.judgement, level.missing) == (Judgement.MISSING, ("el1904",))
@@ -120,6 +123,7 @@ def test_a_claim_needs_a_source(resolution_of: Maker) -> None:
     assert [d.code for d in found if d.code == "FSN607"] == ["FSN607"]
 
 
+@pytest.mark.shows("R28")
 @pytest.mark.parametrize(
     ("reason", "is_open"),
     [("", True), (", zero_because: tbd", True), (", zero_because: 0", True),

@@ -25,11 +25,13 @@ NAMED = (
 )  # fmt: skip
 
 
+@pytest.mark.shows("R28")
 @pytest.mark.parametrize("text", OPEN)
 def test_what_holds_a_place_names_no_source(text: str) -> None:
     assert not names_a_source(text)
 
 
+@pytest.mark.shows("R28")
 @pytest.mark.parametrize("text", NAMED)
 def test_what_can_be_looked_up_is_a_source(text: str) -> None:
     assert names_a_source(text)

@@ -81,3 +81,5 @@ def safety_functions() -> Iterator[TriedValue]:
     pfh = function.pfh
     yield TriedValue("PFH per hour", known["pfh_per_hour"], f"{pfh.total:.3e}")
     yield TriedValue("limit of PFH per hour", known["pfh_limit"], pfh.limit)
+    claims = [[c.lowest, *c.weakest, c.by_sum, c.judgement.value] for c in function.levels]
+    yield TriedValue("lowest claim, of whom, PL of the sum, judged", known["claims"], claims)
