@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from fsoe_net.fsoe.chain import fits_start
 from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
+from fsoe_net.fsoe.parameters import NOT_OBSERVED
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_length
 from fsoe_net.observe.bus_documents import LayoutCopy, PlannedConnection
 
@@ -23,6 +24,7 @@ __all__ = [
 _LEGAL = frozenset(int(c) for c in Command)
 _DATA = (OutsideState.DATA_PROCESS, OutsideState.DATA_FAILSAFE)
 _DATA_COMMANDS = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
+_START_COMMANDS = (Command.CONNECTION, Command.PARAMETER)
 _BEGINS = (Command.RESET, Command.SESSION)
 _KEEP = 60
 _MOST_RESETS = 1_000
@@ -162,7 +164,6 @@ class LinkWatch:
         self._taken = taken
         out = safe_data_length(places.to_sub.size_bytes)
         back = safe_data_length(places.to_main.size_bytes)
-        self._chunk = min(out, back)
         self._monitor = Monitor(out, back)
         self._begun = [0, 0]
         self.sides = (WireSide(), WireSide())
@@ -172,7 +173,7 @@ class LinkWatch:
         self._before: deque[FrameSeen] = deque(maxlen=_KEEP)
         self._after: list[FrameSeen] = []
         self._states: set[OutsideState] = set()
-        self._sent: dict[int, bytearray] = {}
+        self._sent = NOT_OBSERVED
         self._searched = [0, 0]
         self._found: tuple[Counter[tuple[int, int]], Counter[tuple[int, int]]] = (
             Counter(),
@@ -244,8 +245,8 @@ class LinkWatch:
             side.waits_most_ns = max(side.waits_most_ns, wait)
         if pdu.command == Command.RESET and old[0] != Command.RESET:
             self._reset(direction, pdu.safe_data[0], before, cycle, now_ns)
-        if direction == 0:
-            self._listen(pdu.command, pdu.safe_data, new=old[0] != pdu.command)
+        if direction == 0 and pdu.command in _START_COMMANDS:
+            self._sent = self._monitor.parameters  # kept: the next session forgets them
         if not legal or verdict is CrcVerdict.WRONG:
             self._search(direction, image)
         side.last_ns = now_ns
@@ -306,15 +307,6 @@ class LinkWatch:
             )
         )
 
-    def _listen(self, command: int, safe_data: bytes, *, new: bool) -> None:
-        """Put the parameters of the main together; they come in chunks."""
-        if command in (Command.CONNECTION, Command.PARAMETER):
-            if new:
-                self._sent[command] = bytearray()
-            sent = self._sent.setdefault(command, bytearray())
-            if len(sent) < 8:
-                sent += safe_data[: self._chunk]
-
     def _search(self, direction: int, image: bytes) -> None:
         """Look for whole frames beside the planned place."""
         if self._searched[direction] >= _SEARCHES:
@@ -336,8 +328,6 @@ class LinkWatch:
 
     def facts(self) -> LinkFacts:
         """Return what was found."""
-        connection = self._sent.get(Command.CONNECTION, bytearray())
-        parameter = self._sent.get(Command.PARAMETER, bytearray())
         state = self._monitor.state
         return LinkFacts(
             name=self._places.name,
@@ -347,9 +337,9 @@ class LinkWatch:
             state=state,
             state_at_moment=self._at_moment or state,
             states=frozenset(self._states),
-            sent_address=_word(connection, 2),
-            sent_watchdog_ms=_word(parameter, 2),
-            sent_app_bytes=_word(parameter, 4),
+            sent_address=self._sent.address,
+            sent_watchdog_ms=self._sent.watchdog_ms,
+            sent_app_bytes=self._sent.app_bytes,
             shifts=(_shift(self._found[0]), _shift(self._found[1])),
             begun=(self._begun[0], self._begun[1]),
             time_in_failsafe_ns=(self._failsafe_ns[0], self._failsafe_ns[1]),
@@ -405,7 +395,3 @@ def _shift(found: Counter[tuple[int, int]]) -> Shift | None:
         return None
     (offset, size), times = found.most_common(1)[0]
     return Shift(offset_bytes=offset, size_bytes=size, times=times)
-
-
-def _word(data: bytearray, at: int) -> int | None:
-    return int.from_bytes(data[at : at + 2], "little") if len(data) >= at + 2 else None
