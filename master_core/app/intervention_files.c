@@ -275,7 +275,7 @@ static int append_torn(struct intervention_files *files, const struct tail *tail
 /* -- the end of the chain ------------------------------------------------------------------- */
 
 static int begin_file(struct intervention_files *files, uint32_t file, uint32_t before) {
-    struct stat found;
+    struct stat found = {.st_size = 0};
     const bool stopped = files->number == 0 || files->stopped;
     const int error =
         open_file(files, file, O_RDWR | O_APPEND | O_CREAT | O_EXCL, &files->fd, &found);
@@ -297,7 +297,7 @@ static int begin_file(struct intervention_files *files, uint32_t file, uint32_t 
 static int find_before(struct intervention_files *files, uint32_t file, uint32_t *before) {
     for (*before = file - 1; *before > 0; (*before)--) {
         struct tail tail = {.number = 0};
-        struct stat found;
+        struct stat found = {.st_size = 0};
         int fd;
         int error = open_file(files, *before, O_RDONLY, &fd, &found);
         if (error == ENOENT) {
@@ -355,7 +355,7 @@ static int find_end(struct intervention_files *files) {
     uint32_t last;
     uint32_t before = 0;
     struct tail tail = {.number = 0};
-    struct stat found;
+    struct stat found = {.st_size = 0};
     int error = last_file(files, &last);
     if (error != 0 || last == 0 || (files->known && last < files->file)) {
         /* The first one, or the one that was written is no longer there. */
@@ -381,7 +381,7 @@ static int find_end(struct intervention_files *files) {
 
 /** Whether the file that is written still has its name in the folder. */
 static bool is_there(const struct intervention_files *files) {
-    struct stat found;
+    struct stat found = {.st_size = 0};
     char name[INTERVENTION_NAME_BYTES];
     intervention_file_name(files->file, name);
     return fstatat(files->folder, name, &found, AT_SYMLINK_NOFOLLOW) == 0 &&
