@@ -35,6 +35,7 @@ _GROUPS = {
     "Operate it": {
         "doctor": "Check this machine for real-time EtherCAT.",
         "scan": "Read what is on a live bus; write files to start from.",
+        "log": "Show, verify and export the log of interventions of fsn-master.",
         "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
         "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
         "incident": "Say why a connection dropped: one page from an incident file.",

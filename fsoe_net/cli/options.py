@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket as sockets
 from collections.abc import Callable
+from datetime import UTC, datetime
 from typing import Any, TypeVar
 
 import click
@@ -25,6 +26,8 @@ __all__ = [
     "output_option",
     "overwrite_option",
     "read_by",
+    "read_moment",
+    "read_sha256",
     "scenario_option",
 ]
 
@@ -175,6 +178,26 @@ def read_by(read: Callable[[Any], object]) -> Callable[..., object]:
             raise click.BadParameter(str(exc)) from exc
 
     return callback
+
+
+def read_sha256(text: str | None) -> str:
+    """Return a SHA-256 in small digits, empty for none; `ValueError` for what is not one."""
+    if text is None:
+        return ""
+    if len(text) != 64 or set(text.lower()) - set("0123456789abcdef"):
+        raise ValueError("a SHA-256 has 64 hexadecimal digits")
+    return text.lower()
+
+
+def read_moment(text: str | None) -> datetime | None:
+    """Return a day or time, UTC where it names no zone; `ValueError` for what is not one."""
+    if text is None:
+        return None
+    try:
+        found = datetime.fromisoformat(text)
+    except ValueError as exc:
+        raise ValueError(f"{text!r} is not a time; write 2026-11-23 or 2026-11-23T08:00") from exc
+    return found if found.tzinfo is not None else found.replace(tzinfo=UTC)
 
 
 def format_option(function: _F) -> _F:

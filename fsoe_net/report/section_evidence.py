@@ -303,6 +303,9 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     ):
         items += [stated(value, unit, source), Text(", ")]
     items += [Text("plan "), code(s.plan_sha256), Text(" "), _same_plan(s.plan_sha256, inputs)]
+    if s.interventions is not None:
+        entry = Text(f"; intervention log up to entry {s.interventions.entry}, SHA-256 ")
+        items += [entry, code(s.interventions.sha256 or "none")]
     names = (*live.names, *("?",) * len(live.snapshot.cycle.connections))
     rows = tuple(
         (

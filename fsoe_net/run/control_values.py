@@ -50,12 +50,25 @@ class BusState(enum.StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LogStatus:
+    """The intervention log: its last ``entry`` with the SHA-256 of the line.
+
+    ``fault`` says why it is not written; empty when it is.
+    """
+
+    entry: int
+    sha256: str
+    fault: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
     ``fault`` says why the bus did not open; empty when it did. ``fingerprint`` is that of the plan
     as the core has loaded it, ``None`` from a program that reports none; ``version`` that of the
-    engine. ``cpu`` is ``None`` when the cyclic thread may run on any.
+    engine. ``interventions`` is ``None`` without an intervention log. ``cpu`` is ``None`` when the
+    cyclic thread may run on any.
     """
 
     state: BusState
@@ -68,6 +81,7 @@ class Status:
     fingerprint: Fingerprint | None
     version: str
     accepted: bool
+    interventions: LogStatus | None
     uptime_ns: int
     clients: int
     cycle_ns: int
@@ -190,10 +204,19 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     """Return the values of a ``status`` reply."""
     row = {**reply, **reply["subdevices"], "state": BusState(reply["state"])}
     row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
+    row["interventions"] = _log_status(reply.get("interventions"))
     reported = reply.get("fingerprint")
     row["fingerprint"] = None if reported is None else _fingerprint(reported)
     row["version"] = "" if reported is None else str(reported["version"])
     return Status(**{f.name: row[f.name] for f in fields(Status)})
+
+
+def _log_status(row: Mapping[str, Any] | None) -> LogStatus | None:
+    if row is None:
+        return None
+    return LogStatus(
+        entry=int(row["entry"]), sha256=str(row["hash"] or ""), fault=str(row["error"] or "")
+    )
 
 
 def _fingerprint(reported: object) -> Fingerprint:

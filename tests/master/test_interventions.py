@@ -14,12 +14,16 @@ from typing import Any
 import pytest
 from master.rig import program, run_to_end, running, write_plan
 
+from fsoe_net.observe.interventions import LogChain
+from fsoe_net.project.interventions import log_files, read_log
+
 MODE = "drive_1.0x6060:00"
 Entry = dict[str, Any]
 
 
 def entries_of(folder: Path) -> list[Entry]:
-    """Return the entries of all files, whose chain holds."""
+    """Return the entries of all files, whose chain holds; `log verify` says so too."""
+    assert read_log(log_files([str(folder)]), LogChain()).holds
     entries: list[Entry] = []
     before = None
     for path in sorted(folder.iterdir()):
@@ -153,6 +157,9 @@ def test_files_go_on_from_each_other(tmp_path: Path) -> None:
     events = [json.loads(line)["event"] for line in lines[1:]]
     assert events[:4] == ["file", "torn", "unfinished", "start"]
     assert events[-1] == "stop"
+    check = read_log(log_files([str(log)]), LogChain())
+    assert check.holds
+    assert check.remarks == ("1 run has no stop", "1 entry was not written whole")
 
 
 def test_options_go_together(tmp_path: Path) -> None:

@@ -117,6 +117,11 @@ def test_a_bus_that_does_not_come_up(master, rig, monkeypatch):
         rig.do("start")
     assert str(caught.value).endswith("start: fsn-master is failed: drive_1 is gone")
     assert rig.do("state") == ["failed", "drive_1 is gone"]
+    row = {"entry": 7, "hash": None, "error": "No space left on device"}
+    monkeypatch.setitem(STATUS, "interventions", row)
+    assert rig.do("state")[2:] == ["the intervention log is not written: No space left on device"]
+    monkeypatch.setitem(STATUS, "interventions", None)
+    assert len(rig.do("state")) == 2
 
 
 def test_a_bus_that_comes_up_already_is_only_waited_for(master, rig):

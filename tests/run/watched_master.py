@@ -105,6 +105,7 @@ class WatchedMaster:
             "priority": 80, "cpu": None, "cycles": 5, "overruns": 0, "wkc_errors": 0,
             "expected_wkc": 6, "actual_wkc": 6, "realtime": True, "locked": True,
             "subdevices": {"planned": 2, "in_op": 2, "missing": 0},
+            "interventions": {"entry": 33, "hash": "ab" * 32, "error": None},
         }  # fmt: skip
 
     def _snapshot(self):
