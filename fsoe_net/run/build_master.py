@@ -60,7 +60,9 @@ def fetch_soem(folder: Path) -> Path:
         archive.unlink()
         raise EnvironmentFault(f"{archive}: not the file that was expected (SHA-256); deleted")
     with tarfile.open(archive) as tar:
-        tar.extractall(folder, filter="data")
+        # Not as an argument: Python 3.11 of Debian 12 does not have it yet.
+        tar.extraction_filter = getattr(tarfile, "data_filter", None)
+        tar.extractall(folder)
     return source
 
 
