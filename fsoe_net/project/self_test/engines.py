@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = ["copies", "core_and_python", "known_conversations"]
 
-_WAIT_S = 10.0
+_WAIT_S = 30.0
 _WRITES = 20_000
 
 
