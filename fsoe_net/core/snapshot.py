@@ -152,8 +152,12 @@ class DirectionSnapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionSnapshot:
-    """One connection as seen from outside."""
+    """One connection as seen from outside, with its names of the plan where they are at hand."""
 
+    name: str = ""
+    net: str = ""
+    main: str = ""
+    sub: str = ""
     state: OutsideState
     to_sub: DirectionSnapshot
     to_main: DirectionSnapshot

@@ -28,7 +28,6 @@ __all__ = [
     "LayoutCopy",
     "LayoutDatagram",
     "LayoutSm",
-    "NamedConnection",
     "PlannedConnection",
     "SubDeviceSnapshot",
     "read_connections",
@@ -82,17 +81,6 @@ class SubDeviceSnapshot:
     def answers(self) -> bool:
         """Whether it answers; true where nobody has looked."""
         return not self.known or self.al != "none"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NamedConnection:
-    """An FSoE connection as seen on the wire, with its names of the plan."""
-
-    name: str
-    net: str
-    main: str
-    sub: str
-    seen: ConnectionSnapshot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,7 +163,7 @@ def read_snapshot(reply: JsonObject) -> BusSnapshot:
     return BusSnapshot(
         cycle=Snapshot(
             statistics=read_statistics(reply.child("statistics")),
-            connections=tuple(c.seen for c in read_connections(reply)),
+            connections=read_connections(reply),
         ),
         subdevices=tuple(read_subdevice(row) for row in reply.children("subdevices")),
     )
@@ -186,18 +174,11 @@ def read_statistics(row: JsonObject) -> Statistics:
     return _filled(Statistics, row)
 
 
-def read_connections(reply: JsonObject) -> tuple[NamedConnection, ...]:
+def read_connections(reply: JsonObject) -> tuple[ConnectionSnapshot, ...]:
     """Return the connections of a ``snapshot``; raises as `read_snapshot`."""
-    return tuple(_named(row) for row in reply.children("connections"))
-
-
-def _named(row: JsonObject) -> NamedConnection:
-    return NamedConnection(
-        name=row.label("name"),
-        net=row.label("net"),
-        main=row.label("main"),
-        sub=row.label("sub"),
-        seen=ConnectionSnapshot(
+    return tuple(
+        ConnectionSnapshot(
+            **{key: row.label(key) for key in ("name", "net", "main", "sub")},
             state=_state(row),
             to_sub=_filled(DirectionSnapshot, row.child("to_sub")),
             to_main=_filled(DirectionSnapshot, row.child("to_main")),
@@ -205,7 +186,8 @@ def _named(row: JsonObject) -> NamedConnection:
             observed=_parameters(row, "observed"),
             configured=_parameters(row, "configured"),
             differs=row.words("differs", STATED_PARAMETERS) if row.has("differs") else (),
-        ),
+        )
+        for row in reply.children("connections")
     )
 
 

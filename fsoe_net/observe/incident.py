@@ -10,8 +10,8 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fsoe_net.core.snapshot import Statistics
-from fsoe_net.observe.bus_documents import Layout, NamedConnection, SubDeviceSnapshot
+from fsoe_net.core.snapshot import ConnectionSnapshot, Statistics
+from fsoe_net.observe.bus_documents import Layout, SubDeviceSnapshot
 from fsoe_net.plan.model import Plan
 
 __all__ = [
@@ -125,7 +125,7 @@ class IncidentHead:
     cycle_ns: int
     trigger: Trigger
     counters: Statistics | None
-    connections: tuple[NamedConnection, ...]
+    connections: tuple[ConnectionSnapshot, ...]
     subdevices: tuple[SubDeviceSnapshot, ...]
     events: tuple[IncidentEvent, ...]
     layout: Layout

@@ -67,7 +67,7 @@ def compare_running(wanted: Known, socket: str) -> Comparison:
             f"{socket}: this fsn-master reports no fingerprint; install a newer one"
         )
     found = compare_known(wanted, Known(path=socket, fingerprint=fingerprint))
-    observed = sum(c.seen.observed.watchdog_ms is not None for c in connections)
+    observed = sum(c.observed.watchdog_ms is not None for c in connections)
     note = (
         f"fsn-master {status.version}, cycle {status.cycle_ns / 1e6:g} ms, parameters of "
         f"{observed} of {counted(len(connections), 'connection')} observed"
@@ -75,7 +75,7 @@ def compare_running(wanted: Known, socket: str) -> Comparison:
     lines = tuple(
         f"! {c.name} runs with {text}"
         for c in connections
-        for text in differences(c.seen.differs, c.seen.configured, c.seen.observed)
+        for text in differences(c.differs, c.configured, c.observed)
     )
     sections = (*found.sections, _OBSERVED) if lines else found.sections
     return replace(found, note=note, sections=sections, lines=(*found.lines, *lines))

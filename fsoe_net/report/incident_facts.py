@@ -224,7 +224,7 @@ def _remarks(e: IncidentEvidence) -> tuple[str, ...]:
             "verdicts and answer times are less certain"
         )
     for c in e.head.connections:
-        others = differences(c.seen.differs, c.seen.configured, c.seen.observed)
+        others = differences(c.differs, c.configured, c.observed)
         if others:
             rows.append(f"{c.name} ran with other parameters than the plan: {'; '.join(others)}")
     if e.head.trigger.kind is not TriggerKind.BUS_FAILED and not e.links:
@@ -254,7 +254,7 @@ def _links(e: IncidentEvidence) -> list[LinkRow]:
         if link:
             state = link.state_at_moment.word
         elif seen:
-            state = seen.seen.state.word
+            state = seen.state.word
         rows.append(
             LinkRow(
                 name=name,

@@ -259,14 +259,14 @@ def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]
     rows = tuple(
         (
             cell(strong(c.name)),
-            cell(_state_words(c.seen.state.word)),
+            cell(_state_words(c.state.word)),
             tuple(
                 stated(d.wrong, f"wrong frames {to}", path)
-                for d, to in ((c.seen.to_sub, "to sub"), (c.seen.to_main, "to main"))
+                for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
             ),
             tuple(
                 stated(d.interval_max_ns / 1e6, f"ms {to}", path)
-                for d, to in ((c.seen.to_sub, "to sub"), (c.seen.to_main, "to main"))
+                for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
             ),
         )
         for c in head.connections

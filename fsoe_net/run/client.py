@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import TypeVar
 
+from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.observe.bus_documents import (
     BusSnapshot,
     Layout,
-    NamedConnection,
     SubDeviceSnapshot,
     read_connections,
     read_layout,
@@ -76,7 +76,7 @@ class Client(ControlLink):
         """
         return self._document("snapshot", read_snapshot)
 
-    def connections(self) -> tuple[NamedConnection, ...]:
+    def connections(self) -> tuple[ConnectionSnapshot, ...]:
         """Return the FSoE connections with their names; raises as `snapshot`."""
         return self._document("snapshot", read_connections)
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 from typing import Protocol as Interface
 
+from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.diag.words import counted
 from fsoe_net.model.protocol import (
     EMULATED_NOTE,
@@ -23,7 +24,7 @@ from fsoe_net.model.protocol import (
     StepResult,
 )
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.observe.bus_documents import NamedConnection, SubDeviceSnapshot
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.run.control_values import Status
 from fsoe_net.run.in_use import check_in_use, emulated_bus
@@ -44,7 +45,7 @@ class Observer(Interface):
     def status(self) -> Status:
         """Return state and plan."""
 
-    def connections(self) -> tuple[NamedConnection, ...]:
+    def connections(self) -> tuple[ConnectionSnapshot, ...]:
         """Return the connections."""
 
     def subdevices(self) -> tuple[SubDeviceSnapshot, ...]:
@@ -160,7 +161,7 @@ class _Watch:
         return ", ".join(sorted(name for name in own if states.get(name) == "data_failsafe"))
 
     def _states(self) -> dict[str, str]:
-        return {c.name: c.seen.state.word for c in self._observer.connections()}
+        return {c.name: c.state.word for c in self._observer.connections()}
 
     def _start_up(self, name: str) -> StepResult:
         if name not in self._states():

@@ -16,7 +16,6 @@ from fsoe_net.observe import causes_bus, causes_ends, causes_places
 from fsoe_net.observe.bus_documents import (
     Layout,
     LayoutCopy,
-    NamedConnection,
     PlannedConnection,
     SubDeviceSnapshot,
 )
@@ -483,7 +482,7 @@ def test_other_parameters_than_the_plan_are_a_remark():
         differs=("connection_id", "watchdog_ms"),
     )
     rows = [
-        NamedConnection(name=name, net="n", main="logic", sub=f"sub_{name}", seen=one)
+        replace(one, name=name, net="n", main="logic", sub=f"sub_{name}")
         for name, one in (("a", seen), ("b", replace(seen, differs=())))
     ]
     e = evidence()

@@ -332,7 +332,7 @@ def parameters(network, other):
     master, lines = own_lines(network, "--wait", "30s", "--require-observed")
     wait_for("Data", lambda: " -> failsafe data" in lines() or " -> process data" in lines())
     with Client("s") as client:
-        wait_for("Data", lambda: all(c.seen.state.in_data for c in client.connections()))
+        wait_for("Data", lambda: all(c.state.in_data for c in client.connections()))
     told = {
         name: subprocess.run([*FSN, *words], capture_output=True, text=True, check=False)
         for name, words in {

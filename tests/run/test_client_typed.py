@@ -41,7 +41,7 @@ def test_state_and_values(master, client):
     assert (found.cycle, list(found.values.values())) == (9, [6, 15])
     assert client.arm("logic.ack") == 10_000
     assert client.lease(500) == 500
-    assert client.connections()[0].seen.state.word == "data_process"
+    assert client.connections()[0].state.word == "data_process"
     client.get("drive_1.position", typed=True)
     assert master.asked[-1] == "get --typed drive_1.position"
 

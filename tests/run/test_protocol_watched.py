@@ -58,9 +58,7 @@ class Bus:
         if self.broken:
             raise EnvironmentFault("the connection broke")
         return tuple(
-            SimpleNamespace(
-                name=name, seen=SimpleNamespace(state=SimpleNamespace(word=self.state(name)))
-            )
+            SimpleNamespace(name=name, state=SimpleNamespace(word=self.state(name)))
             for name in PAIRS
         )
 

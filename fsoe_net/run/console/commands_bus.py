@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError, ControlRefused
-from fsoe_net.observe.bus_documents import NamedConnection, SubDeviceSnapshot
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage
 from fsoe_net.run.console.names import seconds
@@ -120,10 +121,10 @@ def _state_of(room: Room, name: str) -> None:
             room.out(line)
 
 
-def _status_line(status: Status, connections: Sequence[NamedConnection]) -> str:
+def _status_line(status: Status, connections: Sequence[ConnectionSnapshot]) -> str:
     parts = [str(status.state)]
     if status.state in (BusState.RUNNING, BusState.STARTING):
-        in_data = sum(c.seen.state.in_data for c in connections)
+        in_data = sum(c.state.in_data for c in connections)
         parts += [
             f"cycle {status.cycle_ns / 1e6:g} ms",
             f"{counted(status.cycles, 'cycle')}",
@@ -134,7 +135,7 @@ def _status_line(status: Status, connections: Sequence[NamedConnection]) -> str:
     return ", ".join(parts)
 
 
-def _connections(client: Client) -> tuple[NamedConnection, ...]:
+def _connections(client: Client) -> tuple[ConnectionSnapshot, ...]:
     try:
         return client.connections()
     except ControlRefused:
@@ -150,13 +151,11 @@ def _device(row: SubDeviceSnapshot) -> tuple[str, ...]:
     return row.name, al, place, code, detail
 
 
-def _connection(row: NamedConnection) -> tuple[str, ...]:
-    frames = f"{row.seen.to_sub.frames} / {counted(row.seen.to_main.frames, 'frame')}"
-    wrong = row.seen.to_sub.wrong + row.seen.to_main.wrong
-    counts = [
-        counted(n, what) for n, what in ((row.seen.resets, "reset"), (wrong, "wrong CRC")) if n
-    ]
-    return row.name, f"{row.main} - {row.sub}", row.seen.state.word, frames, ", ".join(counts)
+def _connection(row: ConnectionSnapshot) -> tuple[str, ...]:
+    frames = f"{row.to_sub.frames} / {counted(row.to_main.frames, 'frame')}"
+    wrong = row.to_sub.wrong + row.to_main.wrong
+    counts = [counted(n, what) for n, what in ((row.resets, "reset"), (wrong, "wrong CRC")) if n]
+    return row.name, f"{row.main} - {row.sub}", row.state.word, frames, ", ".join(counts)
 
 
 def _show_connections(room: Room, words: Sequence[str]) -> None:

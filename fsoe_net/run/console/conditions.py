@@ -83,8 +83,8 @@ def _connection(name: str, state: str) -> Callable[[Client], tuple[bool, str]]:
         if not found:
             known = ", ".join(row.name for row in rows) or "none"
             raise ConsoleError(f"no connection is called {name}; there are: {known}")
-        wrong = [r for r in found if not r.seen.state.word.startswith(wanted)]
-        return not wrong, ", ".join(f"{r.name} is in {r.seen.state.word}" for r in wrong)
+        wrong = [r for r in found if not r.state.word.startswith(wanted)]
+        return not wrong, ", ".join(f"{r.name} is in {r.state.word}" for r in wrong)
 
     return look
 
