@@ -1,4 +1,5 @@
 /** The intervention log: its chain over files, crashes, disks that are full, folders that go. */
+/* shows R26, R29 */
 #define _GNU_SOURCE
 
 #include <errno.h>

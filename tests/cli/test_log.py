@@ -135,6 +135,7 @@ def test_wrong_use(folder: Path, arguments: tuple[str, ...], code: int, text: st
     assert not (folder.parent / "x.zip").exists()
 
 
+@pytest.mark.shows("R24")
 def test_nothing_in_a_log_acts_on_the_terminal(folder: Path) -> None:
     path = folder / "interventions-000002.jsonl"
     last = path.read_bytes().splitlines(keepends=True)[-1]

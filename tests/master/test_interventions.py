@@ -39,6 +39,7 @@ def ended(*arguments: str) -> subprocess.CompletedProcess[str]:
     return run_to_end("--bus", "emulated", *arguments)
 
 
+@pytest.mark.shows("R29")
 def test_a_run_is_in_the_log(tmp_path: Path) -> None:
     with running("--intervention-log", str(tmp_path)) as master, master.client() as client:
         client.good("events on")
@@ -100,6 +101,7 @@ def test_who_sent_a_signal_and_who_was_killed_is_in_the_log(tmp_path: Path) -> N
     assert any(f"Terminated, sent by pid {os.getpid()}" in entry["text"] for entry in entries)
 
 
+@pytest.mark.shows("R29")
 def test_a_refused_start_is_in_the_log(tmp_path: Path) -> None:
     log = tmp_path / "log"
     log.mkdir()
@@ -144,6 +146,7 @@ def test_two_programs_do_not_share_a_log(tmp_path: Path) -> None:
     assert "another fsn-master writes its log there; give each fsn-master" in done.stderr
 
 
+@pytest.mark.shows("R29")
 def test_files_go_on_from_each_other(tmp_path: Path) -> None:
     log = tmp_path / "log"
     log.mkdir()

@@ -27,6 +27,7 @@ def findings(log: Log, **hashes: str) -> list[str]:
     return [f"{f.file}:{f.line}: {f.text}" for f in walk(log, **hashes).findings]
 
 
+@pytest.mark.shows("R29")
 def test_a_chain_over_files_holds() -> None:
     log = a_log(4, 3, 5)
     check = walk(log)
@@ -40,6 +41,7 @@ def test_a_chain_over_files_holds() -> None:
     assert (check.last.utc, check.last.text) == ("2026-11-23T16:52:12.111178Z", "what happened 12")
 
 
+@pytest.mark.shows("R29")
 def test_every_changed_byte_is_found() -> None:
     log = a_log(3, 3)
     last = hash_of(log[1][2])
@@ -58,6 +60,7 @@ def test_every_changed_byte_is_found() -> None:
                 assert not walk(broken, last=last).holds, (f, n, at)
 
 
+@pytest.mark.shows("R29")
 @pytest.mark.parametrize("seed", range(5))
 def test_whatever_is_done_to_lines_is_found(seed: int) -> None:
     """Removed, doubled, exchanged, shuffled, cut: with the last hash, nothing passes."""
@@ -88,6 +91,7 @@ def test_whatever_is_done_to_lines_is_found(seed: int) -> None:
         assert not walk(broken, last=last).holds, changed
 
 
+@pytest.mark.shows("R29")
 def test_what_was_removed_is_named() -> None:
     log = a_log(4, 4)
     del log[0][2:]
@@ -127,6 +131,7 @@ def test_what_was_changed_moved_or_put_in_is_named() -> None:
     assert findings(forged)[0] == "1:1: entry 1 holds the hash of an entry before it"
 
 
+@pytest.mark.shows("R29")
 def test_a_cut_end_shows_with_the_last_hash_only() -> None:
     log = a_log(6)
     kept = hash_of(log[0][3])
@@ -150,6 +155,7 @@ def torn(log: Log, rest: bytes, **changed: object) -> Log:
     return [*log[:-1], [*log[-1], whole, entry, chained(entry)]]
 
 
+@pytest.mark.shows("R29")
 def test_a_torn_line_is_no_finding_when_its_entry_says_so() -> None:
     log = torn(a_log(3), b'{"number":4,"ev')
     assert walk(log).holds
