@@ -47,6 +47,7 @@ READERS = {
     ("report", "against"): f"{ESTOP} -o made.md --against WRONG",
     ("report", "accepted"): f"{ESTOP} -o made.md --accepted WRONG",
     ("report", "protocol"): f"{ESTOP} -o made.md --protocol WRONG",
+    ("report", "self_test"): f"{ESTOP} -o made.md --self-test WRONG",
     ("accept", "files"): f"WRONG {SIGNED} {REPORTS} --protocol p",
     ("accept", "reports"): f"{ESTOP} {SIGNED} --report WRONG --protocol p",
     ("accept", "protocol"): f"{ESTOP} {SIGNED} {REPORTS} --protocol WRONG",
