@@ -77,6 +77,17 @@ def test_the_signed_plan_runs(folder: Path) -> None:
 
 
 @pytest.mark.shows("R4")
+def test_who_signed_is_in_the_intervention_log(folder: Path) -> None:
+    (folder / "log").mkdir()
+    assert run(folder, *SIGNED, "--intervention-log", "log").returncode == 0
+    assert run(folder, *SIGNED, "--intervention-log", "log", plan="other.fsnplan").returncode == 1
+    lines = (folder / "log" / "interventions-000001.jsonl").read_text("utf-8").splitlines()
+    good, bad = (row for row in map(json.loads, lines) if row["event"] == "acceptance")
+    assert (good["record"], good["signers"], good["revoked"]) == (RECORD, "signers", None)
+    assert (good["as_signed"], bad["as_signed"]) == (True, False)
+    assert "A. Meier <a.meier@example.org>, 2021-11-21: signed, ED25519" in good["text"]
+
+
 def test_another_plan_or_other_files_do_not(folder: Path) -> None:
     done = run(folder, *SIGNED, plan="other.fsnplan")
     assert done.returncode == 1

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import pwd
+import resource
 import signal
 import subprocess
 from pathlib import Path
@@ -144,6 +145,57 @@ def test_two_programs_do_not_share_a_log(tmp_path: Path) -> None:
         done = ended(str(write_plan(tmp_path)), "--intervention-log", str(log))
     assert done.returncode == 1
     assert "another fsn-master writes its log there; give each fsn-master" in done.stderr
+
+
+def test_a_full_disk_is_reported_and_the_bus_goes_on(tmp_path: Path) -> None:
+    with running("--intervention-log", str(tmp_path)) as master, master.client() as client:
+        client.good("events on")
+        resource.prlimit(master.process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+        client.good(f"set {MODE}=1")
+        told = client.event("interventions")
+        assert (told["level"], told["error"]) == ("error", "File too large")
+        assert told["text"].endswith("is not written: File too large; entries wait")
+        cycle = client.good("status")["cycles"]
+        while client.good("status")["cycles"] < cycle + 10:
+            pass
+        assert client.good("status")["interventions"]["waiting"] > 0
+        free = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+        resource.prlimit(master.process.pid, resource.RLIMIT_FSIZE, free)
+        told = client.event("interventions")
+        assert (told["level"], told["error"]) == ("warning", None)
+        client.good("shutdown")
+        assert master.wait() == 0
+    events = [entry["event"] for entry in entries_of(tmp_path)]
+    assert events.count("interventions") == 2
+    assert events.index("taken") < events.index("interventions")
+
+
+def test_entries_that_the_disk_did_not_take_are_reported_at_the_end(tmp_path: Path) -> None:
+    with running("--intervention-log", str(tmp_path)) as master:
+        resource.prlimit(master.process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
+        master.process.send_signal(signal.SIGTERM)
+        assert master.wait() == 0
+    assert "entries of the intervention log that were not written: " in master.log[-1]["text"]
+    assert entries_of(tmp_path)[-1]["event"] != "stop"
+
+
+def test_writes_into_subdevices_are_in_the_log_with_what_became_of_them(tmp_path: Path) -> None:
+    """The emulated bus of fsn-master has no SDOs: they are refused when they are done."""
+    with running("--intervention-log", str(tmp_path)) as master, master.client() as client:
+        client.refused("sdo-write drive_1 0x6060 0 int8 8", "FSN_E_ABSENT")
+        client.refused("alias-write drive_1 7", "FSN_E_ABSENT")
+        client.good("shutdown")
+        assert master.wait() == 0
+    rows = [entry for entry in entries_of(tmp_path) if entry["event"] in ("request", "written")]
+    assert [(row["event"], row["error"]) for row in rows[:4]] == [
+        ("request", None),
+        ("written", "FSN_E_ABSENT"),
+        ("request", None),
+        ("written", "FSN_E_ABSENT"),
+    ]
+    assert (rows[1]["subdevice"], rows[1]["index"], rows[1]["data"]) == ("drive_1", 0x6060, "08")
+    assert (rows[3]["alias"], rows[3]["client"]) == (7, rows[2]["client"])
+    assert rows[4]["request"] == "shutdown"
 
 
 @pytest.mark.shows("R29")
