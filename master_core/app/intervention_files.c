@@ -21,6 +21,7 @@
 enum {
     TAIL_BYTES = 4 * INTERVENTION_LINE_BYTES, /**< of a file, looked through for its last entry */
     OWN_BYTES = 1024,                         /**< of an entry about the log itself */
+    MOST_BACK = 1000, /**< files that are looked through for the last entry */
     MODE = 0640,
 };
 
@@ -292,10 +293,19 @@ static int begin_file(struct intervention_files *files, uint32_t file, uint32_t 
     return begun;
 }
 
+/** The chain goes on from the end of a file, unless it is known already. */
+static void take_end(struct intervention_files *files, const struct tail *tail) {
+    if (!files->known) {
+        files->number = tail->number;
+        files->stopped = tail->stopped;
+        memcpy(files->hash, tail->hash, sizeof files->hash);
+    }
+}
+
 /** Takes number and hash from the last file below `file` that holds an entry.
  *  @param[out] before  that file; 0: none. */
 static int find_before(struct intervention_files *files, uint32_t file, uint32_t *before) {
-    for (*before = file - 1; *before > 0; (*before)--) {
+    for (*before = file - 1; *before > 0 && file - *before <= MOST_BACK; (*before)--) {
         struct tail tail = {.number = 0};
         struct stat found = {.st_size = 0};
         int fd;
@@ -312,14 +322,11 @@ static int find_before(struct intervention_files *files, uint32_t file, uint32_t
             return error;
         }
         if (tail.number > 0) {
-            if (!files->known) {
-                files->number = tail.number;
-                files->stopped = tail.stopped;
-                memcpy(files->hash, tail.hash, sizeof files->hash);
-            }
+            take_end(files, &tail);
             return 0;
         }
     }
+    *before = 0;
     return 0;
 }
 
@@ -331,10 +338,8 @@ static int go_on(struct intervention_files *files, const struct tail *tail) {
     int error = 0;
     if (tail->number == 0) {
         error = find_before(files, files->file, &before);
-    } else if (!files->known) {
-        files->number = tail->number;
-        files->stopped = tail->stopped;
-        memcpy(files->hash, tail->hash, sizeof files->hash);
+    } else {
+        take_end(files, tail);
     }
     if (error == 0 && marked) {
         error = write_all(files, torn_mark, sizeof torn_mark - 1);

@@ -20,8 +20,13 @@
 
 enum { END_MS = 3000 /**< how long the end waits for the disk of the intervention log */ };
 
-static bool as_json;               /* set once, before there are threads */
-static struct interventions *kept; /* the same */
+static bool as_json; /* set once, before there are threads */
+
+/** The intervention log; NULL: none. Another thread may log while it ends. */
+static struct {
+    pthread_mutex_t lock; /**< held for what does not wait only */
+    struct interventions *log;
+} kept = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
 static const char *level_name(enum fsn_log_level level) {
     static const char *const names[] = {"detail", "info", "warning", "error"};
@@ -182,9 +187,11 @@ static struct fsn_json as_event(const char *event, enum fsn_log_level level, con
 }
 
 void log_entry(const struct fsn_json *json) {
-    if (kept != NULL && !json->failed) {
-        interventions_put(kept, json->bytes, json->len_bytes);
+    pthread_mutex_lock(&kept.lock);
+    if (kept.log != NULL && !json->failed) {
+        interventions_put(kept.log, json->bytes, json->len_bytes);
     }
+    pthread_mutex_unlock(&kept.lock);
 }
 
 void log_line(enum fsn_log_level level, const char *format, ...) {
@@ -207,7 +214,9 @@ void log_line(enum fsn_log_level level, const char *format, ...) {
 }
 
 void log_event(enum fsn_log_level level, const char *text, const char *json, size_t json_bytes) {
-    interventions_put_event(kept, json, json_bytes);
+    pthread_mutex_lock(&kept.lock);
+    interventions_put_event(kept.log, json, json_bytes);
+    pthread_mutex_unlock(&kept.lock);
     if (as_json) {
         struct fsn_json line = {.limit_bytes = json_bytes + 2};
         fsn_json_raw(&line, json, json_bytes);
@@ -219,18 +228,18 @@ void log_event(enum fsn_log_level level, const char *text, const char *json, siz
 }
 
 void log_keep(struct interventions *log) {
-    kept = log;
+    kept.log = log;
 }
 
 bool log_kept(struct fsn_interventions *state) {
-    if (kept != NULL) {
-        interventions_state(kept, state);
+    if (kept.log != NULL) {
+        interventions_state(kept.log, state);
     }
-    return kept != NULL;
+    return kept.log != NULL;
 }
 
 int log_end(int code) {
-    if (kept == NULL) {
+    if (kept.log == NULL) {
         return code;
     }
     char text[64];
@@ -240,8 +249,10 @@ int log_end(int code) {
     fsn_json_close(&json, '}');
     log_entry(&json);
     fsn_json_free(&json);
-    struct interventions *log = kept;
-    kept = NULL;
+    pthread_mutex_lock(&kept.lock);
+    struct interventions *log = kept.log;
+    kept.log = NULL;
+    pthread_mutex_unlock(&kept.lock);
     const uint64_t left = interventions_close(log, END_MS);
     if (left > 0) {
         log_line(FSN_LOG_ERROR, "entries of the intervention log that were not written: %llu",

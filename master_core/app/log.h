@@ -16,7 +16,8 @@ void log_as_json(bool json);
  *  one's to end. Context: before another thread logs. */
 void log_keep(struct interventions *log);
 
-/** How the intervention log is.   @return false  there is none. */
+/** How the intervention log is.   @return false  there is none. Context: the thread that ends it.
+ */
 bool log_kept(struct fsn_interventions *state);
 
 /** Writes what is still to be written into the intervention log, the exit code last, and ends it.

@@ -290,6 +290,20 @@ static void a_file_without_an_entry_is_used(void) {
     tear_down();
 }
 
+/** However far the numbers are apart, the end is found at once or not looked for. */
+static void a_number_far_away_holds_nobody_up(void) {
+    set_up();
+    append_to(999999999, "");
+    begin();
+    put(stop);
+    end();
+    size_t len;
+    char *bytes = read_file(999999999, &len);
+    CHECK(strstr(bytes, "begins a new log") != NULL);
+    free(bytes);
+    tear_down();
+}
+
 static void a_long_foreign_file_stays(void) {
     struct stat found;
     set_up();
@@ -393,6 +407,10 @@ static void a_full_disk_is_no_refusal(void) {
     CHECK(wait_until(true).waiting == 1);
     CHECK(interventions_close(rig.log, PATIENCE_MS) == 1); /* reported by whoever ends */
     begin();
+    wait_until(true);
+    limit_files(RLIM_INFINITY);
+    wait_until(false); /* noticed, although nothing waits */
+    limit_files(0);
     put(some);
     limit_files(RLIM_INFINITY);
     wait_until(false);
@@ -506,6 +524,7 @@ int main(void) {
     what_is_torn_stays_and_is_marked();
     a_cut_newline_is_torn();
     a_file_without_an_entry_is_used();
+    a_number_far_away_holds_nobody_up();
     a_long_foreign_file_stays();
     places_are_checked();
     a_full_disk_loses_nothing_that_waits();

@@ -143,6 +143,17 @@ static struct rig {
 } rig;
 
 static struct fsn_control_host host;
+static char turned_away[512]; /**< the last event about somebody who may not connect */
+
+static void note_turned_away(void *self, enum fsn_log_level level, const char *text,
+                             const char *json, size_t json_bytes) {
+    static const char begin[] = "{\"event\":\"turned_away\",";
+    (void)self;
+    if (strncmp(json, begin, sizeof begin - 1) == 0) {
+        CHECK(level == FSN_LOG_WARNING && strstr(text, "may not connect") != NULL);
+        snprintf(turned_away, sizeof turned_away, "%.*s", (int)json_bytes, json);
+    }
+}
 
 static struct fsn_control *new_control(void) {
     struct fsn_control *control = fsn_control_create(rig.on.plan, &host, &rig.access);
@@ -157,6 +168,7 @@ static void set_up(void) {
     CHECK(mkdtemp(rig.folder) != NULL && chmod(rig.folder, 0755) == 0);
     snprintf(rig.path, sizeof rig.path, "%s/s", rig.folder);
     host = test_host(NULL);
+    host.log = note_turned_away;
     rig.control = new_control();
 }
 
@@ -349,7 +361,10 @@ static void strangers_are_turned_away(void) {
     as_user(BOB, 99, "{\"ok\":true"); /* by a supplementary group */
     as_user(STRANGER, 7002, "{\"ok\":true");
     as_user(OURS, 99, "{\"ok\":true");
+    CHECK(turned_away[0] == 0);
     as_user(STRANGER, 7001, no);
+    CHECK(strstr(turned_away, "\"user\":null") != NULL);
+    CHECK(strstr(turned_away, "\"program\":\"test_listen\",\"times\":1,") != NULL);
     as_user(4005, 7001, no);
     as_user(0, 99, "{\"ok\":true");
     fails_in.getsockopt = 1; /* who cannot be reported is nobody */
