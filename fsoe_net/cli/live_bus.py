@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from fsoe_net.cli.options import CYCLE, INTERFACE, RUN_TIME
+from fsoe_net.cli.options import CYCLE, FOLDER, INTERFACE, RUN_TIME
 from fsoe_net.cli.run_output import Show
 from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo
@@ -33,6 +33,7 @@ class LiveBus:
     priority: int | None
     cpu: int | None
     wait_ns: int | None
+    intervention_log: str | None
 
     def check(self, wanted: Mapping[str, Any], *, histograms: bool) -> None:
         """Refuse options that do not go together.
@@ -57,6 +58,7 @@ class LiveBus:
             ("--priority", self.priority),
             ("--cpu", self.cpu),
             ("--wait", self.wait_ns),
+            ("--intervention-log", self.intervention_log),
         ):
             if value is not None:
                 raise click.UsageError(f"{name} is for a live bus: name its --interface too")
@@ -103,6 +105,7 @@ class LiveBus:
             cpu=self.cpu,
             wait_s=(self.wait_ns or 0) / 1e9,
             incidents=incidents,
+            intervention_log=self.intervention_log,
         )
 
 
@@ -154,6 +157,12 @@ def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
             type=RUN_TIME,
             metavar="TIME",
             help="Live bus: how long to try again while SubDevices are missing.",
+        ),
+        click.option(
+            "--intervention-log",
+            type=FOLDER,
+            metavar="DIR",
+            help="Live bus: folder for a log of interventions, made if missing; see `fsoe-net log`.",
         ),
     )[::-1]:
         decorated = decorate(decorated)

@@ -113,6 +113,7 @@ def command(
         check_target(path, overwrite=overwrite)
     resolution = whole_network(check_files(files, loading), "nothing started")
     make_folder(wanted["incidents"], "--incidents")
+    make_folder(live.intervention_log, "--intervention-log")
     is_shown = fmt == "text" and sys.stdout.isatty() and not wanted["virtual_time"]
     with display(resolution.network.name) if is_shown else contextlib.nullcontext() as show:
         if live.interface is None:

@@ -27,7 +27,7 @@ class BusOptions:
     """How ``fsn-master`` is to drive the bus; ``None``: as it does by itself.
 
     ``wait_s``: how long to try again while SubDevices are missing. ``incidents``: folder for the
-    files of connections that leave Data.
+    files of connections that leave Data. ``intervention_log``: folder of the log of interventions.
     """
 
     backend: str
@@ -38,6 +38,7 @@ class BusOptions:
     cpu: int | None = None
     wait_s: float = 0.0
     incidents: str | None = None
+    intervention_log: str | None = None
 
     def arguments(self, duration_ns: int | None) -> list[str]:
         """Return the options of ``fsn-master``."""
@@ -54,6 +55,8 @@ class BusOptions:
             words += ["--wait", f"{round(self.wait_s * 1000)}ms"]
         if self.incidents is not None:
             words += ["--incidents", self.incidents]
+        if self.intervention_log is not None:
+            words += ["--intervention-log", self.intervention_log]
         if duration_ns is not None:
             words += ["--duration", f"{duration_ns // 1_000_000 + _GRACE_S * 1000}ms"]
         return words

@@ -6,6 +6,7 @@ seen as JSON. Waiting is always for something that must come, never for a fixed 
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
@@ -209,7 +210,7 @@ def fault(name):
 
     def case(network, other):
         emulator = Emulator(network)
-        running = Running(network, "--incidents", ".")
+        running = Running(network, "--incidents", ".", "--intervention-log", "log")
         last = running.in_data().subdevices[-1].name
         for step in FAULTS[name]:
             _send_as_another(50) if step == "foreign" else emulator.do(step.replace("LAST", last))
@@ -218,7 +219,14 @@ def fault(name):
         emulator.end()
         first = min(Path().glob("incident-*"), key=lambda p: p.stat().st_mtime_ns)
         likely = judged(first).likely
-        return {"key": likely and likely.key, "title": likely and likely.title, "last": last}
+        lines = Path("log/interventions-000001.jsonl").read_text("utf-8").splitlines()
+        return {
+            "key": likely and likely.key,
+            "title": likely and likely.title,
+            "last": last,
+            "log": [json.loads(line) for line in lines],
+            "files": {str(p): _sha256(p) for p in Path().glob("incident-*")},
+        }
 
     return case
 
@@ -234,6 +242,10 @@ def swapped_at_start(network, _other):
     head = json.loads(files[0].read_text().partition("\n")[0]) if files else {"subdevices": []}
     found = [row.get("found_text") for row in head["subdevices"]]
     return seen | {"title": likely and likely.title, "found": found}
+
+
+def _sha256(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _is_whole(path):

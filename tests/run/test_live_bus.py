@@ -182,6 +182,11 @@ def test_the_cause_of_a_fault_on_the_wire_is_named(fault, key, tmp_path):
     case = f"fault {fault}"
     seen = on_the_wire(case, ESTOP, tmp=tmp_path, good=lambda s: s["key"] == key)
     assert key != "wrong_device" or seen["last"] in seen["title"]
+    kept = {Path(e["file"]).name: e["sha256"] for e in seen["log"] if e["event"] == "incident"}
+    assert kept == seen["files"]
+    events = [entry["event"] for entry in seen["log"]]
+    assert ("foreign" in events) == (fault == "foreign")
+    assert events[-1] == "stop"
 
 
 def test_a_bus_that_does_not_open_is_kept_with_all_that_was_found(tmp_path):
@@ -240,6 +245,7 @@ def test_an_interrupt_stops_orderly(tmp_path):
         (["--priority", "3"], "--priority is for a live bus"),
         (["--cpu", "0"], "--cpu is for a live bus"),
         (["--wait", "3"], "--wait is for a live bus"),
+        (["--intervention-log", "x"], "--intervention-log is for a live bus"),
         (["--virtual-time", "--stats", "f"], "--stats and --plot need real time"),
     ],
 )

@@ -85,6 +85,7 @@ def texts(result: Run) -> list[str]:
         ({"redundant": "eth2", "cycle_ns": 500_000}, None, "--redundant eth2 --cycle 500000ns"),
         ({"priority": 80, "cpu": 3}, None, "--policy fifo --priority 80 --cpu 3"),
         ({"wait_s": 1.5, "incidents": "x"}, None, "--wait 1500ms --incidents x"),
+        ({"intervention_log": "log"}, None, "--intervention-log log"),
         ({}, 2_000_000_000, "--duration 12000ms"),
     ],
 )
