@@ -162,7 +162,7 @@ def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
             "--intervention-log",
             type=FOLDER,
             metavar="DIR",
-            help="Live bus: folder for a log of interventions, made if missing; see `fsoe-net log`.",
+            help="Live bus: folder of a log of interventions, made if missing; see fsoe-net log.",
         ),
     )[::-1]:
         decorated = decorate(decorated)
