@@ -11,6 +11,7 @@ import sys
 import tarfile
 import tempfile
 from collections.abc import Sequence
+from itertools import takewhile
 from pathlib import Path
 
 from fsoe_net.errors import EnvironmentFault
@@ -91,7 +92,8 @@ def build_master(
         cmake, env = _cmake(work)
         options = ["-DFSN_BUILD_TESTS=OFF", "-DFSN_INSTALL=OFF"]
         if with_soem:
-            soem = soem or fetch_soem(build.parent / "soem" if build else work / "soem")
+            given = None if soem is None else _is_soem_1(soem)
+            soem = given or fetch_soem(build.parent / "soem" if build else work / "soem")
             options += ["-DFSN_SOEM=ON", f"-DSOEM_SOURCE_DIR={soem.resolve()}"]
         else:
             options += ["-DFSN_SOEM=OFF"]
@@ -108,6 +110,19 @@ def build_master(
                 f"{target}: {exc.strerror}; --output FILE names a place"
             ) from exc
     return _run([str(target), "--version"], str(target), None)
+
+
+def _is_soem_1(folder: Path) -> Path:
+    """Return the folder; refuse one that is not the source of SOEM 1.4."""
+    if (folder / "soem" / "ethercatmain.h").is_file():
+        return folder
+    if (folder / "include" / "soem").is_dir():
+        found = "SOEM 2, which is not supported"
+    else:
+        found = "not the source of SOEM: it has no soem/ethercatmain.h"
+    raise EnvironmentFault(
+        f"{folder}: {found}; fsn-master is built with SOEM 1.4, fetched without --soem"
+    )
 
 
 def _source() -> Path:
@@ -151,6 +166,9 @@ def _run(command: Sequence[str], what: str, env: dict[str, str] | None) -> str:
     text = done.stdout.decode("utf-8", "replace")
     if done.returncode != 0:
         lines = text.strip().splitlines() or ["no word why"]
-        reason = next((line for line in lines if "error" in line.lower()), lines[-1])
-        raise EnvironmentFault(f"{what}: exit code {done.returncode}: {reason.strip()}")
+        at = next((n for n, line in enumerate(lines) if "error" in line.lower()), len(lines) - 1)
+        # CMake says why on the next lines, up to an empty one.
+        rest = takewhile(str.strip, lines[at:]) if lines[at].startswith("CMake") else [lines[at]]
+        reason = " ".join(" ".join(rest).split())
+        raise EnvironmentFault(f"{what}: exit code {done.returncode}: {reason}")
     return text

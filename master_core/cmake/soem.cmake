@@ -5,6 +5,9 @@ if(NOT SOEM_SOURCE_DIR)
     list(GET found 0 SOEM_SOURCE_DIR)
   endif()
 endif()
+if(EXISTS "${SOEM_SOURCE_DIR}/include/soem/soem.h")
+  message(FATAL_ERROR "fsn: ${SOEM_SOURCE_DIR} is SOEM 2, which is not supported; SOEM 1.4 is")
+endif()
 if(EXISTS "${SOEM_SOURCE_DIR}/soem/ethercatmain.h")
   # As it comes: SOEM has its own warnings. EC_VER2 leaves out the one global context.
   file(GLOB sources ${SOEM_SOURCE_DIR}/soem/*.c ${SOEM_SOURCE_DIR}/osal/linux/*.c

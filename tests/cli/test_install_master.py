@@ -61,6 +61,23 @@ def test_it_builds_a_program_that_runs(tmp_path: Path):
 
 
 @needs_compiler
+def test_soem_2_is_refused_by_name(tmp_path: Path):
+    """By the tool and, where CMake is called by hand, by its file."""
+    (tmp_path / "include" / "soem").mkdir(parents=True)
+    (tmp_path / "include" / "soem" / "soem.h").touch()
+    done = _run("-o", str(tmp_path / "m"), "--soem", str(tmp_path), "--yes")
+    assert done.returncode == 3
+    assert done.stderr.splitlines()[-1] == (
+        f"error: {tmp_path}: SOEM 2, which is not supported; fsn-master is built with SOEM 1.4, "
+        "fetched without --soem"
+    )
+    cmake, env = build_master._cmake(tmp_path)
+    call = [*cmake, "-S", str(build_master._source()), "-B", str(tmp_path / "b")]
+    with pytest.raises(EnvironmentFault, match=r"cmake: exit code 1: CMake Error .* is SOEM 2"):
+        build_master._run([*call, f"-DSOEM_SOURCE_DIR={tmp_path}"], "cmake", env)
+
+
+@needs_compiler
 def test_a_folder_without_soem_is_refused(tmp_path: Path):
     done = _run("-o", str(tmp_path / "m"), "--soem", str(tmp_path), "--yes")
     assert done.returncode == 3
