@@ -27,12 +27,13 @@ class InstalledFiles:
 
     Attributes:
         hashes: Path below the folder that holds the package, with the SHA-256 of the file, in hex.
-        recorded: The same as the installer recorded it; ``None`` for a source tree, whose files
-            nobody recorded.
+        recorded: The same as the installer recorded it; empty where its record is not there.
+        is_tree: Whether it is a source tree, whose files no installer recorded.
     """
 
     hashes: Mapping[str, str]
-    recorded: Mapping[str, str] | None
+    recorded: Mapping[str, str]
+    is_tree: bool
 
     @property
     def build(self) -> str:
@@ -60,20 +61,21 @@ def installed_files() -> InstalledFiles:
         module = Path(spec.origin)  # of a source tree it lies elsewhere
         paths[f"{_PACKAGE.name}/core/{module.name}"] = module
     hashes = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in paths.items()}
-    return InstalledFiles(hashes=hashes, recorded=_recorded())
+    is_tree = (_PACKAGE.parent / "pyproject.toml").is_file()
+    return InstalledFiles(hashes=hashes, recorded={} if is_tree else _recorded(), is_tree=is_tree)
 
 
-def _recorded() -> dict[str, str] | None:
+def _recorded() -> dict[str, str]:
     """Return what the installer wrote down about this package, if it is the one that it copied."""
     try:
         distribution = importlib.metadata.distribution("fsoe-net")
     except importlib.metadata.PackageNotFoundError:
-        return None
+        return {}
     rows = {file.as_posix(): file for file in distribution.files or ()}
     marker = rows.get(f"{_PACKAGE.name}/__init__.py")
     place = None if marker is None else Path(str(marker.locate()))
     if place is None or not place.is_file() or not place.samefile(_PACKAGE / "__init__.py"):
-        return None
+        return {}
     return {
         path: base64.urlsafe_b64decode(file.hash.value + "==").hex()
         for path, file in rows.items()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fsoe_net.document.model import Cell, Column, Heading, Level, Part, Table, Verdict, cell, code
@@ -14,6 +16,8 @@ from fsoe_net.report.model import Point, PointKind
 
 __all__ = ["SelfTestResult", "read_self_test", "self_test_parts"]
 
+_BUILD = re.compile(r"[0-9a-f]{64}")
+_VERSION = re.compile(r"[\w.+-]{1,40}")
 _RESULTS = ("pass", "fail", "not tried")
 _NEXT = "`fsoe-net self-test --format json > self-test.json` writes one"
 
@@ -51,12 +55,13 @@ class SelfTestResult:
         return Verdict("passed", Level.CLEAR)
 
 
-def read_self_test(path: str, here: str) -> SelfTestResult:
+def read_self_test(path: str, here: str, names: Sequence[str]) -> SelfTestResult:
     """Read what ``fsoe-net self-test --format json`` printed.
 
     Args:
         path: Its file.
         here: Build of this installation, SHA-256 in hex.
+        names: Parts of a self-test of this build.
 
     Raises:
         InputError: It cannot be read, or is something else.
@@ -70,6 +75,12 @@ def read_self_test(path: str, here: str) -> SelfTestResult:
         if any(result not in _RESULTS for _, result in parts):
             raise ValueError("a part has no known result")
         version, build = str(document["version"]), str(document["build"]["sha256"])
+        if not _BUILD.fullmatch(build) or not _VERSION.fullmatch(version):
+            raise ValueError("it does not state of which build it is")
+        if build == here and [name for name, _ in parts] != list(names):
+            raise ValueError("it does not have the parts of this build")
+        if document["result"] != ("fail" if "fail" in dict(parts).values() else "pass"):
+            raise ValueError("its result does not fit its parts")
     except (ValueError, KeyError, TypeError, RecursionError) as exc:
         raise InputError(f"{path} is no result of a self-test: {exc}; {_NEXT}") from exc
     return SelfTestResult(source=source, version=version, build=build, here=here, parts=parts)

@@ -227,6 +227,14 @@ def test_a_file_too_many_or_too_few_is_found(tmp_path: Path, core: Path):
 
 
 @pytest.mark.shows("R25")
+def test_an_installation_without_the_record_of_its_files_is_found(tmp_path: Path, core: Path):
+    folder = installed_copy(tmp_path, core)
+    (folder / "fsoe_net-0.1.0.dist-info" / "RECORD").unlink()
+    code, text = self_test(folder, "installed files")
+    assert code == 1
+    assert "record of the installer: expected fsoe_net-*.dist-info/RECORD, got not there" in text
+
+
 def test_an_fsn_master_that_takes_every_plan_is_found(tmp_path: Path):
     program = tmp_path / "fsn-master"
     program.write_text(f"#!/bin/sh\necho fsn-master {fsoe_net.__version__}\n")
@@ -268,11 +276,15 @@ def test_a_report_says_what_it_gave(here: subprocess.CompletedProcess[str], tmp_
     document = json.loads(here.stdout)
     for part, word in ((2, "not tried"), (3, "fail")):
         document["parts"][part]["result"] = word
+        document["result"] = "fail" if word == "fail" else "pass"
         result.write_text(json.dumps(document))
         text = report()
         assert ("against it: Identity: FAILED: CRCs of FSoE" in text) is (word == "fail")
         assert re.search(r"\| Not tried +\| .*broken networks", text)
-    document["parts"][3]["result"] = "pass"
+    document["parts"][3]["result"] = document["result"] = "pass"
+    del document["parts"][4]
+    result.write_text(json.dumps(document))
+    assert "it does not have the parts of this build" in report()
     document["build"]["sha256"] = "0" * 64
     result.write_text(json.dumps(document))
     assert "self-test of the tool: of another build than this report" in report()
@@ -284,6 +296,11 @@ DAMAGED = {
     "another tool": '{"tool": "x", "self_test": 1, "parts": []}',
     "a scan": '{"tool": "fsoe-net", "subdevices": []}',
     "no result": '{"tool": "fsoe-net", "self_test": 1, "parts": [{"name": "a", "result": 1}]}',
+    "another result": """{"tool": "fsoe-net", "self_test": 1, "version": "1", "result": "pass",
+        "build": {"sha256": "%s"}, "parts": [{"name": "a", "result": "fail"}]}"""
+    % ("0" * 64),
+    "no build": """{"tool": "fsoe-net", "self_test": 1, "version": "1", "result": "pass",
+        "build": {"sha256": "x"}, "parts": [{"name": "a", "result": "pass"}]}""",
     "deep": "[" * 100_000,
     "no text": "\ufffe",
 }
@@ -304,7 +321,8 @@ def test_what_is_no_result_is_refused(what: str, tmp_path: Path):
 def test_a_result_in_which_nothing_was_tried_has_failed(tmp_path: Path):
     result = tmp_path / "result.json"
     parts = [{"name": "a\x1b[2J", "result": "not tried"}]
-    document = {"tool": "fsoe-net", "self_test": 1, "version": "1", "build": {"sha256": "0"}}
+    document = {"tool": "fsoe-net", "self_test": 1, "version": "1", "result": "pass"}
+    document["build"] = {"sha256": "0" * 64}
     result.write_text(json.dumps(document | {"parts": parts}))
     page = tmp_path / "report.md"
     network = str(EXAMPLES / "estop" / "network.yaml")

@@ -106,7 +106,7 @@ def run_self_test() -> SelfTest:
         versions=versions(),
         build=files.build,
         files=len(files.hashes),
-        kind="source tree" if files.recorded is None else "installed",
+        kind="source tree" if files.is_tree else "installed",
         master=_master(),
         parts=tuple(map(tried, PARTS)),
     )
