@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -22,7 +23,8 @@ from fsoe_net.errors import CoreMissing
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.project.installed import installed_files
+from fsoe_net.project.installed import installed_files, versions
+from fsoe_net.project.self_test import run
 from fsoe_net.project.self_test.model import NotTried, SelfTestPart, TriedValue, reference, tried
 from fsoe_net.project.self_test.run import PARTS
 
@@ -106,6 +108,37 @@ def test_a_part_that_compares_nothing_or_breaks_down_has_failed():
         yield
 
     assert tried(part(not_here)).result == "not tried"
+
+
+@pytest.mark.parametrize("program", ["missing", "no program"])
+def test_fsn_master_is_not_tried_where_it_is_not_and_fails_where_it_cannot_start(
+    program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    path = tmp_path / "fsn-master"
+    if program == "no program":
+        path.write_bytes(b"\x00" * 100)
+        path.chmod(0o755)
+    monkeypatch.setenv("FSN_MASTER", str(path))
+    (result,) = (tried(part) for part in PARTS if part.name == "fsn-master")
+    state = run.master_state()
+    if program == "missing":
+        assert (result.result, state) == ("not tried", None)
+        assert "is no program that can be started" in result.not_tried
+    else:
+        assert result.result == "fail"
+        assert state is not None
+        assert state[0].startswith("cannot be started: ")
+        assert "install-master" in result.next_step
+
+
+def test_versions_are_stated_also_of_what_is_missing(monkeypatch: pytest.MonkeyPatch):
+    def missing(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr("importlib.metadata.version", missing)
+    assert versions()["click"] == "not installed"
+    monkeypatch.setattr("importlib.metadata.requires", missing)
+    assert list(versions()) == ["fsoe-net", "Python", "system"]
 
 
 # -- one broken piece at a time -------------------------------------------------------------------
@@ -227,6 +260,33 @@ def test_a_file_too_many_or_too_few_is_found(tmp_path: Path, core: Path):
 
 
 @pytest.mark.shows("R25")
+def test_files_are_compared_with_the_record_of_their_own_installation(
+    tmp_path: Path, core: Path, monkeypatch: pytest.MonkeyPatch
+):
+    folder = installed_copy(tmp_path / "one", core)
+    other = installed_copy(tmp_path / "other", core)
+
+    def different(installed: Path) -> list[str]:
+        info = next(installed.glob("*.dist-info"))
+        monkeypatch.setattr(metadata, "distribution", lambda _: metadata.PathDistribution(info))
+        (result,) = (tried(part) for part in PARTS if part.name == "installed files")
+        return [row.what for row in result.different]
+
+    monkeypatch.setattr("fsoe_net.project.installed._PACKAGE", folder / "fsoe_net")
+    assert different(folder) == []
+    rewrite(folder / "fsoe_net" / "py.typed", "", "x")
+    assert different(folder) == ["fsoe_net/py.typed"]
+    init = other / "fsoe_net" / "__init__.py"
+    rewrite(init, "", "")  # no link to the same file any more
+    assert different(other) == ["record of the installer"]
+    init.unlink()
+    assert different(other) == ["record of the installer"]
+    monkeypatch.setattr(metadata, "distribution", metadata.Distribution.from_name)
+    monkeypatch.setattr("sys.path", [])
+    (result,) = (tried(part) for part in PARTS if part.name == "installed files")
+    assert [row.got for row in result.different] == ["not there"]
+
+
 def test_an_installation_without_the_record_of_its_files_is_found(tmp_path: Path, core: Path):
     folder = installed_copy(tmp_path, core)
     (folder / "fsoe_net-0.1.0.dist-info" / "RECORD").unlink()

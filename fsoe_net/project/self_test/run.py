@@ -13,7 +13,7 @@ from fsoe_net.project.installed import installed_files, versions
 from fsoe_net.project.self_test import engines, formulas, installation, networks
 from fsoe_net.project.self_test.model import PartResult, SelfTestPart, tried
 
-__all__ = ["PARTS", "SelfTest", "run_self_test"]
+__all__ = ["PARTS", "SelfTest", "master_state", "run_self_test"]
 
 _INSTALL = "install fsoe-net again, into an empty environment, and repeat the self-test"
 _STOP = (
@@ -107,12 +107,13 @@ def run_self_test() -> SelfTest:
         build=files.build,
         files=len(files.hashes),
         kind="source tree" if files.is_tree else "installed",
-        master=_master(),
+        master=master_state(),
         parts=tuple(map(tried, PARTS)),
     )
 
 
-def _master() -> tuple[str, str] | None:
+def master_state() -> tuple[str, str] | None:
+    """Return the version and SHA-256 of ``fsn-master``; ``None`` where there is none."""
     from fsoe_net.run.master import find_master
 
     try:
