@@ -41,8 +41,10 @@ static const char usage_text[] =
     "                     exit code 4 at the end; no frame is altered or held back\n"
     "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
     "                     $XDG_RUNTIME_DIR or /run\n"
-    "  --allow-user NAME  may use the socket, beside root and the user this runs as\n"
-    "  --allow-group NAME the same for a group; both may be given several times\n"
+    "  --allow-user NAME[:ROLE]   may use the socket, beside root and the user this runs as, who\n"
+    "                     are maintainers. ROLE is observer (reads what is known; default),\n"
+    "                     operator (sets outputs too) or maintainer (objects, start, stop)\n"
+    "  --allow-group NAME[:ROLE]  the same for a group; both may be given several times\n"
     "  --incidents DIR    keeps a file of what happened around each connection that leaves Data\n"
     "  --incidents-limit MIB  no further one once those in DIR have so much; default 1024\n"
     "  --intervention-log DIR  keeps a log of starts, stops, requests that change something,\n"
@@ -121,27 +123,28 @@ static int read_hash(const char *text, struct options *o) {
     return -1;
 }
 
-static int allow_user(const char *name, struct options *o) {
-    const struct passwd *entry = getpwnam(name);
-    if (entry == NULL) {
-        return wrong("--allow-user", name, "there is no such user here");
+/** Reads NAME[:ROLE] of a user or group. */
+static int allow(const char *option, const char *text, bool group, struct options *o) {
+    char name[256];
+    const char *colon = strrchr(text, ':');
+    const enum fsn_role role = colon != NULL ? fsn_role_of(colon + 1) : FSN_OBSERVER;
+    const size_t len = colon != NULL ? (size_t)(colon - text) : strlen(text);
+    if (role == FSN_NO_ROLE) {
+        return wrong(option, text, "a role is observer, operator or maintainer");
     }
-    if (o->access.users == FSN_CONTROL_ALLOWED) {
-        return wrong("--allow-user", name, "too many; a group is better");
+    snprintf(name, sizeof name, "%.*s", (int)(len < sizeof name ? len : sizeof name - 1), text);
+    const struct passwd *user = group ? NULL : getpwnam(name);
+    const struct group *members = group ? getgrnam(name) : NULL;
+    if (user == NULL && members == NULL) {
+        return wrong(option, text,
+                     group ? "there is no such group here" : "there is no such user here");
     }
-    o->access.user[o->access.users++] = entry->pw_uid;
-    return -1;
-}
-
-static int allow_group(const char *name, struct options *o) {
-    const struct group *entry = getgrnam(name);
-    if (entry == NULL) {
-        return wrong("--allow-group", name, "there is no such group here");
+    size_t *count = group ? &o->access.groups : &o->access.users;
+    if (*count == FSN_CONTROL_ALLOWED) {
+        return wrong(option, text, group ? "too many groups" : "too many; a group is better");
     }
-    if (o->access.groups == FSN_CONTROL_ALLOWED) {
-        return wrong("--allow-group", name, "too many groups");
-    }
-    o->access.group[o->access.groups++] = entry->gr_gid;
+    (group ? o->access.group : o->access.user)[(*count)++] =
+        (struct fsn_control_allowed){.id = group ? members->gr_gid : user->pw_uid, .role = role};
     return -1;
 }
 
@@ -297,9 +300,9 @@ static int take(int id, const char *text, struct options *o) {
     case ACCEPTED:
         return read_hash(text, o);
     case ALLOW_USER:
-        return allow_user(text, o);
+        return allow("--allow-user", text, false, o);
     case ALLOW_GROUP:
-        return allow_group(text, o);
+        return allow("--allow-group", text, true, o);
     case LOG:
         return read_log(text, o);
     case PRIORITY:

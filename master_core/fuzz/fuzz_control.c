@@ -201,6 +201,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct fsn_client *client = &rig.control->client[0];
     *client = (struct fsn_client){.fd = 1 << 20, /* no descriptor: nothing is sent here */
                                   .number = 1,
+                                  .role = FSN_MAINTAINER,
                                   .lease_ms = FSN_LEASE_MS,
                                   .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     uint64_t now = 0;

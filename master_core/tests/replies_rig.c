@@ -433,6 +433,7 @@ void set_up(void) {
     on.client = &on.control->client[0];
     *on.client = (struct fsn_client){.fd = open("/dev/null", O_RDWR | O_CLOEXEC),
                                      .number = 5,
+                                     .role = FSN_MAINTAINER,
                                      .peer.pid = 4321,
                                      .peer.uid = 12,
                                      .lease_ms = FSN_LEASE_MS,

@@ -55,8 +55,11 @@ static struct rig *set_up(void) {
     CHECK(socketpair(AF_UNIX, SOCK_STREAM, 0, ends) == 0);
     rig.peer = ends[1];
     rig.client = &rig.control->client[0];
-    *rig.client = (struct fsn_client){
-        .fd = ends[0], .number = 1, .lease_ms = LEASE_MS, .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
+    *rig.client = (struct fsn_client){.fd = ends[0],
+                                      .number = 1,
+                                      .role = FSN_MAINTAINER,
+                                      .lease_ms = LEASE_MS,
+                                      .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     say(&rig, "set t=7\n");
     look(&rig, 0);
     CHECK(holds_its_output(&rig));

@@ -6,7 +6,6 @@
 #include <fcntl.h>
 #include <grp.h>
 #include <poll.h>
-#include <pwd.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -20,40 +19,12 @@
 
 /* -- users and groups ------------------------------------------------------------------------ */
 
-enum { OURS = 4000, ANN = 4001, BOB = 4002, CROWD = 4003, STRANGER = 4999 };
+enum { OURS = 4000, ANN = 4001, BOB = 4002, STRANGER = 4999 };
 
 static uid_t runs_as = OURS;
 
 uid_t geteuid(void) {
     return runs_as;
-}
-
-struct passwd *getpwuid(uid_t user) {
-    static struct passwd entry;
-    static char name[8];
-    if (user == STRANGER) {
-        return NULL;
-    }
-    snprintf(name, sizeof name, "%u", (unsigned)user);
-    entry = (struct passwd){.pw_name = name, .pw_uid = user, .pw_gid = user + 1000};
-    return &entry;
-}
-
-/** Everybody has the group of his own, Bob is in two more, and the crowd is in all there are. */
-int getgrouplist(const char *name, gid_t own, gid_t *groups, int *count) {
-    const int room = *count;
-    groups[0] = own;
-    *count = 1;
-    if (strcmp(name, "4002") == 0) {
-        groups[1] = 7001;
-        groups[2] = 7002;
-        *count = 3;
-    }
-    if (strcmp(name, "4003") == 0) {
-        *count = room + 1;
-        return -1;
-    }
-    return *count;
 }
 
 /* -- a system that refuses --------------------------------------------------------------------- */
@@ -93,6 +64,10 @@ int unlink(const char *path) {
 static uid_t connects_as; /**< user of who connects; 0: the real one */
 
 int getsockopt(int fd, int level, int name, void *value, socklen_t *size) {
+    if (connects_as != 0 && name == SO_PEERGROUPS) {
+        *size = 0;
+        return 0;
+    }
     if (connects_as != 0) {
         CHECK(level == SOL_SOCKET && name == SO_PEERCRED && *size == sizeof(struct ucred));
         *(struct ucred *)value = (struct ucred){.pid = 77, .uid = connects_as, .gid = 99};
@@ -102,34 +77,61 @@ int getsockopt(int fd, int level, int name, void *value, socklen_t *size) {
                                        : (int)syscall(SYS_getsockopt, fd, level, name, value, size);
 }
 
-static void who_may_connect(void) {
+static void who_may_request_what(void) {
     static const struct fsn_control_access closed = {0};
-    static const struct fsn_control_access ann = {.user = {1, ANN}, .users = 2};
-    static const struct fsn_control_access team = {.group = {6000, 7002}, .groups = 2};
-    static const struct fsn_control_access first = {.group = {7001, 7002}, .groups = 1};
-    static const struct fsn_control_access own = {.group = {ANN + 1000}, .groups = 1};
+    static const struct fsn_control_access ann = {.user = {{1, FSN_OPERATOR}, {ANN, FSN_OBSERVER}},
+                                                  .users = 2};
+    static const struct fsn_control_access team = {
+        .group = {{6000, FSN_OBSERVER}, {7002, FSN_OPERATOR}}, .groups = 2};
+    static const struct fsn_control_access first = {
+        .group = {{7001, FSN_MAINTAINER}, {7002, FSN_MAINTAINER}}, .groups = 1};
+    static const struct fsn_control_access both = {
+        .user = {{ANN, FSN_OPERATOR}},
+        .users = 1,
+        .group = {{7001, FSN_OBSERVER}, {7002, FSN_MAINTAINER}},
+        .groups = 2};
     static const struct {
         const struct fsn_control_access *access;
         uid_t user;
-        gid_t group;
-        bool may;
+        gid_t groups[3];
+        size_t count;
+        enum fsn_role role;
     } table[] = {
-        {&closed, 0, 0, true},     {&closed, 0, 99, true},       {&closed, OURS, 99, true},
-        {&closed, ANN, 0, false},  {&closed, BOB, BOB, false},   {&ann, ANN, 99, true},
-        {&ann, 1, 99, true},       {&ann, BOB, 99, false},       {&ann, 2, ANN, false},
-        {&team, ANN, 6000, true},  {&team, ANN, 7002, true},     {&team, ANN, 7001, false},
-        {&team, BOB, 99, true}, /* by a supplementary group */
-        {&first, BOB, 99, true},   {&first, ANN, 99, false},     {&first, ANN, 7002, false},
-        {&own, ANN, 99, true}, /* his group by the book, not that of the process */
-        {&own, BOB, 99, false},    {&team, STRANGER, 99, false}, {&team, STRANGER, 6000, true},
-        {&team, CROWD, 99, false}, /* more groups than anybody has: not believed */
+        {&closed, 0, {0}, 1, FSN_MAINTAINER},
+        {&closed, 0, {99}, 1, FSN_MAINTAINER},
+        {&closed, OURS, {99}, 1, FSN_MAINTAINER},
+        {&closed, ANN, {0}, 1, FSN_NO_ROLE},
+        {&closed, BOB, {BOB}, 1, FSN_NO_ROLE},
+        {&ann, ANN, {99}, 1, FSN_OBSERVER},
+        {&ann, 1, {99}, 1, FSN_OPERATOR},
+        {&ann, BOB, {99}, 1, FSN_NO_ROLE},
+        {&ann, 2, {ANN}, 1, FSN_NO_ROLE},
+        {&team, ANN, {6000}, 1, FSN_OBSERVER},
+        {&team, ANN, {7002}, 1, FSN_OPERATOR},
+        {&team, ANN, {7001}, 1, FSN_NO_ROLE},
+        {&team, BOB, {99, 7001, 7002}, 3, FSN_OPERATOR}, /* by a supplementary group */
+        {&team, BOB, {99, 7001, 7002}, 2, FSN_NO_ROLE},
+        {&first, BOB, {99, 7001}, 2, FSN_MAINTAINER},
+        {&first, ANN, {99, 7002}, 2, FSN_NO_ROLE},
+        {&both, ANN, {7001}, 1, FSN_OPERATOR}, /* the highest of all */
+        {&both, ANN, {7001, 7002}, 2, FSN_MAINTAINER},
+        {&both, BOB, {7001}, 1, FSN_OBSERVER},
     };
     for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
-        if (fsn_control_may(table[i].access, table[i].user, table[i].group) != table[i].may) {
+        if (fsn_control_role(table[i].access, table[i].user, table[i].groups, table[i].count) !=
+            table[i].role) {
             fprintf(stderr, "row %zu\n", i);
             exit(1);
         }
     }
+}
+
+static void roles_have_words(void) {
+    static const char *const words[] = {"none", "observer", "operator", "maintainer"};
+    for (enum fsn_role role = FSN_NO_ROLE; role < FSN_ROLES; role++) {
+        CHECK(strcmp(fsn_role_name(role), words[role]) == 0 && fsn_role_of(words[role]) == role);
+    }
+    CHECK(fsn_role_of("Operator") == FSN_NO_ROLE && fsn_role_of("") == FSN_NO_ROLE);
 }
 
 /* -- the socket ------------------------------------------------------------------------------ */
@@ -303,7 +305,7 @@ static void dead_sockets_make_way(void) {
 }
 
 /** Connects as somebody and says hello; returns the first word of the answer after "ok". */
-static void as_user(uid_t user, gid_t group, const char *expected) {
+static void as_user(uid_t user, gid_t group, gid_t other, const char *expected) {
     int pipe_ends[2];
     CHECK(pipe(pipe_ends) == 0);
     const pid_t child = fork();
@@ -312,7 +314,7 @@ static void as_user(uid_t user, gid_t group, const char *expected) {
         struct sockaddr_un address = {.sun_family = AF_UNIX};
         snprintf(address.sun_path, sizeof address.sun_path, "%s", rig.path);
         const int fd = own_socket();
-        CHECK(setgroups(0, NULL) == 0 && setgid(group) == 0 && setuid(user) == 0);
+        CHECK(setgroups(other != 0, &other) == 0 && setgid(group) == 0 && setuid(user) == 0);
         CHECK(connect(fd, (const struct sockaddr *)&address, sizeof address) == 0);
         (void)!send(fd, "hello\n", 6, MSG_NOSIGNAL);
         char answer[4096];
@@ -354,21 +356,21 @@ static void strangers_are_turned_away(void) {
         "{\"ok\":false,\"error\":\"FSN_E_CLOSED\",\"text\":\"this user may not connect\","
         "\"hint\":\"start fsn-master with --allow-user or --allow-group\"}\n";
     set_up();
-    rig.access =
-        (struct fsn_control_access){.user = {ANN}, .users = 1, .group = {7002}, .groups = 1};
+    rig.access = (struct fsn_control_access){
+        .user = {{ANN, FSN_OBSERVER}}, .users = 1, .group = {{7002, FSN_OPERATOR}}, .groups = 1};
     CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
-    as_user(ANN, 99, "{\"ok\":true");
-    as_user(BOB, 99, "{\"ok\":true"); /* by a supplementary group */
-    as_user(STRANGER, 7002, "{\"ok\":true");
-    as_user(OURS, 99, "{\"ok\":true");
+    as_user(ANN, 99, 0, "{\"ok\":true");
+    as_user(BOB, 99, 7002, "{\"ok\":true"); /* by a supplementary group */
+    as_user(STRANGER, 7002, 0, "{\"ok\":true");
+    as_user(OURS, 99, 0, "{\"ok\":true");
     CHECK(turned_away[0] == 0);
-    as_user(STRANGER, 7001, no);
+    as_user(STRANGER, 7001, 0, no);
     CHECK(strstr(turned_away, "\"user\":null") != NULL);
     CHECK(strstr(turned_away, "\"program\":\"test_listen\",\"times\":1,") != NULL);
-    as_user(4005, 7001, no);
-    as_user(0, 99, "{\"ok\":true");
+    as_user(4005, 7001, 0, no);
+    as_user(0, 99, 0, "{\"ok\":true");
     fails_in.getsockopt = 1; /* who cannot be reported is nobody */
-    as_user(0, 99, no);
+    as_user(0, 99, 0, no);
     tear_down();
 }
 
@@ -429,7 +431,7 @@ static void who_is_idle_makes_room(void) {
     int peer[FSN_CONTROL_CLIENTS];
     static struct fsn_job job;
     set_up();
-    rig.access = (struct fsn_control_access){.user = {ANN}, .users = 1};
+    rig.access = (struct fsn_control_access){.user = {{ANN, FSN_OBSERVER}}, .users = 1};
     taken = open("/dev/null", O_RDONLY | O_CLOEXEC);
     CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK && taken == 0);
     struct fsn_client *client = rig.control->client;
@@ -478,7 +480,8 @@ static void who_is_idle_makes_room(void) {
 int main(void) {
     close(STDIN_FILENO); /* 0 is a descriptor like any other */
     const int open_before = open_files();
-    who_may_connect();
+    who_may_request_what();
+    roles_have_words();
     paths_are_refused();
     a_system_that_refuses_is_reported();
     the_file_is_for_those_who_may();

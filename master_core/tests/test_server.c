@@ -102,6 +102,7 @@ static void set_up(unsigned count) {
         rig.peer[i] = ends[1];
         rig.control->client[i] = (struct fsn_client){.fd = ends[0],
                                                      .number = i + 1,
+                                                     .role = FSN_MAINTAINER,
                                                      .peer.pid = 100 + (pid_t)i,
                                                      .lease_ms = 0,
                                                      .heard_ns = now_ns,

@@ -35,6 +35,7 @@ static struct rig set_up(void) {
     rig.client = &rig.control->client[3];
     *rig.client = (struct fsn_client){.fd = 1 << 20, /* no descriptor: nothing is sent here */
                                       .number = 1,
+                                      .role = FSN_MAINTAINER,
                                       .out.limit_bytes = FSN_CLIENT_OUT_BYTES};
     return rig;
 }

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pwd
+import re
 import signal
 import stat
 import subprocess
@@ -15,6 +17,7 @@ import pytest
 from master.rig import ROOT, Client, running
 from tied import tied
 
+ROLES = ("observer", "operator", "maintainer")
 MODE = "drive_1.0x6060:00"  # int8, stop value 8
 LAMP = "el2904.standard_1"
 START = "el6910.logic_control"  # restart relevant
@@ -213,7 +216,7 @@ def test_the_socket_is_for_its_owner() -> None:
         assert stat.S_IMODE(master.path.stat().st_mode) == 0o600
 
 
-def as_nobody(path: str) -> str:
+def as_nobody(path: str, *lines: str) -> str:
     script = (
         "import os, socket, sys\n"
         "os.setgroups([]); os.setgid(65534); os.setuid(65534)\n"
@@ -221,13 +224,13 @@ def as_nobody(path: str) -> str:
         "try: s.connect(sys.argv[1])\n"
         "except PermissionError: print('no permission')\n"
         "else:\n"
-        "    f = s.makefile('rwb'); f.write(b'hello\\n')\n"
+        "    f = s.makefile('rwb'); f.write(sys.argv[2].encode())\n"
         "    try: f.flush()\n"
         "    except BrokenPipeError: pass\n"
-        "    print(f.readline().decode())\n"
+        "    for _ in sys.argv[2].splitlines(): print(f.readline().decode(), end='')\n"
     )
     done = subprocess.run(
-        [sys.executable, "-I", "-c", script, path],
+        [sys.executable, "-I", "-c", script, path, "".join(f"{w}\n" for w in lines or ("hello",))],
         capture_output=True,
         text=True,
         check=True,
@@ -241,7 +244,9 @@ def test_other_users_are_refused_unless_allowed() -> None:
         ((), "no permission"),
         (("--allow-group", "daemon"), "may not connect"),
         (("--allow-user", "nobody"), '"ok":true'),
-        (("--allow-group", "nogroup"), '"ok":true'),
+        (("--allow-group", "nogroup"), '"access":"observer"'),
+        (("--allow-user", "nobody:operator"), '"access":"operator"'),
+        (("--allow-user", "nobody", "--allow-group", "nogroup:maintainer"), '"maintainer"'),
     ):
         with running(*options) as master:
             master.directory.chmod(0o755)
@@ -250,6 +255,26 @@ def test_other_users_are_refused_unless_allowed() -> None:
                 (told,) = master.logged("turned_away")
                 assert (told["uid"], told["user"], told["times"]) == (65534, "nobody", 1)
                 assert told["program"] is not None
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="becomes another user, which takes root")
+@pytest.mark.parametrize("role", ROLES)
+def test_a_role_allows_what_the_reference_says(role: str) -> None:
+    page = ROOT / "docs" / "reference" / "control-protocol.md"
+    if not page.is_file():
+        pytest.skip("needs the source tree")
+    row = r"^\| `([\w-]+).*? \| (observer|operator|maintainer) \|"
+    least = dict(re.findall(row, page.read_text(), re.MULTILINE))
+    names = sorted(least, key=["restart", "stop", "start", "shutdown"].count)
+    with running("--allow-user", f"nobody:{role}") as master, master.client() as root:
+        master.directory.chmod(0o755)
+        usages = root.good("help")["requests"]
+        assert {usage.split(":")[0].split()[0] for usage in usages} == {*least}
+        answers = [json.loads(a) for a in as_nobody(str(master.path), *names).splitlines()]
+        asked = zip(names, answers, strict=True)
+        refused = {n: a["error"] for n, a in asked if "only for" in a.get("text", "")}
+        above = [n for n in names if ROLES.index(least[n]) > ROLES.index(role)]
+        assert refused == dict.fromkeys(above, "FSN_E_CLOSED")
 
 
 DROPPED = {

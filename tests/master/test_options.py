@@ -42,6 +42,8 @@ USAGE = [
     (["PLAN", "--bus", "emulated", "--revoked", "a"], "--revoked a: goes with --signers FILE"),
     (["PLAN", "--bus", "emulated", "--allow-user", "no such"], "there is no such user"),
     (["PLAN", "--bus", "emulated", "--allow-group", "no such"], "there is no such group"),
+    (["PLAN", "--bus", "emulated", "--allow-user", "root:all"], "observer, operator or maintainer"),
+    (["PLAN", "--bus", "emulated", "--allow-user", "x" * 300], "there is no such user"),
     (["PLAN", "--bus", "emulated", "--log", "xml"], "--log xml: text or json"),
     (["PLAN", "--bus", "emulated", "--redundant", "b"], "takes no second interface"),
     (["PLAN", "--bus", "soem", "--interface", "a", "--redundant", "a"], "same interface twice"),

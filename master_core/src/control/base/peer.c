@@ -6,6 +6,20 @@
 #include <stdio.h>
 #include <string.h>
 
+static const char *const role_names[FSN_ROLES] = {"none", "observer", "operator", "maintainer"};
+
+const char *fsn_role_name(enum fsn_role role) {
+    return role_names[role];
+}
+
+enum fsn_role fsn_role_of(const char *name) {
+    enum fsn_role role = FSN_MAINTAINER;
+    while (role != FSN_NO_ROLE && strcmp(role_names[role], name) != 0) {
+        role--;
+    }
+    return role;
+}
+
 /** First line of a file of a process. */
 static void read_program(pid_t pid, char *room, size_t room_bytes) {
     char path[40];

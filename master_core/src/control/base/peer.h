@@ -8,6 +8,21 @@
 
 enum { FSN_PEER_TEXT_BYTES = 160 };
 
+/** What a client may request; each role includes those before it. */
+enum fsn_role {
+    FSN_NO_ROLE,    /**< may not connect */
+    FSN_OBSERVER,   /**< what is known already: nothing on the bus, no file, no output */
+    FSN_OPERATOR,   /**< outputs, leases, arming, incidents, diagnosis messages, scans */
+    FSN_MAINTAINER, /**< all: objects, aliases, start and stop */
+    FSN_ROLES
+};
+
+/** Its word: "observer". */
+const char *fsn_role_name(enum fsn_role role);
+
+/** The role of a word; FSN_NO_ROLE: there is none. */
+enum fsn_role fsn_role_of(const char *name);
+
 struct fsn_peer {
     pid_t pid;
     uid_t uid;

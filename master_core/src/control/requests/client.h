@@ -26,7 +26,8 @@ struct fsn_client {
     int fd;          /**< -1: the slot is free */
     uint32_t number; /**< rising, never used twice, never FSN_NOBODY */
     struct fsn_peer peer;
-    bool events; /**< subscribed */
+    enum fsn_role role; /**< as it was when it connected */
+    bool events;        /**< subscribed */
     struct fsn_stream stream;
     bool skipping;           /**< inside a line that was too long */
     const char *drop_reason; /**< why it is to be dropped, or NULL */

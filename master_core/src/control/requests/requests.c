@@ -15,6 +15,7 @@ enum { AGAIN_NS = 1000000000 /**< between two events about refused requests of a
 /** One request of the protocol. */
 struct entry {
     const char *name;
+    enum fsn_role role;                          /**< the least that it takes */
     size_t least, most;                          /**< number of arguments */
     fsn_answer_fn answer;                        /**< NULL: a job answers later */
     enum { READS, CHANGES, REFUSED_ONLY } event; /**< which of them are events */
@@ -32,6 +33,7 @@ static fsn_status hello(struct fsn_request *request) {
     fsn_json_put_u64(json, "protocol", FSN_CONTROL_PROTOCOL);
     fsn_json_put_text(json, "version", fsn_version());
     fsn_json_put_u64(json, "client", request->client->number);
+    fsn_json_put_text(json, "access", fsn_role_name(request->client->role));
     fsn_json_put_u64(json, "lease_ms", request->client->lease_ms);
     fsn_json_put_text(json, "role",
                       "part of the black channel: moves FSoE frames whole and unchanged; no safety "
@@ -178,37 +180,49 @@ static fsn_status incident(struct fsn_request *request) {
 static fsn_status help(struct fsn_request *request);
 
 static const struct entry requests[] = {
-    {"hello", 0, 0, hello, READS, "hello: version of protocol and program, your client number"},
-    {"status", 0, 0, status, READS, "status: state of the program and of the bus, short"},
-    {"snapshot", 0, 0, snapshot, READS, "snapshot: statistics, connections and SubDevices in full"},
-    {"subdevices", 0, 0, subdevices, READS, "subdevices: what is known about each SubDevice"},
-    {"symbols", 0, 0, symbols, READS, "symbols: named inputs and outputs, and who writes them"},
-    {"get", 1, FSN_WORDS, fsn_answer_get, READS, "get [--typed] NAME…: values of one cycle"},
-    {"layout", 0, 0, layout, READS, "layout: where everything lies in the process image"},
-    {"set", 1, FSN_WORDS, fsn_answer_set, REFUSED_ONLY,
+    {"hello", FSN_OBSERVER, 0, 0, hello, READS,
+     "hello: version of protocol and program, your client number"},
+    {"status", FSN_OBSERVER, 0, 0, status, READS,
+     "status: state of the program and of the bus, short"},
+    {"snapshot", FSN_OBSERVER, 0, 0, snapshot, READS,
+     "snapshot: statistics, connections and SubDevices in full"},
+    {"subdevices", FSN_OBSERVER, 0, 0, subdevices, READS,
+     "subdevices: what is known about each SubDevice"},
+    {"symbols", FSN_OBSERVER, 0, 0, symbols, READS,
+     "symbols: named inputs and outputs, and who writes them"},
+    {"get", FSN_OBSERVER, 1, FSN_WORDS, fsn_answer_get, READS,
+     "get [--typed] NAME…: values of one cycle"},
+    {"layout", FSN_OBSERVER, 0, 0, layout, READS,
+     "layout: where everything lies in the process image"},
+    {"set", FSN_OPERATOR, 1, FSN_WORDS, fsn_answer_set, REFUSED_ONLY,
      "set [--typed] NAME=VALUE…: all or none; yours until your lease ends"},
-    {"lease", 1, 1, lease, READS, "lease MS: silence after which your outputs fall back; 0: never"},
-    {"arm", 1, 1, fsn_answer_arm, REFUSED_ONLY,
+    {"lease", FSN_OBSERVER, 1, 1, lease, READS,
+     "lease MS: silence after which your outputs fall back; 0: never"},
+    {"arm", FSN_OPERATOR, 1, 1, fsn_answer_arm, REFUSED_ONLY,
      "arm NAME: allows one edge of an output that can restart a machine"},
-    {"events", 1, 1, events, READS, "events on|off: every change as a line of JSON"},
-    {"incident", 0, 1, incident, READS, "incident [TEXT]: keeps the last seconds in a file"},
-    {"watch", 1, FSN_WORDS, fsn_answer_watch, READS,
+    {"events", FSN_OBSERVER, 1, 1, events, READS, "events on|off: every change as a line of JSON"},
+    {"incident", FSN_OPERATOR, 0, 1, incident, READS,
+     "incident [TEXT]: keeps the last seconds in a file"},
+    {"watch", FSN_OBSERVER, 1, FSN_WORDS, fsn_answer_watch, READS,
      "watch N|off [--image|--typed] [NAME…]: every N-th cycle as a line of JSON; NAME may end in "
      "*"},
-    {"start", 0, 0, of_program, CHANGES, "start: opens the bus and brings it to OP"},
-    {"stop", 0, 0, of_program, CHANGES, "stop: stop values, SAFEOP, bus closed; no emergency stop"},
-    {"restart", 0, 0, of_program, CHANGES, "restart: stop, then start"},
-    {"shutdown", 0, 0, of_program, CHANGES, "shutdown: stop, then the end of the program"},
-    {"sdo-read", 3, 4, NULL, READS,
+    {"start", FSN_MAINTAINER, 0, 0, of_program, CHANGES,
+     "start: opens the bus and brings it to OP"},
+    {"stop", FSN_MAINTAINER, 0, 0, of_program, CHANGES,
+     "stop: stop values, SAFEOP, bus closed; no emergency stop"},
+    {"restart", FSN_MAINTAINER, 0, 0, of_program, CHANGES, "restart: stop, then start"},
+    {"shutdown", FSN_MAINTAINER, 0, 0, of_program, CHANGES,
+     "shutdown: stop, then the end of the program"},
+    {"sdo-read", FSN_MAINTAINER, 3, 4, NULL, READS,
      "sdo-read SUBDEVICE INDEX SUB [TYPE]: an object of a SubDevice"},
-    {"sdo-write", 5, 5, NULL, CHANGES,
+    {"sdo-write", FSN_MAINTAINER, 5, 5, NULL, CHANGES,
      "sdo-write SUBDEVICE INDEX SUB TYPE VALUE: no safety objects"},
-    {"sii-read", 1, 1, NULL, READS, "sii-read SUBDEVICE: its SII, in hex"},
-    {"alias-write", 2, 2, NULL, CHANGES,
+    {"sii-read", FSN_MAINTAINER, 1, 1, NULL, READS, "sii-read SUBDEVICE: its SII, in hex"},
+    {"alias-write", FSN_MAINTAINER, 2, 2, NULL, CHANGES,
      "alias-write SUBDEVICE ALIAS: used after its next power-on"},
-    {"history", 1, 1, NULL, READS, "history SUBDEVICE: its diagnosis messages"},
-    {"scan", 0, 0, NULL, READS, "scan: all that stands on the bus, planned or not"},
-    {"help", 0, 0, help, READS, "help: this list"},
+    {"history", FSN_OPERATOR, 1, 1, NULL, READS, "history SUBDEVICE: its diagnosis messages"},
+    {"scan", FSN_OPERATOR, 0, 0, NULL, READS, "scan: all that stands on the bus, planned or not"},
+    {"help", FSN_OBSERVER, 0, 0, help, READS, "help: this list"},
 };
 enum { REQUESTS = sizeof requests / sizeof requests[0] };
 
@@ -262,18 +276,31 @@ static const struct entry *find_request(const char *name) {
     return NULL;
 }
 
+static fsn_status role_is_too_low(struct fsn_request *request, enum fsn_role least) {
+    static const char *const hint[FSN_ROLES] = {
+        [FSN_OPERATOR] = "fsn-master --allow-user NAME:operator permits it",
+        [FSN_MAINTAINER] = "fsn-master --allow-user NAME:maintainer permits it"};
+    return fsn_refusal_set(&request->refusal, FSN_E_CLOSED, hint[least],
+                           "only for the role %s; this client is %s", fsn_role_name(least),
+                           fsn_role_name(request->client->role));
+}
+
 static fsn_status answer(struct fsn_request *request) {
     const struct entry *entry = find_request(request->name);
     if (entry == NULL) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG, "help lists the requests",
                                "there is no request %.100s", request->name);
     }
-    if (request->count < entry->least || request->count > entry->most) {
+    const bool may = request->client->role >= entry->role;
+    const bool fits = request->count >= entry->least && request->count <= entry->most;
+    if (may && !fits) {
         return fsn_request_refuse(request, FSN_E_ARG, entry->usage, "wrong number of words");
     }
-    request->later = entry->answer == NULL;
-    const fsn_status found = request->later ? fsn_answer_later(request) : entry->answer(request);
-    if (entry->event == CHANGES || (entry->event == REFUSED_ONLY && found != FSN_OK)) {
+    request->later = may && entry->answer == NULL;
+    const fsn_status found = !may             ? role_is_too_low(request, entry->role)
+                             : request->later ? fsn_answer_later(request)
+                                              : entry->answer(request);
+    if (!may || entry->event == CHANGES || (entry->event == REFUSED_ONLY && found != FSN_OK)) {
         report_request(request, found);
     }
     return found;

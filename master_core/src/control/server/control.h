@@ -13,22 +13,28 @@
 #include <sys/types.h>
 
 #include "control/base/host.h"
+#include "control/base/peer.h"
 #include "fsn/core.h"
 
 struct fsn_control;
 
 enum {
     FSN_CONTROL_SHARED = 32,  /**< clients at once */
-    FSN_CONTROL_RESERVED = 4, /**< more of them for root and the user of the program */
+    FSN_CONTROL_RESERVED = 4, /**< more of them for operators and maintainers */
     FSN_CONTROL_CLIENTS = FSN_CONTROL_SHARED + FSN_CONTROL_RESERVED,
     FSN_CONTROL_FDS = FSN_CONTROL_CLIENTS + 1,
     FSN_CONTROL_ALLOWED = 16, /**< users and groups that may be allowed */
 };
 
-/** Who may connect beside root and the user this runs as. */
+/** A user or group, and what it may request. */
+struct fsn_control_allowed {
+    uint32_t id; /**< uid or gid */
+    enum fsn_role role;
+};
+
+/** Who may connect beside root and the user this runs as, which are maintainers. */
 struct fsn_control_access {
-    uid_t user[FSN_CONTROL_ALLOWED];
-    gid_t group[FSN_CONTROL_ALLOWED];
+    struct fsn_control_allowed user[FSN_CONTROL_ALLOWED], group[FSN_CONTROL_ALLOWED];
     size_t users, groups;
 };
 
@@ -89,7 +95,8 @@ bool fsn_control_differed(const struct fsn_control *control);
 /** Writes what is still to be written to the clients, for at most `wait_ms`. */
 void fsn_control_flush(struct fsn_control *control, int wait_ms);
 
-/** Whether a user with these ids may connect. */
-bool fsn_control_may(const struct fsn_control_access *access, uid_t user, gid_t group);
+/** What a user with these ids may request: the highest role of the user and of its groups. */
+enum fsn_role fsn_control_role(const struct fsn_control_access *access, uid_t user,
+                               const gid_t *groups, size_t count);
 
 #endif

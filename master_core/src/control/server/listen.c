@@ -2,8 +2,6 @@
 #define _GNU_SOURCE
 
 #include <errno.h>
-#include <grp.h>
-#include <pwd.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -96,38 +94,26 @@ void fsn_control_close_socket(struct fsn_control *control) {
     }
 }
 
-static bool has_group(const struct fsn_control_access *access, gid_t group) {
-    for (size_t i = 0; i < access->groups; i++) {
-        if (access->group[i] == group) {
-            return true;
-        }
-    }
-    return false;
+static enum fsn_role higher(enum fsn_role one, enum fsn_role other) {
+    return one > other ? one : other;
 }
 
-bool fsn_control_may(const struct fsn_control_access *access, uid_t user, gid_t group) {
-    if (user == 0 || user == geteuid() || has_group(access, group)) {
-        return true;
+static enum fsn_role role_of(const struct fsn_control_allowed *allowed, size_t count, uint32_t id) {
+    enum fsn_role role = FSN_NO_ROLE;
+    for (size_t i = 0; i < count; i++) {
+        role = higher(role, allowed[i].id == id ? allowed[i].role : FSN_NO_ROLE);
     }
-    for (size_t i = 0; i < access->users; i++) {
-        if (access->user[i] == user) {
-            return true;
-        }
+    return role;
+}
+
+enum fsn_role fsn_control_role(const struct fsn_control_access *access, uid_t user,
+                               const gid_t *groups, size_t count) {
+    if (user == 0 || user == geteuid()) {
+        return FSN_MAINTAINER;
     }
-    if (access->groups == 0) {
-        return false;
+    enum fsn_role role = role_of(access->user, access->users, user);
+    for (size_t i = 0; i < count; i++) {
+        role = higher(role, role_of(access->group, access->groups, groups[i]));
     }
-    enum { GROUPS = 256 };
-    gid_t groups[GROUPS];
-    int count = GROUPS;
-    const struct passwd *entry = getpwuid(user);
-    if (entry == NULL || getgrouplist(entry->pw_name, entry->pw_gid, groups, &count) < 0) {
-        return false;
-    }
-    for (int i = 0; i < count; i++) {
-        if (has_group(access, groups[i])) {
-            return true;
-        }
-    }
-    return false;
+    return role;
 }

@@ -122,10 +122,11 @@ static struct fsn_client *idlest(struct fsn_control *control, uint64_t now_ns, u
     return found;
 }
 
-/** A place for a new client, NULL: none. Root and the user of this program have places of their own
- *  and need not wait until somebody counts as idle. */
-static struct fsn_client *make_room(struct fsn_control *control, uid_t user, uint64_t now_ns) {
-    const bool first = user == 0 || user == geteuid();
+/** A place for a new client, NULL: none. Who may change something has places of its own and need
+ *  not wait until somebody counts as idle. */
+static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role role,
+                                    uint64_t now_ns) {
+    const bool first = role >= FSN_OPERATOR;
     const size_t places = first ? FSN_CONTROL_CLIENTS : FSN_CONTROL_SHARED;
     for (size_t i = 0; i < places; i++) {
         if (control->client[i].fd < 0) {
@@ -163,6 +164,21 @@ static void report_turned_away(struct fsn_control *control, pid_t pid, uid_t uid
     control->turned_away = 0;
 }
 
+/** What the process at the other end may request, by what the kernel knows of it; who it is. */
+static enum fsn_role read_role(const struct fsn_control *control, int fd, struct ucred *peer) {
+    enum { GROUPS = 256 }; /* more than anybody has: then only its own counts */
+    gid_t group[1 + GROUPS];
+    socklen_t size = sizeof *peer, group_bytes = GROUPS * sizeof *group;
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, peer, &size) != 0) {
+        return FSN_NO_ROLE;
+    }
+    group[0] = peer->gid;
+    if (getsockopt(fd, SOL_SOCKET, SO_PEERGROUPS, group + 1, &group_bytes) != 0) {
+        group_bytes = 0;
+    }
+    return fsn_control_role(control->access, peer->uid, group, 1 + group_bytes / sizeof *group);
+}
+
 /** Takes in one of those who wait; false when nobody does. */
 static bool accept_one(struct fsn_control *control) {
     const int fd = accept4(control->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
@@ -170,9 +186,8 @@ static bool accept_one(struct fsn_control *control) {
         return false;
     }
     struct ucred peer = {.pid = 0};
-    socklen_t size = sizeof peer;
-    if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 ||
-        !fsn_control_may(control->access, peer.uid, peer.gid)) {
+    const enum fsn_role role = read_role(control, fd, &peer);
+    if (role == FSN_NO_ROLE) {
         report_turned_away(control, peer.pid, peer.uid);
         turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_CLOSED\",\"text\":\"this user may not "
                       "connect\",\"hint\":\"start fsn-master with --allow-user or "
@@ -180,7 +195,7 @@ static bool accept_one(struct fsn_control *control) {
         return true;
     }
     const uint64_t now = fsn_now_ns();
-    struct fsn_client *client = make_room(control, peer.uid, now);
+    struct fsn_client *client = make_room(control, role, now);
     if (client == NULL) {
         turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"too many clients\","
                       "\"hint\":\"close one of them\"}\n");
@@ -188,6 +203,7 @@ static bool accept_one(struct fsn_control *control) {
     }
     *client = (struct fsn_client){.fd = fd,
                                   .number = ++control->last_number,
+                                  .role = role,
                                   .lease_ms = FSN_LEASE_MS,
                                   .heard_ns = now,
                                   .request_ns = now,
