@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -39,3 +41,12 @@ def test_good_examples_are_clean(name: str):
 def test_urdf_and_network_file_give_the_same_plan():
     urdf = resolved(EXAMPLES / "estop" / "estop.urdf.xacro")
     assert compile_plan(urdf).to_bytes() == compile_plan(example("estop")).to_bytes()
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="needs systemd-analyze")
+def test_the_unit_gives_what_it_needs_and_no_more():
+    """Exposure of at most 2.0 of 10, by the measure of systemd."""
+    unit = EXAMPLES / "fsn-master.service"
+    call = ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(unit)]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
