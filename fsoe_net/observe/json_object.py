@@ -17,6 +17,8 @@ _TEXT = 4096
 
 def clean(text: str, most: int = _TEXT) -> str:
     """Return a text that can be printed on one line: no control characters, no half characters."""
+    if len(text) <= most and text.isprintable():
+        return text
     kept = "".join(
         c if c == " " or unicodedata.category(c)[0] != "C" else "\N{REPLACEMENT CHARACTER}"
         for c in text[:most]

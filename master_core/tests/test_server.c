@@ -427,6 +427,29 @@ static void leases_end(void) {
     tear_down(1);
 }
 
+/** Of a client's refused requests there is one event a second, which counts them. */
+static void refused_requests_are_counted(void) {
+    set_up(1);
+    say(0, "arm none\narm none\nset none=1\n");
+    turn();
+    CHECK(lines_of(heard(0)) == 3);
+    CHECK(strstr(rig.logged, "\"request\":\"arm\",\"arguments\":[\"none\"],\"error\":"
+                             "\"FSN_E_ARG\",\"times\":1,") != NULL);
+    CHECK(strstr(strchr(rig.logged, '}'), "request") == NULL);
+    rig.logged[0] = 0;
+    now_ns += 999999999;
+    say(0, "arm none\n");
+    turn();
+    CHECK(rig.logged[0] == 0);
+    now_ns += 1;
+    say(0, "start\nsdo-write none 1 2 bool 1\n");
+    turn();
+    CHECK(strstr(rig.logged, "requests start\n") != NULL &&
+          strstr(rig.logged, "\"times\":4,") != NULL);
+    CHECK(strstr(rig.logged, "requests sdo-write none 1 2 bool 1, refused: ") != NULL);
+    tear_down(1);
+}
+
 /** At the end what is left to be written is written, for so long. */
 static void a_flush_waits_for_readers(void) {
     set_up(2);
@@ -464,6 +487,7 @@ int main(void) {
     lines_wait_behind_a_job();
     a_full_buffer_waits_for_its_turn();
     leases_end();
+    refused_requests_are_counted();
     a_flush_waits_for_readers();
     CHECK(open_files() == open_before);
     return 0;

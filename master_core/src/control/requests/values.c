@@ -98,9 +98,8 @@ static void report_taken(struct fsn_request *request, const struct fsn_wanted *w
     struct fsn_json *json = NULL;
     size_t taken = 0;
     for (size_t i = 0; i < request->count; i++) {
-        const struct fsn_symbol_info info = fsn_known_symbol(services->view.plan, wanted[i].symbol);
-        if (fsn_outputs_state(services->view.outputs, wanted[i].symbol).owner ==
-            request->client->number) {
+        const uint32_t symbol = wanted[i].symbol;
+        if (fsn_outputs_state(services->view.outputs, symbol).owner == request->client->number) {
             continue;
         }
         if (taken++ == 0) {
@@ -109,7 +108,7 @@ static void report_taken(struct fsn_request *request, const struct fsn_wanted *w
             fsn_json_put_u64(json, "lease_ms", request->client->lease_ms);
             fsn_json_put_open(json, "outputs", '{');
         }
-        fsn_json_put_u64(json, info.name, wanted[i].raw);
+        fsn_json_put_u64(json, fsn_known_symbol(services->view.plan, symbol).name, wanted[i].raw);
     }
     if (taken > 0) {
         char who[FSN_CLIENT_TEXT_BYTES];
