@@ -130,8 +130,9 @@ static void log_text(enum fsn_log_level level, char *text) {
     }
 }
 
-int acceptance_check(const uint8_t *plan, size_t plan_bytes, const struct options *options) {
+int acceptance_check(const uint8_t *plan, size_t plan_bytes, struct options *options) {
     static char text[MOST_TEXT];
+    static char said[MOST_TEXT];
     char path[PATH_MAX];
     if (!find_program(path)) {
         log_line(FSN_LOG_ERROR,
@@ -151,7 +152,9 @@ int acceptance_check(const uint8_t *plan, size_t plan_bytes, const struct option
         return EXIT_ENVIRONMENT;
     }
     const int code = WIFEXITED(status) ? WEXITSTATUS(status) : NOT_STARTED;
-    entry_acceptance(options, code == EXIT_FINE, text);
+    memcpy(said, text, sizeof said);
+    options->acceptance_said = said;
+    entry_acceptance(options, code == EXIT_FINE, said);
     log_text(code == EXIT_FINE ? FSN_LOG_INFO : FSN_LOG_ERROR, text);
     if (code == EXIT_FINE) {
         return -1;

@@ -57,7 +57,7 @@ static uint8_t *read_file(const char *path, size_t *len) {
 
 /** Loads the plan, and has its signatures checked.
  *  @return -1, else the exit code; then it has said why. */
-static int load(const struct options *o, struct fsn_plan **plan) {
+static int load(struct options *o, struct fsn_plan **plan) {
     const char *path = o->plan_file;
     size_t len;
     char text[640];

@@ -70,6 +70,8 @@ static void host_status(void *self, struct fsn_control_status *status) {
         .redundant = o->redundant,
         .plan_file = o->plan_file,
         .accepted = o->accepted != NULL ? o->accepted : o->acceptance,
+        .acceptance = o->acceptance,
+        .acceptance_said = o->acceptance_said,
         .interventions = m->logs ? &m->interventions : NULL,
         .require_observed = o->require_observed,
         .policy = policy_name[m->policy],

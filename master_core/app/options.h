@@ -14,11 +14,12 @@ enum policy { POLICY_FIFO, POLICY_DEADLINE, POLICY_OTHER };
 struct options {
     const char *plan_file, *bus, *interface, *redundant, *socket, *accepted, *incidents;
     const char *acceptance, *signers, *revoked; /**< files of who accepted the plan; or NULL */
-    const char *interventions;                  /**< folder of the intervention log; or NULL */
-    uint64_t cycle_ns;                          /**< 0: the plan's */
-    uint64_t run_ns;                            /**< 0: until it is stopped */
-    uint64_t record_ns;                         /**< for how long cycles are kept; 0: not at all */
-    uint64_t wait_ns; /**< how long to try again while SubDevices are missing */
+    const char *acceptance_said; /**< what was said when they were checked; NULL: not yet */
+    const char *interventions;   /**< folder of the intervention log; or NULL */
+    uint64_t cycle_ns;           /**< 0: the plan's */
+    uint64_t run_ns;             /**< 0: until it is stopped */
+    uint64_t record_ns;          /**< for how long cycles are kept; 0: not at all */
+    uint64_t wait_ns;            /**< how long to try again while SubDevices are missing */
     enum policy policy;
     bool policy_given;      /**< then it is no good to go on without it */
     int priority;           /**< 1 … 99, of fifo */

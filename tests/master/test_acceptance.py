@@ -7,12 +7,14 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
 from cli.signed_folder import RECORD, make_signed
 from cli.tool import fsn
-from master.rig import PATIENCE_S, program
+from master.rig import PATIENCE_S, killed_at_the_end, program, when_it_listens
+from tied import tied
 
 pytestmark = pytest.mark.skipif(
     shutil.which("ssh-keygen") is None, reason="signatures are made by ssh-keygen of OpenSSH"
@@ -74,6 +76,25 @@ def test_the_signed_plan_runs(folder: Path) -> None:
     done = run(folder, *SIGNED, "--revoked", "revoked")
     assert done.returncode == 1
     assert "verifier.sig is no signature" in done.stderr
+
+
+def test_the_status_says_who_signed(folder: Path) -> None:
+    tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    with tempfile.TemporaryDirectory(prefix="fsn-") as short:  # a path of a socket has 107 bytes
+        path = Path(short) / "s"
+        given = ["--bus", "emulated", "--policy", "other", "--socket", str(path), *SIGNED]
+        process = subprocess.Popen(
+            tied(folder / "bin" / "fsn-master", "timed.fsnplan", *given),
+            cwd=folder,
+            env={**os.environ, "PATH": tools},
+            stderr=subprocess.DEVNULL,
+        )
+        with killed_at_the_end(process), when_it_listens(path, process) as client:
+            found = client.good("status")["acceptance"]
+            assert found["record"] == RECORD
+            assert "A. Meier <a.meier@example.org>, 2021-11-21: signed, ED25519" in found["said"]
+            client.good("shutdown")
+            assert process.wait(PATIENCE_S) == 0
 
 
 def test_who_signed_is_in_the_intervention_log(folder: Path) -> None:

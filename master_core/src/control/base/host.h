@@ -42,6 +42,7 @@ struct fsn_control_status {
     int cpu;             /**< CPU number + 1; 0: not pinned */
     int priority;        /**< of the cyclic thread; 0: none */
     bool free_run;
+    const char *acceptance, *acceptance_said;      /**< signed record, and what its check said */
     const struct fsn_interventions *interventions; /**< NULL: none are logged */
     bool require_observed; /**< other parameters than the plan has are an alarm */
 };

@@ -85,6 +85,18 @@ void fsn_report_interventions(const struct fsn_interventions *log, struct fsn_js
     fsn_json_put_text_or_null(json, "error", log->error);
 }
 
+/** The record that was required, and who signed it. */
+static void put_acceptance(const struct fsn_control_status *status, struct fsn_json *json) {
+    if (status->acceptance == NULL) {
+        fsn_json_put_text_or_null(json, "acceptance", NULL);
+        return;
+    }
+    fsn_json_put_open(json, "acceptance", '{');
+    fsn_json_put_text(json, "record", status->acceptance);
+    fsn_json_put_text_or_null(json, "said", status->acceptance_said);
+    fsn_json_close(json, '}');
+}
+
 static void put_interventions(const struct fsn_interventions *log, struct fsn_json *json) {
     if (log == NULL) {
         fsn_json_put_text_or_null(json, "interventions", NULL);
@@ -107,6 +119,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     fsn_report_fingerprint(view, json);
     fsn_json_put_bool(json, "accepted", status.accepted != NULL);
     fsn_json_put_bool(json, "require_observed", status.require_observed);
+    put_acceptance(&status, json);
     put_interventions(status.interventions, json);
     fsn_json_put_u64(json, "uptime_ns", fsn_now_ns() - status.started_ns);
     fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
