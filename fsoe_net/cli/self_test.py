@@ -70,8 +70,8 @@ def _identity(done: SelfTest) -> list[str]:
 def _about(part: PartResult) -> str:
     if part.not_tried:
         return part.not_tried
-    differ = f", {len(part.different)} differ" if part.different else ""
-    return f"{counted(part.compared, 'value')}{differ}"
+    different = f", {len(part.different)} different" if part.different else ""
+    return f"{counted(part.compared, 'value')}{different}"
 
 
 def _failure(part: PartResult) -> list[Part]:

@@ -27,7 +27,7 @@ _MASTER = (
 PARTS = tuple(
     SelfTestPart(name=name, compare=compare, next_step=next_step)
     for name, compare, next_step in (
-        ("installed files", installation.recorded_files, f"a file was changed: {_INSTALL}"),
+        ("installed files", installation.recorded_files, f"a file was changed, is missing or was added: {_INSTALL}"),
         ("reference networks", networks.reference_networks, _STOP),
         ("broken networks", networks.broken_networks, _STOP),
         ("CRCs of FSoE", formulas.crcs_of_fsoe, _STOP),
