@@ -287,6 +287,7 @@ def test_files_are_compared_with_the_record_of_their_own_installation(
     assert [row.got for row in result.different] == ["not there"]
 
 
+@pytest.mark.shows("R25")
 def test_an_installation_without_the_record_of_its_files_is_found(tmp_path: Path, core: Path):
     folder = installed_copy(tmp_path, core)
     (folder / "fsoe_net-0.1.0.dist-info" / "RECORD").unlink()
@@ -295,6 +296,7 @@ def test_an_installation_without_the_record_of_its_files_is_found(tmp_path: Path
     assert "record of the installer: expected fsoe_net-*.dist-info/RECORD, got not there" in text
 
 
+@pytest.mark.shows("R25")
 def test_an_fsn_master_that_takes_every_plan_is_found(tmp_path: Path):
     program = tmp_path / "fsn-master"
     program.write_text(f"#!/bin/sh\necho fsn-master {fsoe_net.__version__}\n")

@@ -16,6 +16,7 @@ from fsoe_net.project.self_test.model import PartResult, SelfTestPart, tried
 __all__ = ["PARTS", "SelfTest", "master_state", "run_self_test"]
 
 _INSTALL = "install fsoe-net again, into an empty environment, and repeat the self-test"
+_FILES = f"a file was changed, is missing or was added: {_INSTALL}"
 _STOP = (
     f"do not use what this installation writes; {_INSTALL}; if it differs again, hand in the output"
     " of `fsoe-net self-test --format json`"
@@ -27,7 +28,7 @@ _MASTER = (
 PARTS = tuple(
     SelfTestPart(name=name, compare=compare, next_step=next_step)
     for name, compare, next_step in (
-        ("installed files", installation.recorded_files, f"a file was changed, is missing or was added: {_INSTALL}"),
+        ("installed files", installation.recorded_files, _FILES),
         ("reference networks", networks.reference_networks, _STOP),
         ("broken networks", networks.broken_networks, _STOP),
         ("CRCs of FSoE", formulas.crcs_of_fsoe, _STOP),
