@@ -62,8 +62,8 @@ static struct fsn_objects reach(struct objects *o) {
         .bus = o, .position = POSITION, .upload = upload, .download = download};
 }
 
-/** A plan with two SDOs of its last SubDevice; its connection knows its FSoE address. */
-static struct fsn_plan *load(void) {
+/** A plan with two SDOs of its last SubDevice; its connection may know its FSoE address. */
+static struct fsn_plan *load(bool known) {
     static const struct build_sm sm[2][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}};
     static const struct build_copy pair[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}};
     const struct build build = {
@@ -73,7 +73,7 @@ static struct fsn_plan *load(void) {
     uint8_t *bytes = build_plan(&build, &len);
     uint8_t *connection = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_CONNECTION - 1) + 4);
     connection[26] = 7; /* its address */
-    connection[30] |= KNOWN_ADDRESS;
+    connection[30] |= known ? KNOWN_ADDRESS : 0;
     build_fix_crc(bytes, len);
     CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
     free(bytes);
@@ -142,6 +142,17 @@ static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
     CHECK(objects.transfers == 2 + 15); /* no more than 16 are believed */
     objects.status = FSN_E_BUS_MISSING;
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && !readable);
+}
+
+static void without_an_address_nothing_is_compared(void) {
+    struct fsn_plan *plan = load(false);
+    char detail[FSN_DETAIL_BYTES];
+    bool readable = true;
+    struct objects objects = {.status = FSN_OK, .value = 9};
+    const struct fsn_objects reached = reach(&objects);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && !readable);
+    CHECK(objects.transfers == 0);
+    fsn_plan_free(plan);
 }
 
 /** Objects of one SubDevice, by index and subindex; all others are not there. */
@@ -238,12 +249,13 @@ static void parameters_follow_the_frame(void) {
 
 int main(void) {
     const long alive = heap_alive();
-    struct fsn_plan *plan = load();
+    struct fsn_plan *plan = load(true);
     parameters_follow_the_frame();
     address_is_found_where_the_device_has_it(plan);
     identities_are_compared();
     who_takes_no_sdo_says_why(plan);
     addresses_are_compared_where_both_tell_them(plan);
+    without_an_address_nothing_is_compared();
     fsn_plan_free(plan);
     CHECK(heap_alive() == alive);
     return 0;

@@ -230,6 +230,26 @@ static void mappings_are_written_once(void) {
     CHECKED(FSN_OK, "1600:00=0/1 1600:01=60000008/4! 1600:00=8/1 ", "");
 }
 
+/** An entry whose number has no two bytes alike. */
+static void every_byte_is_written(void) {
+    static const struct build_sm sm[1][2] = {{{1, 1}, {2, 1}}};
+    const struct build build = {.subdevices = 1, .sm = sm};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    uint8_t *entry = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_ENTRY - 1) + 4);
+    memcpy(entry, "\x23\x61\x45", 3); /* index and subindex */
+    build_fix_crc(bytes, len);
+    struct fsn_plan *other;
+    CHECK(fsn_plan_load(bytes, len, &other, NULL) == FSN_OK);
+    free(bytes);
+    const struct fsn_objects objects = {.bus = &on, .upload = upload, .download = download};
+    char said[FSN_DETAIL_BYTES] = "";
+    set_up();
+    CHECK(fsn_pdo_check(other, 0, &objects, said) == FSN_OK);
+    CHECK(strcmp(on.log, "1600:00=0/1 1600:01=61234508/4 1600:00=1/1 ") == 0);
+    fsn_plan_free(other);
+}
+
 /** Two of padding are one of their sum, wherever they stand. */
 static void padding_may_be_split(void) {
     static const struct build_sm sm[1][2] = {{{1, 8}, {2, 1}}};
@@ -322,6 +342,7 @@ int main(void) {
     what_cannot_be_read_is_left_to_the_device();
     what_nobody_answers_is_no_agreement();
     mappings_are_written_once();
+    every_byte_is_written();
     padding_may_be_split();
     long_padding_is_split();
     lengths_are_compared();

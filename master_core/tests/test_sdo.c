@@ -17,6 +17,7 @@ struct device {
     bool has_answer;
     uint8_t counter;
     const uint8_t *script; /**< bodies of 10 bytes, sent instead */
+    const char *head;      /**< 6 bytes before each of them; NULL: as it is right */
     uint32_t script_left;
     uint32_t sent, aborts;
     bool mute;
@@ -123,7 +124,7 @@ static bool send_message(void *context, const uint8_t *message) {
     if (d->script_left > 0) {
         memset(d->answer, 0, sizeof d->answer);
         memcpy(d->answer + 6, d->script, 10);
-        memcpy(d->answer, "\x0a\0\0\0\0\3", 6);
+        memcpy(d->answer, d->head != NULL ? d->head : "\x0a\0\0\0\0\3", 6);
         d->script += 10;
         d->script_left--;
         d->has_answer = true;
@@ -229,6 +230,42 @@ static void bad_answers(void) {
     }
 }
 
+/** A message of another protocol, one that is cut off, one longer than the mailbox. */
+static void what_is_no_sdo_is_passed_over(void) {
+    static const uint8_t body[10] = {0, 0x30, 0x4F, 0, 0, 0, 77};
+    static const struct {
+        const char *head;
+        fsn_status status;
+    } rows[] = {
+        {"\x0a\0\0\0\0\3", FSN_OK},
+        {"\x0a\0\0\0\0\xF3", FSN_OK},
+        {"\x0a\0\0\0\0\2", FSN_E_BUS_MISSING},
+        {"\x09\0\0\0\0\3", FSN_E_BUS_MISSING},
+        {"\x1a\0\0\0\0\3", FSN_OK},
+        {"\x1b\0\0\0\0\3", FSN_E_BUS_MISSING},
+        {"\x0a\1\0\0\0\3", FSN_E_BUS_MISSING},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        struct device d = {.head = rows[i].head, .script = body, .script_left = 1, .mute = true};
+        const struct fsn_mailbox mailbox = mailbox_of(&d);
+        uint8_t data[4] = {0};
+        struct fsn_transfer t = {.data = data, .size_bytes = sizeof data};
+        CHECK(fsn_sdo_upload(&mailbox, &t) == rows[i].status);
+        CHECK(data[0] == (rows[i].status == FSN_OK ? 77 : 0));
+    }
+}
+
+/** Four bytes where the answer states no size, whatever its other bits are. */
+static void an_answer_without_a_size_has_four_bytes(void) {
+    static const uint8_t body[10] = {0, 0x30, 0x46, 0, 0, 0, 1, 2, 3, 4};
+    struct device d = {.script = body, .script_left = 1, .mute = true};
+    const struct fsn_mailbox mailbox = mailbox_of(&d);
+    uint8_t data[8];
+    struct fsn_transfer t = {.data = data, .size_bytes = sizeof data};
+    CHECK(fsn_sdo_upload(&mailbox, &t) == FSN_OK && t.size_bytes == 4);
+    CHECK(memcmp(data, body + 6, 4) == 0);
+}
+
 /** Bytes at random never reach beyond the room; ASan sees it. */
 static void noise(void) {
     uint32_t seed = 1;
@@ -328,6 +365,8 @@ int main(void) {
     objects_of_every_length();
     long_transfers_are_broken_off();
     bad_answers();
+    what_is_no_sdo_is_passed_over();
+    an_answer_without_a_size_has_four_bytes();
     noise();
     CHECK(heap_alive() == alive);
     return 0;

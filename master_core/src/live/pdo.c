@@ -161,11 +161,13 @@ static fsn_status check_assignment(const struct at *at) {
     struct assignment planned, found;
     planned_assignment(at, &planned);
     fsn_status status = read_assignment(at, &found);
+    /* mutants: either way round */
     if (status != FSN_OK || same_assignment(&planned, &found)) {
         return unless_silent(status);
     }
     write_assignment(at, &planned);
     status = read_assignment(at, &found);
+    /* mutants: as above */
     if (status != FSN_OK || same_assignment(&planned, &found)) {
         return unless_silent(status);
     }

@@ -233,6 +233,7 @@ fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fau
     /* An abstract name: it belongs to the network namespace, as the interface does, and is gone
      * with its process however that ends. */
     struct sockaddr_un name = {.sun_family = AF_UNIX};
+    /* mutants: the name of an interface is much shorter than the room */
     const int length =
         snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "fsn-maindevice:%s", interface);
     *lock = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
