@@ -100,17 +100,22 @@ def core_and_python() -> Iterator[TriedValue]:
             taken.append(n)
         yield TriedValue(f"{name}: changed bytes of the plan that the core takes", [], taken)
     recorded = _recorded()
-    for changed in range(-1, len(recorded)):
-        frames = list(recorded)
-        what = "recorded run"
-        if changed >= 0:
-            one, bit = frames[changed], changed % (8 * len(frames[changed].data))
-            mangled = bytearray(one.data)
-            mangled[bit // 8] ^= 1 << bit % 8
-            frames[changed] = one._replace(data=bytes(mangled))
-            what = f"recorded run, bit {bit} of frame {changed + 1} changed"
+    runs = [("recorded run", recorded)]
+    for n, frame in enumerate(recorded):
+        bit = n % (8 * len(frame.data))
+        changed = frame._replace(data=_flipped(frame.data, bit))
+        what = f"recorded run, bit {bit} of frame {n + 1} changed"
+        runs.append((what, [*recorded[:n], changed, *recorded[n + 1 :]]))
+    for what, frames in runs:
         python, core = (_seen(follower, frames) for follower in _followers())
         yield TriedValue(what, python, core)
+
+
+def _flipped(data: bytes, bit: int) -> bytes:
+    """Return the bytes with one bit changed, counted from the lowest of the first byte."""
+    changed = bytearray(data)
+    changed[bit // 8] ^= 1 << bit % 8
+    return bytes(changed)
 
 
 def copies() -> Iterator[TriedValue]:
@@ -127,14 +132,12 @@ def copies() -> Iterator[TriedValue]:
     size, inputs = where["bytes"], plan.sm_sizes[source]
     with Core(plan, bus) as core:
         frame = _recorded()[-1].data
-        for bit in range(-1, 8 * size):
-            data = bytearray(frame)
-            if bit >= 0:
-                data[bit // 8] ^= 1 << bit % 8
-            bus.write_inputs(source, bytes(data).ljust(inputs, b"\xff"))
-            core.cycle(bit + 2)
+        frames = [_flipped(frame, bit) for bit in range(8 * size)]
+        for n, data in enumerate([*frames, frame]):
+            bus.write_inputs(source, data.ljust(inputs, b"\xff"))
+            core.cycle(n + 1)
             got = bus.read_outputs(destination)[:size].hex()
-            what = "frame" if bit < 0 else f"frame with bit {bit} changed"
+            what = "frame" if data == frame else f"frame with bit {n} changed"
             yield TriedValue(f"{what}, copied", data.hex(), got)
         before = bus.read_outputs(destination)[:size].hex()
         bus.set_present(plan.subdevice_names.index(where["from"][0]), present=False)
