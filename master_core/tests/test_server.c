@@ -291,7 +291,7 @@ static void who_does_not_read_is_dropped(void) {
                  "w client 1, pid 100 (?), uid 0 (?) dropped: does not read\n"
                  "{\"event\":\"dropped\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
                  "\"now_ns\":1005000000001,\"client\":1,\"pid\":100,\"uid\":0,\"user\":null,"
-                 "\"program\":null,\"why\":\"does not read\","
+                 "\"program\":null,\"access\":\"maintainer\",\"why\":\"does not read\","
                  "\"level\":\"warning\",\"text\":\"client 1, pid 100 (?), uid 0 (?) dropped: "
                  "does not read\"}\n") == 0);
     tear_down(1);
@@ -418,7 +418,7 @@ static void leases_end(void) {
                  "w client 1, pid 100 (?), uid 0 (?), silent: 1 output takes its stop value\n"
                  "{\"event\":\"fallback\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
                  "\"now_ns\":1000200000001,\"client\":1,\"pid\":100,\"uid\":0,\"user\":null,"
-                 "\"program\":null,\"why\":\"silent\","
+                 "\"program\":null,\"access\":\"maintainer\",\"why\":\"silent\","
                  "\"outputs\":[\"t\"],\"level\":\"warning\",\"text\":\"client 1, pid 100 (?), uid "
                  "0 (?), "
                  "silent: 1 output takes its stop value\"}\n") == 0);

@@ -334,6 +334,7 @@ def test_clients_that_do_nothing_lock_nobody_out() -> None:
                 "uid": os.getuid(),
                 "user": pwd.getpwuid(os.getuid()).pw_name,
                 "program": Path("/proc/self/comm").read_text().strip(),
+                "access": "maintainer",
                 "why": "makes room",
             }
             assert idle[0].line() == DROPPED

@@ -73,6 +73,7 @@ bool fsn_client_send(struct fsn_client *client, uint64_t now_ns) {
 void fsn_client_put_peer(const struct fsn_client *client, struct fsn_json *json) {
     fsn_json_put_u64(json, "client", client->number);
     fsn_peer_put(&client->peer, json);
+    fsn_json_put_text(json, "access", fsn_role_name(client->role));
 }
 
 const char *fsn_client_text(const struct fsn_client *client, char room[FSN_CLIENT_TEXT_BYTES]) {
