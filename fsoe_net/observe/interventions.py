@@ -30,6 +30,7 @@ __all__ = [
 ]
 
 _LINE_BYTES = 1 << 20  # as fsn-master writes them
+_VERSION = 1
 _MOST_NUMBER = (1 << 64) - 1
 _MOST_ID = (1 << 32) - 1
 _MOST_FINDINGS = 50
@@ -234,6 +235,7 @@ class LogChain:
         self._entries = 0
         self._counts: dict[str, int] = {}
         self._back = 0
+        self._is_newer = False
         self._latest: datetime | None = None
         self._torn = _Torn()
 
@@ -252,6 +254,8 @@ class LogChain:
         self._compare(entry)
         self._compare_torn(entry)
         self._look_at_clock(entry)
+        if entry.event == "file" and entry.row.get("log", _VERSION) != _VERSION:
+            self._is_newer = True
         self._entry = entry
         self._entries += 1
         self._first = self._first or entry.number
@@ -301,6 +305,8 @@ class LogChain:
         ):
             if count := self._counts.get(event, 0):
                 yield one if count == 1 else many.format(count)
+        if self._is_newer:
+            yield "a file is in another form than this version knows: entries may mean more"
         if self._back:
             yield f"times go back by more than 1 s: {self._back} (the clock was set)"
 

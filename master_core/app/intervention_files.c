@@ -22,6 +22,7 @@ enum {
     TAIL_BYTES = 4 * INTERVENTION_LINE_BYTES, /**< of a file, looked through for its last entry */
     OWN_BYTES = 1024,                         /**< of an entry about the log itself */
     MOST_BACK = 1000, /**< files that are looked through for the last entry */
+    LOG_VERSION = 1,
     MODE = 0640,
 };
 
@@ -242,6 +243,7 @@ static int append_begin(struct intervention_files *files, uint32_t before) {
     struct fsn_json json = {.limit_bytes = OWN_BYTES};
     char name[INTERVENTION_NAME_BYTES];
     begin_own(&json, "file");
+    fsn_json_put_u64(&json, "log", LOG_VERSION);
     fsn_json_put_u64(&json, "file", files->file);
     if (files->number == 0) {
         fsn_json_put_text_or_null(&json, "before", NULL);

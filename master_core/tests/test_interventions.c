@@ -210,7 +210,7 @@ static void files_go_on_in_the_next(void) {
     end();
     size_t len;
     char *bytes = read_file(7, &len);
-    CHECK(strstr(bytes, "\"before\":\"interventions-000006.jsonl\"") != NULL);
+    CHECK(strstr(bytes, "\"log\":1,\"file\":7,\"before\":\"interventions-000006.jsonl\"") != NULL);
     CHECK(strstr(bytes, "\n{\"number\":14,\"event\":\"stop\"") != NULL);
     free(bytes);
     tear_down();

@@ -202,6 +202,15 @@ def test_remarks_on_what_the_program_says_about_its_log() -> None:
     )
 
 
+def test_a_newer_form_is_a_remark() -> None:
+    log = a_log(2)
+    entries = [chained(log[0][-1], event="file", log=version) for version in (1, 2)]
+    assert walk([*log, [entries[0]]]).remarks == ()
+    assert walk([*log, [entries[1]]]).remarks == (
+        "a file is in another form than this version knows: entries may mean more",
+    )
+
+
 @pytest.mark.parametrize(
     "line",
     [
