@@ -53,7 +53,7 @@ _GROUPS = {
         "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",
         "emulate": "Serve a network as emulated EtherCAT SubDevices.",
         "campaign": "Put faults into the connections of a network.",
-        "replay": "Hold recorded FSoE runs against this engine.",
+        "replay": "Compare recorded FSoE runs with this engine.",
     },
 }
 _COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}

@@ -57,7 +57,7 @@ _UNCONFIRMED = (
     "by the safety project, then delete the key; until then `fsoe-net plan` refuses the network."
 )
 _TRUST = (
-    "Hold it against the safety project before you use it: this tool is part of the black channel "
+    "Compare it with the safety project before you use it: this tool is part of the black channel "
     "and knows nothing of what has to be connected."
 )
 

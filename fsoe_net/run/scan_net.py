@@ -41,7 +41,7 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
         return ""
     return "\n".join(
         (
-            "# Proposed from what the devices tell of their connections. Hold it against the safety"
+            "# Proposed from what the devices tell of their connections. Compare it with the safety"
             " project",
             "# before you use it in place of the line above: nobody has confirmed it.",
             "# nets:",

@@ -163,7 +163,7 @@ class Cycles:
     # -- CRCs -------------------------------------------------------------------------------------
 
     def _follow(self, source: FramePlace, frame: bytes) -> None:
-        """Hold a new frame against every conversation that its source may be a part of."""
+        """Compare a new frame with every conversation that its source may be a part of."""
         if source in self._sure_sources:
             return
         for pair, monitor in list(self._monitors.items()):

@@ -259,7 +259,7 @@ class _Replay:
 
 
 def replay(lines: Iterable[str]) -> ReplayResult:
-    """Hold a recorded run against this engine, line by line.
+    """Compare a recorded run with this engine, line by line.
 
     Args:
         lines: Lines of the recording: one configuration, then steps.
