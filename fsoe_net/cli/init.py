@@ -23,7 +23,7 @@ __all__ = ["command"]
 
 _EPILOG = """\b
 Examples:
-  fsoe-net init machine.xml -o machine          # asks what files do not tell
+  fsoe-net init machine.xml -o machine          # asks what files do not state
   fsoe-net init Beckhoff_ELx9xx.xml             # ESI only: asks what is on the ring
   fsoe-net init --interface eth1 -o machine
   fsoe-net init bus/ --answers-template > answers.yaml

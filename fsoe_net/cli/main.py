@@ -23,7 +23,7 @@ _GROUPS = {
         "plan": "Compile a network to a copy plan, or show a plan.",
     },
     "From the files you have": {
-        "init": "Propose a network from any mix of files, or a bus; ask what they do not tell.",
+        "init": "Propose a network from any mix of files, or a bus; ask what they do not state.",
         "convert": "Write a bus in the format of another tool.",
         "diff": "Compare two descriptions or plans: what moved, came, went or changed.",
         "devices": "What is known about FSoE devices: process data, frames, figures.",

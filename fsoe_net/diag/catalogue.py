@@ -118,7 +118,7 @@ FSN233 error   standard transfer touches an FSoE frame
 FSN234 error   connection is unconfirmed
 FSN235 error   slot does not exist
 FSN236 error   frames of a connection do not fit
-FSN237 error   slot is needed to tell which frame is meant
+FSN237 error   slot is needed to say which frame is meant
 FSN238 error   FSoE frame used by two connections
 FSN239 error   connection does not start at the MainInstance of its net
 FSN301 error   FSoE address used twice

@@ -108,7 +108,7 @@ class EmulatedDevices:
         return self.safe_outputs[name].received(name)
 
     def choose_logic(self, choice: LogicChoice) -> None:
-        """Tell every safety master which inputs it watches and which outputs it switches.
+        """Configure for every safety master which inputs it watches and which outputs it switches.
 
         Raises:
             KeyError: A name is no safe input or output.

@@ -44,7 +44,7 @@ class MainInstance(Instance):
     def _power_up(self) -> None:
         super()._power_up()
         self._watchdog_ns = self.config.watchdog_ms * 1_000_000
-        self._payload = b""  # what the present state has to tell the SubInstance
+        self._payload = b""  # what the present state has to send to the SubInstance
         self._chunk = b""  # its part sent last
         self._sent_bytes = 0
         self._reset_requested = True  # the first call sends a Reset before anything is read
@@ -127,7 +127,7 @@ class MainInstance(Instance):
         return self._begin(struct.pack("<HH", self.connection_id, self.config.address))
 
     def _start_parameter(self) -> bytes:
-        """Tell the watchdog and the application parameters (§4).
+        """Send the watchdog and the application parameters (§4).
 
         Byte    0..1    2..3        4..5    6 ...
               +-------+-----------+-------+------------------------+

@@ -45,7 +45,7 @@ def online_cpus(host: Host) -> set[int]:
         lines = host.read("/proc/cpuinfo").splitlines()
         found = {n for n, _ in enumerate(line for line in lines if line.startswith("processor"))}
     if not found:
-        raise Unreadable("neither /sys/devices/system/cpu/online nor /proc/cpuinfo tell the CPUs")
+        raise Unreadable("neither /sys/devices/system/cpu/online nor /proc/cpuinfo list the CPUs")
     return found
 
 

@@ -1,4 +1,4 @@
-"""What a user answers when files do not tell: the ring, roles, doubtful frames, connections."""
+"""What a user answers when files do not state: the ring, roles, doubtful frames, connections."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ class DescribedEnd(Located):
 class DescribedCopy(Located):
     """A copy that the source asks its MainDevice for, such as a ``CopyInfo`` of an ENI.
 
-    ``fsoe``: the source says so itself; ``None`` when it does not tell.
+    ``fsoe``: the source says so itself; ``None`` when it does not say.
     """
 
     source: DescribedEnd
@@ -190,7 +190,7 @@ class DescribedConnection(Located):
     """An FSoE connection the source names; numbers of SubDevices, ``None`` where it is silent.
 
     ``slot`` is the number of the frame pair of the MainInstance (`frame_pairs`); sources that list
-    the connections of a logic in that order tell it by their order.
+    the connections of a logic in that order state it by their order.
     ``sub_slot`` is that of the SubInstance. ``net`` names the net it belongs to. ``unconfirmed``:
     why nobody may rely on it yet; empty when nothing speaks against it.
     """

@@ -52,7 +52,7 @@ class NotExpanded:
         facts: The connection.
         obstacle: Why.
         key: Key of the connection it hangs on, e.g. ``sub_slot``.
-        pairs: Frame pairs to tell of: those of this device, or those that could be meant.
+        pairs: Frame pairs to name: those of this device, or those that could be meant.
         partners: With LENGTHS the pairs of the SubInstance.
         name: SubDevice whose frames these are; with NOT_MAIN the MainInstance of the net.
         other: What uses the frame, or states the MainInstance.

@@ -46,7 +46,7 @@ class LibraryMapping(Located):
     """Process data a device was seen with.
 
     Attributes:
-        name: Tells the mappings of a device apart.
+        name: Distinguishes the mappings of a device.
         role: ``sub`` (SubInstance) or ``main`` (MainInstance, safety logic).
         source: Key of `LibraryDevice.sources`.
         sync_managers: With their PDOs. PDO 0, which is padding only, stands for PDOs in front that
@@ -112,7 +112,7 @@ class LibraryDevice(Located):
     Attributes:
         sources: Keys to where the facts were found.
         mappings: Process data it was seen with; none where a project of the user's makes them.
-        role: ``sub`` or ``main`` for a device without mappings; else empty, they tell it.
+        role: ``sub`` or ``main`` for a device without mappings; else empty, they state it.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Which SubInstance belongs to which slot of a MainInstance, as far as lengths and direction tell.
+"""Which SubInstance belongs to which slot of a MainInstance, as far as lengths and direction show.
 
 A connection has a frame in each direction, so a SubDevice takes part with pairs of frames:
 
@@ -73,7 +73,7 @@ class OpenPair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pairing:
-    """What lengths tell: pairs of MainInstance and SubInstance, and what stays open."""
+    """What lengths show: pairs of MainInstance and SubInstance, and what stays open."""
 
     settled: tuple[tuple[PairEnd, PairEnd], ...]
     open: tuple[OpenPair, ...]

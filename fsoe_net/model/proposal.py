@@ -74,7 +74,7 @@ def propose(
     Args:
         bus: What files say, joined.
         names: A name for each SubDevice, each only once.
-        library: Tells roles, and process data that files lack.
+        library: States roles, and process data that files lack.
         answers: What the user said.
         hints: Facts about connections that may be of any of these SubDevices.
     """
@@ -191,7 +191,7 @@ class _Maker:
         return self._made(ends, moves.rest)
 
     def _told(self, both: Sequence[tuple[PairEnd, PairEnd, object, object]]) -> dict[int, str]:
-        """Return the roles that connections tell, and who talks to several others."""
+        """Return the roles that connections show, and who talks to several others."""
         known: dict[int, str] = {}
         for row in self._bus.connections:
             for number, role in ((row.main, "main"), (row.sub, "sub")):

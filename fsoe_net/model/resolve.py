@@ -345,7 +345,7 @@ def _couple(
     """Match the two directions of each connection between one pair of SubDevices.
 
     First by the blocks they use (a device's output block has one input block as partner), then in
-    file order for what the blocks do not tell.
+    file order for what the blocks do not show.
     """
     if len(to_sub) == len(to_main) == 1:
         return [(to_sub[0], to_main[0])], []

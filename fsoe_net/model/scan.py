@@ -91,7 +91,7 @@ class ScannedFsoe(Located):
     Attributes:
         address: The first of ``addresses``; most devices have one.
         addresses: Of its SubInstances.
-        connections: Of its MainInstances; those too whose side it does not tell.
+        connections: Of its MainInstances; those too whose side it does not say.
         given: Of its SubInstances: what their MainInstances gave them, 0 before that.
     """
 

@@ -1,4 +1,4 @@
-"""Causes that the FSoE ends tell of: reset codes, answer times, FailSafeData."""
+"""Causes that the FSoE ends show: reset codes, answer times, FailSafeData."""
 
 from __future__ import annotations
 

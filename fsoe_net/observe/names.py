@@ -51,7 +51,7 @@ class Naming:
 
     Args:
         resolution: The network, or ``None``: then nothing has a name.
-        image: Its logical addresses, to tell main from sub in a capture without a start-up.
+        image: Its logical addresses, to distinguish main from sub in a capture without a start-up.
     """
 
     def __init__(self, resolution: Resolution | None, image: LogicalImage | None = None) -> None:

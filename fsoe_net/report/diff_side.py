@@ -60,7 +60,7 @@ class SideManager:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SideSubDevice:
-    """One SubDevice; ``fsoe_addresses`` as devices tell them."""
+    """One SubDevice; ``fsoe_addresses`` as devices report them."""
 
     name: str
     alias: int | None = None

@@ -1,4 +1,4 @@
-"""Files that tell of the machine: scans, results of runs, incident files; and a running bus."""
+"""Files about the machine: scans, results of runs, incident files; and a running bus."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ class IncidentFacts:
 
 
 def facts_of(e: IncidentEvidence) -> IncidentFacts:
-    """Return what there is to tell."""
+    """Return what there is to report."""
     verdicts = judge(e)
     events, events_left = _events(e)
     links = _links(e)

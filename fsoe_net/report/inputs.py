@@ -133,7 +133,7 @@ class ReportInputs:
         references: Other files the network was compared with.
         run: A run of this plan on the emulated bus.
         scenario: Name of the scenario that was to be run; empty for none.
-        evidence: Files that tell of the machine.
+        evidence: Files about the machine.
         live: What a running ``fsn-master`` reports.
         given: A plan file that was named.
         against: The state that the change log starts from.

@@ -39,7 +39,7 @@ def steps_to_repeat(
         resolution: The network of today.
         steps: The protocol of that network.
         plans: What was accepted, and the plan of today: what differs in their fingerprints counts
-            too, also where ``changes`` do not tell it.
+            too, also where ``changes`` do not show it.
         functions: The safety functions that were accepted, where they are known.
     """
     steps = tuple(steps)

@@ -25,7 +25,7 @@ def check_library(
             error.
         found: What is already known to be wrong; nothing is said about a device whose file has an
             error or warning.
-        notes: Whether to tell its notes too.
+        notes: Whether to report its notes too.
     """
     out = FindingList()
     reported: set[str] = set()

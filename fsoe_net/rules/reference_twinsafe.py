@@ -65,7 +65,7 @@ def check_twinsafe(
         out: Takes the findings.
         resolution: The network.
         file: The export.
-        library: Tells which device an order number is.
+        library: States which device an order number is.
         slots: Whether to compare the order of slots; `check_slots` does it for a whole bus.
     """
     project = _Project(out, resolution, file, library)

@@ -308,7 +308,7 @@ class _Check:
             _place(sub),
             text,
             hint="correct the place here, or make the other file again; `ethercat slaves` and "
-            "`fsoe-net scan` tell what is there",
+            "`fsoe-net scan` report what is there",
             severity=None if sub.required else Severity.INFO,
             related=(Related(span=there, message="the other file"),),
         )

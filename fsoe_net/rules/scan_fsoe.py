@@ -189,7 +189,7 @@ def _as_given(
     facts: list[ConnectionFacts],
     given: Mapping[str, list[ScannedConnection]],
 ) -> list[ConnectionFacts]:
-    """Compare what SubInstances tell of a connection that has been up; return the others."""
+    """Compare what SubInstances report of a connection that has been up; return the others."""
     pairs: list[tuple[ConnectionFacts, ScannedConnection]] = []
     for fact in facts:
         rows = given.get(fact.sub, [])

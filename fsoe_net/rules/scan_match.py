@@ -89,7 +89,7 @@ def match_scan(network: NetworkConfig, scan: Scan, addresses: Mapping[str, int])
     Args:
         network: What should be there; of several masters, the one with the lowest number.
         scan: What is there.
-        addresses: Stated FSoE addresses by name: they tell devices of one type apart.
+        addresses: Stated FSoE addresses by name: they distinguish devices of one type.
     """
     master = min((s.master_id for s in network.subdevices), default=0)
     subs = [s for s in network.subdevices if s.master_id == master]

@@ -249,7 +249,7 @@ def _facts(client: Client) -> tuple[PlannedConnection, ...]:
 
 
 def _cause(name: str, wire: ConnectionSnapshot, events: BusEvents) -> str:
-    """Return why it was reset last; what the counters tell when no event has."""
+    """Return why it was reset last; what the counters show when no event has."""
     if name in events.last_reset:
         text = reset_code_text(events.last_reset[name])
         return f"{events.last_reset_by.get(name, 'one end')}: {text}"

@@ -1,4 +1,4 @@
-"""What the events of ``fsn-master`` tell, and a connection as its wire shows it."""
+"""What the events of ``fsn-master`` report, and a connection as its wire shows it."""
 
 from __future__ import annotations
 

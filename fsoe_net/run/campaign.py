@@ -222,7 +222,7 @@ _Steps = Iterator[tuple[int, ClassResult]]
 
 
 class _Reports:
-    """Tells how far a campaign is; never the same number twice, never a smaller one."""
+    """Reports how far a campaign is; never the same number twice, never a smaller one."""
 
     def __init__(self, on_progress: Progress | None, total: int) -> None:
         self.call, self._total = on_progress, total

@@ -122,7 +122,7 @@ class Client(ControlLink):
         self.request("hello")
 
     def start(self) -> BusState:
-        """Begin to open the bus; `status` and ``state`` events tell how it goes on."""
+        """Begin to open the bus; `status` and ``state`` events say how it goes on."""
         return self._read(self.request("start"), read_state)
 
     def stop(self) -> BusState:

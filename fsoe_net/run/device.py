@@ -95,7 +95,7 @@ def _find(name: str) -> Callable[[MainConfig | SubConfig], Any]:
 def _takes_configuration(name: str, found: Callable[..., Any]) -> None:
     try:
         signature = inspect.signature(found)
-    except (ValueError, TypeError):  # compiled code need not tell; the call will show
+    except (ValueError, TypeError):  # compiled code need not say; the call will show
         return
     try:
         signature.bind(None)

@@ -59,7 +59,7 @@ class SegmentSession(ScenarioRun):
         self.engine.log(0, "run", f"{name} left alone: standard outputs are the MainDevice's")
 
     def step_devices(self, now_ns: int) -> None:
-        """Let everything take one step, and the devices tell what has become of it."""
+        """Let everything take one step, and the devices report what has become of it."""
         super().step_devices(now_ns)
         self._objects.update()
 

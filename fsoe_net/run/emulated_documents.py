@@ -146,7 +146,7 @@ def subdevices_json(
 
 
 def fsoe_json(network: EmulatedDevices) -> list[dict[str, Any]]:
-    """Return ``fsoe``: what the devices would tell of their FSoE ends over CoE."""
+    """Return ``fsoe``: what the devices would report of their FSoE ends over CoE."""
     rows = []
     for device in network.devices.values():
         if not device.ports:

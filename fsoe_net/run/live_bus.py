@@ -96,7 +96,7 @@ class _LiveRun:
         self._end_ns = time.monotonic_ns()
         current = self._look(0.0)
         if self._last is None:
-            raise KeyboardInterrupt  # the bus was not open yet: there is nothing to tell
+            raise KeyboardInterrupt  # the bus was not open yet: there is nothing to report
         return self._result(self._last, current)
 
     def close(self) -> None:

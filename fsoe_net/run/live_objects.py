@@ -1,4 +1,4 @@
-"""What FSoE devices tell of themselves over CoE, kept up to date while they live."""
+"""What FSoE devices report of themselves over CoE, kept up to date while they live."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class LiveObjects:
         self._told: dict[tuple[int, int, int], bytes] = {}
 
     def update(self) -> None:
-        """Tell what has changed."""
+        """Report what has changed."""
         for position, device in self._devices:
             for index, sub, data in _rows(device):
                 key = (position, index, sub)

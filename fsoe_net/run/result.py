@@ -27,7 +27,7 @@ _DATA = (*_STATE_TEXT, "process data", "failsafe data")
 
 
 def is_data(state: object) -> bool:
-    """Tell whether a connection is in Data, in the words of states or of events."""
+    """Return whether a connection is in Data, in the words of states or of events."""
     return state in _DATA
 
 

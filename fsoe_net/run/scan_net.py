@@ -41,8 +41,8 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
         return ""
     return "\n".join(
         (
-            "# Proposed from what the devices tell of their connections. Compare it with the safety"
-            " project",
+            "# Proposed from what the devices report of their connections. Compare it with the "
+            "safety project",
             "# before you use it in place of the line above: nobody has confirmed it.",
             "# nets:",
             *(f"# {line}" for line in lines),

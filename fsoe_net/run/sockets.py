@@ -95,4 +95,4 @@ def _same_network(path: str) -> bool:
                 return False
             return os.readlink(f"/proc/{pid}/ns/net") == os.readlink("/proc/self/ns/net")
         except OSError:
-            return True  # the client will tell, or nobody can
+            return True  # the client will say so, or nobody can

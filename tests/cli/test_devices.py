@@ -27,7 +27,7 @@ def test_one_device_in_full():
         "frame at byte 0: 6 bytes, 1 of them safe",
         "pfh_per_hour 1.25e-09",
         "unverified",
-        "length and direction alone do not tell the two apart",
+        "length and direction alone do not distinguish the two",
     ):
         assert words in done.stdout
 

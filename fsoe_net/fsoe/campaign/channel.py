@@ -300,7 +300,7 @@ class Channel:
     def skip_idle(self) -> int:
         """Leave out cycles in which nothing can happen; return their number.
 
-        Only before a turn of the main, and only when both ends tell their watchdogs.
+        Only before a turn of the main, and only when both ends state their watchdogs.
         """
         if self.way is not Way.TO_MAIN:
             return 0

@@ -145,7 +145,7 @@ def _answer_text(answer: Answer) -> str:
 
 
 def explain(difference: RecordingDifference) -> list[str]:
-    """Return the lines that tell a person what happened at a difference."""
+    """Return the lines that say to a person what happened at a difference."""
     call = difference.call
     if call is None:
         return [

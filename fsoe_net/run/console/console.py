@@ -99,7 +99,7 @@ class Console:
         return found
 
     def tell(self) -> None:
-        """Tell what has happened beside the commands: a lost connection, outputs that fell back."""
+        """Report what happened beside the commands: a lost connection, outputs that fell back."""
         if self.keeper.client_number != self._client_number:  # another connection: all fell back
             self._client_number = self.keeper.client_number
             self.mine.clear()
