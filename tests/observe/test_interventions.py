@@ -10,7 +10,7 @@ import random
 import pytest
 from observe.intervention_logs import Log, a_log, chained, hash_of
 
-from fsoe_net.observe.interventions import LogChain, LogCheck, log_lines, utc_of
+from fsoe_net.observe.interventions import LogChain, LogCheck, LogFilter, log_lines, utc_of
 
 
 def walk(log: Log, *, after: str = "", last: str = "") -> LogCheck:
@@ -185,7 +185,11 @@ def test_a_line_that_is_being_written_is_a_remark_at_most(rest: bytes) -> None:
     log[0].append(rest)
     check = walk(log)
     assert check.holds
-    assert len(check.remarks) == (not rest.endswith(b"\n"))
+    said = (
+        "1:4: the last line is not whole: it is being written, or the program was stopped in the "
+        "middle of it; the next start marks it",
+    )
+    assert check.remarks == (() if rest.endswith(b"\n") else said)
 
 
 def test_remarks_on_what_the_program_says_about_its_log() -> None:
@@ -272,3 +276,44 @@ def test_texts_are_fit_to_print() -> None:
 )
 def test_what_is_no_time_is_none(text: str) -> None:
     assert utc_of(text) is None
+
+
+@pytest.mark.parametrize(
+    ("row", "who"),
+    [
+        ({}, ""),
+        ({"user": "anna", "uid": 1000, "program": "fsoe-net", "pid": 7}, "anna, fsoe-net 7"),
+        ({"user": None, "uid": 1000, "program": None, "pid": 7}, "uid 1000, 7"),
+        ({"uid": 0, "pid": 0}, "uid 0, 0"),
+        ({"uid": (1 << 32) - 1, "pid": (1 << 32) - 1}, "uid 4294967295, 4294967295"),
+        ({"uid": 1 << 32, "pid": -1, "program": "x"}, "x"),
+        ({"uid": True, "pid": "7", "user": 5}, ""),
+    ],
+)
+def test_who_is_user_and_process(row: dict[str, object], who: str) -> None:
+    log = a_log(1)
+    log[0].append(chained(log[0][0], **row))
+    last = walk(log).last
+    assert last is not None
+    assert last.who == who
+
+
+@pytest.mark.parametrize(
+    ("wanted", "numbers"),
+    [
+        (LogFilter(), [1, 2, 3, 4, 5]),
+        (LogFilter(since=utc_of("2026-11-23T16:52:02.111178Z")), [2, 3, 4]),
+        (LogFilter(until=utc_of("2026-11-23T16:52:02.111178Z")), [1]),
+        (LogFilter(events=("file", "state")), [1, 3, 5]),
+        (LogFilter(who="fsoe-net"), [2, 4]),
+        (LogFilter(who="anna", until=utc_of("2026-11-23T16:52:04Z")), [2]),
+    ],
+)
+def test_entries_that_fit(wanted: LogFilter, numbers: list[int]) -> None:
+    """The last one has no time: it fits no time."""
+    log = a_log(4)
+    log[0].append(chained(log[0][3], utc="soon"))
+    chain = LogChain()
+    chain.begin("x")
+    entries = [chain.take(line) for line in log_lines(io.BytesIO(b"".join(log[0])))]
+    assert [e.number for e in entries if e is not None and wanted.fits(e)] == numbers
