@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import datetime
+import os
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
+from fsoe_net.cli.accept_options import circumstance_options, day_of_signature
 from fsoe_net.cli.accept_output import (
     EPILOG,
     print_record,
@@ -27,18 +28,7 @@ __all__ = ["command"]
 
 _NEEDED = ("reports", "protocol", "author", "verifier", "output")
 """Of a network; a record that is only signed holds them."""
-
-
-def _day(value: str | None) -> str:
-    if value is None:
-        return datetime.date.today().isoformat()
-    try:
-        day = datetime.date.fromisoformat(value)
-    except ValueError as exc:
-        raise ValueError(f"{value!r} is not a date; write YYYY-MM-DD") from exc
-    if day > datetime.date.today():
-        raise ValueError(f"{value} is in the future; nobody has signed then")
-    return day.isoformat()
+_MORE = ("day", "justify", "interventions", "replaces", "equipment", "environment", "attach")
 
 
 @click.command("accept", epilog=EPILOG)
@@ -62,7 +52,7 @@ def _day(value: str | None) -> str:
 @click.option(
     "--date",
     "day",
-    callback=read_by(_day),
+    callback=read_by(day_of_signature),
     metavar="YYYY-MM-DD",
     help="Day of the signatures; today without it.",
 )
@@ -82,6 +72,7 @@ def _day(value: str | None) -> str:
     metavar="WHAT by NAME",
     help="What was changed since the record before, and why; may be given again.",
 )
+@circumstance_options
 @click.option("--replaces", type=FILE, metavar="FILE", help="The acceptance record before.")
 @click.option(
     "--sign",
@@ -121,7 +112,8 @@ def command(
     if missing or output is None:
         raise click.MissingParameter(ctx=ctx, param=_option(ctx, missing[0]))
     check_target(output, overwrite=overwrite)
-    record, refusals, before = accept(files, loading, **given)
+    folder = os.path.dirname(output) or "."
+    record, refusals, before = accept(files, loading, folder=folder, **given)
     if record is None:
         print_refusals(refusals)
         ctx.exit(1)
@@ -137,7 +129,7 @@ def _option(ctx: click.Context, name: str) -> click.Parameter:
 
 def _only_sign(ctx: click.Context, path: str) -> None:
     """Refuse options that say what a record holds: the one that is signed holds it already."""
-    for name in (*_NEEDED, "day", "justify", "interventions", "replaces"):
+    for name in (*_NEEDED, *_MORE):
         if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             option = _option(ctx, name).opts[-1]
             raise click.UsageError(f"{option}: {path} is a record, which is only signed")

@@ -5,10 +5,9 @@ from __future__ import annotations
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import Document, Level, Part, Verdict, words
-from fsoe_net.model.acceptance import Acceptance
+from fsoe_net.model.acceptance import Acceptance, CheckedSignature
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.project.known import AcceptedRecord
-from fsoe_net.project.signatures import CheckedSignature
 from fsoe_net.report.sign_off import Refusal
 
 __all__ = ["EPILOG", "print_record", "print_refusals", "print_signature"]

@@ -17,6 +17,7 @@ from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.project.check import check_files
 from fsoe_net.project.known import read_record
 from fsoe_net.project.report import REPORT_FORMATS, make_report
+from fsoe_net.project.ssh_signatures import SshSigners
 from fsoe_net.report.evidence import ask_live, read_evidence
 
 __all__ = ["command"]
@@ -27,7 +28,7 @@ Examples:
   fsoe-net report network.yaml --scenario scenario.yaml -o report.html
   fsoe-net report network.yaml --evidence scan.json --evidence run.json -o report.html
   fsoe-net report network.yaml --protocol protocol.yaml -o report.html
-  fsoe-net report network.yaml --accepted acceptance.yaml -o report.html
+  fsoe-net report network.yaml --accepted acceptance.yaml --signers allowed -o signed.html
 
 Exit codes: 0 no error; 1 the network has an error (the report says so on top), the run failed, or
 the test protocol is not of this network, or a file cannot be used; 2 wrong use."""
@@ -67,6 +68,15 @@ the test protocol is not of this network, or a file cannot be used; 2 wrong use.
     metavar="FILE",
     help="Acceptance record: sign-off, justifications, and the change log starts from it.",
 )
+@click.option(
+    "--signers",
+    type=FILE,
+    metavar="FILE",
+    help="Who may sign the record: allowed signers as ssh-keygen has them.",
+)
+@click.option(
+    "--revoked", type=FILE, metavar="FILE", help="Keys that no longer count, as ssh-keygen -Y -r."
+)
 @click.option("--protocol", type=FILE, metavar="FILE", help="Test protocol of this network.")
 @click.option(
     "--self-test", type=FILE, metavar="FILE", help="Result (JSON) of a self-test of this tool."
@@ -85,6 +95,8 @@ def command(
     scenario_file: str | None,
     against: str | None,
     accepted: str | None,
+    signers: str | None,
+    revoked: str | None,
     protocol: str | None,
     self_test: str | None,
 ) -> None:
@@ -100,6 +112,10 @@ def command(
         raise click.BadParameter(f"{output!r} ends in none of .html, .md, .json, .pdf", ctx)
     if against is not None and accepted is not None:
         raise click.UsageError("--against and --accepted: the change log starts from one of them")
+    if signers is not None and accepted is None:
+        raise click.UsageError("--signers FILE goes with --accepted RECORD")
+    if revoked is not None and signers is None:
+        raise click.UsageError("--revoked FILE goes with --signers FILE")
     check_target(output, overwrite=overwrite)
     named = socket is not None or interface is not None
     address = master_socket(socket, interface) if named else None
@@ -114,6 +130,7 @@ def command(
         scenario=scenario_file,
         against=against,
         accepted=record,
+        signers=None if signers is None else SshSigners.read(signers, revoked),
         protocol=protocol,
         self_test=self_test,
         loading=loading,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 
-__all__ = ["counted", "summary"]
+__all__ = ["counted", "listed", "summary"]
 
 
 def counted(number: int, word: str) -> str:
@@ -16,6 +16,12 @@ def counted(number: int, word: str) -> str:
     stem = word[:-1]
     is_ies = word.endswith("y") and stem[-1:] not in "aeiou"
     return f"{number} {stem}ies" if is_ies else f"{number} {word}s"
+
+
+def listed(names: Sequence[str], most: int = 12) -> str:
+    """Return names with commas; of very many the first, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
 
 
 def summary(diagnostics: Sequence[Diagnostic]) -> str:

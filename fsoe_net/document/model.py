@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "decimal",
     "muted",
     "outward",
+    "section_marks",
     "stated",
     "strong",
     "words",
@@ -191,11 +193,21 @@ Part = Heading | Paragraph | Bullets | Lines | Table | Picture
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """Parts below one title; ``key`` is its anchor on a page and its name in a JSON form."""
+    """Parts below one title.
+
+    Attributes:
+        key: Its anchor on a page and its name in a JSON form.
+        title: What it is about.
+        parts: What it says.
+        page: Whether it begins a printed page.
+        appendix: Whether it comes after the numbered sections, with a letter.
+    """
 
     key: str
     title: str
     parts: tuple[Part, ...]
+    page: bool = False
+    appendix: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -225,6 +237,12 @@ class Document:
     foot: str = ""
     numbered: bool = False
     landscape: bool = False
+
+
+def section_marks(sections: Sequence[Section]) -> list[str]:
+    """Return the number of each section, ``1`` …, and the letter of each appendix, ``A`` …."""
+    main = sum(not s.appendix for s in sections)
+    return [chr(ord("A") + n - main) if s.appendix else str(n + 1) for n, s in enumerate(sections)]
 
 
 # -- short ways to write cells --------------------------------------------------------------------

@@ -57,10 +57,10 @@ border-bottom:1px solid var(--line);overflow-wrap:break-word}
 .data th{background:var(--head);border-bottom:1.5px solid var(--soft);font-size:.92em}
 .data .num{text-align:right}.n{font-variant-numeric:tabular-nums}.n{white-space:nowrap}
 sup{font-size:.7em;line-height:0;margin-left:.1em}
-.sign td{height:2.1em}.landscape td:has(.blank){border-left:1px solid var(--soft)}
+.sign td{height:2.1em}.landscape td.hand{border-left:1px solid var(--soft)}
 .blank{display:block;min-width:5em;min-height:1.3em;
 border-bottom:1px dotted var(--soft)}
-ul{margin:.4em 0;padding-left:1.4em}.toc{columns:2;margin:.3em 0;padding-left:1.8em}
+ul{margin:.4em 0;padding-left:1.4em}.toc{columns:2;margin:.3em 0;padding:0;list-style:none}
 figure{margin:.8em 0}figcaption{font-size:.85em}.pictures{display:grid;
 grid-template-columns:repeat(auto-fill,minmax(min(100%,440px),1fr));gap:.2em 1.6em}
 .pictures figure{margin:.3em 0}
@@ -98,7 +98,11 @@ print-color-adjust:exact}
 .sheet>tbody>tr>td,.sheet>thead>tr>td,.sheet>tfoot>tr>td{display:table-cell;padding:0}
 .pagehead{border-bottom:1px solid #000;padding-bottom:1mm;margin-bottom:3mm;font-size:8.5pt}
 .pagefoot{border-top:1px solid #000;padding-top:1mm;margin-top:3mm;font-size:8pt}
-h2{margin-top:1.6em}h2,h3{break-after:avoid}.data tr,figure,.note,.banner{break-inside:avoid}
+.blank{border-bottom:.5pt solid #888}
+.toc{columns:3;font-size:.88em}.page{break-before:page}.page .data{line-height:1.35}
+.page h3{margin:1em 0 .3em}
+h2{margin-top:1.6em}.page>h2{margin-top:.4em}
+h2,h3{break-after:avoid}.data tr,figure,.note,.banner{break-inside:avoid}
 .data thead{display:table-header-group}.pictures{grid-template-columns:1fr 1fr}
 figure svg{max-height:225mm}
 a{color:inherit;text-decoration:none}.data th,.data td{padding:.25em .4em}}

@@ -21,6 +21,7 @@ from fsoe_net.document.model import (
     Style,
     Table,
     Verdict,
+    section_marks,
 )
 from fsoe_net.document.number_sources import Sources
 from fsoe_net.document.style import STYLE
@@ -43,7 +44,8 @@ def document_html(document: Document) -> str:
     if d.seal:
         head.append(f'<span class="seal">{escape(d.seal)}</span>')
     foot = " · ".join(w for w in (escape(d.foot), f"fsoe-net {escape(d.version)}") if w)
-    sections = [_section(n if d.numbered else 0, s) for n, s in enumerate(d.sections, 1)]
+    marks = section_marks(d.sections) if d.numbered else [""] * len(d.sections)
+    sections = [_section(mark, s) for mark, s in zip(marks, d.sections, strict=True)]
     body = "\n".join([_first(d), *sections])
     kind = ' class="landscape"' if d.landscape else ""
     title = escape(": ".join(w for w in (d.title, d.subtitle) if w))
@@ -75,12 +77,15 @@ def _first(d: Document) -> str:
         )
     rows += [_part(p) for p in d.lead]
     if d.numbered:
-        links = (f'<li><a href="#{escape(s.key)}">{escape(s.title)}</a></li>' for s in d.sections)
-        rows.append(f'<nav><h3>Contents</h3><ol class="toc">{"".join(links)}</ol></nav>')
+        links = (
+            f'<li>{mark} <a href="#{escape(s.key)}">{escape(s.title)}</a></li>'
+            for mark, s in zip(section_marks(d.sections), d.sections, strict=True)
+        )
+        rows.append(f'<nav><h3>Contents</h3><ul class="toc">{"".join(links)}</ul></nav>')
     return f'<header class="first">{"".join(rows)}</header>'
 
 
-def _section(number: int, section: Section) -> str:
+def _section(mark: str, section: Section) -> str:
     parts: list[str] = []
     small: list[str] = []
     for part in section.parts:
@@ -93,9 +98,10 @@ def _section(number: int, section: Section) -> str:
         parts.append(_part(part))
     if small:
         parts.append(f'<div class="pictures">{"".join(small)}</div>')
-    shown = f'<span class="no">{number}</span> ' if number else ""
+    shown = f'<span class="no">{mark}</span> ' if mark else ""
     head = f"<h2>{shown}{escape(section.title)}</h2>"
-    return f'<section id="{escape(section.key)}">{head}{"".join(parts)}</section>'
+    kind = ' class="page"' if section.page else ""
+    return f'<section id="{escape(section.key)}"{kind}>{head}{"".join(parts)}</section>'
 
 
 def _part(part: Part) -> str:
@@ -144,7 +150,9 @@ def _row(table: Table, row: Sequence[Cell], sources: Sources) -> str:
     cells = []
     for n, (column, cell) in enumerate(zip(table.columns, row, strict=True)):
         label = f' data-head="{escape(column.title + sources.head(n))}"'
-        cells.append(f"<td{_numeric(column.number)}{label}>{_cell(cell, sources, n)}</td>")
+        kinds = ["num"] * column.number + ["hand"] * any(map(_is_blank, cell))
+        kind = f' class="{" ".join(kinds)}"' if kinds else ""
+        cells.append(f"<td{kind}{label}>{_cell(cell, sources, n)}</td>")
     return "".join(cells)
 
 

@@ -22,11 +22,12 @@ __all__ = ["item_json", "part_json", "section_json"]
 
 
 def section_json(number: int, section: Section) -> dict[str, Any]:
-    """Return a section; numbers begin at 1."""
+    """Return a section; numbers begin at 1 and count appendices too."""
     return {
         "number": number,
         "key": section.key,
         "title": section.title,
+        "appendix": section.appendix,
         "parts": [part_json(p) for p in section.parts],
     }
 

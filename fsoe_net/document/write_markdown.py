@@ -19,6 +19,7 @@ from fsoe_net.document.model import (
     Style,
     Table,
     Verdict,
+    section_marks,
 )
 from fsoe_net.document.number_sources import Sources
 
@@ -46,8 +47,8 @@ def document_markdown(document: Document) -> str:
         lines += [f"**{_inline(d.verdict)}**", ""]
     for part in d.lead:
         lines += _part(part, depth=2)
-    for number, section in enumerate(d.sections, 1):
-        shown = f"{number} " if d.numbered else ""
+    for mark, section in zip(section_marks(d.sections), d.sections, strict=True):
+        shown = f"{mark} " if d.numbered else ""
         lines += [f"## {shown}{_words(section.title)}", ""]
         for part in section.parts:
             lines += _part(part, depth=3)

@@ -13,6 +13,7 @@ from fsoe_net.model.safety import SafetyFunction
 
 __all__ = [
     "Acceptance",
+    "CheckedSignature",
     "Intervention",
     "JustifiedFinding",
     "JustifiedStep",
@@ -40,6 +41,25 @@ class SignedBy(Located):
 
     name: str
     date: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckedSignature:
+    """A signature beside a record that holds.
+
+    Attributes:
+        role: ``author`` or ``verifier``.
+        name: Of the person, as in the record.
+        principal: As the file of allowed signers names that person.
+        date: Day of the signature by the record (ISO 8601).
+        key: Type and SHA-256 of the key.
+    """
+
+    role: str
+    name: str
+    principal: str
+    date: str
+    key: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +130,9 @@ class Acceptance(Located):
         findings: Warnings that were let pass.
         steps_left_out: Steps that were not done at the machine, or whose time or day is hard to
             believe; what nobody read at a device, and bus evidence that there is none of.
+        equipment: What was measured with, in words, one each.
+        environment: Where and under which conditions it was tried, in words.
+        attachments: Photos and other files beside the record, by their path from its folder.
         interventions: All changes since the first record, oldest first.
         replaces: The record before; ``None`` for the first one.
     """
@@ -131,6 +154,9 @@ class Acceptance(Located):
     verifier: SignedBy
     findings: tuple[JustifiedFinding, ...] = ()
     steps_left_out: tuple[JustifiedStep, ...] = ()
+    equipment: tuple[str, ...] = ()
+    environment: str = ""
+    attachments: tuple[SourceFile, ...] = ()
     interventions: tuple[Intervention, ...] = ()
     replaces: Replaced | None = None
 

@@ -61,6 +61,8 @@ class SafetyFunction(Located):
         name: Unique in the network.
         trigger: The event, in words.
         reaction: The state that is reached, in words.
+        reset: How it is left again, in words.
+        modes: Modes of the machine in which it acts, in words.
         elements: Parts in the order of the signal.
         required_reaction_ms: Longest time allowed by the risk assessment, ms.
         pl: Required performance level, ``a`` … ``e``; empty when not stated.
@@ -70,6 +72,8 @@ class SafetyFunction(Located):
     name: str
     trigger: str = ""
     reaction: str = ""
+    reset: str = ""
+    modes: str = ""
     elements: tuple[SafetyElement, ...]
     required_reaction_ms: float | None = None
     pl: str = ""

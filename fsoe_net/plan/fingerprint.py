@@ -146,6 +146,7 @@ def safety_text(functions: Sequence[SafetyFunction]) -> str:
     for f in sorted(functions, key=lambda f: f.name.encode("utf-8")):
         lines.append(
             f"function name={_word(f.name)} trigger={_word(f.trigger)} reaction={_word(f.reaction)}"
+            f" reset={_word(f.reset)} modes={_word(f.modes)}"
             f" required_ms={_real(f.required_reaction_ms)} pl={f.pl or '-'} sil={_stated(f.sil)}"
         )
         lines += [

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from pathlib import PurePath
 
 from fsoe_net import __version__
 from fsoe_net.errors import InputError
@@ -12,6 +14,7 @@ from fsoe_net.formats.own.write_acceptance import write_acceptance
 from fsoe_net.formats.shared.files import Collector, read_source
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_something
+from fsoe_net.model.network import SourceFile
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.project.known import AcceptedRecord, read_record
@@ -21,7 +24,7 @@ from fsoe_net.report.sign_off import Grounds, Reason, Refusal, sign_off
 from fsoe_net.report.signed_report import read_signed_report
 from fsoe_net.timing.budget import make_budget
 
-__all__ = ["accept", "intervention_rows", "reason_rows", "record_bytes"]
+__all__ = ["accept", "attachments", "intervention_rows", "reason_rows", "record_bytes"]
 
 
 def accept(
@@ -36,6 +39,10 @@ def accept(
     justify: Sequence[str] = (),
     interventions: Sequence[tuple[str, str]] = (),
     replaces: str | None = None,
+    equipment: Sequence[str] = (),
+    environment: str = "",
+    attach: Sequence[str] = (),
+    folder: str = ".",
 ) -> tuple[Acceptance | None, tuple[Refusal, ...], AcceptedRecord | None]:
     """Make the acceptance record of a network.
 
@@ -50,6 +57,10 @@ def accept(
         justify: Reasons as `reason_rows` returns them.
         interventions: What was changed since the record before, and by whom.
         replaces: The record before.
+        equipment: What was measured with, one each.
+        environment: Where and under which conditions it was tried.
+        attach: Photos and other files; they are in the folder of the record.
+        folder: Where the record is written.
 
     Returns:
         The record, or `None` with every reason why there is none; and the record before.
@@ -82,6 +93,9 @@ def accept(
         before=None if before is None else before.record,
         before_source=None if before is None else before.source,
         again=() if changed is None else changed.again,
+        equipment=tuple(equipment),
+        environment=environment,
+        attachments=attachments(attach, folder),
         longest_ms={
             f.function.name: f.reaction.polled
             for f in make_budget(resolution, library_of(resolution.network)).functions
@@ -89,6 +103,28 @@ def accept(
         },
     )
     return (*sign_off(grounds), before)
+
+
+def attachments(paths: Sequence[str], folder: str) -> tuple[SourceFile, ...]:
+    """Return files beside a record with their hashes, by their path from its folder.
+
+    Raises:
+        InputError: A file cannot be read, is named twice, or is not in the folder or leads out.
+    """
+    home = os.path.realpath(folder)
+    found: list[SourceFile] = []
+    for path in paths:
+        source, _ = read_source(path, most=MAX_LARGE_BYTES)
+        whole = os.path.realpath(path)
+        if os.path.commonpath([whole, home]) != home:
+            raise InputError(
+                f"{path} is not in the folder of the record, or leads out of it; copy it there"
+            )
+        inside = PurePath(os.path.relpath(whole, home)).as_posix()
+        if inside in (f.path for f in found):
+            raise InputError(f"{path} is attached twice; name it once")
+        found.append(SourceFile(path=inside, sha256=source.sha256))
+    return tuple(found)
 
 
 def record_bytes(record: Acceptance) -> bytes:

@@ -27,6 +27,7 @@ from fsoe_net.project.check import Checked, library_of, whole_network
 from fsoe_net.project.compare import read_side
 from fsoe_net.project.installed import installed_files
 from fsoe_net.project.known import AcceptedRecord
+from fsoe_net.project.signatures import Signers, check_signatures
 from fsoe_net.project.simulate import prepare
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.diff import compare
@@ -34,7 +35,14 @@ from fsoe_net.report.diff_read import side_of_network, side_of_plan
 from fsoe_net.report.diff_side import Side
 from fsoe_net.report.evidence import Evidence, LiveEvidence, longest_round_trips
 from fsoe_net.report.formats import FORMATS
-from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, ReportInputs, Tried
+from fsoe_net.report.inputs import (
+    Against,
+    GivenPlan,
+    GivenRecord,
+    ReportInputs,
+    Signatures,
+    Tried,
+)
 from fsoe_net.report.model import ReportDocument
 from fsoe_net.report.protocol_steps import tried_of
 from fsoe_net.report.self_test_result import SelfTestResult, read_self_test
@@ -113,6 +121,7 @@ def make_report(
     scenario: str | None = None,
     against: str | None = None,
     accepted: AcceptedRecord | None = None,
+    signers: Signers | None = None,
     protocol: str | None = None,
     self_test: str | None = None,
     loading: LoadOptions | None = None,
@@ -127,6 +136,7 @@ def make_report(
         scenario: A scenario file to run in virtual time.
         against: An earlier plan or network, from which the change log starts.
         accepted: An acceptance record, from which it starts otherwise.
+        signers: Who may sign that; without it its signatures are not checked.
         protocol: A test protocol file.
         self_test: A file with the result of ``fsoe-net self-test``.
         loading: How references in ``against`` are followed.
@@ -169,6 +179,7 @@ def make_report(
         against=before,
         tried=tried,
         accepted=None if accepted is None else _accepted(accepted, fingerprint),
+        signed=None if accepted is None or signers is None else _signed(accepted, signers),
         self_test=_self_test(self_test),
     )
     return Report(
@@ -256,6 +267,15 @@ def _tried(path: str, resolution: Resolution, plan: Plan | None) -> tuple[Tried,
 def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:
     fits = now is not None and now.whole == found.fingerprint.whole
     return GivenRecord(source=found.source, record=found.record, fits=fits)
+
+
+def _signed(accepted: AcceptedRecord, signers: Signers) -> Signatures:
+    """Return the signatures beside a record; one that was replaced meanwhile has none."""
+    signed = check_signatures(accepted.source.path, signers)
+    against = [f"{r.what}: {r.fix}" for r in signed.refusals]
+    if signed.record.source.sha256 != accepted.source.sha256:
+        against.append(f"{accepted.source.path} was replaced while the report was made")
+    return Signatures(signatures=signed.signatures, against=tuple(against))
 
 
 def since(found: AcceptedRecord, resolution: Resolution, now: Plan | None) -> Against:

@@ -12,7 +12,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import read_source, replaced_files
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES, MAX_RECORD_BYTES
 from fsoe_net.formats.shared.write_files import STDOUT, write_whole
-from fsoe_net.model.acceptance import Acceptance, SignedBy, principal_of
+from fsoe_net.model.acceptance import Acceptance, CheckedSignature, SignedBy, principal_of
 from fsoe_net.model.network import SourceFile
 from fsoe_net.project.known import AcceptedRecord, read_record
 from fsoe_net.project.ssh_signatures import ssh_sign
@@ -20,7 +20,6 @@ from fsoe_net.report.sign_off import Refusal
 
 __all__ = [
     "ROLES",
-    "CheckedSignature",
     "SignedRecord",
     "Signers",
     "check_signatures",
@@ -41,25 +40,6 @@ class Signers(Protocol):
         Raises:
             InputError: It does not hold.
         """
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CheckedSignature:
-    """One that holds.
-
-    Attributes:
-        role: ``author`` or ``verifier``.
-        name: Of the person, as in the record.
-        principal: As the file of allowed signers names that person.
-        date: Day of the signature by the record (ISO 8601).
-        key: Type and SHA-256 of the key.
-    """
-
-    role: str
-    name: str
-    principal: str
-    date: str
-    key: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,9 +165,9 @@ def _alike(signatures: list[CheckedSignature]) -> Iterator[Refusal]:
 
 
 def _changed(record: Acceptance, path: str) -> Iterator[Refusal]:
-    """Yield each file of report and protocol that is not the one that was signed."""
+    """Yield each file of report, protocol and attachments that is not the one that was signed."""
     folder = os.path.realpath(os.path.dirname(path) or ".")
-    for source in (*record.reports, record.protocol):
+    for source in (*record.reports, record.protocol, *record.attachments):
         why = _difference(source, folder)
         if why:
             yield Refusal(what=f"{source.path}: {why}", fix=_AS_SIGNED)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain
 
 from fsoe_net.diag.catalogue import CATALOGUE
@@ -26,34 +27,35 @@ from fsoe_net.document.model import (
     muted,
     strong,
 )
+from fsoe_net.report.first_page import first_page
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportDocument, ReportSection
 from fsoe_net.report.section_copies import copies
-from fsoe_net.report.section_evidence import bus_evidence, tests
+from fsoe_net.report.section_evidence import bus_evidence
+from fsoe_net.report.section_functions import causes_and_effects, function_pages
 from fsoe_net.report.section_identity import identity, role
 from fsoe_net.report.section_network import architecture, connections
 from fsoe_net.report.section_quantities import quantities
 from fsoe_net.report.section_record import change_log, fingerprint, open_points, sign_off
+from fsoe_net.report.section_tests import tests
 from fsoe_net.report.section_timing import timing
 
 __all__ = ["compose_report"]
 
 _ROWS_ON_FIRST_PAGE = 14
-_SECTIONS: tuple[Callable[[ReportInputs], ReportSection], ...] = (
+_Make = Callable[[ReportInputs], ReportSection]
+_MAIN: tuple[_Make, ...] = (causes_and_effects, architecture, role, change_log, sign_off)
+"""After the pages of the safety functions; open points, which gathers from all, is behind them."""
+_APPENDICES: tuple[_Make, ...] = (
     identity,
-    role,
-    architecture,
+    tests,
     connections,
-    copies,
     timing,
     quantities,
+    copies,
     bus_evidence,
-    tests,
     fingerprint,
-    change_log,
-    sign_off,
 )
-"""In the order of the report; the last section, open points, gathers from all."""
 _LEVELS = {
     Severity.ERROR: Level.ERROR,
     Severity.WARNING: Level.WARNING,
@@ -63,11 +65,13 @@ _LEVELS = {
 
 def compose_report(inputs: ReportInputs) -> ReportDocument:
     """Make the report of a network; a pure function, so equal inputs give equal documents."""
-    sections = [section(inputs) for section in _SECTIONS]
+    main = [*function_pages(inputs), *(section(inputs) for section in _MAIN)]
+    appendices = [replace(s(inputs), appendix=True, page=n == 0) for n, s in enumerate(_APPENDICES)]
+    sections = [*main, *appendices]
     points = tuple((s.title, p) for s in sections for p in s.points) + tuple(
         ("Findings", _point(inputs, d)) for d in inputs.diagnostics if d.level is not Severity.INFO
     )
-    last = len(sections) + 1
+    last = len(main) + 1
     network = None if inputs.resolution is None else inputs.resolution.network
     against = () if _has_error(inputs) else _against(sections)
     verdict = _verdict(inputs, len(against))
@@ -79,8 +83,11 @@ def compose_report(inputs: ReportInputs) -> ReportDocument:
         seal="NO FINGERPRINT" if inputs.fingerprint is None else inputs.fingerprint.short,
         whole="" if inputs.fingerprint is None else inputs.fingerprint.whole,
         verdict=verdict,
-        lead=_lead(inputs, points, against, last),
-        sections=(*sections, open_points(points, inputs)),
+        lead=(
+            *first_page(inputs, _of_findings(inputs), _machine_verdict(inputs)),
+            *_lead(inputs, points, against, last),
+        ),
+        sections=(*main, open_points(points, inputs), *appendices),
         foot=f"{verdict.word} · black channel configuration, evidence and no certificate",
         numbered=True,
         points=points,
@@ -116,15 +123,12 @@ def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
 
 def _against(sections: Sequence[ReportSection]) -> tuple[tuple[str, Verdict], ...]:
     """Return what counts against the network, each with the title of its section."""
-    return tuple(
-        dict.fromkeys(
-            (section.title, item)
-            for section in sections
-            for part in section.parts
-            for item in _items(part)
-            if isinstance(item, Verdict) and item.level is Level.ERROR
-        )
-    )
+    found: dict[Verdict, str] = {}
+    for section in sections:
+        for item in chain.from_iterable(map(_items, section.parts)):
+            if isinstance(item, Verdict) and item.level is Level.ERROR:
+                found.setdefault(item, section.title)
+    return tuple((title, verdict) for verdict, title in found.items())
 
 
 def _items(part: Part) -> Iterator[Item]:
@@ -138,23 +142,33 @@ def _items(part: Part) -> Iterator[Item]:
 
 
 def _verdict(inputs: ReportInputs, against: int) -> Verdict:
-    """Say what is known of the files, of the machine and of the signatures.
+    """Say what is known of the machine, of the signatures and of the files.
 
-    Files with an error are judged by it alone.
+    Files with an error are judged by it alone; that nothing was found in them is said only where
+    the machine was tried and signed for.
     """
     files = _of_findings(inputs)
     if files.level is Level.ERROR:
         return files
     machine, is_tested = _machine(inputs)
     signed, is_signed = _signed(inputs)
-    words = f"files: {files.word} · machine: {machine} · {signed}"
+    is_done = is_tested and is_signed
+    words = f"machine: {machine} · {signed}"
+    if is_done or files.level is Level.WARNING:
+        words += f" · files: {files.word}"
     if against:
         return Verdict(
             f"{against} verdict{'' if against == 1 else 's'} against it · {words}", Level.ERROR
         )
     if files.level is Level.WARNING:
         return Verdict(words, Level.WARNING)
-    return Verdict(words, files.level if is_tested and is_signed else Level.OPEN)
+    return Verdict(words, files.level if is_done else Level.OPEN)
+
+
+def _machine_verdict(inputs: ReportInputs) -> Verdict:
+    word, is_tested = _machine(inputs)
+    level = Level.ERROR if word.endswith("FAILED") else Level.OPEN
+    return Verdict(word, Level.CLEAR if is_tested else level)
 
 
 def _machine(inputs: ReportInputs) -> tuple[str, bool]:
@@ -178,6 +192,8 @@ def _signed(inputs: ReportInputs) -> tuple[str, bool]:
         return "not signed", False
     if not given.fits:
         return "signed for another configuration", False
+    if inputs.signed is not None and inputs.signed.against:
+        return "signatures DO NOT HOLD", False
     return f"signed by {given.record.author.name} and {given.record.verifier.name}", True
 
 

@@ -28,6 +28,8 @@ def _function(a: SafetyFunction, b: SafetyFunction) -> Iterator[Change]:
     facts: dict[str, tuple[Fact | float, Fact | float]] = {
         "trigger": (a.trigger, b.trigger),
         "reaction": (a.reaction, b.reaction),
+        "reset": (a.reset, b.reset),
+        "modes": (a.modes, b.modes),
         "required_reaction_ms": (a.required_reaction_ms, b.required_reaction_ms),
         "required pl": (a.pl or None, b.pl or None),
         "required sil": (a.sil, b.sil),

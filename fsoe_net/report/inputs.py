@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
-from fsoe_net.model.acceptance import Acceptance, JustifiedFinding
+from fsoe_net.model.acceptance import Acceptance, CheckedSignature, JustifiedFinding
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import DeviceEntry
+from fsoe_net.model.protocol import DeviceEntry, StepKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
@@ -21,7 +21,15 @@ from fsoe_net.timing.budget import Budget
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run
 
-__all__ = ["Against", "GivenPlan", "GivenRecord", "ReportInputs", "TestStep", "Tried"]
+__all__ = [
+    "Against",
+    "GivenPlan",
+    "GivenRecord",
+    "ReportInputs",
+    "Signatures",
+    "TestStep",
+    "Tried",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,10 +73,20 @@ class GivenRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Signatures:
+    """The signatures beside a record that hold, and in words what is against the others."""
+
+    signatures: tuple[CheckedSignature, ...]
+    against: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TestStep:
     """One step of a test protocol. Results are words, empty for none; times in ms.
 
     Attributes:
+        kind: What it tries.
+        subject: Safety function, connection, SubDevice or class of faults.
         what: What to do.
         expected: What shall happen.
         limit_ms: Longest time allowed.
@@ -85,6 +103,8 @@ class TestStep:
 
     __test__ = False
 
+    kind: StepKind = StepKind.TRIGGER
+    subject: str = ""
     what: str
     expected: str
     limit_ms: float | None = None
@@ -139,6 +159,7 @@ class ReportInputs:
         against: The state that the change log starts from.
         tried: A test protocol; ``None`` when there is none.
         accepted: An acceptance record; ``None`` when there is none.
+        signed: Its signatures; ``None`` when nobody has checked them.
         self_test: What a self-test of the tool gave; ``None`` when there is none.
     """
 
@@ -158,6 +179,7 @@ class ReportInputs:
     against: Against | None = None
     tried: Tried | None = None
     accepted: GivenRecord | None = None
+    signed: Signatures | None = None
     self_test: SelfTestResult | None = None
 
     def justification(self, found: Diagnostic) -> JustifiedFinding | None:

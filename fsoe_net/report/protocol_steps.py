@@ -22,6 +22,8 @@ def tried_of(source: SourceFile, protocol: Protocol) -> Tried:
 def _step(s: ProtocolStep) -> TestStep:
     machine = s.machine
     return TestStep(
+        kind=s.kind,
+        subject=s.subject,
         what=s.what,
         expected=s.expected,
         limit_ms=s.limit_ms,

@@ -1,4 +1,4 @@
-"""Blocks 8 and 9: what the machine itself reports, and what was tried."""
+"""What the machine itself reports: scans, runs, incident files, a running bus."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
-    BLANK,
     Cell,
     Column,
     Heading,
@@ -27,18 +25,17 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
-from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
+from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.observed import observed_cell
 from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
     from fsoe_net.observe.incident import IncidentHead
-    from fsoe_net.run.result import Run
 
-__all__ = ["bus_evidence", "tests"]
+__all__ = ["EMULATED", "RUN_COLUMNS", "bus_evidence", "plan_sha256", "state_words"]
 
-_EMULATED = Verdict("EMULATED, not evidence for this machine", Level.NOTE)
+EMULATED = Verdict("EMULATED, not evidence for this machine", Level.NOTE)
 
 
 # -- 8 bus evidence -------------------------------------------------------------------------------
@@ -66,7 +63,7 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
 
 def _other_plans(inputs: ReportInputs) -> Iterator[str]:
     """Yield what is of another plan than that of the report, or of none that was accepted."""
-    own = _plan_sha256(inputs)
+    own = plan_sha256(inputs)
     if inputs.live is not None and inputs.live.status.plan_sha256 != own:
         yield "the running fsn-master has another plan"
     if inputs.live is not None and not inputs.live.status.accepted:
@@ -195,20 +192,21 @@ def _mapping_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
     return rows
 
 
-def _plan_sha256(inputs: ReportInputs) -> str:
+def plan_sha256(inputs: ReportInputs) -> str:
+    """Return the SHA-256 of the plan of a report; empty without one."""
     return "" if inputs.plan is None else hashlib.sha256(inputs.plan.to_bytes()).hexdigest()
 
 
 def _same_plan(sha256: str, inputs: ReportInputs) -> Verdict:
     if inputs.plan is None:
         return Verdict("plan not compared", Level.OPEN)
-    same = _plan_sha256(inputs) == sha256
+    same = plan_sha256(inputs) == sha256
     return Verdict("this plan", Level.CLEAR) if same else Verdict("ANOTHER plan", Level.WARNING)
 
 
 def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
     items: list[Item] = [
-        _EMULATED if run.emulated else Text(f"On a bus through {run.backend}"),
+        EMULATED if run.emulated else Text(f"On a bus through {run.backend}"),
         Text(", "),
         stated(run.duration_ms / 1000, "s", path),
         Text(", "),
@@ -226,7 +224,7 @@ def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
     rows = tuple(
         (
             cell(strong(c.name)),
-            cell(_state_words(c.state)),
+            cell(state_words(c.state)),
             cell(stated(c.cycle_mean, "ms", path)),
             cell(stated(c.cycle_max, "ms", path)),
             cell(stated(c.watchdog, "ms", path)),
@@ -238,12 +236,12 @@ def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
     return [
         Heading(f"Run {path}"),
         Paragraph(tuple(items)),
-        Table(name=f"run {path}", columns=(*_RUN_COLUMNS, _OBSERVED), rows=rows),
+        Table(name=f"run {path}", columns=(*RUN_COLUMNS, _OBSERVED), rows=rows),
     ]
 
 
 _OBSERVED = Column("Parameters sent at the last start-up")
-_RUN_COLUMNS = (
+RUN_COLUMNS = (
     Column("Connection"),
     Column("State at the end"),
     Column("FSoE cycle, mean", number=True),
@@ -259,7 +257,7 @@ def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]
     rows = tuple(
         (
             cell(strong(c.name)),
-            cell(_state_words(c.state.word)),
+            cell(state_words(c.state.word)),
             tuple(
                 stated(d.wrong, f"wrong frames {to}", path)
                 for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
@@ -292,7 +290,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     where = Text(f"{s.state.value} on {s.interface or 'no interface'} through {s.backend}; ")
     items: list[Item] = [where]
     if s.backend == "emulated":
-        items += [_EMULATED, Text("; ")]
+        items += [EMULATED, Text("; ")]
     for value, unit in (
         (s.planned, "SubDevices planned"),
         (s.in_op, "in OP"),
@@ -310,7 +308,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     rows = tuple(
         (
             cell(strong(name)),
-            cell(_state_words(c.state.word)),
+            cell(state_words(c.state.word)),
             cell(_seen(max(c.to_sub.interval_mean_ns, c.to_main.interval_mean_ns), source)),
             cell(_seen(max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns), source)),
             cell(stated(c.to_sub.wrong + c.to_main.wrong, "frames", source)),
@@ -340,161 +338,8 @@ def _seen(ns: int, source: str) -> Item:
     return stated(ns / 1e6, "ms", source) if ns else muted("none seen")
 
 
-# -- 9 tests --------------------------------------------------------------------------------------
-
-
-def tests(inputs: ReportInputs) -> ReportSection:
-    """The checklist, and what ran on the emulated bus, apart from it."""
-    parts: list[Part] = [Heading("Checklist")]
-    points: list[Point] = []
-    tried = inputs.tried
-    if tried is None:
-        parts.append(Paragraph((Text("The checklist is empty: no test protocol was given."),)))
-        points.append(Point(PointKind.OPEN, "no test protocol: nothing was tried at the machine"))
-    else:
-        parts += [files_table("test protocol", [tried.source]), _checklist(tried)]
-        left = sum(s.is_open for s in tried.steps)
-        if left:
-            count = sum(s.at_machine for s in tried.steps)
-            words = f"{left} of {counted(count, 'test step')} open at the machine"
-            points.append(Point(PointKind.OPEN, words))
-        failed = [s for s in tried.steps if s.is_failed]
-        if failed:
-            words = (
-                f"{counted(len(failed), 'test step')} did not go as expected, first: "
-                f"{failed[0].what}"
-            )
-            points.append(Point(PointKind.OPEN, words))
-        disputed = [s for s in tried.steps if s.is_disputed]
-        if disputed:
-            words = (
-                f"{counted(len(disputed), 'test step')} went as expected by hand and not by "
-                f"program, first: "
-                f"{disputed[0].what}"
-            )
-            points.append(Point(PointKind.OPEN, words))
-        if tried.plan_sha256 != _plan_sha256(inputs):
-            words = f"{tried.source.path} was made for another plan"
-            points.append(Point(PointKind.OPEN, words))
-        if not tried.fits:
-            word = f"{tried.source.path} cannot be taken for this network"
-            parts.append(Paragraph((Verdict(word, Level.ERROR), Text(": see the open points."))))
-        points += [Point(PointKind.OPEN, f"{tried.source.path}:{note}") for note in tried.notes]
-    if inputs.run is not None:
-        parts += _emulated_run(inputs.run)
-    elif inputs.scenario:
-        words = f"{inputs.scenario} was not run: the network has errors"
-        parts += [Heading("Run on the emulated bus"), Paragraph((Text(f"{words}."),))]
-        points.append(Point(PointKind.OPEN, words))
-    return ReportSection(key="tests", title="Tests", parts=tuple(parts), points=tuple(points))
-
-
-def _checklist(tried: Tried) -> Table:
-    heads = (
-        "What to do",
-        "Expected",
-        "At most",
-        "EMULATED",
-        "LIVE, by program",
-        "MACHINE, by hand",
-        "Who, when",
-    )
-    source = tried.source.path
-    rows = tuple(
-        (
-            cell(s.what),
-            cell(s.expected),
-            cell(muted("no limit"))
-            if s.limit_ms is None
-            else cell(stated(s.limit_ms, "ms", s.limit_source or source)),
-            _result(s.emulated, s.emulated_ms, source),
-            _result(s.live, s.live_ms, source),
-            _by_hand(s, source),
-            cell(s.who) if s.who else BLANK if s.at_machine else (),
-        )
-        for s in tried.steps
-    )
-    return Table(
-        name="checklist",
-        columns=tuple(Column(h) for h in heads),
-        rows=rows,
-        remark="EMULATED: on an emulated bus, not evidence for this machine. Only what a person "
-        "wrote down at the machine closes a step.",
-    )
-
-
-def _by_hand(s: TestStep, source: str) -> Cell:
-    if not s.at_machine:
-        return cell(muted("not tried at the machine"))
-    return _result(s.machine, s.machine_ms, source, failed=s.is_failed) or BLANK
-
-
-def _result(word: str, ms: float | None, source: str, *, failed: bool = False) -> Cell:
-    items: list[Item] = []
-    if word:
-        failed = failed or word.startswith("not as expected")
-        items.append(Verdict(word, Level.ERROR) if failed else Text(word))
-    if ms is not None:
-        items.append(stated(ms, "ms", source))
-    return tuple(items)
-
-
-def _state_words(word: str) -> str:
+def state_words(word: str) -> str:
+    """Return the state of a connection in words."""
     from fsoe_net.run.result import state_text  # slow to load, and most reports have no run
 
     return state_text(word)
-
-
-def _emulated_run(run: Run) -> list[Part]:
-    source = "run of this plan on the emulated bus"
-    s = run.statistics
-    passed = Verdict("passed", Level.CLEAR) if run.passed else Verdict("FAILED", Level.ERROR)
-    parts: list[Part] = [
-        Heading("Run on the emulated bus"),
-        Paragraph(
-            (
-                _EMULATED,
-                Text(f". {run.mode.capitalize()} time, "),
-                stated(run.duration_ms / 1000, "s", source),
-                Text(", "),
-                stated(s.cycles, "bus cycles", source),
-                Text(", "),
-                stated(s.wkc_errors, "with incomplete working counter", source),
-                Text(", "),
-                stated(s.bytes_copied, "bytes copied", source),
-                Text(": "),
-                passed,
-                Text("."),
-            )
-        ),
-        Table(
-            name="emulated run",
-            columns=_RUN_COLUMNS,
-            rows=tuple(
-                (
-                    cell(strong(c.name)),
-                    cell(_state_words(c.state)),
-                    cell(stated(c.fsoe_cycle_ms["mean"], "ms", source)),
-                    cell(stated(c.fsoe_cycle_ms["max"], "ms", source)),
-                    cell(stated(c.watchdog_ms, "ms", source)),
-                    cell(
-                        stated(c.resets, "resets", source),
-                        muted(c.last_reset_text if c.resets else ""),
-                    ),
-                )
-                for c in run.connections
-            ),
-        ),
-    ]
-    if run.verdicts:
-        rows = tuple(
-            (
-                cell(Verdict("held", Level.CLEAR) if v.held else Verdict("NOT held", Level.ERROR)),
-                cell(v.text),
-                cell(code(v.place), *([v.seen] if v.seen else [])),
-            )
-            for v in run.verdicts
-        )
-        columns = tuple(Column(h) for h in ("Verdict", "Expectation", "Place"))
-        parts.append(Table(name="expectations", columns=columns, rows=rows))
-    return parts

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 
-from fsoe_net.diag.words import counted
+from fsoe_net.diag.words import counted, listed
 from fsoe_net.document.model import (
     BLANK,
     Cell,
@@ -31,9 +31,9 @@ from fsoe_net.fsoe.crc import sra_crc
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.library import Library
-from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.protocol import DeviceEntry
 from fsoe_net.model.resolve import Connection
+from fsoe_net.model.scan import ScannedSubDevice
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.svg import topology_picture
@@ -78,20 +78,13 @@ def architecture(inputs: ReportInputs) -> ReportSection:
     shown = [s for s in network.subdevices if s.name in mains | subs]
     if len(network.subdevices) <= _MOST_PLAIN:
         shown = list(network.subdevices)
-    parts += [Heading("SubDevices"), _subdevices(shown, network, mains, subs)]
     entries = _entries(inputs, mains, subs)
-    if entries:
-        heads = ("SubDevice", "Firmware", "Serial number", "CRC of the safety project")
-        rows = tuple(_entry(e) for e in entries)
-        parts += [
-            Heading("Read at the devices, by hand"),
-            Table(name="read at the devices", columns=tuple(Column(h) for h in heads), rows=rows),
-        ]
+    parts += [Heading("SubDevices"), _subdevices(shown, inputs, mains, subs)]
     points = []
     for key, word in _READ.items():
         names = [e.subdevice for e in entries if key in e.blank()]
         if names:
-            words = f"{word} to be read at the device: {', '.join(names)}"
+            words = f"{word} to be read at the device: {listed(names)}"
             points.append(Point(PointKind.OPEN, words))
     return ReportSection(
         key="architecture", title="Architecture", parts=tuple(parts), points=tuple(points)
@@ -113,9 +106,12 @@ def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[Devi
     return [read.get(name, entry) for name, entry in blank.items()]
 
 
-def _entry(entry: DeviceEntry) -> tuple[Cell, ...]:
+def _by_hand(entry: DeviceEntry | None) -> tuple[Cell, ...]:
+    """Return what people read at a SubDevice; without an FSoE end there is nothing to read."""
+    if entry is None:
+        return ((), (), ())
     blank = set(entry.blank())
-    row = [cell(strong(entry.subdevice))]
+    row = []
     for key in _READ:
         text = getattr(entry, key)
         if text is None:
@@ -125,13 +121,28 @@ def _entry(entry: DeviceEntry) -> tuple[Cell, ...]:
     return tuple(row)
 
 
+def _observed(inputs: ReportInputs) -> dict[str, ScannedSubDevice]:
+    """Return what scans found in the place of each SubDevice, by its name."""
+    scans = [e.scan for e in inputs.evidence if e.scan is not None]
+    return {s.planned or s.name: s for scan in scans for s in scan.subdevices}
+
+
+def _seen(value: int | None) -> Cell:
+    if value is None:
+        return ()
+    number = Number(value=value, text=f"0x{value:08x}", unit="", source="scan")
+    return cell(muted("observed"), number)
+
+
 def _nothing() -> Paragraph:
     return Paragraph((Text("No network could be read; the findings say why."),))
 
 
 def _subdevices(
-    shown: Sequence[SubDevice], network: NetworkConfig, mains: set[str], subs: set[str]
+    shown: Sequence[SubDevice], inputs: ReportInputs, mains: set[str], subs: set[str]
 ) -> Table:
+    observed = _observed(inputs)
+    entries = {e.subdevice: e for e in _entries(inputs, mains, subs)}
     library = builtin_library(frozenset(s.device.product_code for s in shown if s.device))
     rows = []
     for s in shown:
@@ -147,34 +158,44 @@ def _subdevices(
         if device is not None:
             vendor = _identity(device.vendor_id)
             product = (_identity(device.product_code), *_type_name(device, library))
+        revision = cell(muted("any")) if s.revision is None else (_identity(s.revision),)
+        found = observed.get(s.name)
+        firmware, serial, project = _by_hand(entries.get(s.name))
         rows.append(
             (
                 tuple(place),
-                cell(strong(s.name)),
-                cell(" and ".join(parts) or muted("no FSoE")),
-                (vendor,),
-                product,
+                cell(strong(s.name), " and ".join(parts) or muted("no FSoE")),
+                (vendor, *product),
+                (*revision, *_seen(None if found is None else found.revision)),
+                firmware,
+                (*serial, *_seen(None if found is None else found.serial)),
+                project,
             )
         )
-    hidden = len(network.subdevices) - len(shown)
+    every = () if inputs.resolution is None else inputs.resolution.network.subdevices
+    hidden = len(every) - len(shown)
     return Table(
         name="subdevices",
         columns=(
-            Column("Position"),
-            Column("SubDevice"),
-            Column("Part in FSoE"),
-            Column("Vendor"),
-            Column("Product"),
+            Column("Position", share=9),
+            Column("SubDevice", share=20),
+            Column("Vendor, product", share=18),
+            Column("Revision accepted", share=13),
+            Column("Firmware", share=13),
+            Column("Serial number", share=14),
+            Column("CRC of the safety project", share=13),
         ),
         rows=tuple(rows),
-        remark=f"{hidden} SubDevices without FSoE are not listed" if hidden else "",
+        remark="Firmware, serial number and CRC are read at the device and written by hand; "
+        "observed: read over the bus by a scan."
+        + (f" {hidden} SubDevices without FSoE are not listed." if hidden else ""),
     )
 
 
 def _type_name(device: Device, library: Library) -> Cell:
     """Return what the device library calls a type; nothing where it does not know it."""
     known = library.find(device.vendor_id, device.product_code)
-    return () if known is None else (muted(f"{known.name} in the device library"),)
+    return () if known is None else (muted(f"library: {known.name}"),)
 
 
 def _identity(value: int) -> Number:

@@ -29,7 +29,7 @@ from fsoe_net.document.model import (
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.report.diff_types import Change
-from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs
+from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs, Signatures
 from fsoe_net.report.model import Point, PointKind, ReportSection
 
 __all__ = ["change_log", "fingerprint", "open_points", "sign_off"]
@@ -219,13 +219,35 @@ def sign_off(inputs: ReportInputs) -> ReportSection:
                 ),
             )
         )
-    signed = Point(
-        PointKind.ASSUMPTION,
-        f"the signatures of {record.author.name} and {record.verifier.name} stand on the report "
-        "that the record names",
-    )
+    if inputs.signed is None:
+        signed = Point(
+            PointKind.ASSUMPTION,
+            f"the signatures of {record.author.name} and {record.verifier.name} stand on the "
+            "report that the record names",
+        )
+    else:
+        parts += _signatures(inputs.signed)
+        signed = Point(
+            PointKind.ASSUMPTION,
+            "the keys belong to the people whom the file of allowed signers names",
+        )
     changed = _changed_files(record, inputs)
     return _sign_off(parts, (record.author, record.verifier), signed, *changed)
+
+
+def _signatures(signed: Signatures) -> list[Part]:
+    """Return the signatures beside the record that hold, and what is against the others."""
+    heads = ("Signed as", "Name", "Principal", "Date", "Key")
+    table = Table(
+        name="signatures",
+        columns=tuple(Column(h) for h in heads),
+        rows=tuple(
+            (cell(s.role), cell(strong(s.name)), cell(s.principal), cell(s.date), cell(code(s.key)))
+            for s in signed.signatures
+        ),
+    )
+    wrong = [Paragraph((Verdict(words, Level.ERROR),)) for words in signed.against]
+    return [Heading("Signatures that hold"), table, *wrong]
 
 
 def _changed_files(record: Acceptance, inputs: ReportInputs) -> list[Point]:

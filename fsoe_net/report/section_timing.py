@@ -33,7 +33,7 @@ from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.reaction import FunctionBudget, Reaction
 from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
 
-__all__ = ["JUDGED", "quantity_cell", "timing"]
+__all__ = ["JUDGED", "quantity_cell", "timing", "upper_bound"]
 
 _ETG = "ETG.5100 chapter 9.3 as printed by Lenze (i750)"
 _BECKHOFF = "Beckhoff, manuals of EL2904, EL6900, EK1914, EP1957"
@@ -72,7 +72,6 @@ def timing(inputs: ReportInputs) -> ReportSection:
     if budget.functions:
         parts += [Heading("Reaction times"), _reactions(budget)]
         for row in budget.functions:
-            parts += [Heading(f"Parts of {row.function.name}"), _story(row), _elements(row)]
             points += [
                 Point(PointKind.OPEN, f"{row.function.name}: {words}") for words in row.missing
             ]
@@ -142,10 +141,10 @@ def _basis(budget: Budget) -> Paragraph:
 
 
 def _limit(limit: Limit | None, *, up: bool = False) -> Cell:
-    return cell(muted("nothing asks") if limit is None else _bound(limit.ms, limit.why, up=up))
+    return cell(muted("nothing asks") if limit is None else upper_bound(limit.ms, limit.why, up=up))
 
 
-def _bound(value: float | None, source: str, *, up: bool = True) -> Item:
+def upper_bound(value: float | None, source: str, *, up: bool = True) -> Item:
     """Return a time that is judged, or that judges: never shown on the better side of itself."""
     text = "" if value is None else decimal(outward(value, up=up))
     return stated(value, "ms", source, text)
@@ -209,7 +208,7 @@ def _reasons(budget: Budget) -> list[Part]:
                 rows.append(
                     (
                         Text(f"{c.connection.name} {word} "),
-                        _bound(limit.ms, limit.why, up=limit is c.least),
+                        upper_bound(limit.ms, limit.why, up=limit is c.least),
                         Text(f": {limit.why}"),
                     )
                 )
@@ -224,12 +223,12 @@ def _reactions(budget: Budget) -> Table:
         rows.append(
             (
                 cell(strong(row.function.name)),
-                cell(_bound(r.error_free if r else None, etg)),
-                cell(_bound(r.worst_etg if r else None, etg)),
-                cell(_bound(r.typical if r else None, typical)),
-                cell(_bound(r.worst_beckhoff if r else None, typical)),
+                cell(upper_bound(r.error_free if r else None, etg)),
+                cell(upper_bound(r.worst_etg if r else None, etg)),
+                cell(upper_bound(r.typical if r else None, typical)),
+                cell(upper_bound(r.worst_beckhoff if r else None, typical)),
                 _late(r),
-                cell(_bound(r.disturbed if r else None, _HANDSHAKE)),
+                cell(upper_bound(r.disturbed if r else None, _HANDSHAKE)),
                 cell(stated(required, "ms", "risk assessment, as the network file states it")),
                 cell(Verdict(row.verdict, JUDGED[row.judgement])),
             )
@@ -259,19 +258,12 @@ def _reactions(budget: Budget) -> Table:
 def _late(r: Reaction | None) -> Cell:
     """Return the response of each connection that is late, then lost; the judged one first."""
     if r is None:
-        return cell(_bound(None, _HANDSHAKE))
+        return cell(upper_bound(None, _HANDSHAKE))
     items: list[Item] = []
     for case in sorted(r.late, key=lambda c: -c.ms):
         if case.connection or case is r.decides:
-            items += [_bound(case.ms, _HANDSHAKE), muted(case.way)]
+            items += [upper_bound(case.ms, _HANDSHAKE), muted(case.way)]
     return cell(*items)
-
-
-def _story(row: FunctionBudget) -> Paragraph:
-    f = row.function
-    words = f"{f.trigger or 'trigger not stated'} → {f.reaction or 'reaction not stated'}"
-    used = sorted({c.name for c in (*row.parts.to_input, *row.parts.to_output)})
-    return Paragraph((Text(f"{words}. Connections: {', '.join(used) or 'none'}."),))
 
 
 def quantity_cell(q: Quantity, text: str = "") -> Cell:
@@ -282,25 +274,3 @@ def quantity_cell(q: Quantity, text: str = "") -> Cell:
     if q.answered_for:
         return (number,)
     return (number, Verdict("0 without a reason" if q.needs_reason else "unverified", Level.OPEN))
-
-
-def _elements(row: FunctionBudget) -> Table:
-    rows = tuple(
-        (
-            cell(e.element.kind.value),
-            cell(strong(e.element.name)),
-            quantity_cell(e.time, "" if e.time.value is None else f"{e.time.value:g}"),
-            cell(e.time.source or muted("no source")),
-        )
-        for e in row.parts.rows
-    )
-    return Table(
-        name=f"times of {row.function.name}",
-        columns=(
-            Column("Part"),
-            Column("Element"),
-            Column("Time", number=True),
-            Column("Source"),
-        ),
-        rows=rows,
-    )

@@ -81,6 +81,9 @@ class Grounds:
         before: The record that is replaced, and
         before_source: its file.
         again: Steps that the change since then calls for.
+        equipment: What was measured with.
+        environment: Where and under which conditions it was tried.
+        attachments: Photos and other files beside the record.
         longest_ms: Of each safety function, the longest response without a fault by the times that
             are stated, ms.
     """
@@ -100,6 +103,9 @@ class Grounds:
     before: Acceptance | None = None
     before_source: SourceFile | None = None
     again: Collection[str] = ()
+    equipment: Sequence[str] = ()
+    environment: str = ""
+    attachments: Sequence[SourceFile] = ()
     longest_ms: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -158,6 +164,9 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
         verifier=g.verifier,
         findings=tuple(out.findings),
         steps_left_out=tuple(out.steps),
+        equipment=tuple(g.equipment),
+        environment=g.environment,
+        attachments=tuple(g.attachments),
         interventions=(*(before.interventions if before else ()), *g.interventions),
         replaces=(
             Replaced(source=g.before_source, whole=before.whole)

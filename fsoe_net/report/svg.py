@@ -11,6 +11,7 @@ __all__ = ["MAX_PER_ROW", "copy_picture", "topology_picture"]
 
 _BOX_WIDTH, _BOX_HEIGHT, _GAP = 170, 62, 34
 MAX_PER_ROW = 5
+_LINE, _TOP_LINE = 15, 34  # height of a name, and the highest base line in the picture
 _DASHES = ("", "9 4", "2 3", "12 3 2 3", "18 5", "5 3 2 3 2 3")
 _COLOURS = ("#0550ae", "#953800", "#116329", "#6639ba", "#99286e", "#424a53")
 
@@ -55,8 +56,7 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
     for n in shown:
         parts.append(_box(plan, n, place[n], n in mains, n in subs, lines.get(n, "")))
     if not dense:  # names above all lines, so that none is struck through
-        arcs = [_arc(plan, n, place) for n in range(len(plan.connections))]
-        parts += [line for line, _ in arcs] + [name for _, name in arcs]
+        parts += _arcs(plan, place)
     hidden = len(plan.subdevices) - len(shown)
     if hidden:
         text = f"{hidden} SubDevices without a copy"
@@ -94,11 +94,11 @@ def _box(
     sub = plan.subdevices[number]
     x, y = at
     role = "MainInstance" if is_main else "SubInstance" if is_sub else "no FSoE"
-    role = "Main and SubInstance" if is_main and is_sub else role
+    role = "Main + Sub" if is_main and is_sub else role
     address = f"alias {sub.alias}+{sub.position}" if sub.alias else f"position {sub.position}"
     cls = "main" if is_main else "sub" if is_sub else "plain"
     middle = x + _BOX_WIDTH / 2
-    name = sub.name if len(sub.name) <= 22 else sub.name[:21] + "…"
+    name = _short(sub.name, 22)
     return (
         f"<g><title>{escape(sub.name)}: vendor 0x{sub.vendor_id:08x}, product "
         f"0x{sub.product_code:08x}</title>"
@@ -117,27 +117,64 @@ def _box(
     )
 
 
-def _arc(plan: Plan, number: int, place: dict[int, tuple[float, float]]) -> tuple[str, str]:
-    """Return the line of a connection and its name; lines differ in colour and in dash."""
-    connection = plan.connections[number]
-    (x1, y1), (x2, y2) = place[connection.main], place[connection.sub]
+def _arcs(plan: Plan, place: dict[int, tuple[float, float]]) -> list[str]:
+    """Return the lines of all connections, then their names, none of which touches another."""
+    lines, names = [], []
+    taken: list[tuple[float, float, float]] = []
+    for number, connection in enumerate(plan.connections):
+        line, middle, wanted = _arc(number, place[connection.main], place[connection.sub])
+        identity = connection.connection_id
+        label = f"ConnID {identity}" if identity else _short(connection.name, 22)
+        wide = 7.6 * len(label) + 4
+        base = _free_line(middle, wanted, wide, taken)
+        taken.append((middle, base, wide))
+        lines.append(line)
+        names.append(
+            f"<g><title>{escape(connection.name)}</title>"
+            f'<rect x="{middle - wide / 2:g}" y="{base - 11:g}" width="{wide:g}" height="14" '
+            'class="under"/>'
+            f'<text x="{middle:g}" y="{base:g}" text-anchor="middle" class="label" '
+            f'style="fill:{_colour(number)}">{escape(label)}</text></g>'
+        )
+    return lines + names
+
+
+def _free_line(
+    middle: float, wanted: float, wide: float, taken: list[tuple[float, float, float]]
+) -> float:
+    """Return the height next to the one that is wanted at which a name touches no other."""
+    for step in range(4 * len(taken) + 2):
+        base = wanted + _LINE * ((step + 1) // 2) * (1 if step % 2 else -1)
+        if base < _TOP_LINE:
+            continue
+        near = (t for t in taken if abs(t[1] - base) < _LINE)
+        if all(abs(x - middle) >= (other + wide) / 2 for x, _, other in near):
+            return base
+    return wanted
+
+
+def _short(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"
+
+
+def _arc(
+    number: int, main: tuple[float, float], sub: tuple[float, float]
+) -> tuple[str, float, float]:
+    """Return the line of a connection, and where its name is best: middle and base line.
+
+    Lines differ in colour and in dash.
+    """
+    (x1, y1), (x2, y2) = main, sub
     shift = 10 * (number % 4) - 15
     start, end = x1 + _BOX_WIDTH / 2 + shift, x2 + _BOX_WIDTH / 2 + shift / 2
     lift = 30 + 13 * (number % 5) + abs(end - start) / 30
     top = min(y1, y2) - lift
-    middle = (start + end) / 2
-    label = f"ConnID {connection.connection_id}" if connection.connection_id else connection.name
-    dash, wide = _DASHES[number % len(_DASHES)], 7.6 * len(label) + 4
-    base = top + lift * 0.25 + 4
-    return (
+    line = (
         f'<path d="M{start:g},{y1:g} C{start:g},{top:g} {end:g},{top:g} {end:g},{y2:g}" '
-        f'class="arc" stroke-dasharray="{dash}" style="stroke:{_colour(number)}"/>',
-        f"<g><title>{escape(connection.name)}</title>"
-        f'<rect x="{middle - wide / 2:g}" y="{base - 11:g}" width="{wide:g}" height="14" '
-        'class="under"/>'
-        f'<text x="{middle:g}" y="{base:g}" text-anchor="middle" class="label" '
-        f'style="fill:{_colour(number)}">{escape(label)}</text></g>',
+        f'class="arc" stroke-dasharray="{_DASHES[number % len(_DASHES)]}" '
+        f'style="stroke:{_colour(number)}"/>'
     )
+    return line, (start + end) / 2, top + lift * 0.25 + 4
 
 
 def copy_picture(plan: Plan, number: int) -> str:

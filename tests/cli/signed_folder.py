@@ -31,6 +31,8 @@ def make_signed(folder: Path) -> Path:
 
     done("test-protocol", "timed.yaml", "-o", "protocol.yaml")
     _fill_in(folder / "protocol.yaml")
+    (folder / "photos").mkdir()
+    (folder / "photos" / "panel.jpg").write_bytes(b"a photo of the panel")
     for form in ("html", "json"):
         done("report", "timed.yaml", "--protocol", "protocol.yaml", "-o", f"report.{form}")
     done(
@@ -39,6 +41,13 @@ def make_signed(folder: Path) -> Path:
         *("--author", f"A. Meier <{ANNA}>", "--verifier", f"B. Kaya <{BERT}>"),
         *("--justify", "loss *=soldered in by B. Kaya"),
         *("--justify", "bus evidence=no access by B. Kaya"),
+        *(
+            "--equipment",
+            "oscilloscope 4711, calibrated until 2022-03",
+            "--equipment",
+            "stop watch",
+        ),
+        *("--environment", "hall 3, 21 degrees", "--attach", "photos/panel.jpg"),
         *("--sign", "anna", "--as", "author"),
     )
     done("accept", RECORD, "--sign", "bert", "--as", "verifier")

@@ -83,7 +83,7 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
     done = fsn("report", "timed.yaml", "--accepted", "first.yaml", "-o", "now.md")
     assert done.returncode == 0
     assert re.search(
-        r"^now\.md: \d verdicts? against it · files: .* · signed for another configuration$",
+        r"^now\.md: \d verdicts? against it · machine: .* · signed for another configuration$",
         done.stdout,
         re.MULTILINE,
     )

@@ -68,6 +68,9 @@ ELSEWHERE = {
     ("accept", "key"),
     ("verify", "signers"),
     ("verify", "revoked"),
+    ("report", "signers"),
+    ("report", "revoked"),
+    ("accept", "attach"),
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -12,6 +13,9 @@ from pathlib import Path
 import pytest
 from cli.signed_folder import ANNA, BERT, RECORD, make_signed, public_key, sign
 from cli.tool import fsn
+
+from fsoe_net.errors import InputError
+from fsoe_net.project.accept import attachments
 
 pytestmark = pytest.mark.skipif(
     shutil.which("ssh-keygen") is None, reason="signatures are made by ssh-keygen of OpenSSH"
@@ -86,7 +90,9 @@ def test_any_byte_of_the_record_counts(folder: Path, before: str, after: str) ->
 
 
 @pytest.mark.shows("R15")
-@pytest.mark.parametrize("name", ["report.html", "report.json", "protocol.yaml"])
+@pytest.mark.parametrize(
+    "name", ["report.html", "report.json", "protocol.yaml", "photos/panel.jpg"]
+)
 def test_any_byte_of_a_signed_file_counts(folder: Path, name: str) -> None:
     with Path(name).open("ab") as file:
         file.write(b" ")
@@ -193,6 +199,48 @@ def test_one_key_is_not_two_persons(folder: Path) -> None:
     (folder / "signers").write_text(f"{ANNA},{BERT} {public_key(folder, 'anna')}")
     (found,) = refused()
     assert found.startswith("author and verifier signed with one key: ED25519 SHA256:")
+
+
+def test_the_report_shows_the_signatures_and_what_was_accepted(folder: Path) -> None:
+    given = ("report", "timed.yaml", "--protocol", "protocol.yaml", "--accepted", RECORD)
+    done = fsn(*given, "--signers", "signers", "-o", "signed.md")
+    assert done.returncode == 0, done.stderr
+    text = Path("signed.md").read_text("utf-8")
+    for role, who, name in (("author", ANNA, "A. Meier"), ("verifier", BERT, "B. Kaya")):
+        assert f"○ {role} {name} \\<{who}>, 2021-11-21<br>{who}, ED25519 SHA256:" in text
+    assert "oscilloscope 4711, calibrated until 2022-03<br>stop watch" in text
+    assert "hall 3, 21 degrees" in text
+    photo = hashlib.sha256(b"a photo of the panel").hexdigest()
+    assert f"| `photos/panel.jpg` | `{photo}` |" in text
+    Path(f"{RECORD}.author.sig").unlink()
+    Path("photos/panel.jpg").write_bytes(b"another photo")
+    done = fsn(*given, "--signers", "signers", "-o", "broken.md")
+    assert done.stdout.startswith("broken.md: 2 verdicts against it · machine: ")
+    assert "signatures DO NOT HOLD" in done.stdout
+    assert "against it: Sign-off: no signature of the author A. Meier" in done.stdout
+    assert "against it: Sign-off: photos/panel.jpg: not the file that was signed" in done.stdout
+    done = fsn(*given, "-o", "unchecked.md")
+    assert "not checked; --signers FILE" in Path("unchecked.md").read_text("utf-8")
+
+
+def test_what_is_attached_is_in_the_folder_of_the_record(folder: Path) -> None:
+    Path("../outside.pdf").write_bytes(b"x")
+    Path("link.pdf").symlink_to("../outside.pdf")
+    os.mkfifo("pipe")
+    for path, words in (
+        ("../outside.pdf", "is not in the folder of the record, or leads out of it"),
+        ("link.pdf", "is not in the folder of the record, or leads out of it"),
+        ("/etc/hostname", "is not in the folder of the record, or leads out of it"),
+        ("pipe", "cannot be read"),
+        ("photos", "cannot be read"),
+        ("none.pdf", "cannot be read"),
+    ):
+        with pytest.raises(InputError, match=words):
+            attachments([path], ".")
+    with pytest.raises(InputError, match="is attached twice"):
+        attachments(["photos/panel.jpg", "./photos/../photos/panel.jpg"], ".")
+    (found,) = attachments(["photos/panel.jpg"], "photos")
+    assert found.path == "panel.jpg"
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ GOLDEN = {
     "estop": "7ea038e0ba8386e10bfe0baf9340f93a9e2bde5ef0e015909f8acabb4b3f3c6d",
     "el6910": "636871bd9c1b3a104b699412c25e58e45d6727e35255f6da98a90f77471fc888",
 }
-GOLDEN_SAFETY = "0e769848ca3a4056ee6de40a096ccaab13d021da7a67878e91fe60caaec46062"
+GOLDEN_SAFETY = "9ca4ffba7635db86cb8fcadbc9c65790ee6dde7d3ca268c0c9a9550428c951be"
 FUNCTIONS = """\
 safety_functions:
   - name: estop
@@ -301,6 +301,8 @@ def test_safety_functions_are_a_section_of_their_own(folder: Path) -> None:
         ("1.11e-9", "1.12e-9"),
         ("name: K1", "name: K2"),
         ("trigger: button", "trigger: key"),
+        ("trigger: button", "trigger: button\n    reset: key"),
+        ("trigger: button", "trigger: button\n    modes: automatic"),
         ("name: door", "name: gate"),
         ("source: manual", "source: guess"),
         ("time_ms: 20", "time_ms: 20, zero_because: none"),

@@ -42,10 +42,15 @@ LOCAL = """\
       - {kind: logic, name: relay, time_ms: 4, pfh_per_hour: 1.0e-9, source: sheet of the maker}
 """
 OPEN = """\
-Identity: the machine is not named; write project: in the network file
+SF2 local stop: no reset is stated
+SF2 local stop: no modes are stated
 Architecture: firmware to be read at the device: io, io2, logic
 Architecture: serial number to be read at the device: io, io2, logic
 Architecture: CRC of the safety project to be read at the device: logic
+Change log: not compared with the state that was accepted last
+Sign-off: not signed
+Identity: the machine is not named; write project: in the network file
+Tests: no test protocol: nothing was tried at the machine
 FSoE connections: logic-io is unconfirmed: asked by mail
 FSoE connections: logic-io2 is unconfirmed
 Timing: estop: values nobody answers for: ES1
@@ -61,9 +66,6 @@ Quantities: estop: no level (PL or SIL) is required
 Quantities: local stop: no PL or SIL claim of relay
 Quantities: local stop: no level (PL or SIL) is required
 Bus evidence: no evidence of the machine: give --evidence scan.json or --interface IF
-Tests: no test protocol: nothing was tried at the machine
-Change log: not compared with the state that was accepted last
-Sign-off: not signed
 """
 
 
@@ -93,12 +95,13 @@ def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
     blocks = {b.key: b.parts for b in compose_report(inputs_of(sparse)).sections}
     rows = {p.name: p.rows for parts in blocks.values() for p in parts if isinstance(p, Table)}
     assert [said(row[0]) for row in rows["subdevices"]] == ["0", "1 alias 7", "2"]
-    assert next(said(row[2]) for row in rows["PFH of estop"]) == "not stated"
+    assert next(said(row[3]) for row in rows["parts of estop"]) == "not stated"
     # A function without a connection has no share for the bus.
-    assert [said(row[1]) for row in rows["PFH of local stop"]] == ["relay", ""]
-    told = [said(p.items) for p in blocks["quantities"] if isinstance(p, Paragraph)]
-    assert told[-2].startswith("Required: no level stated .  ")
-    assert told[-1].startswith("Weakest element:  no level is claimed .")
+    assert [said(row[1]) for row in rows["parts of local stop"]] == ["relay", ""]
+    facts = {said(row[0]): said(row[1]) for row in rows["facts of local stop"]}
+    assert facts["Required"] == "not stated not stated"
+    assert facts["Claimed"] == "no level is claimed"
+    assert (facts["Reset"], facts["Modes"]) == ("not stated", "not stated")
 
 
 def test_nothing_open_is_no_list():

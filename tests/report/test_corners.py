@@ -277,4 +277,4 @@ def test_subdevices_without_a_copy_are_left_out_of_a_large_picture(
     assert ">22 SubDevices without a copy</text>" in picture.svg
     table = next(p for p in parts if isinstance(p, Table) and p.name == "subdevices")
     assert len(table.rows) == 11
-    assert table.remark == "22 SubDevices without FSoE are not listed"
+    assert table.remark.endswith(" 22 SubDevices without FSoE are not listed.")

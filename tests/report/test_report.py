@@ -16,7 +16,7 @@ from networks import example, write_big_network
 from report.made import CODES, TIMED, inputs_of, with_mistakes
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
-from fsoe_net.document.model import Number, Table
+from fsoe_net.document.model import Number, Table, section_marks
 from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.protocol import StepKind
@@ -130,8 +130,8 @@ def test_every_number_has_a_source_and_what_is_no_name_a_unit():
     ]
     assert len(numbers) > 60
     names = {
-        "Position", "Vendor", "Product", "ConnID", "FSoE address", "From", "To",
-        "First logical address", "Working counter expected",
+        "Position", "Vendor, product", "Revision accepted", "Serial number", "ConnID",
+        "FSoE address", "From", "To", "First logical address", "Working counter expected",
     }  # fmt: skip
     for where, column, item in numbers:
         assert item.source, (where, column)
@@ -145,9 +145,12 @@ def test_the_three_forms_say_the_same():
     page, text = render_report(inputs, "html"), render_report(inputs, "md")
     titles = [b["title"] for b in document["blocks"]]
     assert titles == [s.title for s in compose_report(inputs).sections]
-    for n, title in enumerate(titles, 1):
-        assert f'<span class="no">{n}</span> {title}</h2>' in page
-        assert f"\n## {n} {title}\n" in text
+    marks = section_marks(compose_report(inputs).sections)
+    assert marks == ["1", "2", "3", "4", "5", "6", "7", *"ABCDEFGH"]
+    assert [b["appendix"] for b in document["blocks"]] == [mark.isalpha() for mark in marks]
+    for mark, title in zip(marks, titles, strict=True):
+        assert f'<span class="no">{mark}</span> {title}</h2>' in page
+        assert f"\n## {mark} {title}\n" in text
     for point in document["points"]:
         assert escape(point["text"]) in page
         assert point["text"] in text.replace("\\", "")
@@ -219,10 +222,11 @@ def test_many_findings_still_fit_the_first_page_one_row_per_code():
         for n in range(1, 40)
     ]
     document = compose_report(inputs_of(TIMED, diagnostics=found))
-    rows = next(p for p in document.lead if isinstance(p, Table)).rows
+    tables = {p.name: p for p in document.lead if isinstance(p, Table)}
+    rows = tables["findings on the first page"].rows
     assert len(rows) == 3
     assert [i.value for row in rows for c in row for i in c if isinstance(i, Number)] == [38] * 3
-    last = document.sections[-1]
+    last = next(s for s in document.sections if s.key == "open_points")
     assert any(isinstance(p, Table) and len(p.rows) == len(found) for p in last.parts)
 
 
@@ -259,8 +263,8 @@ def test_timing_has_both_schools_side_by_side():
         "within the required reaction time: at most 282 ms when logic-io2 is late up to its "
         "watchdog and then lost"
     ]
-    pfh = table(document, "quantities", "PFH of estop")["rows"][-1]
-    assert pfh[2][0]["value"] == pytest.approx(1e-8 + 1.11e-9 + 1.03e-9 + 1.25e-9 + 1e-8 + 1e-9)
+    pfh = table(document, "function_1", "parts of estop")["rows"][-1]
+    assert pfh[3][0]["value"] == pytest.approx(1e-8 + 1.11e-9 + 1.03e-9 + 1.25e-9 + 1e-8 + 1e-9)
 
 
 def test_a_watchdog_has_both_greatest_values_and_its_judgement(tmp_path: Path):
@@ -325,6 +329,7 @@ def seen(word: str | None, ms: float | None = None, by: str = "") -> SimpleNames
 @pytest.mark.shows("R13")
 def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
     common = {"what": "press ES1", "expected": "K1 opens", "limit_ms": 150.0, "limit_source": "RA"}
+    common["subject"] = "estop"
     steps = (
         SimpleNamespace(
             **common,
@@ -444,7 +449,7 @@ def test_what_stands_against_it_in_a_block_stands_on_the_first_page() -> None:
     document = as_json(inputs_of(TIMED, tried=tried))
     assert document["verdict"]["level"] == "error"
     assert document["verdict"]["word"] == (
-        "1 verdict against it · files: no findings · machine: NOT TESTED · not signed"
+        "1 verdict against it · machine: NOT TESTED · not signed"
     )
     (rows,) = [p["rows"] for p in document["lead"] if p["type"] == "list"][:1]
     assert ["".join(words(row)) for row in rows] == [
@@ -479,7 +484,8 @@ def test_the_verdict_tells_files_machine_and_signature_apart(
         steps=steps,
     )
     verdict = as_json(inputs_of(TIMED, tried=tried))["verdict"]
-    assert verdict["word"].endswith(f"files: no findings · machine: {machine} · not signed")
+    assert verdict["word"].endswith(f"machine: {machine} · not signed")
+    assert "no findings" not in verdict["word"]  # while anything is open
     assert verdict["level"] == ("error" if "FAILED" in machine else "open")
 
 

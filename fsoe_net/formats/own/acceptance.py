@@ -15,7 +15,7 @@ from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
 from fsoe_net.formats.shared.numbers import own_int
-from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
+from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
 from fsoe_net.model.acceptance import (
     Acceptance,
     Intervention,
@@ -110,6 +110,9 @@ def _record(root: MapNode, out: Collector) -> Acceptance:
         verifier=_person(_map(root, "verifier"), out),
         findings=tuple(_finding(n, out) for n in root.maps("justified_findings")),
         steps_left_out=tuple(_step(n, out) for n in root.maps("steps_left_out")),
+        equipment=_texts(root, "equipment"),
+        environment=_text(root, "environment"),
+        attachments=tuple(_file(n, out) for n in root.maps("attachments")),
         interventions=tuple(_intervention(n, out) for n in root.maps("interventions")),
         replaces=_replaced(replaced, out) if isinstance(replaced, MapNode) else None,
     )
@@ -117,6 +120,12 @@ def _record(root: MapNode, out: Collector) -> Acceptance:
 
 def _text(node: MapNode, key: str) -> str:
     return node.text(key) or ""
+
+
+def _texts(node: MapNode, key: str) -> tuple[str, ...]:
+    found = node.get(key)
+    items = found.items if isinstance(found, SeqNode) else ()
+    return tuple(item.text for item in items if isinstance(item, ScalarNode))
 
 
 def _stated(node: MapNode, key: str, out: Collector) -> str:
@@ -147,7 +156,10 @@ def _hash(node: MapNode, key: str, out: Collector) -> str:
 
 
 def _file(node: MapNode, out: Collector) -> SourceFile:
-    return SourceFile(path=_text(node, "file"), sha256=_hash(node, "sha256", out))
+    path = _text(node, "file")
+    if not path or "\0" in path:
+        out.add("FSN162", node.at("file"), "file is no path", hint="make the record anew")
+    return SourceFile(path=path, sha256=_hash(node, "sha256", out))
 
 
 def _date(node: MapNode, out: Collector) -> str:

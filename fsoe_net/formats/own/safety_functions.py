@@ -45,6 +45,8 @@ def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
         name=name,
         trigger=node.text("trigger") or "",
         reaction=node.text("reaction") or "",
+        reset=node.text("reset") or "",
+        modes=node.text("modes") or "",
         elements=elements,
         required_reaction_ms=reaction_ms or None,
         pl=level,

@@ -50,6 +50,12 @@ def write_acceptance(record: Acceptance) -> str:
             {"what": i.what, "by": i.by, "date": i.date} for i in record.interventions
         ],
     }
+    if record.equipment:
+        document["equipment"] = list(record.equipment)
+    if record.environment:
+        document["environment"] = record.environment
+    if record.attachments:
+        document["attachments"] = [_file(f) for f in record.attachments]
     if record.replaces is not None:
         document["replaces"] = {
             **_file(record.replaces.source),
@@ -77,6 +83,8 @@ def _function(f: SafetyFunction) -> dict[str, Any]:
             "name": f.name,
             "trigger": f.trigger or None,
             "reaction": f.reaction or None,
+            "reset": f.reset or None,
+            "modes": f.modes or None,
             "required_reaction_ms": f.required_reaction_ms,
             "required": _level(f.pl, f.sil),
             "elements": [_element(e) for e in f.elements],

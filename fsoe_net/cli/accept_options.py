@@ -1,0 +1,64 @@
+"""Options of ``fsoe-net accept`` about when and under which circumstances."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import click
+
+from fsoe_net.cli.options import FILE, read_by
+from fsoe_net.model.acceptance import says_something
+
+__all__ = ["circumstance_options", "day_of_signature"]
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def day_of_signature(value: str | None) -> str:
+    """Return the day (ISO 8601), today without one.
+
+    Raises:
+        ValueError: It is no day, or one to come.
+    """
+    if value is None:
+        return datetime.date.today().isoformat()
+    try:
+        day = datetime.date.fromisoformat(value)
+    except ValueError as exc:
+        raise ValueError(f"{value!r} is not a date; write YYYY-MM-DD") from exc
+    if day > datetime.date.today():
+        raise ValueError(f"{value} is in the future; nobody has signed then")
+    return day.isoformat()
+
+
+def _said(values: Sequence[str]) -> Sequence[str]:
+    for value in values:
+        if not says_something(value):
+            raise ValueError(f"{value!r} names nothing")
+    return values
+
+
+def circumstance_options(function: _F) -> _F:
+    """Add what a step was measured with, where, and files that show it."""
+    function = click.option(
+        "--attach",
+        multiple=True,
+        type=FILE,
+        metavar="FILE",
+        help="Photo or other file in the folder of the record; may be given again.",
+    )(function)
+    function = click.option(
+        "--environment",
+        default="",
+        metavar="TEXT",
+        help="Where and under which conditions it was tried.",
+    )(function)
+    return click.option(
+        "--equipment",
+        multiple=True,
+        callback=read_by(_said),
+        metavar="TEXT",
+        help="What was measured with: instrument, serial number, calibration; may be given again.",
+    )(function)

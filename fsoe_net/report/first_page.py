@@ -1,0 +1,152 @@
+"""What is in front: what is accepted and by whom, each safety function, and what is against it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fsoe_net.diag.words import counted
+from fsoe_net.document.model import (
+    Cell,
+    Column,
+    Heading,
+    Item,
+    Level,
+    Part,
+    Table,
+    Verdict,
+    cell,
+    code,
+    muted,
+    stated,
+    strong,
+)
+from fsoe_net.report.inputs import GivenRecord, ReportInputs
+from fsoe_net.report.section_functions import function_label, function_test
+from fsoe_net.report.section_timing import JUDGED, upper_bound
+from fsoe_net.timing.judgement import Judgement
+from fsoe_net.timing.reaction import FunctionBudget
+
+__all__ = ["first_page"]
+
+_OPEN = {Judgement.MISSING: "not judged", Judgement.UNVERIFIED: "unverified"}
+_SOURCE = "network file"
+
+
+def first_page(inputs: ReportInputs, files: Verdict, machine: Verdict) -> list[Part]:
+    """Return what is accepted and by whom, and a row for each safety function.
+
+    Args:
+        inputs: What the report is made from.
+        files: What is said about the findings.
+        machine: What is said about the tests at the machine.
+    """
+    rows: list[tuple[str, Cell]] = [
+        ("What", cell(_what(inputs))),
+        ("By whom", _by_whom(inputs.accepted)),
+        ("Signatures", _signatures(inputs)),
+        ("Tests at the machine", cell(machine)),
+        ("Findings", cell(files)),
+    ]
+    parts: list[Part] = [
+        Heading("What is accepted"),
+        Table(
+            name="what is accepted",
+            columns=(Column("Question", share=20), Column("Answer", share=80)),
+            rows=tuple((cell(strong(what)), value) for what, value in rows),
+        ),
+    ]
+    functions = () if inputs.budget is None else inputs.budget.functions
+    parts.append(Heading("Safety functions"))
+    if not functions:
+        return [*parts, Table(name="safety functions", columns=_FUNCTIONS, rows=())]
+    table = Table(
+        name="safety functions",
+        columns=_FUNCTIONS,
+        rows=tuple(_function(n, row, inputs) for n, row in enumerate(functions, 1)),
+        remark="Calculated: the longest case that is judged. Claimed: the lowest level that the "
+        "source of an element claims; no level is judged as reached.",
+    )
+    return [*parts, table]
+
+
+_FUNCTIONS = (
+    Column("Safety function", share=23),
+    Column("Required", number=True, share=10),
+    Column("Calculated", number=True, share=11),
+    Column("Level required", share=9),
+    Column("Claimed", share=9),
+    Column("Tested", share=15),
+    Column("Against it", share=23),
+)
+
+
+def _what(inputs: ReportInputs) -> str:
+    resolution = inputs.resolution
+    if resolution is None:
+        return "nothing: no network could be read"
+    functions = counted(len(resolution.network.safety_functions), "safety function")
+    connections = counted(len(resolution.connections), "FSoE connection")
+    copies = counted(len(resolution.transfers), "copy")
+    return f"{copies} per bus cycle for {connections} and {functions}"
+
+
+def _by_whom(given: GivenRecord | None) -> Cell:
+    if given is None:
+        return cell(Verdict("nobody: no acceptance record", Level.OPEN))
+    record, path = given.record, code(given.source.path)
+    if not given.fits:
+        word = "the record is of ANOTHER configuration"
+        return cell(Verdict(word, Level.ERROR), path)
+    people = (("author", record.author), ("verifier", record.verifier))
+    return cell(*(f"{role} {p.name}, {p.date}" for role, p in people), path)
+
+
+def _signatures(inputs: ReportInputs) -> Cell:
+    given, signed = inputs.accepted, inputs.signed
+    if given is None:
+        return cell(Verdict("none", Level.OPEN))
+    if signed is None:
+        word = "not checked; --signers FILE checks those beside the record"
+        return cell(Verdict(word, Level.OPEN))
+    items: list[Item] = []
+    for s in signed.signatures:
+        items += [
+            Verdict(f"{s.role} {s.name}, {s.date}", Level.CLEAR),
+            muted(f"{s.principal}, {s.key}"),
+        ]
+    return (*items, *(Verdict(words, Level.ERROR) for words in signed.against))
+
+
+def _function(number: int, row: FunctionBudget, inputs: ReportInputs) -> tuple[Cell, ...]:
+    f, reaction = row.function, row.reaction
+    levels = [w for w in (f"PL {f.pl}" if f.pl else "", f"SIL {f.sil}" if f.sil else "") if w]
+    against: Cell = tuple(_against(row))
+    tested = function_test(row, inputs)
+    if not against and tested.level is Level.CLEAR:
+        against = (muted("nothing found"),)
+    longest = None if reaction is None else reaction.decides.ms
+    return (
+        cell(strong(f"{function_label(number)} {f.name}")),
+        cell(stated(f.required_reaction_ms, "ms", _SOURCE)),
+        cell(upper_bound(longest, "the case that decides, on its page")),
+        cell(*levels) if levels else cell(Verdict("not stated", Level.OPEN)),
+        cell(*(c.lowest or muted("not stated") for c in row.levels)),
+        cell(tested),
+        against,
+    )
+
+
+def _against(row: FunctionBudget) -> Iterator[Verdict]:
+    if row.judgement is Judgement.ABOVE:
+        yield Verdict("takes longer than required", Level.ERROR)
+    elif row.judgement in _OPEN:
+        yield Verdict(f"time {_OPEN[row.judgement]}", JUDGED[row.judgement])
+    for claim in row.levels:
+        if claim.judgement is Judgement.ABOVE:
+            yield Verdict("level above the lowest claim", Level.ERROR)
+        elif claim.judgement in _OPEN:
+            yield Verdict(f"claim {_OPEN[claim.judgement]}", JUDGED[claim.judgement])
+    if row.pfh.judgement is Judgement.ABOVE:
+        yield Verdict("PFH above the limit", Level.ERROR)
+    elif row.pfh.judgement in _OPEN:
+        yield Verdict(f"PFH {_OPEN[row.pfh.judgement]}", JUDGED[row.pfh.judgement])

@@ -1,0 +1,217 @@
+"""What was tried: the checklist, and what ran on the emulated bus, apart from it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from fsoe_net.diag.words import counted
+from fsoe_net.document.model import (
+    BLANK,
+    Cell,
+    Column,
+    Heading,
+    Item,
+    Level,
+    Paragraph,
+    Part,
+    Table,
+    Text,
+    Verdict,
+    cell,
+    code,
+    muted,
+    stated,
+    strong,
+)
+from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
+from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.section_evidence import EMULATED, RUN_COLUMNS, plan_sha256, state_words
+from fsoe_net.report.section_identity import files_table
+
+if TYPE_CHECKING:
+    from fsoe_net.run.result import Run
+
+__all__ = ["by_hand", "tests"]
+
+
+def tests(inputs: ReportInputs) -> ReportSection:
+    """The checklist, and what ran on the emulated bus, apart from it."""
+    parts: list[Part] = [Heading("Checklist")]
+    points: list[Point] = []
+    tried = inputs.tried
+    if tried is None:
+        parts.append(Paragraph((Text("The checklist is empty: no test protocol was given."),)))
+        points.append(Point(PointKind.OPEN, "no test protocol: nothing was tried at the machine"))
+    else:
+        parts += [files_table("test protocol", [tried.source]), _checklist(tried)]
+        points += _left(tried, inputs)
+        if not tried.fits:
+            word = f"{tried.source.path} cannot be taken for this network"
+            parts.append(Paragraph((Verdict(word, Level.ERROR), Text(": see the open points."))))
+        points += [Point(PointKind.OPEN, f"{tried.source.path}:{note}") for note in tried.notes]
+    parts += _circumstances(inputs)
+    if inputs.run is not None:
+        parts += _emulated_run(inputs.run)
+    elif inputs.scenario:
+        words = f"{inputs.scenario} was not run: the network has errors"
+        parts += [Heading("Run on the emulated bus"), Paragraph((Text(f"{words}."),))]
+        points.append(Point(PointKind.OPEN, words))
+    return ReportSection(key="tests", title="Tests", parts=tuple(parts), points=tuple(points))
+
+
+def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
+    """Return what is open at the machine, what failed or is disputed, and another plan."""
+    points = []
+    left = sum(s.is_open for s in tried.steps)
+    if left:
+        count = sum(s.at_machine for s in tried.steps)
+        words = f"{left} of {counted(count, 'test step')} open at the machine"
+        points.append(Point(PointKind.OPEN, words))
+    failed = [s for s in tried.steps if s.is_failed]
+    if failed:
+        words = (
+            f"{counted(len(failed), 'test step')} did not go as expected, first: {failed[0].what}"
+        )
+        points.append(Point(PointKind.OPEN, words))
+    disputed = [s for s in tried.steps if s.is_disputed]
+    if disputed:
+        words = (
+            f"{counted(len(disputed), 'test step')} went as expected by hand and not by "
+            f"program, first: "
+            f"{disputed[0].what}"
+        )
+        points.append(Point(PointKind.OPEN, words))
+    if tried.plan_sha256 != plan_sha256(inputs):
+        words = f"{tried.source.path} was made for another plan"
+        points.append(Point(PointKind.OPEN, words))
+    return points
+
+
+def _circumstances(inputs: ReportInputs) -> list[Part]:
+    """Return equipment, environment and attachments, as the acceptance record has them."""
+    given = inputs.accepted
+    if given is None or not given.fits:
+        return []
+    record = given.record
+    left = cell(muted("not stated"))
+    rows = (
+        (cell(strong("Test equipment")), cell(*record.equipment) or left),
+        (cell(strong("Environment")), cell(record.environment) if record.environment else left),
+    )
+    columns = (Column("What", share=20), Column("As accepted", share=80))
+    parts: list[Part] = [
+        Heading("Equipment and environment"),
+        Table(name="equipment and environment", columns=columns, rows=rows),
+    ]
+    if record.attachments:
+        parts += [Heading("Attachments"), files_table("attachments", record.attachments)]
+    return parts
+
+
+_CHECKLIST = (
+    Column("What to do", share=17),
+    Column("Expected", share=18),
+    Column("At most", share=7),
+    Column("EMULATED", share=9),
+    Column("LIVE, by program", share=9),
+    Column("MACHINE, by hand", share=21),
+    Column("Who, when", share=19),
+)
+"""What people fill in by hand takes most of the width."""
+
+
+def _checklist(tried: Tried) -> Table:
+    source = tried.source.path
+    rows = tuple(
+        (
+            cell(s.what),
+            cell(s.expected),
+            cell(muted("no limit"))
+            if s.limit_ms is None
+            else cell(stated(s.limit_ms, "ms", s.limit_source or source)),
+            _result(s.emulated, s.emulated_ms, source),
+            _result(s.live, s.live_ms, source),
+            by_hand(s, source),
+            cell(s.who) if s.who else BLANK if s.at_machine else (),
+        )
+        for s in tried.steps
+    )
+    return Table(
+        name="checklist",
+        columns=_CHECKLIST,
+        rows=rows,
+        remark="EMULATED: on an emulated bus, not evidence for this machine. Only what a person "
+        "wrote down at the machine closes a step.",
+    )
+
+
+def by_hand(s: TestStep, source: str) -> Cell:
+    """Return what a person wrote down at the machine, or room to do it."""
+    if not s.at_machine:
+        return cell(muted("not tried at the machine"))
+    return _result(s.machine, s.machine_ms, source, failed=s.is_failed) or BLANK
+
+
+def _result(word: str, ms: float | None, source: str, *, failed: bool = False) -> Cell:
+    items: list[Item] = []
+    if word:
+        failed = failed or word.startswith("not as expected")
+        items.append(Verdict(word, Level.ERROR) if failed else Text(word))
+    if ms is not None:
+        items.append(stated(ms, "ms", source))
+    return tuple(items)
+
+
+def _emulated_run(run: Run) -> list[Part]:
+    source = "run of this plan on the emulated bus"
+    s = run.statistics
+    passed = Verdict("passed", Level.CLEAR) if run.passed else Verdict("FAILED", Level.ERROR)
+    parts: list[Part] = [
+        Heading("Run on the emulated bus"),
+        Paragraph(
+            (
+                EMULATED,
+                Text(f". {run.mode.capitalize()} time, "),
+                stated(run.duration_ms / 1000, "s", source),
+                Text(", "),
+                stated(s.cycles, "bus cycles", source),
+                Text(", "),
+                stated(s.wkc_errors, "with incomplete working counter", source),
+                Text(", "),
+                stated(s.bytes_copied, "bytes copied", source),
+                Text(": "),
+                passed,
+                Text("."),
+            )
+        ),
+        Table(
+            name="emulated run",
+            columns=RUN_COLUMNS,
+            rows=tuple(
+                (
+                    cell(strong(c.name)),
+                    cell(state_words(c.state)),
+                    cell(stated(c.fsoe_cycle_ms["mean"], "ms", source)),
+                    cell(stated(c.fsoe_cycle_ms["max"], "ms", source)),
+                    cell(stated(c.watchdog_ms, "ms", source)),
+                    cell(
+                        stated(c.resets, "resets", source),
+                        muted(c.last_reset_text if c.resets else ""),
+                    ),
+                )
+                for c in run.connections
+            ),
+        ),
+    ]
+    if run.verdicts:
+        rows = tuple(
+            (
+                cell(Verdict("held", Level.CLEAR) if v.held else Verdict("NOT held", Level.ERROR)),
+                cell(v.text),
+                cell(code(v.place), *([v.seen] if v.seen else [])),
+            )
+            for v in run.verdicts
+        )
+        columns = tuple(Column(h) for h in ("Verdict", "Expectation", "Place"))
+        parts.append(Table(name="expectations", columns=columns, rows=rows))
+    return parts
