@@ -29,6 +29,7 @@ __all__ = [
     "read_moment",
     "read_sha256",
     "scenario_option",
+    "signer_options",
 ]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -204,6 +205,22 @@ def format_option(function: _F) -> _F:
     """Add ``--format text|json``, as ``fmt``."""
     return click.option(
         "--format", "fmt", type=click.Choice(["text", "json"]), default="text", show_default=True
+    )(function)
+
+
+def signer_options(function: _F) -> _F:
+    """Add ``--signers`` and ``--revoked``: who may sign an acceptance record."""
+    function = click.option(
+        "--revoked",
+        type=FILE,
+        metavar="FILE",
+        help="Keys that no longer count, as ssh-keygen -Y -r.",
+    )(function)
+    return click.option(
+        "--signers",
+        type=FILE,
+        metavar="FILE",
+        help="Who may sign the record: allowed signers as ssh-keygen has them.",
     )(function)
 
 

@@ -7,7 +7,13 @@ from pathlib import Path
 import click
 
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
+from fsoe_net.cli.options import (
+    FILE,
+    master_options,
+    master_socket,
+    output_option,
+    signer_options,
+)
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
@@ -68,15 +74,7 @@ the test protocol is not of this network, or a file cannot be used; 2 wrong use.
     metavar="FILE",
     help="Acceptance record: sign-off, justifications, and the change log starts from it.",
 )
-@click.option(
-    "--signers",
-    type=FILE,
-    metavar="FILE",
-    help="Who may sign the record: allowed signers as ssh-keygen has them.",
-)
-@click.option(
-    "--revoked", type=FILE, metavar="FILE", help="Keys that no longer count, as ssh-keygen -Y -r."
-)
+@signer_options
 @click.option("--protocol", type=FILE, metavar="FILE", help="Test protocol of this network.")
 @click.option(
     "--self-test", type=FILE, metavar="FILE", help="Result (JSON) of a self-test of this tool."

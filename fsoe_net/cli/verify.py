@@ -5,7 +5,13 @@ from __future__ import annotations
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.options import FILE, format_option, master_options, master_socket
+from fsoe_net.cli.options import (
+    FILE,
+    format_option,
+    master_options,
+    master_socket,
+    signer_options,
+)
 from fsoe_net.cli.verify_output import print_json, print_text
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.known import Known, known_record, read_known
@@ -44,15 +50,7 @@ signature says who agreed, not that it is right."""
     metavar="RECORD",
     help="Acceptance record whose signatures and signed files are checked too.",
 )
-@click.option(
-    "--signers",
-    type=FILE,
-    metavar="FILE",
-    help="Who may sign it: allowed signers as ssh-keygen has them.",
-)
-@click.option(
-    "--revoked", type=FILE, metavar="FILE", help="Keys that no longer count, as ssh-keygen -Y -r."
-)
+@signer_options
 @master_options
 @format_option
 @click.pass_context
