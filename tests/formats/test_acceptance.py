@@ -14,6 +14,7 @@ from fsoe_net.formats.own.acceptance import is_acceptance, parse_acceptance
 from fsoe_net.formats.own.write_acceptance import write_acceptance
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.acceptance import Acceptance, JustifiedFinding
+from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
 from fsoe_net.plan.accepted import accepted_plan
 from fsoe_net.plan.codec import decode_plan
@@ -74,6 +75,8 @@ def _functions(draw: st.DrawFn) -> SafetyFunction:
         name=draw(_WORDS),
         trigger=draw(st.just("") | _WORDS),
         reaction=draw(st.just("") | _WORDS),
+        reset=draw(st.just("") | _WORDS),
+        modes=draw(st.just("") | _WORDS),
         required_reaction_ms=draw(st.none() | st.floats(0.5, 1000)),
         pl=draw(st.sampled_from(("", "a", "e"))),
         sil=draw(st.none() | st.integers(1, 3)),
@@ -84,6 +87,11 @@ def _functions(draw: st.DrawFn) -> SafetyFunction:
                 name=draw(_WORDS),
                 time_ms=draw(_NUMBERS),
                 pfh_per_hour=draw(st.none() | st.floats(0, 1, allow_subnormal=False)),
+                zero_because=draw(st.just("") | _WORDS),
+                pl=draw(st.sampled_from(("", "a", "e"))),
+                sil=draw(st.none() | st.integers(1, 3)),
+                category=draw(st.sampled_from(("", "B", "1", "4"))),
+                mission_years=draw(st.none() | st.floats(0.5, 100)),
                 source=draw(st.just("") | _WORDS),
                 manual=draw(st.just("") | _WORDS),
             )
@@ -98,6 +106,26 @@ def test_safety_functions_keep_every_character(functions: list[SafetyFunction]) 
     assert out.diagnostics == []
     assert record is not None
     assert safety_text(record.safety_functions) == safety_text(functions)
+
+
+@given(st.lists(_WORDS, max_size=3), st.just("") | _WORDS, st.lists(_WORDS, max_size=3))
+def test_circumstances_keep_every_character(
+    equipment: list[str], environment: str, names: list[str]
+) -> None:
+    files = tuple(SourceFile(path=name, sha256="ab" * 32) for name in names)
+    record = replace(RECORD, equipment=tuple(equipment), environment=environment, attachments=files)
+    again, out = read(write_acceptance(record))
+    assert out.diagnostics == []
+    assert again == record
+
+
+@pytest.mark.parametrize("path", ['""', '"a\\0b"'])
+def test_an_attachment_without_a_path_is_found(path: str) -> None:
+    files = (SourceFile(path="photo.jpg", sha256="ab" * 32),)
+    text = write_acceptance(replace(RECORD, attachments=files))
+    record, out = read(text.replace("file: photo.jpg", f"file: {path}"))
+    assert record is None
+    assert {d.code for d in out.diagnostics} <= {"FSN162", "FSN102"}
 
 
 def _line(word: str) -> int:
