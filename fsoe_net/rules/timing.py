@@ -169,7 +169,8 @@ def _levels(out: FindingList, row: FunctionBudget) -> None:
                 row.function.at("required"),
                 f"{row.function.name}: {claim.verdict}",
                 hint="a function has at most the level of its weakest element: another element, or "
-                "another structure with its own claim",
+                "another structure with its own claim; then calculate the reaction time again, and "
+                "accept again",
             )
 
 
