@@ -2,19 +2,38 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
 
-def main(cdef: str, target: str) -> None:
-    """Turn the declarations in ``cdef`` into a cffi API-mode module at ``target``."""
+def main(cdef: str, include: str, target: str) -> None:
+    """Turn the declarations in ``cdef`` into a cffi API-mode module at ``target``.
+
+    ``@struct NAME`` stands for the whole struct as the headers in ``include`` define it.
+    """
     import cffi
 
+    headers = "".join(path.read_text("utf-8") for path in sorted(Path(include).glob("fsn/*.h")))
+    text = re.sub(r"^@(struct \w+)$", lambda m: _whole(m[1], headers), _read(cdef), flags=re.M)
     ffi = cffi.FFI()
-    ffi.cdef(Path(cdef).read_text("utf-8"))
+    ffi.cdef(text)
     ffi.set_source("fsoe_net.core._core", '#include "fsn/fsn.h"\n#include "fsn/segment.h"')
     ffi.emit_c_code(target)
 
 
+def _read(path: str) -> str:
+    return Path(path).read_text("utf-8")
+
+
+def _whole(name: str, headers: str) -> str:
+    """Return a struct without comments; the compiler knows the lengths of its arrays."""
+    found = re.search(rf"^{name} {{\n.*?^}};", headers, flags=re.M | re.S)
+    if found is None:
+        raise SystemExit(f"{name} is in none of the headers")
+    text = re.sub(r"/\*.*?\*/", "", found[0], flags=re.S)
+    return re.sub(r"\[\w+\]", "[...]", text)
+
+
 if __name__ == "__main__":
-    main(*sys.argv[1:3])
+    main(*sys.argv[1:4])

@@ -1,4 +1,5 @@
-/* What Python uses of the C core. The compiler checks it against the headers of master_core. */
+/* What Python uses of the C core. The compiler checks it against the headers of master_core;
+ * `@struct NAME` is the whole struct as they define it. */
 #define FSN_NONE ...
 #define FSN_FAULT_NO_RECORD ...
 #define FSN_E_ARG ...
@@ -80,33 +81,12 @@ fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm, cons
 fsn_status fsn_emulated_set_present(struct fsn_emulated *bus, uint32_t subdevice, bool present);
 
 struct fsn_core;
-struct fsn_histogram {
-    uint64_t count, sum_ns, min_ns, max_ns;
-    uint32_t bucket[...];
-    ...;
-};
-struct fsn_statistics {
-    uint64_t cycles, overruns, wkc_errors, lost_frames, old_replies, foreign_frames;
-    uint64_t unsent_frames, bytes_copied, now_ns, dc_time_ns, events_lost;
-    uint32_t expected_wkc, actual_wkc, copies, merged_copies, realtime, send_errno, locked;
-    struct fsn_histogram latency, period, work, copy, round_trip, dc_offset;
-    ...;
-};
+@struct fsn_histogram
+@struct fsn_statistics
 uint64_t fsn_histogram_floor(uint32_t bucket);
 uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram, uint32_t per_million);
-struct fsn_direction {
-    uint64_t frames, process_data, failsafe_data, right, wrong, unchecked, resets, last_new_ns;
-    uint64_t interval_last_ns, interval_min_ns, interval_max_ns, interval_sum_ns, intervals;
-    uint16_t connection_id;
-    uint8_t command, reset_code;
-    ...;
-};
-struct fsn_parameters {
-    uint32_t app_crc;
-    uint16_t app_bytes, connection_id, address, watchdog_ms;
-    uint32_t known;
-    ...;
-};
+@struct fsn_direction
+@struct fsn_parameters
 struct fsn_connection_status {
     struct fsn_direction direction[2];
     struct fsn_parameters parameters;

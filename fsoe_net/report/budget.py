@@ -23,7 +23,7 @@ from fsoe_net.timing.claims import LevelClaim
 from fsoe_net.timing.elements import ElementRow, Quantity
 from fsoe_net.timing.formulas import PartTimes
 from fsoe_net.timing.reaction import DISTURBED, FunctionBudget, Reaction, ResponseCase, with_cycle
-from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
+from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
 __all__ = ["budget_document", "budget_json", "budget_picture", "reaction_pictures"]
 
@@ -97,7 +97,7 @@ def budget_document(budget: Budget) -> Document:
     return Document(lead=tuple(lead), sections=tuple(_function(f) for f in budget.functions))
 
 
-def _watchdog(c: ConnectionBudget) -> tuple[str, ...]:
+def _watchdog(c: WatchdogBudget) -> tuple[str, ...]:
     return (
         c.connection.name,
         _ms(c.configured),
@@ -218,7 +218,7 @@ def _limit_json(limit: Limit | None) -> dict[str, Any] | None:
     return None if limit is None else {"ms": limit.ms, "why": limit.why}
 
 
-def _connection_json(c: ConnectionBudget) -> dict[str, Any]:
+def _connection_json(c: WatchdogBudget) -> dict[str, Any]:
     return {
         "name": c.connection.name,
         "watchdog_ms": c.configured,

@@ -26,7 +26,7 @@ from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.timing.elements import ElementRow
 from fsoe_net.timing.pfh import NOT_ASSESSED
 from fsoe_net.timing.reaction import FunctionBudget
-from fsoe_net.timing.watchdogs import ConnectionBudget
+from fsoe_net.timing.watchdogs import WatchdogBudget
 
 __all__ = ["claim_cell", "mission_cell", "quantities", "shortest_mission"]
 
@@ -109,7 +109,7 @@ def shortest_mission(row: FunctionBudget) -> list[Part]:
     return [Paragraph((number, Text(words)))]
 
 
-def _rates(rows: Sequence[ConnectionBudget]) -> Table:
+def _rates(rows: Sequence[WatchdogBudget]) -> Table:
     source = "two safety PDUs in four bus cycles"
     return Table(
         name="safety PDUs",

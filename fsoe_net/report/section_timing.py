@@ -31,7 +31,7 @@ from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.elements import Quantity
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.reaction import FunctionBudget, Reaction
-from fsoe_net.timing.watchdogs import ConnectionBudget, Limit
+from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
 __all__ = ["JUDGED", "quantity_cell", "timing", "upper_bound"]
 
@@ -184,13 +184,13 @@ def _watchdogs(budget: Budget) -> Table:
     )
 
 
-def _margin(c: ConnectionBudget) -> Item:
+def _margin(c: WatchdogBudget) -> Item:
     if c.margin is None:
         return muted("not judged")
     return stated(c.margin, "x least", "configured / least", f"{c.margin:.1f}")
 
 
-def _lost(c: ConnectionBudget) -> Item:
+def _lost(c: WatchdogBudget) -> Item:
     if c.lost_frames is None:
         return muted("not judged")
     return stated(c.lost_frames, "cycles", "(watchdog - round trip - 1 ms) / T_Com")

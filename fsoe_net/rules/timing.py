@@ -20,7 +20,7 @@ from fsoe_net.timing.claims import most_of_category
 from fsoe_net.timing.elements import ElementRow
 from fsoe_net.timing.judgement import Judgement, exceeds
 from fsoe_net.timing.reaction import FunctionBudget
-from fsoe_net.timing.watchdogs import ConnectionBudget
+from fsoe_net.timing.watchdogs import WatchdogBudget
 
 __all__ = ["check_timing"]
 
@@ -194,7 +194,7 @@ def _reaction(out: FindingList, row: FunctionBudget) -> None:
         )
 
 
-def _connection(out: FindingList, row: ConnectionBudget) -> None:
+def _connection(out: FindingList, row: WatchdogBudget) -> None:
     facts = row.connection.facts
     name = row.connection.name
     place = facts.at("watchdog_ms") if facts is not None else _place(row)
@@ -231,5 +231,5 @@ def _connection(out: FindingList, row: ConnectionBudget) -> None:
     )
 
 
-def _place(row: ConnectionBudget) -> Span:
+def _place(row: WatchdogBudget) -> Span:
     return row.connection.to_sub.transfer.span

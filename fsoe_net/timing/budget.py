@@ -15,7 +15,7 @@ from fsoe_net.model.library import Library
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.timing.elements import parts_of
 from fsoe_net.timing.reaction import FunctionBudget, function_budget
-from fsoe_net.timing.watchdogs import ConnectionBudget, connection_budget
+from fsoe_net.timing.watchdogs import WatchdogBudget, connection_budget
 
 __all__ = ["Budget", "make_budget"]
 
@@ -37,7 +37,7 @@ class Budget:
     cycle: float | None
     copy_cycles: int
     drift: float
-    connections: tuple[ConnectionBudget, ...]
+    connections: tuple[WatchdogBudget, ...]
     functions: tuple[FunctionBudget, ...]
 
 

@@ -25,7 +25,7 @@ from fsoe_net.timing.handshake import besides_input, besides_output, besides_sha
 from fsoe_net.timing.judgement import WatchdogJudgement, exceeds
 from fsoe_net.timing.reaction import FunctionBudget, longest_watchdog, watchdog_of
 
-__all__ = ["ConnectionBudget", "Limit", "connection_budget"]
+__all__ = ["Limit", "WatchdogBudget", "connection_budget"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,7 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConnectionBudget:
+class WatchdogBudget:
     """Watchdog of one connection; times in ms.
 
     Attributes:
@@ -138,7 +138,7 @@ def connection_budget(
     cycle: float | None,
     measured: float | None,
     drift: float,
-) -> ConnectionBudget:
+) -> WatchdogBudget:
     """Work out the watchdog of one connection.
 
     Args:
@@ -166,7 +166,7 @@ def connection_budget(
         trip = measured
         least = Limit(ms=measured * RESERVE, why=f"1.2 x {measured:g} ms round trip as measured")
     functions = [r.function.name for r in rows if connection.name in _names(r)]
-    return ConnectionBudget(
+    return WatchdogBudget(
         connection=connection,
         configured=watchdog_of(connection),
         round_trip=trip,

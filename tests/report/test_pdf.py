@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+import subprocess
 import sys
 import zlib
 from pathlib import Path
@@ -45,7 +46,9 @@ def test_the_command_says_so_before_it_reads_anything(monkeypatch, tmp_path: Pat
     (tmp_path / "weasyprint.py").write_text("raise ImportError('none')\n", "utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     out = tmp_path / "r.pdf"
-    done = fsn("report", "no_such.yaml", "-o", str(out))
+    # A fresh interpreter: the other one has its modules, and WeasyPrint where it is installed.
+    call = [sys.executable, "-m", "fsoe_net.cli", "report", "no_such.yaml", "-o", str(out)]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert "fsoe-net[pdf]" in done.stderr
     assert "no_such" not in done.stderr

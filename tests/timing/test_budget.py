@@ -22,7 +22,7 @@ from fsoe_net.timing.budget import Budget, make_budget
 from fsoe_net.timing.elements import Apart
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.reaction import FunctionBudget
-from fsoe_net.timing.watchdogs import ConnectionBudget
+from fsoe_net.timing.watchdogs import WatchdogBudget
 
 pytestmark = pytest.mark.usefixtures("said")
 
@@ -69,11 +69,11 @@ def resolution_of(tmp_path: Path) -> Maker:
 NAMED_ELSEWHERE = {"connection", "function", "parts", "times"}
 
 
-def whole(one: ConnectionBudget | FunctionBudget) -> list[str]:
+def whole(one: WatchdogBudget | FunctionBudget) -> list[str]:
     """Return all that a part of a budget says: fields and properties, each with its name."""
     names = {n for n in dir(one) if not n.startswith("_")} - NAMED_ELSEWHERE
     lines = [f"{n}: {getattr(one, n)!r}" for n in sorted(names)]
-    if isinstance(one, ConnectionBudget):
+    if isinstance(one, WatchdogBudget):
         return [f"{one.connection.name}: {line}" for line in lines]
     rows = [f"{r.element.name}: {r.time} {r.pfh}" for r in one.parts.rows]
     return [f"{one.function.name}: {line}" for line in [*lines, *rows]]
@@ -155,7 +155,7 @@ def test_each_watchdog_has_its_interval(resolution_of: Maker) -> None:
     assert rows["drive_1"].judgement is WatchdogJudgement.NO_TIMES
 
 
-def watchdogs(resolution: Resolution, **more: object) -> dict[str, ConnectionBudget]:
+def watchdogs(resolution: Resolution, **more: object) -> dict[str, WatchdogBudget]:
     return {c.connection.sub.name: c for c in budget_of(resolution, **more).connections}
 
 
