@@ -6,6 +6,7 @@ import logging
 import re
 from typing import Any, NoReturn
 
+from fsoe_net.diag.pause import without_collector
 from fsoe_net.document.model import Document
 from fsoe_net.document.style import PICTURES, STYLE
 from fsoe_net.document.write_html import document_html
@@ -52,6 +53,7 @@ def pdf_library() -> Any:
     return weasyprint
 
 
+@without_collector
 def document_pdf(document: Document) -> bytes:
     """Return the document as PDF, without a date: same input, library and fonts, same bytes.
 

@@ -26,7 +26,8 @@ class Bus:
 
     def __init__(self, network, plan):
         self.emulator = Emulator(network)
-        self.path = str(Path(tempfile.mkdtemp(prefix="fsn-")) / "s")
+        self.folder = tempfile.TemporaryDirectory(prefix="fsn-")  # a short path, for a socket
+        self.path = str(Path(self.folder.name) / "s")
         self.process = subprocess.Popen(
             [program(), plan, *NEAR, "--wait", "30s", "--socket", self.path],
             stderr=subprocess.DEVNULL,
@@ -53,6 +54,7 @@ class Bus:
         self.client.ask("shutdown")
         code = self.process.wait()
         self.emulator.end()
+        self.folder.cleanup()
         return code
 
 
