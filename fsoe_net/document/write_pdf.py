@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import re
-from typing import Any, NoReturn
+from base64 import b64encode
+from typing import Any
 
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.document.model import Document
@@ -28,6 +29,8 @@ border-top:1px solid #000}}
 .sheet>thead>tr>td,.sheet>tfoot,.sheet>tfoot>tr,.sheet>tfoot>tr>td{display:block}
 .pagehead{position:running(head);margin:0}.pagefoot{position:running(foot);
 margin:0;padding:0;border:0}
+img{width:100%;height:auto;object-fit:contain;object-position:left top}
+img.window{max-height:46px}figure img{max-height:225mm}.narrow{display:none}
 """
 
 
@@ -65,26 +68,30 @@ def document_pdf(document: Document) -> bytes:
     level = log.level
     log.setLevel(logging.CRITICAL)  # of rules for screens and other browsers
     try:
-        page = library.HTML(
-            string=_for_print(document_html(document)), url_fetcher=_nothing_outside
-        )
-        return bytes(page.write_pdf())
+        # A document needs nothing from outside: its pictures are in the page.
+        inside = library.urls.URLFetcher(allowed_protocols=("data",))
+        page = _for_print(document_html(document))
+        return bytes(library.HTML(string=page, url_fetcher=inside).write_pdf())
     finally:
         log.setLevel(level)
 
 
-def _nothing_outside(url: str, *_: object, **__: object) -> NoReturn:
-    raise ValueError(f"a document needs nothing from outside, not even {url}")
-
-
 def _for_print(page: str) -> str:
-    """Return the page with its pictures styled in themselves: they see no rules of the page."""
+    """Return the page with its pictures as images, which see no rules of the page.
+
+    So each is styled in itself. As parts of the page they would take as long as its text.
+    """
     colours = dict(re.findall(r"--([\w-]+):([^;}]+)", STYLE.partition("@media")[0]))
     light = re.sub(r"var\(--([\w-]+)[^)]*\)", lambda m: colours[m[1]], PICTURES)
 
-    def styled(match: re.Match[str]) -> str:
+    def as_image(match: re.Match[str]) -> str:
         svg = re.sub(r"var\(--([\w-]+)[^)]*\)", lambda m: colours[m[1]], match[0])
-        return re.sub(r"^<svg[^>]*>", lambda m: f"{m[0]}<style>{light}</style>", svg)
+        head, _, rest = svg.partition(">")
+        shown = "".join(re.findall(r' (?:class|style)="[^"]*"', head))
+        space = "" if "xmlns=" in head else ' xmlns="http://www.w3.org/2000/svg"'
+        picture = f"{head}{space}><style>{light}</style>{rest}"
+        data = b64encode(picture.encode()).decode()
+        return f'<img{shown} src="data:image/svg+xml;base64,{data}">'
 
-    page = re.sub(r"<svg.*?</svg>", styled, page, flags=re.S)
+    page = re.sub(r"<svg.*?</svg>", as_image, page, flags=re.S)
     return page.replace("</style></head>", f"{_PRINT}</style></head>", 1)
