@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.model.bus import Located
 
-__all__ = ["ElementKind", "SafetyElement", "SafetyFunction"]
+__all__ = ["ElementKind", "SafetyElement", "SafetyFunction", "level_words"]
 
 
 class ElementKind(enum.Enum):
@@ -78,3 +78,9 @@ class SafetyFunction(Located):
     required_reaction_ms: float | None = None
     pl: str = ""
     sil: int | None = None
+
+
+def level_words(of: SafetyElement | SafetyFunction) -> list[str]:
+    """Return ``PL d``, ``SIL 2``: what it claims or requires, without what is not stated."""
+    pl = [f"PL {of.pl}"] if of.pl else []
+    return pl if of.sil is None else [*pl, f"SIL {of.sil}"]

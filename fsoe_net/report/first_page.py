@@ -20,6 +20,7 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
+from fsoe_net.model.safety import level_words
 from fsoe_net.report.inputs import GivenRecord, ReportInputs
 from fsoe_net.report.section_functions import function_label, function_test
 from fsoe_net.report.section_timing import JUDGED, upper_bound
@@ -119,7 +120,7 @@ def _signatures(inputs: ReportInputs) -> Cell:
 
 def _function(number: int, row: FunctionBudget, inputs: ReportInputs) -> tuple[Cell, ...]:
     f, reaction = row.function, row.reaction
-    levels = [w for w in (f"PL {f.pl}" if f.pl else "", f"SIL {f.sil}" if f.sil else "") if w]
+    levels = level_words(f)
     against: Cell = tuple(_against(row))
     tested = function_test(row, inputs)
     if not against and tested.level is Level.CLEAR:

@@ -25,7 +25,7 @@ from fsoe_net.document.model import (
     strong,
 )
 from fsoe_net.model.protocol import StepKind
-from fsoe_net.model.safety import ElementKind, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafetyFunction, level_words
 from fsoe_net.report.inputs import ReportInputs, TestStep
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_quantities import claim_cell, mission_cell, shortest_mission
@@ -103,7 +103,7 @@ def _said(text: str) -> Cell:
 
 
 def _required(f: SafetyFunction) -> Item:
-    levels = [w for w in (f"PL {f.pl}" if f.pl else "", f"SIL {f.sil}" if f.sil else "") if w]
+    levels = level_words(f)
     return Text(" and ".join(levels)) if levels else Verdict("not stated", Level.OPEN)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.model.resolve import Connection, Resolution
-from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction, level_words
 from fsoe_net.timing.sources import names_a_revision, names_a_source
 
 __all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
@@ -45,9 +45,7 @@ class ElementRow:
     @property
     def claim(self) -> str:
         """PL and SIL that its source claims, in words; empty when it states none."""
-        e = self.element
-        words = (f"PL {e.pl}" if e.pl else "", "" if e.sil is None else f"SIL {e.sil}")
-        return ", ".join(w for w in words if w)
+        return ", ".join(level_words(self.element))
 
     @property
     def has_no_claim(self) -> bool:
