@@ -15,15 +15,11 @@ def main(cdef: str, include: str, target: str) -> None:
     import cffi
 
     headers = "".join(path.read_text("utf-8") for path in sorted(Path(include).glob("fsn/*.h")))
-    text = re.sub(r"^@(struct \w+)$", lambda m: _whole(m[1], headers), _read(cdef), flags=re.M)
+    text = Path(cdef).read_text("utf-8")
     ffi = cffi.FFI()
-    ffi.cdef(text)
+    ffi.cdef(re.sub(r"^@(struct \w+)$", lambda m: _whole(m[1], headers), text, flags=re.M))
     ffi.set_source("fsoe_net.core._core", '#include "fsn/fsn.h"\n#include "fsn/segment.h"')
     ffi.emit_c_code(target)
-
-
-def _read(path: str) -> str:
-    return Path(path).read_text("utf-8")
 
 
 def _whole(name: str, headers: str) -> str:
