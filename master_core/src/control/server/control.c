@@ -116,6 +116,17 @@ void fsn_control_close_outputs(struct fsn_control *control) {
     fsn_services_close_outputs(&control->services);
 }
 
+/** Adds who a client is; of one that has gone its number. */
+static void put_client(const struct fsn_control *control, uint32_t number, struct fsn_json *json) {
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        if (control->client[i].fd >= 0 && control->client[i].number == number) {
+            fsn_client_put_peer(&control->client[i], json);
+            return;
+        }
+    }
+    fsn_json_put_u64(json, "client", number);
+}
+
 /** Reports what became of a request to write into a SubDevice. */
 static void report_written(struct fsn_control *control, const struct fsn_job *job) {
     struct fsn_services *services = &control->services;
@@ -127,7 +138,7 @@ static void report_written(struct fsn_control *control, const struct fsn_job *jo
     const char *name = fsn_known_subdevice(services->view.plan, job->subdevice).name;
     char what[64];
     struct fsn_json *json = fsn_event_begin(&services->events, "written", fsn_now_ns());
-    fsn_json_put_u64(json, "client", job->client);
+    put_client(control, job->client, json);
     fsn_json_put_text(json, "subdevice", name);
     if (alias) {
         fsn_json_put_u64(json, "alias", job->alias);
