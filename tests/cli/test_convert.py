@@ -313,7 +313,7 @@ LOST: dict[str, dict[tuple[str, str | None], str]] = {
 
 @pytest.mark.shows("R22")
 @pytest.mark.parametrize("target", LOST)
-def test_there_and_back_differs_only_in_what_was_told(target: str, tmp_path: Path):
+def test_there_and_back_differs_only_in_what_was_reported(target: str, tmp_path: Path):
     suffix = {"eni": "a.eni.xml", "igh": "a.h", "c": "a.h", "lcec": "a.xml"}.get(target, "d")
     there = converted(NETWORK, "--to", target, "-o", tmp_path / suffix)
     assert there.returncode == 0, there.stderr

@@ -226,7 +226,7 @@ def test_a_damaged_plan_costs_names_not_the_file(whole, tmp_path):
 
 
 @pytest.mark.shows("R24")
-def test_names_of_strangers_cannot_spoil_terminal_or_page(tmp_path):
+def test_foreign_names_cannot_spoil_terminal_or_page(tmp_path):
     evil = "\x1b[2J<script>\ud800{sub}\n"
     path = failed(tmp_path, evil, (3, "another device", evil, {"name": evil}))
     told = tell(path)
