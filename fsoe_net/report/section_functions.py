@@ -29,7 +29,7 @@ from fsoe_net.model.safety import ElementKind, SafetyFunction, level_words
 from fsoe_net.report.inputs import ReportInputs, TestStep
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_quantities import claim_cell, mission_cell, shortest_mission
-from fsoe_net.report.section_tests import by_hand
+from fsoe_net.report.section_tests import by_hand, limit
 from fsoe_net.report.section_timing import JUDGED, quantity_cell, upper_bound
 from fsoe_net.timing.claims import LevelClaim
 from fsoe_net.timing.reaction import FunctionBudget
@@ -187,9 +187,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
     rows = [
         (
             cell(s.what, muted(s.expected)),
-            cell(muted("no limit"))
-            if s.limit_ms is None
-            else cell(stated(s.limit_ms, "ms", s.limit_source or source)),
+            limit(s, source),
             by_hand(s, source),
             cell(s.who) if s.who else BLANK,
         )

@@ -31,7 +31,7 @@ from fsoe_net.report.section_identity import files_table
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run
 
-__all__ = ["by_hand", "tests"]
+__all__ = ["by_hand", "limit", "tests"]
 
 
 def tests(inputs: ReportInputs) -> ReportSection:
@@ -126,9 +126,7 @@ def _checklist(tried: Tried) -> Table:
         (
             cell(s.what),
             cell(s.expected),
-            cell(muted("no limit"))
-            if s.limit_ms is None
-            else cell(stated(s.limit_ms, "ms", s.limit_source or source)),
+            limit(s, source),
             _result(s.emulated, s.emulated_ms, source),
             _result(s.live, s.live_ms, source),
             by_hand(s, source),
@@ -143,6 +141,13 @@ def _checklist(tried: Tried) -> Table:
         remark="EMULATED: on an emulated bus, not evidence for this machine. Only what a person "
         "wrote down at the machine closes a step.",
     )
+
+
+def limit(s: TestStep, source: str) -> Cell:
+    """Return how long a step may take, in ms, or that nothing limits it."""
+    if s.limit_ms is None:
+        return cell(muted("no limit"))
+    return cell(stated(s.limit_ms, "ms", s.limit_source or source))
 
 
 def by_hand(s: TestStep, source: str) -> Cell:
