@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .c_build import Build, Slot
-from .c_reach import Reach
+from .c_reach import Reach, Trial
 from .c_syntax import changes
 from .common import INVALID, KILLED, SURVIVED, Mutant, changed_lines
 
@@ -51,6 +51,8 @@ class Runner:
         self._build = Build(root.resolve() / "build/mutation/c", root)
         self._reach = Reach(part, self._build)
         self._slot = Slot(work.resolve())
+        self._bare = Slot(work.resolve().with_name(f"{work.name}-bare"))
+        self._bare.clear()
 
     def run(self, mutant: Mutant) -> str:
         """Return "killed", "survived", or "invalid" for what compiles to the same or not at all."""
@@ -58,8 +60,13 @@ class Runner:
         if not self._build.compile(mutant.path, mutant.source, self._slot):
             return INVALID
         trials = self._reach.tests(mutant.path, mutant.line)
-        return SURVIVED if all(trial.passes(self._slot) for trial in trials) else KILLED
+        return KILLED if any(self._notices(trial) for trial in trials) else SURVIVED
+
+    def _notices(self, trial: Trial) -> bool:
+        """Whether a trial fails, or is late, with the mutant and not without it."""
+        return not trial.passes(self._slot) and trial.passes(self._bare)
 
     def close(self) -> None:
         """Leave nothing behind."""
         self._slot.clear()
+        self._bare.clear()
