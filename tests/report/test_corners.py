@@ -44,6 +44,7 @@ from fsoe_net.report.model import ReportSection
 from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.section_evidence import bus_evidence
 from fsoe_net.report.steps_to_repeat import _functions_over
+from fsoe_net.report.svg import _box, _byte_row, _free_line
 
 # -- incidents -------------------------------------------------------------------------------------
 
@@ -278,3 +279,27 @@ def test_subdevices_without_a_copy_are_left_out_of_a_large_picture(
     table = next(p for p in parts if isinstance(p, Table) and p.name == "subdevices")
     assert len(table.rows) == 11
     assert table.remark.endswith(" 22 SubDevices without FSoE are not listed.")
+
+
+def test_a_connection_of_a_box_is_shortened_beyond_28_letters():
+    plan = compile_plan(example("el6910"))
+
+    def shown(line: str) -> str:
+        return _box(plan, 0, (0, 0), False, False, line)
+
+    assert f">{'x' * 28}</text>" in shown("x" * 28)
+    assert f">{'x' * 27}…</text>" in shown("x" * 29)
+
+
+def test_names_in_a_picture_may_touch_and_not_overlap():
+    assert _free_line(10, 90, 8, [(0, 90, 12)]) == 90
+    assert _free_line(9.9, 90, 8, [(0, 90, 12)]) != 90
+
+
+@pytest.mark.parametrize(("byte", "first", "last"), [(3, 0, 1), (4, 1, 1), (57, 1, 1), (58, 1, 0)])
+def test_the_ends_of_a_row_of_bytes_are_named_where_there_is_room(byte: int, first: int, last: int):
+    plan = compile_plan(example("estop"))
+    plan = replace(plan, sync_managers=(plan.sync_managers[0]._replace(bits=8 * 64),))
+    shown = _byte_row(plan, 0, byte, 1, "from", 0, "red")
+    assert (shown.count(">0</text>"), shown.count(">63</text>")) == (first, last)
+    assert shown.count(f">{byte}</text>") == 1

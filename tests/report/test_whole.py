@@ -22,6 +22,7 @@ from incidents.rig import Rig, network, read
 from incidents.seeds import NOTHING
 from incidents.seeds_bus import late_replies, watchdog_tight
 from networks import EXAMPLES, example, resolved, write_big_network
+from observe.intervention_logs import a_log, chained, hash_of, written
 from report.lines import told
 from report.made import BASE, TIMED, inputs_of, with_mistakes
 from report.signed import DAY, filled, record_of, source
@@ -39,8 +40,11 @@ from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult, Failure, Shown
 from fsoe_net.fsoe.campaign.witness import Collision
 from fsoe_net.model.acceptance import Intervention, JustifiedFinding, JustifiedStep
+from fsoe_net.observe.evidence_cycles import SlowCycle
+from fsoe_net.observe.interventions import LogChain, LogFilter
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.project.interventions import log_files, read_log, select_entries
 from fsoe_net.report.budget import budget_document, budget_json, budget_picture
 from fsoe_net.report.campaign import campaign_document, to_json
 from fsoe_net.report.compose import compose_report
@@ -58,9 +62,16 @@ from fsoe_net.report.evidence import ask_live, read_evidence
 from fsoe_net.report.incident_document import incident_document
 from fsoe_net.report.incident_facts import facts_json, facts_of
 from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, TestStep, Tried
+from fsoe_net.report.intervention_document import (
+    check_json,
+    log_check_document,
+    log_document,
+    selection_json,
+)
 from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.protocol_steps import tried_of
 from fsoe_net.report.section_record import change_log
+from fsoe_net.report.self_test_result import read_self_test, self_test_parts
 from fsoe_net.report.svg import copy_picture, topology_picture
 from fsoe_net.run.campaign import campaign_links, run_campaign
 from fsoe_net.run.result import ExpectationResult
@@ -185,7 +196,9 @@ def of_another_configuration(folder: Path) -> str:
     )  # fmt: skip
     own = compile_plan(timed())
     found = fingerprint_of(own)
-    other = replace(found, sections={**found.sections, "devices": "0" * 64}, whole="0" * 64)
+    other = replace(
+        found, sections={**found.sections, "cycle": "0", "devices": "0"}, whole="0" * 64
+    )
     return changed(
         evidence=tuple(read_evidence(str(f)) for f in (run, emulated, incident)),
         live=live,
@@ -231,6 +244,9 @@ def incidents(folder: Path) -> str:
     trigger = replace(late.head.trigger, now_ns=late.bus.first_ns + 1_000_000)
     late = replace(late, head=replace(late.head, counters=counters), planned=planned)
     moved = replace(late, head=replace(late.head, trigger=trigger), links={})
+    slow = SlowCycle(extra_ns=2_500_000, cycle=7, now_ns=late.moment_ns - 1_500_000,
+                     late_ns=0, work_ns=40_000, round_ns=90_500)  # fmt: skip
+    late = replace(late, bus=replace(late.bus, worst=(slow,)))
     pages = [incident_document(facts_of(e), "0") for e in (late, moved)]
     names = ("refused for an unknown reason", "a SubDevice is missing, none is named")
     for n, make in enumerate((watchdog_tight, *(NOTHING[name] for name in names))):
@@ -261,7 +277,7 @@ def campaign(_: Path) -> str:
         failures=[Failure(trial=3, link="a-b", reason="took it"),
                   Failure(trial=4, link="a-c", reason="did not")],
     )  # fmt: skip
-    quiet = ClassResult(name="bit_errors+loss", injected=3, tolerated=3)
+    quiet = ClassResult(name="bit_errors+loss", injected=3, tolerated=3, collisions=2)
     all_bits = ClassResult(name=EXHAUSTIVE, injected=9, detected=9, collisions=1)
     worse = replace(result, classes=(failed, quiet, all_bits), interrupted=True)
     saved = {("corruption", 3): "traces/3.fsntrace"}
@@ -273,7 +289,7 @@ def histogram() -> Histogram:
     rows = ((100, 1), (128, 40), (1_024, 300), (1_536, 9), (7_168, 1))
     return Histogram(
         count=351, min_ns=101, sum_ns=400_001, p50_ns=1_279, p99_ns=1_791, p999_ns=7_900,
-        max_ns=7_900, buckets=rows,
+        max_ns=8_000, buckets=rows,
     )  # fmt: skip
 
 
@@ -369,11 +385,46 @@ def pictures(folder: Path) -> str:
     return told(*shown, copy_picture(plans[0], 13))
 
 
+def logs(folder: Path) -> str:
+    """A log that holds, entries of it; then one with more findings than are kept; an empty one."""
+    log = a_log(3, 120)
+    last = hash_of(log[1][-3])
+    log[1].append(chained(log[1][-1], level="error", utc="", text="gone"))
+    files = log_files([str(written(folder / "log", log))])
+    entries = [select_entries(files, LogFilter(**f)) for f in ({"most": 2}, {"who": "nobody"})]
+    checks = [read_log(files, LogChain(last=last))]
+    Path(files[1]).write_bytes(b"".join(log[1][::2]))
+    checks.append(read_log(files, LogChain()))
+    entries.append(select_entries(files, LogFilter(most=1)))
+    Path(files[0]).write_bytes(b"")
+    checks.append(read_log(files[:1], LogChain()))
+    pages = [log_check_document(check, "0") for check in checks]
+    return told(*(log_document(e, "0") for e in entries), selection_json(entries[0]),
+                *pages, *map(check_json, checks))  # fmt: skip
+
+
+def self_tests(folder: Path) -> str:
+    """Of this build, with a part that was not tried or failed; of another build; of nothing."""
+    result = folder / "self-test.json"
+    shown: list[Any] = []
+    for build, *found in (("a", "pass", "not tried"), ("a", "fail", "fail"), ("b", "pass"), ("a",)):
+        parts = [{"name": f"part {n}", "result": word} for n, word in enumerate(found)]
+        document = {"tool": "fsoe-net", "self_test": 1, "version": "1.2", "parts": parts}
+        document |= {
+            "result": "fail" if "fail" in found else "pass",
+            "build": {"sha256": build * 64},
+        }
+        result.write_text(json.dumps(document), "utf-8")
+        names = [part["name"] for part in parts]
+        told_of, points = self_test_parts(read_self_test(str(result), "a" * 64, names))
+        shown += [*told_of, *map(str, points)]
+    return told(*shown)
+
+
+SHOWN = ("architecture", "connections", "copies", "bus_evidence")
 TOLD: dict[str, Callable[[Path], str]] = {
     "timed": lambda _: report(TIMED),
-    "four connections": lambda _: report(
-        EXAMPLES / "el6910" / "network.yaml", "architecture", "connections", "bus_evidence"
-    ),
+    "four connections": lambda _: report(EXAMPLES / "el6910" / "network.yaml", *SHOWN),
     "sparse": sparse,
     "nothing read": nothing_read,
     "mistakes": mistakes,
@@ -390,6 +441,8 @@ TOLD: dict[str, Callable[[Path], str]] = {
     "times": times,
     "devices": devices,
     "protocol": protocol,
+    "logs": logs,
+    "self-tests": self_tests,
 }
 
 
