@@ -316,6 +316,27 @@ def test_last_good_line_is_named():
     assert "line 6 is the last good one" in out.diagnostics[0].message
 
 
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        (
+            TWO_PDOS[: TWO_PDOS.index("=== Master 0, Slave 11 ===") + 27],
+            "nothing follows the header",
+        ),
+        ("".join(PDOS.splitlines(keepends=True)[:1]), "nothing follows the mailbox SM0"),
+        ("".join(PDOS.splitlines(keepends=True)[:3]), "SM2 has data but no PDOs"),
+    ],
+)
+def test_what_is_missing_at_a_cut_is_named(text: str, why: str):
+    out = Collector()
+    load_igh_text(text.encode(), out, name="p.txt")
+    line = text.count("\n")
+    (said,) = out.diagnostics
+    assert said.message == f"the text is cut off: {why}; line {line} is the last good one"
+    assert (said.span.line, said.span.column) == (line, 1)
+    assert said.hint == "paste the whole output; what is missing cannot be guessed"
+
+
 @pytest.mark.parametrize("mark", ["...", "[...]", "--More--", "\u2026"])
 def test_lines_left_out_by_hand_are_a_cut(mark: str):
     lines = PDOS.splitlines(keepends=True)

@@ -8,7 +8,7 @@ import pytest
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.own.network import load_network
-from fsoe_net.formats.own.slave_yaml import device_from_yaml
+from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.type_words import type_bits
 from fsoe_net.formats.own.write_slave_yaml import type_word, write_slave_yaml
 from fsoe_net.formats.shared.files import Collector
@@ -94,3 +94,37 @@ def test_each_mask_of_an_entry_that_is_mapped_twice_is_kept(first: str, second: 
     device = device_from_yaml(root, "x.yaml", out)
     assert device is not None
     assert device.driver == stated
+
+
+@pytest.mark.parametrize(
+    ("word", "value", "hint"),
+    [
+        ("uint32", 0x80000000, "write -2147483648, the same bytes"),
+        ("uint32", 0xFFFFFFFF, "write -1, the same bytes"),
+        ("uint32", 0x7FFFFFFF, None),
+        ("uint64", 0x80000000, ""),
+    ],
+)
+def test_a_value_that_the_driver_cannot_read_has_another_spelling(
+    word: str, value: int, hint: str | None
+):
+    text = (
+        "vendor_id: 2\nproduct_id: 3\nsdo:\n"
+        f"  - {{index: 0x8000, sub_index: 1, type: {word}, value: {value}}}\n"
+    )
+    out = Collector()
+    root = parse_yaml(text.encode(), "d.yaml", out)
+    assert root is not None
+    device_from_yaml(root, "d.yaml", out)
+    found = [(d.hint, d.span.column) for d in out.diagnostics if d.code == "FSN418"]
+    assert found == ([] if hint is None else [(hint, text.splitlines()[3].index("value") + 8)])
+
+
+def test_a_file_that_is_named_as_a_slave_yaml_and_is_none(tmp_path: Path):
+    file = tmp_path / "bus.yaml"
+    file.write_text("a: 1\nb: 2\nc: 3\nd: 4\ne: 5\nf: 6\n", "utf-8")
+    out = Collector()
+    assert load_device(file, out, named_at=Span("network.yaml", 7, 3)) is None
+    (said,) = out.diagnostics
+    assert (said.code, str(said.span)) == ("FSN140", "network.yaml:7:3")
+    assert said.message == f"{str(file)!r} is not a slave YAML; its keys are: a, b, c, d, e"

@@ -237,3 +237,24 @@ def test_other_xml_is_named(root: str, kind: str, tmp_path: Path):
 def test_robot_without_the_driver_says_so(tmp_path: Path):
     (found,) = _check(tmp_path, "<robot><ros2_control><safety/></ros2_control></robot>")
     assert (found.code, found.span.line, found.span.column) == ("FSN125", 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "required", "hint"),
+    [
+        ("No", False, "write false"),
+        (" off", False, "write false"),
+        ("ON", True, "write true"),
+        ("maybe", True, "write true or false"),
+    ],
+)
+def test_a_flag_in_other_words_is_found_and_taken_as_meant(
+    text: str, required: bool, hint: str, tmp_path: Path
+):
+    flag = _param("required", "false")
+    assert BASE.count(flag) == 1
+    (found,) = _check(tmp_path, BASE.replace(flag, _param("required", text)))
+    assert (found.code, found.hint) == ("FSN116", hint)
+    assert found.message == f"required is {text!r}; allowed are true and false"
+    (system,) = load_urdf(tmp_path / "robot.urdf").systems
+    assert [m.required for m in system.modules if m.name == "input"] == [required]
