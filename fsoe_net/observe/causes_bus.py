@@ -25,6 +25,7 @@ def bus_causes(e: IncidentEvidence) -> Iterator[Candidate]:
         return
     yield from _other_main(e)
     yield from _gone(e)
+    yield from _ring_opened(e)
     yield from _back(e)
     yield from _state(e)
     yield from _lost_frames(e)
@@ -56,7 +57,7 @@ def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
         return  # frames that come back late have been everywhere
     first, several = gone[0], len(gone) > 1
     score = 92 if _own(e, [s.name for s in gone]) else 45
-    facts = [*_facts_of_gone(e, gone), *_when(e, gone)]
+    facts = [*_facts_of_gone(e, gone), *_when(e, gone), *_ring(e)]
     facts.append(f"the bus says of {first.name}: {first.detail}" if first.detail else "")
     before = {s.position: s.name for s in known if s.position < first.position}
     if _names_a_link(gone) or (several and len(known) - len(before) == len(gone)):
@@ -68,6 +69,24 @@ def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
         return
     seen = min(gone, key=lambda s: s.name not in _ends(e))
     yield candidate(e, "device_lost", score, *facts, device=seen.name)
+
+
+def _ring(e: IncidentEvidence) -> Iterator[str]:
+    """Yield where the ring is open, and what was reported of it last."""
+    if e.head.ring_place:
+        yield f"the ring is open: {e.head.ring_place}"
+    for event in e.events("ring")[-3:]:
+        side = "after" if event.now_ns > e.moment_ns else "before"
+        yield f"event {ms(abs(e.moment_ns - event.now_ns))} {side} the moment: {event.text}"
+
+
+def _ring_opened(e: IncidentEvidence) -> Iterator[Candidate]:
+    """The ring has lost a cable around the moment, and nobody is gone."""
+    opened = [v for v in e.events("ring", e.window_ns[0]) if v.keys.get("place")]
+    if opened and not e.lost_subdevices():
+        event = opened[0]
+        when = f"event {ms(abs(e.moment_ns - event.now_ns))} from the moment: {event.text}"
+        yield candidate(e, "ring_open", 90, when, *_wkc(e), device=event.keys["place"])
 
 
 def _facts_of_gone(e: IncidentEvidence, gone: list[SubDeviceSnapshot]) -> list[str]:

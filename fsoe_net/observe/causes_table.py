@@ -115,6 +115,14 @@ _ROWS = (
         "Replace the cable or plug; where it moves, use a cable made for that.",
     ),
     (
+        "ring_open",
+        "The ring has opened {device}; frames were lost while it did.",
+        "All SubDevices go on, from both ends of the ring; connections with little time left fell.",
+        "Check the cable that is named, its plugs and its bending radius; look at the link LEDs on "
+        "both sides.",
+        "Replace the cable or plug; until then the next break interrupts the bus.",
+    ),
+    (
         "device_lost",
         "{device} no longer answers on the bus: unplugged, without power, or broken.",
         "{device} falls out alone; the others go on.",

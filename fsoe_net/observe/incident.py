@@ -112,7 +112,8 @@ class CycleRecord:
 class IncidentHead:
     """First line of the file. ``plan`` is ``None`` when its bytes cannot be used: see ``remarks``.
 
-    ``counters`` are ``None`` and the layout is empty when the bus did not open.
+    ``counters`` are ``None`` and the layout is empty when the bus did not open. ``ring_place``:
+    where the ring was open when the file was written; empty when it was closed, or no ring.
     """
 
     utc: str
@@ -131,3 +132,4 @@ class IncidentHead:
     layout: Layout
     fsoe: tuple[FsoeFacts, ...]
     remarks: tuple[str, ...] = ()
+    ring_place: str = ""

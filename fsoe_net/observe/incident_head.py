@@ -61,6 +61,7 @@ def head_of(values: JsonObject) -> IncidentHead:
         layout=read_layout(values.child("layout")),
         fsoe=tuple(_facts(row) for row in values.children("fsoe")),
         remarks=tuple(remarks),
+        ring_place=values.child("ring").label("place"),
     )
 
 

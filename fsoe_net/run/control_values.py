@@ -17,6 +17,7 @@ from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 __all__ = [
     "BusState",
     "HistoryMessage",
+    "RingStatus",
     "ScanReply",
     "SdoValue",
     "Status",
@@ -62,13 +63,28 @@ class LogStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RingStatus:
+    """A bus between two interfaces: ``state`` is ``closed``, ``open``, ``one way`` or ``unknown``.
+
+    ``ways``: whether frames that enter at the first, at the second interface leave at the other.
+    ``breaks``: times it was found open since the bus opened. ``place``: where it is open, empty
+    while it is closed.
+    """
+
+    state: str
+    ways: tuple[bool, bool]
+    breaks: int
+    place: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
     ``fault`` says why the bus did not open; empty when it did. ``fingerprint`` is that of the plan
     as the core has loaded it, ``None`` from a program that reports none; ``version`` that of the
-    engine. ``interventions`` is ``None`` without an intervention log. ``cpu`` is ``None`` when the
-    cyclic thread may run on any.
+    engine. ``ring`` is ``None`` with one interface. ``interventions`` is ``None`` without an
+    intervention log. ``cpu`` is ``None`` when the cyclic thread may run on any.
     """
 
     state: BusState
@@ -89,6 +105,7 @@ class Status:
     policy: str
     priority: int
     cpu: int | None
+    ring: RingStatus | None
     cycles: int
     overruns: int
     wkc_errors: int
@@ -204,11 +221,22 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     """Return the values of a ``status`` reply."""
     row = {**reply, **reply["subdevices"], "state": BusState(reply["state"])}
     row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
+    row["ring"] = None if (ring := reply.get("ring")) is None else _ring(ring)
     row["interventions"] = _log_status(reply.get("interventions"))
     reported = reply.get("fingerprint")
     row["fingerprint"] = None if reported is None else _fingerprint(reported)
     row["version"] = "" if reported is None else str(reported["version"])
     return Status(**{f.name: row[f.name] for f in fields(Status)})
+
+
+def _ring(row: Mapping[str, Any]) -> RingStatus:
+    first, second = row["ways"]
+    return RingStatus(
+        state=str(row["state"]),
+        ways=(bool(first), bool(second)),
+        breaks=int(row["breaks"]),
+        place=str(row["place"]),
+    )
 
 
 def _log_status(row: Mapping[str, Any] | None) -> LogStatus | None:

@@ -370,6 +370,13 @@ static void host_state(void *self, struct fsn_control_status *status) {
                                           .free_run = on.stateless};
 }
 
+static bool bus_ring(void *bus, struct fsn_bus_ring *ring) {
+    (void)bus;
+    *ring = (struct fsn_bus_ring){
+        .state = FSN_RING_ONE_WAY, .ways = {0, 1}, .breaks = 2, .place = "between logic and door"};
+    return on.stateless;
+}
+
 static fsn_status host_request(void *self, enum fsn_program_request request,
                                struct fsn_refusal *refusal) {
     (void)self;
@@ -423,6 +430,7 @@ void set_up(void) {
                                   .send = bus_send,
                                   .poll = bus_poll,
                                   .state = bus_state,
+                                  .ring = bus_ring,
                                   .acyclic = &on.acyclic};
     host = test_host(submit);
     host.status = host_state;

@@ -27,6 +27,8 @@ void pause_ms(long ms) {
     nanosleep(&pause, NULL);
 }
 
+enum { SEC_SUBDEVICE = 1 }; /* of the plan file */
+
 uint8_t *build(size_t *len) {
     static const struct build_sm sms[SUBDEVICES][2] = {{{FSN_OUTPUT, 18}, {FSN_INPUT, 18}},
                                                        {{FSN_OUTPUT, 6}, {FSN_INPUT, 7}},
@@ -41,7 +43,13 @@ uint8_t *build(size_t *len) {
                             .pairs = SUBDEVICES - 1,
                             .cycle_ns = 1000000,
                             .sdo_count = 1};
-    return build_plan(&b, len);
+    uint8_t *bytes = build_plan(&b, len);
+    for (uint32_t n = 0; n < SUBDEVICES; n++) {
+        const char name[] = {'s', (char)('0' + n), '\0'};
+        bytes = build_name(bytes, len, SEC_SUBDEVICE, n, name);
+    }
+    build_fix_crc(bytes, *len);
+    return bytes;
 }
 
 struct rig *set_up_with(const char *second) {

@@ -32,7 +32,7 @@ static struct {
     int fails_in; /**< the so manyth call from now on fails; 0: none */
     const char *driver;
     int mtu;
-    atomic_bool running; /**< both interfaces have a carrier */
+    atomic_bool running[2]; /**< per interface: it has a carrier */
     atomic_int send_fails;
     atomic_int polls;
     atomic_bool frozen;             /**< the clock */
@@ -82,8 +82,9 @@ int ioctl(int fd, unsigned long request, ...) {
         ifr->ifr_mtu = os.mtu;
     } else {
         CHECK(request == SIOCGIFFLAGS);
-        CHECK(fd == rig.segment->sockets[ifr->ifr_name[0] == 'b']);
-        ifr->ifr_flags = (short)(IFF_UP | (atomic_load(&os.running) ? IFF_RUNNING : 0));
+        const unsigned port = ifr->ifr_name[0] == 'b';
+        CHECK(fd == rig.segment->sockets[port]);
+        ifr->ifr_flags = (short)(IFF_UP | (atomic_load(&os.running[port]) ? IFF_RUNNING : 0));
     }
     return 0;
 }
@@ -168,7 +169,8 @@ static void begin(void) {
     rig = set_up();
     os.driver = "veth";
     os.mtu = 1500;
-    atomic_store(&os.running, true);
+    atomic_store(&os.running[0], true);
+    atomic_store(&os.running[1], true);
 }
 
 static void hang_up(void) {
@@ -333,23 +335,28 @@ static void an_answer_that_cannot_be_sent_is_counted(void) {
     end();
 }
 
-/** A ring whose far end has no carrier is a line: the answer comes back where it was sent. */
-static void a_ring_opens_without_a_carrier(void) {
+/** A ring with one carrier is a line from there: the answer comes back where it was sent. */
+static void a_ring_opens_without_a_carrier(unsigned gone) {
+    const unsigned left = 1 - gone;
     begin();
     CHECK(plug((struct fsn_segment_link_options){.interface = "a", .interface2 = "b"}, NULL) ==
           FSN_OK);
     CHECK(answer_at(0, 1) == 2 && answer_at(1, 0) == 0); /* backwards nobody looks at it */
-    atomic_store(&os.running, false);
+    atomic_store(&os.running[gone], false);
     int back = 0;
     while (back == 0) { /* until it has looked */
         uint8_t frame[FRAME_BYTES];
-        ask_at(0);
-        while (back == 0 && recv(os.peer[1], frame, sizeof frame, MSG_DONTWAIT) < 0) {
-            back = recv(os.peer[0], frame, sizeof frame, MSG_DONTWAIT) > 0;
+        ask_at((int)left);
+        while (back == 0 && recv(os.peer[gone], frame, sizeof frame, MSG_DONTWAIT) < 0) {
+            back = recv(os.peer[left], frame, sizeof frame, MSG_DONTWAIT) > 0;
             usleep(1000);
         }
     }
-    CHECK(answer_at(0, 0) == 2);
+    CHECK(answer_at((int)left, (int)left) == 2);
+    ask_at((int)gone);
+    CHECK(answer_at((int)left, (int)left) == 2);
+    uint8_t frame[FRAME_BYTES];
+    CHECK(recv(os.peer[gone], frame, sizeof frame, MSG_DONTWAIT) < 0); /* lost, all that time */
     const uint64_t before = last_ns();
     while (last_ns() == before) {
         usleep(1000);
@@ -364,7 +371,8 @@ int main(void) {
     real_interfaces_are_refused();
     each_call_may_fail();
     an_answer_that_cannot_be_sent_is_counted();
-    a_ring_opens_without_a_carrier();
+    a_ring_opens_without_a_carrier(0);
+    a_ring_opens_without_a_carrier(1);
     CHECK(open_files() == open_before);
     return 0;
 }

@@ -236,16 +236,50 @@ static void nobody_minds_the_cut(struct rig *rig, uint32_t front) {
     }
 }
 
-/** A cut cable between any two SubDevices of a ring disturbs nobody, and is named. */
+/** Tends the bus until the ring is in a state, and is open where that text says. */
+static struct fsn_bus_ring ring_becomes(struct rig *rig, uint8_t state, const char *place) {
+    struct fsn_bus_ring ring = {0};
+    for (int i = 0; i < PATIENCE_MS / 2; i++) {
+        fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
+        CHECK(fsn_core_ring(rig->core, &ring) == FSN_OK);
+        if (ring.state == state && strcmp(ring.place, place) == 0) {
+            return ring;
+        }
+        pause_ms(2);
+    }
+    fprintf(stderr, "the ring is %s, \"%s\", not \"%s\"\n", fsn_ring_text(ring.state), ring.place,
+            place);
+    exit(1);
+}
+
+static void run(const char *command) {
+    CHECK(system(command) == 0);
+}
+
+/** Names of the cables of the rig, from the first to the last. */
+static const char *const cables[SUBDEVICES + 1] = {
+    "between near and s0 (ring position 0, port 0)",
+    "between s0 (ring position 0, port 1) and s1 (ring position 1, port 0)",
+    "between s1 (ring position 1, port 1) and s2 (ring position 2, port 0)",
+    "between s2 (ring position 2, port 1) and s3 (ring position 3, port 0)",
+    "between s3 (ring position 3, port 1) and near2",
+};
+static const char first_dark[] = "between near (no link) and s0 (ring position 0, port 0)";
+static const char last_dark[] = "between s3 (ring position 3, port 1) and near2 (no link)";
+
+/** A cut cable of a ring disturbs nobody, and is named; so is an interface without a link. */
 static void a_ring_survives_each_cable(void) {
     struct rig *rig = bring_up_from(set_up_with("far2"));
-    for (uint32_t cable = 0; cable < SUBDEVICES; cable++) {
+    CHECK(ring_becomes(rig, FSN_RING_CLOSED, "").breaks == 0);
+    for (uint32_t cable = 0; cable <= SUBDEVICES; cable++) {
         const uint32_t front = cable == 0 ? FSN_NONE : cable - 1;
         for (uint32_t k = 1; k < SUBDEVICES; k++) {
             CHECK(flows(rig, k));
         }
         nobody_minds_the_cut(rig, front);
-        if (front != FSN_NONE) {
+        const struct fsn_bus_ring cut = ring_becomes(rig, FSN_RING_OPEN, cables[cable]);
+        CHECK(cut.breaks >= cable + 1 && cut.ways[0] == 0 && cut.ways[1] == 0);
+        if (front != FSN_NONE && cable < SUBDEVICES) {
             while (look(rig, front).link[1] != 0 || look(rig, cable).link[0] != 0) {
                 CHECK(flows(rig, 1)); /* one SubDevice after the other is requested its links */
             }
@@ -255,8 +289,40 @@ static void a_ring_survives_each_cable(void) {
             CHECK(look(rig, front).link_lost[1] > 0 && look(rig, cable).link_lost[0] > 0);
         }
         CHECK(fsn_segment_set_link(rig->segment, front, true) == FSN_OK);
+        CHECK(ring_becomes(rig, FSN_RING_CLOSED, "").ways[1] == 1);
     }
-    CHECK(system("ip link set near2 down") == 0); /* the second card itself */
+    tear_down(rig);
+}
+
+static void all_flow(struct rig *rig) {
+    for (uint32_t k = 1; k < SUBDEVICES; k++) {
+        CHECK(flows(rig, k));
+    }
+    poll_until_all_in_op(rig);
+}
+
+/** Either interface may go, the other one serves on; without both the bus is lost, and comes back.
+ */
+static void each_interface_may_go(void) {
+    struct rig *rig = bring_up_from(set_up_with("far2"));
+    (void)ring_becomes(rig, FSN_RING_CLOSED, "");
+    run("ip link set far down"); /* no carrier at the first */
+    (void)ring_becomes(rig, FSN_RING_OPEN, first_dark);
+    all_flow(rig);
+    run("ip link set far2 down");
+    (void)ring_becomes(rig, FSN_RING_OPEN,
+                       "no SubDevice answers; near has no link, near2 has none");
+    for (uint32_t n = 0; n < SUBDEVICES; n++) {
+        poll_until(rig, n, FSN_AL_NONE);
+        CHECK(strcmp(look(rig, n).detail, "neither near nor near2 has a link") == 0);
+    }
+    run("ip link set far up");
+    (void)ring_becomes(rig, FSN_RING_OPEN, last_dark);
+    all_flow(rig);
+    run("ip link set far2 up");
+    (void)ring_becomes(rig, FSN_RING_CLOSED, "");
+    all_flow(rig);
+    run("ip link set near2 down"); /* the second card itself */
     for (int i = 0; i < 30; i++) {
         for (uint32_t k = 1; k < SUBDEVICES; k++) {
             (void)flows_soon(rig, k);
@@ -266,23 +332,44 @@ static void a_ring_survives_each_cable(void) {
         CHECK(flows(rig, k));
         poll_until(rig, k, FSN_AL_OP);
     }
-    CHECK(system("ip link set near2 up") == 0);
+    (void)ring_becomes(rig, FSN_RING_OPEN, last_dark);
+    run("ip link set near2 up");
+    (void)ring_becomes(rig, FSN_RING_CLOSED, "");
     tear_down(rig);
 }
 
-/** A ring that is not closed at the start works as a line, and that is reported. */
-static void a_ring_open_at_the_start_is_reported(void) {
+/** Opens a ring that is open already, and closes it. */
+static void starts_open(uint32_t cable, const char *place) {
     struct rig *rig = set_up_with("far2");
-    CHECK(fsn_segment_set_link(rig->segment, SUBDEVICES - 1, false) == FSN_OK);
+    const uint32_t front = cable == 0 ? FSN_NONE : cable - 1;
+    CHECK(fsn_segment_set_link(rig->segment, front, false) == FSN_OK);
     bring_up_from(rig);
-    while (look(rig, SUBDEVICES - 1).detail[0] == 0) {
-        CHECK(flows(rig, 1));
-    }
-    CHECK(strstr(look(rig, SUBDEVICES - 1).detail, "open since the start") != NULL);
-    CHECK(fsn_segment_set_link(rig->segment, SUBDEVICES - 1, true) == FSN_OK);
-    while (look(rig, SUBDEVICES - 1).detail[0] != 0) {
-        CHECK(flows(rig, 1));
-    }
+    CHECK(ring_becomes(rig, FSN_RING_OPEN, place).breaks >= 1);
+    all_flow(rig);
+    CHECK(fsn_segment_set_link(rig->segment, front, true) == FSN_OK);
+    (void)ring_becomes(rig, FSN_RING_CLOSED, "");
+    all_flow(rig);
+    CHECK(fsn_segment_set_link(rig->segment, front, false) == FSN_OK);
+    (void)ring_becomes(rig, FSN_RING_OPEN, cables[cable]); /* now its ports are known */
+    tear_down(rig);
+}
+
+/** A ring that is not closed at the start works as a line, from either end, and that is reported.
+ */
+static void a_ring_open_at_the_start_is_reported(void) {
+    starts_open(0, cables[0]);
+    starts_open(2, "between s1 (ring position 1) and s2 (ring position 2, port 0)");
+    starts_open(SUBDEVICES, "between s3 (ring position 3) and near2");
+    run("ip link set far down && ip link set far2 down");
+    struct rig *rig = set_up_with("far2");
+    CHECK(open_bus(rig) == FSN_E_BUS_SILENT);
+    CHECK(strstr(rig->fault.detail, "neither near nor near2 has a link: cable") != NULL);
+    tear_down(rig);
+    run("ip link set far up && ip link set far2 up");
+    rig = bring_up();
+    struct fsn_bus_ring ring;
+    CHECK(fsn_core_ring(rig->core, &ring) == FSN_E_STATE &&
+          fsn_core_ring(NULL, &ring) == FSN_E_ARG);
     tear_down(rig);
 }
 
@@ -467,6 +554,7 @@ int main(void) {
     wrong_devices_stay_out();
     who_refuses_is_asked_again();
     a_ring_survives_each_cable();
+    each_interface_may_go();
     a_ring_open_at_the_start_is_reported();
     foreign_frames_are_counted();
     stops_step_by_step();

@@ -113,6 +113,13 @@ static void the_first_port_goes_first(void) {
     tear_down(rig);
 }
 
+static bool came(const struct rig *rig, uint32_t first, uint32_t crossed, uint32_t back,
+                 uint32_t second) {
+    const struct fsn_wire *wire = &rig->frames.wire;
+    return atomic_load(&wire->came[0][0]) == first && atomic_load(&wire->came[0][1]) == crossed &&
+           atomic_load(&wire->came[1][0]) == back && atomic_load(&wire->came[1][1]) == second;
+}
+
 static void ring(bool broken, bool second_cable_out) {
     struct rig *rig = set_up(2);
     for (unsigned i = 0; i < 3; i++) {
@@ -129,7 +136,10 @@ static void ring(bool broken, bool second_cable_out) {
         take(rig);
         CHECK(inputs_are(rig, rig->fill, (uint8_t)(rig->fill + 1)));
         CHECK(rig->wkc[0].actual == 6 && rig->input.lost_frames == 0);
-        CHECK(atomic_load(&rig->frames.wire.crossed) == !broken);
+        const uint32_t n = i + 1;
+        CHECK(atomic_load(&rig->frames.wire.sent) == n);
+        const uint32_t second = second_cable_out ? 0 : n;
+        CHECK(broken ? came(rig, n, 0, 0, second) : came(rig, 0, n, second, 0));
     }
     tear_down(rig);
 }

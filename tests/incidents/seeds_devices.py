@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from incidents.rig import CELL, DRIVE, MS, Rig, Seed, config, network
+from incidents.rig import CELL, DRIVE, MS, Rig, Seed, config, edited, network
+from incidents.seeds_bus import all_of
 
 
 def unplugged(tmp: Path) -> Path:
@@ -25,6 +27,20 @@ def cable_cut(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp, steps=steps)
     rig.run(1_700)
     return rig.end()
+
+
+def ring_opened(tmp: Path) -> Path:
+    """A cable of a ring goes at 500 ms; the frames of 100 ms are lost with it."""
+    rig = Rig(network(CELL, tmp), tmp, steps=all_of(500, "break") + all_of(600, "heal"))
+    rig.run(1_700)
+    place = "between el2904 (ring position 2, port 1) and drive_1 (ring position 3, port 0)"
+
+    def ring(head: dict[str, Any]) -> None:
+        event = {"event": "ring", "utc": "", "now_ns": head["trigger"]["now_ns"] - 50 * MS}
+        head["ring"] = {"state": "open", "ways": [0, 0], "breaks": 1, "place": place}
+        head["events"].append(event | head["ring"] | {"text": f"the ring is open: {place}"})
+
+    return edited(rig.end(), ring)
 
 
 def unplugged_for_a_moment(tmp: Path) -> Path:
@@ -125,6 +141,7 @@ DEVICES: dict[str, Seed] = {
     "single device unplugged": (unplugged, "device_lost"),
     "logic unplugged": (unplugged_main, "device_lost"),
     "cable cut between two": (cable_cut, "cable_cut"),
+    "cable of a ring": (ring_opened, "ring_open"),
     "unplugged for a moment": (unplugged_for_a_moment, "device_interrupted"),
     "device power-cycled": (power_cycled, "device_restarted"),
     "logic restarted": (logic_restarted, "main_restarted"),

@@ -38,9 +38,9 @@ def wait_for(what, found):
 class Emulator:
     """`fsoe-net emulate` on the far end; takes commands."""
 
-    def __init__(self, network):
+    def __init__(self, network, *options):
         self._process = subprocess.Popen(
-            [*FSN, "emulate", network, "--interface", "far", "--commands"],
+            [*FSN, "emulate", network, "--interface", "far", "--commands", *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -252,6 +252,61 @@ def _is_whole(path):
     return '"end":true' in path.read_text()
 
 
+RING = {
+    "first cable": "cut main",
+    "middle cable": "cut ek1914",
+    "last cable": "cut el1918",
+    "near": "far down",
+    "near2": "far2 down",
+}
+
+
+def ring(network, _other):
+    """Each cable and interface of a ring goes and comes back; then two at once, in an incident."""
+    subprocess.run(["ip", "link", "set", "far", "down"], check=True)
+    emulator = Emulator(network, "--redundant", "far2")
+    running = Running(network, "--redundant", "near2", "--incidents", ".")
+
+    def becomes(state):
+        def settled():
+            found = running.client.status().ring
+            return found.state == state and found
+
+        return wait_for(f"a ring that is {state}", settled)
+
+    def put(step):
+        words = step.split()
+        if words[0] in ("far", "far2"):
+            subprocess.run(["ip", "link", "set", *words], check=True)
+        else:
+            emulator.do(step)
+
+    seen = {"start": becomes("open").place}
+    put("far up")
+    becomes("closed")
+    for name, step in RING.items():
+        put(step)
+        seen[name] = becomes("open").place
+        wait_for("Data", running.in_data)
+        put(step.replace("cut", "splice").replace("down", "up"))
+        seen["breaks"] = becomes("closed").breaks
+    put("cut main")
+    becomes("open")
+    put("cut el1918")
+    wait_for("a Reset", lambda: not running.in_data())
+    wait_for("a file", lambda: [p for p in Path().glob("incident-*") if _is_whole(p)])
+    ended = running.end(signal.SIGINT)
+    emulator.end()
+    last = max(Path().glob("incident-*"), key=lambda p: p.stat().st_mtime_ns)
+    head = json.loads(last.read_text("utf-8").partition("\n")[0])
+    likely = judged(last).likely
+    return seen | {
+        "events": [line for line in ended["out"].splitlines() if "the ring" in line],
+        "incident": head["ring"],
+        "evidence": list(likely.evidence) if likely else [],
+    }
+
+
 def kill_tool(network, other):
     """fsoe-net is killed: fsn-master cycles on, its socket is usable, and ends when asked."""
     emulator = Emulator(network)
@@ -375,6 +430,7 @@ CASES = {
         wrong,
         unplug,
         incident,
+        ring,
         kill_tool,
         kill_master,
         interrupt,

@@ -38,13 +38,13 @@ def why_not():
     return missing()
 
 
-def on_the_wire(case, *networks, tmp, good=lambda _: True, script="live_rig.py"):
+def on_the_wire(case, *networks, tmp, good=lambda _: True, script="live_rig.py", cables=1):
     why = why_not()
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
     seen = "nothing"
     for _ in range(ATTEMPTS):
-        done = run_program(f"run/{script}", case, *networks, cwd=tmp)
+        done = run_program(f"run/{script}", case, *networks, cwd=tmp, cables=cables)
         assert "Traceback (most recent" not in done.stdout
         seen = done.stdout + done.stderr
         if done.returncode == 0:
@@ -163,6 +163,34 @@ def test_an_incident_names_its_cause_and_holds_what_the_devices_tell(tmp_path):
     head = json.loads((tmp_path / seen["file"]).read_text("utf-8").splitlines()[0])
     told = {row["subdevice"]: row for row in head["fsoe"]}
     assert told["ek1914"]["address"] == 14
+
+
+FIRST = "ek1914 (ring position 0, port 0)"
+LAST = "between el1918 (ring position 1, port 1) and near2"
+
+
+@pytest.mark.shows("R3")
+def test_each_gap_of_a_ring_is_named(tmp_path):
+    """Open at the start, each cable, each interface: in status, events, and the last incident."""
+    seen = on_the_wire("ring", ESTOP, tmp=tmp_path, cables=2)
+    middle = "between ek1914 (ring position 0, port 1) and el1918 (ring position 1, port 0)"
+    gaps = {
+        "start": f"between near (no link) and {FIRST}",
+        "first cable": f"between near and {FIRST}",
+        "middle cable": middle,
+        "last cable": LAST,
+        "near": f"between near (no link) and {FIRST}",
+        "near2": f"{LAST} (no link)",
+    }
+    assert {name: seen[name] for name in gaps} == gaps
+    assert seen["breaks"] >= len(gaps)
+    said = [line.partition("bus: ")[2] for line in seen["events"]]
+    assert said[0] == f"the ring has been open since the start: {gaps['start']}"
+    assert said.count("the ring is closed again") >= len(gaps)
+    for name in list(gaps)[1:]:
+        assert f"the ring is open: {gaps[name]}" in said
+    assert (seen["incident"]["state"], seen["incident"]["ways"]) == ("open", [0, 0])
+    assert any(f"the ring is open: between near and {FIRST}" in line for line in seen["evidence"])
 
 
 def test_an_mtu_that_is_too_small_is_said(tmp_path):

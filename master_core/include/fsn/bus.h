@@ -98,6 +98,31 @@ struct fsn_bus_subdevice {
     char detail[FSN_DETAIL_BYTES]; /**< what differs, for people; may be empty */
 };
 
+/** Whether a ring, a bus between two interfaces of the MainDevice, is closed: name, value, text. */
+#define FSN_RING_TABLE(X)                                                                          \
+    X(UNKNOWN, 0, "unknown")                                                                       \
+    X(CLOSED, 1, "closed")                                                                         \
+    X(OPEN, 2, "open")                                                                             \
+    X(ONE_WAY, 3, "one way")
+
+enum fsn_ring {
+#define FSN_RING_ENUM(name, value, text) FSN_RING_##name = (value),
+    FSN_RING_TABLE(FSN_RING_ENUM)
+#undef FSN_RING_ENUM
+};
+
+/** Returns "closed" and the like for an enum fsn_ring. Context: any thread. */
+FSN_API const char *fsn_ring_text(uint8_t ring);
+
+/** A ring as of the last poll(). */
+struct fsn_bus_ring {
+    uint8_t state;   /**< enum fsn_ring; UNKNOWN before the first cycles */
+    uint8_t ways[2]; /**< 1: frames that enter at the first (second) interface leave at the other */
+    uint32_t breaks; /**< times it was found open, or one way, since the bus opened */
+    /** Where it is open, for people: the first gaps; empty while it is closed. */
+    char place[FSN_DETAIL_BYTES];
+};
+
 struct fsn_bus_acyclic;
 
 /** A backend. `bus` is its own context.
@@ -125,6 +150,9 @@ struct fsn_bus_ops {
     bool (*poll)(void *bus, uint8_t al_state, uint64_t now_ns);
     /** What is known about a SubDevice of the plan; any thread but the cyclic one. With poll(). */
     fsn_status (*state)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);
+    /** Whether the ring is closed; any thread but the cyclic one. Returns false without a second
+     *  interface. With poll(); NULL: never a ring. */
+    bool (*ring)(void *bus, struct fsn_bus_ring *ring);
     /** Objects, SII and registers beside the cycle, see fsn/acyclic.h; NULL: none of it. */
     const struct fsn_bus_acyclic *acyclic;
 };

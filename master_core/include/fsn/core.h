@@ -163,6 +163,11 @@ FSN_API bool fsn_core_poll(struct fsn_core *core, uint8_t al_state, uint64_t now
 FSN_API FSN_MUST_USE fsn_status fsn_core_subdevice(struct fsn_core *core, uint32_t subdevice,
                                                    struct fsn_bus_subdevice *seen);
 
+/** Whether the ring is closed, and where it is not.
+ *  @retval FSN_E_STATE  not a ring: a bus with one interface.
+ *  Context: any thread but the cyclic one. */
+FSN_API FSN_MUST_USE fsn_status fsn_core_ring(struct fsn_core *core, struct fsn_bus_ring *ring);
+
 /** Stops the cyclic thread after its current cycle; outputs stay as they are. Idempotent.
  *  Context: set-up. */
 FSN_API void fsn_core_stop(struct fsn_core *core);

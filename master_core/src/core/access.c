@@ -108,6 +108,14 @@ fsn_status fsn_core_subdevice(struct fsn_core *core, uint32_t subdevice,
                                        : core->rt.ops->state(core->rt.bus, subdevice, seen);
 }
 
+fsn_status fsn_core_ring(struct fsn_core *core, struct fsn_bus_ring *ring) {
+    if (core == NULL || ring == NULL) {
+        return FSN_E_ARG;
+    }
+    const struct fsn_bus_ops *ops = core->rt.ops;
+    return ops->ring != NULL && ops->ring(core->rt.bus, ring) ? FSN_OK : FSN_E_STATE;
+}
+
 static bool has_place(const struct fsn_core *core, uint32_t symbol) {
     return symbol < core->plan->count[FSN_SEC_SYMBOL] && core->rt.outputs[symbol].bits > 0;
 }

@@ -76,6 +76,15 @@ const char *fsn_found_text(uint8_t found) {
     return found < sizeof texts / sizeof texts[0] ? texts[found] : "?";
 }
 
+const char *fsn_ring_text(uint8_t ring) {
+    static const char *const texts[] = {
+#define FSN_RING_TEXT(name, value, text) [value] = (text),
+        FSN_RING_TABLE(FSN_RING_TEXT)
+#undef FSN_RING_TEXT
+    };
+    return ring < sizeof texts / sizeof texts[0] ? texts[ring] : "?";
+}
+
 const char *fsn_al_code_text(uint16_t code) {
     static const struct {
         uint16_t code;

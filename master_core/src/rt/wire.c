@@ -25,6 +25,12 @@ static uint64_t clock_ns(clockid_t clock) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
+/** Counts for other threads; nobody else writes it. */
+static void count_one(_Atomic uint32_t *counter) {
+    atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + 1,
+                          memory_order_relaxed);
+}
+
 /* -- sending -------------------------------------------------------------------------------- */
 
 /** Writes port and frame number into every datagram; they distinguish replies. */
@@ -60,6 +66,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
             frame->sent[frame->dc + 3] = (uint8_t)(station >> 8);
         }
     }
+    count_one(&wire->sent);
     wire->sent_ns = clock_ns(wire->wait_ns != 0 ? CLOCK_MONOTONIC : CLOCK_REALTIME);
     /* The second port last: on a closed ring its frames only pass through. */
     for (uint32_t port = 0; port < FSN_WIRE_PORTS && wire->sockets[port] >= 0; port++) {
@@ -88,8 +95,9 @@ static bool same_head(const uint8_t *sent, const uint8_t *reply, uint8_t index) 
 
 enum taken { TAKEN, OLD, FOREIGN };
 
-/** Keeps a packet when it is a reply to a frame of this cycle. */
-static enum taken take(struct fsn_wire *wire, const uint8_t *packet, uint32_t len_bytes) {
+/** Keeps a packet that came in on a port when it is a reply to a frame of this cycle. */
+static enum taken take(struct fsn_wire *wire, uint32_t came_in, const uint8_t *packet,
+                       uint32_t len_bytes) {
     /* mutants: what is shorter than its frame is foreign below; this keeps to what was read */
     if (len_bytes < FSN_WIRE_DATA + 2 || packet[FSN_WIRE_NOP + 1] < FSN_WIRE_FIRST_INDEX) {
         return FOREIGN;
@@ -108,6 +116,7 @@ static enum taken take(struct fsn_wire *wire, const uint8_t *packet, uint32_t le
         !same_head(frame->sent + FSN_WIRE_LRW, packet + FSN_WIRE_LRW, index)) {
         return FOREIGN;
     }
+    count_one(&wire->came[port][came_in]);
     if (fsn_get32(packet + FSN_WIRE_MARK + 4) != wire->cycle || frame->back[port]) {
         return OLD;
     }
@@ -189,13 +198,8 @@ static uint64_t drain(struct fsn_wire *wire, uint32_t port, struct fsn_bus_input
         if (got <= 0) {
             break;
         }
-        const enum taken taken = take(wire, packet, (uint32_t)got);
-        if (taken == TAKEN) {
-            const bool from_second =
-                packet[FSN_WIRE_NOP + 1] >= FSN_WIRE_FIRST_INDEX + FSN_WIRE_FRAMES;
-            atomic_store_explicit(&wire->crossed, from_second != (port == 1), memory_order_relaxed);
-            last_ns = at_ns;
-        }
+        const enum taken taken = take(wire, port, packet, (uint32_t)got);
+        last_ns = taken == TAKEN ? at_ns : last_ns;
         input->old_replies += taken == OLD;
     }
     return last_ns;

@@ -71,7 +71,10 @@ struct fsn_wire {
     uint64_t foreign_reported; /**< of them, in an input */
     uint32_t unsent;           /**< frames of the last send that the system refused */
     int send_errno;            /**< why, the last time */
-    _Atomic uint8_t crossed;   /**< with two ports: 1 while the ring is closed */
+    /** Written by this thread only, read by who watches the two ways of a ring: cycles sent, and
+     *  frames that came back, late ones as well, by the port where they were sent and the one where
+     *  they came in. */
+    _Atomic uint32_t sent, came[FSN_WIRE_PORTS][FSN_WIRE_PORTS];
 };
 
 /** Takes the replies to the last frames, drops older ones, and moves inputs into the image. */

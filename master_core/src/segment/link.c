@@ -125,15 +125,15 @@ static bool has_carrier(int socket_fd, const char *interface) {
            ((unsigned short)request.ifr_flags & IFF_RUNNING) != 0;
 }
 
-/** A ring is closed while both ends of it are plugged in. */
+/** Each end of a ring is plugged in or not; the other one serves on. */
 static void poll_carriers(struct fsn_segment *s, uint64_t *due_ns) {
     const uint64_t now = clock_ns();
     if (s->sockets[1] < 0 || now < *due_ns) {
         return;
     }
     *due_ns = now + CARRIER_NS;
-    fsn_segment_set_ring(s, has_carrier(s->sockets[0], s->interfaces[0]) &&
-                                has_carrier(s->sockets[1], s->interfaces[1]));
+    segment_plug(s, has_carrier(s->sockets[0], s->interfaces[0]),
+                 has_carrier(s->sockets[1], s->interfaces[1]));
 }
 
 static void *serve(void *context) {

@@ -47,6 +47,7 @@ struct fsn_segment {
     bool *cut;        /**< cable in front of a place; one more behind the last */
     uint32_t count;
     bool ring;            /**< the last SubDevice is cabled to the second port of the MainDevice */
+    bool unplugged[2];    /**< per port of the MainDevice: its interface has no carrier */
     uint32_t from_first;  /**< places a frame at the first port reaches */
     uint32_t from_last;   /**< places, counted from the end, a frame at the second port reaches */
     bool closed;          /**< the ring has no gap */
@@ -74,6 +75,9 @@ bool segment_describe(struct fsn_segment *segment, uint32_t subdevice, uint32_t 
 /** Lets a frame pass now; the lock is held (frames.c). */
 size_t segment_pass(struct fsn_segment *segment, uint32_t port, uint8_t *frame, size_t len_bytes,
                     uint64_t now_ns, uint32_t *out_port);
+
+/** Per port of the MainDevice: whether its interface has a carrier (topology.c). */
+void segment_plug(struct fsn_segment *segment, bool first, bool second);
 
 /** After any change of cables or power: who is reached, DL status, lost links (topology.c). */
 void segment_rewire(struct fsn_segment *segment);

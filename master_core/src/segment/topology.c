@@ -18,10 +18,13 @@ static bool is_powered(const struct fsn_segment *s, uint32_t place) {
 /** Whether the cable in front of a place carries a link; the one behind the last place ends at the
  *  second port of the MainDevice. */
 static bool is_up(const struct fsn_segment *s, uint32_t cable) {
-    if (s->cut[cable] || (cable == s->count && !s->ring)) {
+    const bool is_first = cable == 0;
+    const bool is_last = cable == s->count;
+    if (s->cut[cable] || (is_first && s->unplugged[0]) ||
+        (is_last && (s->unplugged[1] || !s->ring))) {
         return false;
     }
-    return (cable == 0 || is_powered(s, cable - 1)) && (cable == s->count || is_powered(s, cable));
+    return (is_first || is_powered(s, cable - 1)) && (is_last || is_powered(s, cable));
 }
 
 /** DL status: link, open loop and signal of ports 0 and 1; 2 and 3 are closed. */
@@ -137,6 +140,16 @@ void fsn_segment_set_ring(struct fsn_segment *s, bool ring) {
     pthread_mutex_lock(&s->lock);
     s->ring = ring;
     segment_rewire(s);
+    pthread_mutex_unlock(&s->lock);
+}
+
+void segment_plug(struct fsn_segment *s, bool first, bool second) {
+    pthread_mutex_lock(&s->lock);
+    if (s->unplugged[0] == first || s->unplugged[1] == second) {
+        s->unplugged[0] = !first;
+        s->unplugged[1] = !second;
+        segment_rewire(s);
+    }
     pthread_mutex_unlock(&s->lock);
 }
 

@@ -14,7 +14,6 @@ enum {
     LINK_BYTES = 20,       /**< 0x0300 … 0x0313 */
     REG_LINK_LOST = 0x10,  /**< from 0x0300 on */
     STATE_BITS = 0x0F,
-    AT_ONCE = 32, /**< AL states read with one frame */
 };
 
 /** For a state that was requested: most take milliseconds, some drives 3 s. */
@@ -38,12 +37,13 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
         before = bus->slaves[before].parent;
     }
     if (before == 0) {
+        char linked[SOEM_LINKS_BYTES];
         soem_note(bus, node, FSN_FOUND_NOTHING,
-                  fsn_port_has_link(bus->interface)
-                      ? "%s has a link, but no SubDevice behind it answers: power of the "
-                        "SubDevices, or frames are late"
-                      : "%s has no link",
-                  bus->interface);
+                  soem_links(bus, linked)
+                      ? "%s, but no SubDevice behind it answers: power of the SubDevices, or "
+                        "frames are late"
+                      : "%s",
+                  linked);
         return;
     }
     const int named = bus->places[before].node;
@@ -113,27 +113,26 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
     }
 }
 
-/** Reads the AL status of some SubDevices with one frame; who does not answer has status 0. A
- *  frame that does not come back at all leaves everybody as silent. */
-static void read_states(struct fsn_soem *bus, uint16_t first, uint16_t count,
-                        ec_alstatust states[AT_ONCE]) {
+void soem_read_each(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16_t address,
+                    uint16_t size_bytes, void *values) {
     ecx_portt *port = bus->context.port;
-    uint16 places[AT_ONCE] = {EC_HEADERSIZE};
-    memset(states, 0, AT_ONCE * sizeof *states);
+    uint16 places[SOEM_AT_ONCE] = {EC_HEADERSIZE};
+    uint8 *value = values;
+    memset(values, 0, (size_t)count * size_bytes);
     soem_drain(bus);
     const uint8 index = ecx_getindex(port);
     ecx_setupdatagram(port, &port->txbuf[index], EC_CMD_FPRD, index, bus->slaves[first].configadr,
-                      ECT_REG_ALSTAT, sizeof *states, states);
+                      address, size_bytes, value);
     for (uint16_t i = 1; i < count; i++) {
         places[i] = ecx_adddatagram(port, &port->txbuf[index], EC_CMD_FPRD, index, i + 1 < count,
-                                    bus->slaves[first + i].configadr, ECT_REG_ALSTAT,
-                                    sizeof *states, states + i);
+                                    bus->slaves[first + i].configadr, address, size_bytes,
+                                    value + (size_t)i * size_bytes);
     }
     if (ecx_srconfirm(port, index, EC_TIMEOUTRET3) >= 0) {
         for (uint16_t i = 0; i < count; i++) {
             const uint8 *data = port->rxbuf[index] + places[i];
-            if (data[sizeof *states] == 1) { /* its working counter */
-                memcpy(states + i, data, sizeof *states);
+            if (data[size_bytes] == 1) { /* its working counter */
+                memcpy(value + (size_t)i * size_bytes, data, size_bytes);
             }
         }
     }
@@ -142,11 +141,11 @@ static void read_states(struct fsn_soem *bus, uint16_t first, uint16_t count,
 
 static void poll_states(struct fsn_soem *bus) {
     const uint16_t all = (uint16_t)bus->slave_count;
-    for (uint16_t first = 1; first <= all; first = (uint16_t)(first + AT_ONCE)) {
-        ec_alstatust states[AT_ONCE];
+    for (uint16_t first = 1; first <= all; first = (uint16_t)(first + SOEM_AT_ONCE)) {
+        ec_alstatust states[SOEM_AT_ONCE];
         const int left = all - first + 1;
-        const uint16_t count = (uint16_t)(left < AT_ONCE ? left : AT_ONCE);
-        read_states(bus, first, count, states);
+        const uint16_t count = (uint16_t)(left < SOEM_AT_ONCE ? left : SOEM_AT_ONCE);
+        soem_read_each(bus, first, count, ECT_REG_ALSTAT, sizeof *states, states);
         for (uint16_t i = 0; i < count; i++) {
             see(bus, (uint16_t)(first + i), etohs(states[i].alstatus),
                 etohs(states[i].alstatuscode));
@@ -157,18 +156,12 @@ static void poll_states(struct fsn_soem *bus) {
 /** In a ring a lost link disturbs nobody, and the next one would: it is reported at the SubDevices
  * on both sides of the gap. */
 static void note_gap(struct fsn_soem *bus, struct node *node) {
-    const bool open = bus->redundant[0] != '\0' && atomic_load(&bus->frames.wire.crossed) == 0;
-    bus->ring_was_closed = bus->ring_was_closed || !open;
+    const bool open = bus->ring.ring.state > FSN_RING_CLOSED;
     if (node->known.seen.found != FSN_FOUND_RIGHT) {
         return;
     }
-    if (!bus->ring_was_closed && node->slave == bus->slave_count) {
-        soem_note(bus, node, FSN_FOUND_RIGHT,
-                  "the ring has been open since the start: is %s wired?", bus->redundant);
-        return;
-    }
     for (unsigned port = 0; open && port < FSN_PORTS; port++) {
-        if ((bus->slaves[node->slave].activeports & (1u << port)) != 0 &&
+        if ((bus->places[node->slave].had & (1u << port)) != 0 &&
             node->known.seen.link[port] == 0) {
             soem_note(bus, node, FSN_FOUND_RIGHT, "the ring is open at its port %u", port);
             return;
@@ -342,6 +335,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         soem_search(bus);
         bus->search_ns = now_ns + SEARCH_NS;
     }
+    soem_watch_ring(bus, now_ns);
     if (now_ns >= bus->links_ns) {
         poll_links(bus);
         bus->links_ns = now_ns + LINKS_NS;

@@ -78,15 +78,16 @@ static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint
 
 static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
     const int error = fsn_port_try(bus->interface);
+    char linked[SOEM_LINKS_BYTES];
+    const bool any = soem_links(bus, linked);
     fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
     if (fault != NULL && error != 0 && fsn_port_has_link(bus->interface)) {
         snprintf(fault->detail, sizeof fault->detail, "frames cannot be sent on %s: %s",
                  bus->interface, strerror(error));
     } else if (fault != NULL) {
-        snprintf(fault->detail, sizeof fault->detail, "%s %s", bus->interface,
-                 fsn_port_has_link(bus->interface)
-                     ? "has a link, but no EtherCAT SubDevice behind it answers"
-                     : "has no link: cable, power of the SubDevices, `ip link set ... up`");
+        snprintf(fault->detail, sizeof fault->detail, "%s%s", linked,
+                 any ? ", but no EtherCAT SubDevice behind it answers"
+                     : ": cable, power of the SubDevices, `ip link set ... up`");
     }
     return FSN_E_BUS_SILENT;
 }
@@ -139,7 +140,7 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
         return nobody(bus, fault);
     }
     for (int s = 0; s <= bus->slave_count; s++) {
-        bus->places[s] = (struct place){.node = SOEM_NO_NODE};
+        bus->places[s] = (struct place){.node = SOEM_NO_NODE, .had = bus->slaves[s].activeports};
     }
     const fsn_status status = match(bus, fault);
     if (status != FSN_OK) {

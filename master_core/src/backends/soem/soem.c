@@ -229,6 +229,8 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
     struct timespec now;
     clock_gettime(CLOCK_REALTIME, &now);
     wire->run = (uint32_t)now.tv_nsec ^ ((uint32_t)now.tv_sec << 16) ^ (uint32_t)getpid();
+    bus->ring = (struct fsn_ring_watch){0};
+    bus->links_kept = false;
     wire->wait_ns = bus->wait_ns;
     wire->dc_every = bus->dc_every;
     memcpy(wire->sockets, bus->sockets, sizeof wire->sockets);
@@ -296,6 +298,7 @@ const struct fsn_backend *fsn_backend_soem(void) {
         .close = soem_close,
         .poll = soem_poll,
         .state = soem_state,
+        .ring = soem_ring,
         .acyclic = &soem_acyclic,
     };
     static const struct fsn_backend backend = {

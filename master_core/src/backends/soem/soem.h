@@ -6,6 +6,7 @@
 #include "live/check.h"
 #include "live/frames.h"
 #include "live/node.h"
+#include "live/ring.h"
 
 #include <ethercat.h>
 
@@ -29,6 +30,7 @@ struct place {
     uint16_t al_status; /**< as read last; 0: does not answer */
     uint16_t al_code;
     uint8_t quiet; /**< polls in a row without an answer */
+    uint8_t had;   /**< ports with a link, bit by bit, when the ring was closed last */
 };
 
 struct fsn_soem {
@@ -68,8 +70,10 @@ struct fsn_soem {
     uint64_t states_ns, links_ns, search_ns; /**< when these are due again */
     uint8_t goal;                            /**< AL state of the last poll() */
     bool all_there;                          /**< what it returned */
-    bool ring_was_closed;                    /**< at least once; only with a second interface */
-    uint16_t next_link;                      /**< whose counters are read next */
+    struct fsn_ring_watch ring; /**< with a second interface; its part `ring` under the lock */
+    uint64_t ring_ns;           /**< when it is judged again */
+    bool links_kept;            /**< `had` of the places, since it was closed last */
+    uint16_t next_link;         /**< whose counters are read next */
 };
 
 /** Notes what was found about a node; printf-like. */
@@ -101,6 +105,22 @@ uint16_t soem_sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number);
 
 /* Supervision (al_states.c). */
 bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns);
+
+enum { SOEM_AT_ONCE = 32 }; /**< registers read with one frame */
+/** Reads a register of some SubDevices, at most SOEM_AT_ONCE, with one frame.
+ *  @param[out] values  one behind the other; zeros where nobody answers. */
+void soem_read_each(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16_t address,
+                    uint16_t size_bytes, void *values);
+
+/* The ring (ring.c). */
+
+/** Judges both ways and finds the gaps, when it is time. */
+void soem_watch_ring(struct fsn_soem *bus, uint64_t now_ns);
+/** ring() of fsn_bus_ops. */
+bool soem_ring(void *context, struct fsn_bus_ring *ring);
+enum { SOEM_LINKS_BYTES = 2 * SOEM_NAME_BYTES + 32 };
+/** Puts into words which interface has a link; false: none. */
+bool soem_links(const struct fsn_soem *bus, char text[SOEM_LINKS_BYTES]);
 
 /* Objects, SII and registers (acyclic.c). */
 extern const struct fsn_bus_acyclic soem_acyclic;

@@ -7,6 +7,7 @@
 
 #include "control/base/names.h"
 #include "control/reports/parameters.h"
+#include "control/reports/reports.h"
 #include "plan/plan_internal.h"
 
 enum {
@@ -199,12 +200,33 @@ static bool whole_bus(struct fsn_changes *changes, uint32_t count, uint32_t lost
     return true;
 }
 
+static void poll_ring(struct fsn_changes *changes, uint64_t now_ns) {
+    struct fsn_bus_ring ring;
+    if (fsn_core_ring(changes->view->core, &ring) != FSN_OK ||
+        (ring.state == changes->ring.state && strcmp(ring.place, changes->ring.place) == 0)) {
+        return;
+    }
+    const bool first = changes->ring.state == FSN_RING_UNKNOWN;
+    struct fsn_json *json = fsn_event_begin(changes->events, "ring", now_ns);
+    fsn_report_ring_keys(&ring, json);
+    if (ring.state == FSN_RING_CLOSED) {
+        fsn_event_send(changes->events, FSN_LOG_INFO, "the ring is closed%s",
+                       first ? "" : " again");
+    } else {
+        fsn_event_send(changes->events, FSN_LOG_WARNING, "the ring %s%s: %.159s",
+                       first ? "has been open since the start" : "is open",
+                       ring.state == FSN_RING_ONE_WAY ? " in one direction" : "", ring.place);
+    }
+    changes->ring = ring;
+}
+
 static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *incidents,
                             uint64_t now_ns) {
     if (now_ns - changes->polled_ns < POLL_MS * UINT64_C(1000000)) {
         return;
     }
     changes->polled_ns = now_ns;
+    poll_ring(changes, now_ns); /* before the SubDevices beside the gap */
     const uint32_t count = fsn_plan_subdevice_count(changes->view->plan);
     uint32_t lost = 0;
     uint32_t back = 0;

@@ -17,7 +17,8 @@ struct fsn_changes {
     uint64_t foreign_frames;                                                /**< last reported */
     uint64_t foreign_reported_ns;
     uint64_t wkc_reported_ns, polled_ns;
-    uint64_t cycle; /**< the last one that was polled */
+    struct fsn_bus_ring ring; /**< as reported last */
+    uint64_t cycle;           /**< the last one that was polled */
 };
 
 /** @return false  out of memory. */

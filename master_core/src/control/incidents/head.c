@@ -79,6 +79,7 @@ void fsn_incident_head(struct fsn_incidents *in, struct fsn_json *json) {
     fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
     put_trigger(json, &in->pending);
     fsn_report_last_cycle(view, json);
+    fsn_report_ring(view, json);
     fsn_json_key(json, "layout");
     if (view->core == NULL) {
         fsn_json_null(json);

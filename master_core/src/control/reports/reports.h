@@ -8,6 +8,9 @@
 /** State of program and bus, short. `clients`: how many are connected. */
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json);
 void fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_json *json);
+/** The ring, or null where the bus is no ring or is stopped; its keys alone. */
+void fsn_report_ring(struct fsn_bus_view *view, struct fsn_json *json);
+void fsn_report_ring_keys(const struct fsn_bus_ring *ring, struct fsn_json *json);
 void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json);
 
 /** Fingerprint of the loaded plan, with the version of the engine and the cycle that is used. */

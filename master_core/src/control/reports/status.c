@@ -43,6 +43,24 @@ static void short_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_close(json, '}');
 }
 
+void fsn_report_ring_keys(const struct fsn_bus_ring *ring, struct fsn_json *json) {
+    fsn_json_put_text(json, "state", fsn_ring_text(ring->state));
+    fsn_json_put_bytes(json, "ways", ring->ways, sizeof ring->ways);
+    fsn_json_put_u64(json, "breaks", ring->breaks);
+    fsn_json_put_text(json, "place", ring->place);
+}
+
+void fsn_report_ring(struct fsn_bus_view *view, struct fsn_json *json) {
+    struct fsn_bus_ring ring;
+    if (view->core == NULL || fsn_core_ring(view->core, &ring) != FSN_OK) {
+        fsn_json_put_text_or_null(json, "ring", NULL);
+        return;
+    }
+    fsn_json_put_open(json, "ring", '{');
+    fsn_report_ring_keys(&ring, json);
+    fsn_json_close(json, '}');
+}
+
 /** How many connections have shown their parameters, and how many others than the plan has. */
 static void put_parameters(struct fsn_bus_view *view, struct fsn_json *json, bool taken) {
     uint32_t observed = 0;
@@ -129,6 +147,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     fsn_json_put_known(json, "cpu", status.cpu > 0, (uint64_t)status.cpu - 1);
     put_cycle(view, json);
     short_subdevices(view, json);
+    fsn_report_ring(view, json);
     fsn_json_put_u64(json, "clients", clients);
 }
 
