@@ -15,6 +15,7 @@
 #include "control/base/words.h"
 #include "entries.h"
 #include "explain.h"
+#include "former.h"
 #include "log.h"
 #include "master.h"
 #include "notify.h"
@@ -163,8 +164,14 @@ static int block_signals(void) {
     return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
 }
 
+/** The command line. */
+struct words {
+    int count;
+    char **word;
+};
+
 /** Opens the intervention log.   @return -1, else the exit code; then it has said why. */
-static int keep_log(const struct options *o, int argc, char **argv) {
+static int keep_log(const struct options *o, const struct words *words) {
     struct interventions *log = NULL;
     struct fsn_refusal refusal;
     if (o->interventions == NULL) {
@@ -177,11 +184,28 @@ static int keep_log(const struct options *o, int argc, char **argv) {
         return refusal.status == FSN_E_STATE ? EXIT_REFUSED : EXIT_ENVIRONMENT;
     }
     log_keep(log);
-    entry_start(argc, argv);
+    entry_start(words->count, words->word);
     return -1;
 }
 
-static int run(struct options *options) {
+/** What a log that is opened late lacks. */
+struct late {
+    const struct options *options;
+    const struct fsn_plan *plan;
+    const struct words *words;
+};
+
+/** The log of the former may be the same: it is ours when that one has ended. */
+static int keep_log_late(void *self) {
+    const struct late *late = self;
+    const int code = keep_log(late->options, late->words);
+    if (code == -1) {
+        entry_plan(late->plan, late->options);
+    }
+    return code;
+}
+
+static int run(struct options *options, const struct words *words) {
     const struct fsn_backend *backend = backend_find(options->bus);
     if (backend == NULL) {
         log_line(FSN_LOG_ERROR,
@@ -194,16 +218,22 @@ static int run(struct options *options) {
         return scan_run(options, backend);
     }
     struct fsn_plan *plan = NULL;
+    struct former former;
     int code = load(options, &plan);
     if (code == -1) {
         code = check_plan(plan, options);
     }
+    if (code == -1 && options->take_over) {
+        code = former_find(&former, options, plan, backend);
+    }
     if (code == -1) {
         char path[512];
+        struct late late = {.options = options, .plan = plan, .words = words};
         socket_path(options, path, sizeof path);
         notify_begin();
         const int signal_fd = block_signals();
-        code = master_run(options, plan, backend, path, signal_fd);
+        code = master_run(options, plan, backend, path, signal_fd,
+                          options->take_over ? &former : NULL, keep_log_late, &late);
         close(signal_fd);
     }
     fsn_plan_free(plan);
@@ -219,6 +249,7 @@ int main(int argc, char **argv) {
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN); /* what gets too long is cut off, and said to be */
     log_as_json(options.log_json);
-    code = keep_log(&options, argc, argv);
-    return code != -1 ? code : log_end(run(&options));
+    const struct words words = {argc, argv};
+    code = options.take_over ? -1 : keep_log(&options, &words);
+    return code != -1 ? code : log_end(run(&options, &words));
 }

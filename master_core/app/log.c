@@ -228,7 +228,9 @@ void log_event(enum fsn_log_level level, const char *text, const char *json, siz
 }
 
 void log_keep(struct interventions *log) {
+    pthread_mutex_lock(&kept.lock);
     kept.log = log;
+    pthread_mutex_unlock(&kept.lock);
 }
 
 bool log_kept(struct fsn_interventions *state) {

@@ -13,7 +13,7 @@
 void log_as_json(bool json);
 
 /** From now on warnings, errors and what belongs there go into an intervention log too; it is this
- *  one's to end. Context: before another thread logs. */
+ *  one's to end. Context: the thread that ends it. */
 void log_keep(struct interventions *log);
 
 /** How the intervention log is.   @return false  there is none. Context: the thread that ends it.

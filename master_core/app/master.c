@@ -6,12 +6,16 @@
 #include <stdio.h>
 #include <string.h>
 #include <sys/signalfd.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "control/base/clock.h"
 #include "control/base/peer.h"
+#include "door.h"
 #include "explain.h"
+#include "former.h"
 #include "log.h"
 #include "notify.h"
 #include "runner.h"
@@ -46,6 +50,13 @@ struct master {
     bool logs;                              /**< there is an intervention log */
     bool log_fails;                         /**< reported: it is not written */
     struct fsn_interventions interventions; /**< how it was in this turn */
+    struct door door;                       /**< for the process that goes on with the bus */
+    bool turns;                             /**< the runner begins or ends a rest */
+    const char *socket_path;
+    struct former *former; /**< whose bus is taken over; NULL: none, or it is ours */
+    bool listener_waits;   /**< its control socket will be ours as well */
+    int (*taken)(void *self);
+    void *self;
 };
 
 static const char *const policy_name[] = {"fifo", "deadline", "other"};
@@ -141,8 +152,12 @@ static void host_log(void *self, enum fsn_log_level level, const char *text, con
 /** Takes the next step towards what is wanted, when nothing is under way. */
 static void advance(struct master *m) {
     const bool leave = !m->wanted || m->again;
+    if (m->turns) {
+        return;
+    }
     if (m->state == RUNNING && leave) {
         m->again = false;
+        door_close(&m->door);
         fsn_control_close_outputs(m->control);
         set_state(m, LEAVING, FSN_LOG_INFO, "stops: SubDevices leave OP, copying goes on");
         runner_ask(m->runner, RUNNER_LEAVE);
@@ -166,7 +181,12 @@ static void failed(struct master *m, const struct runner_result *result) {
     explain_fault(&result->fault, m->plan, m->fault, sizeof m->fault);
     const bool given_up = !m->wanted;
     m->wanted = false;
-    snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
+    if (m->former != NULL && !m->former->ended) {
+        snprintf(text, sizeof text, "the take-over is refused, and process %d goes on: %s",
+                 (int)m->former->pid, m->fault);
+    } else {
+        snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
+    }
     set_state(m, FAILED, FSN_LOG_ERROR, text);
     if (!given_up) {
         fsn_control_bus_failed(m->control, text, result->found);
@@ -194,6 +214,29 @@ static void warn_of_throttling(void) {
     }
 }
 
+/** The former has ended, and this process has what was its own. */
+static void took_over(struct master *m, const struct runner_result *result) {
+    struct former *former = m->former;
+    struct fsn_refusal refusal;
+    m->former = NULL;
+    if (m->listener_waits) {
+        m->listener_waits = false;
+        if (fsn_control_adopt(m->control, former->listener, m->socket_path, &refusal) != FSN_OK) {
+            log_line(FSN_LOG_ERROR, "no control socket: %s", refusal.text);
+        }
+        former->listener = -1;
+    }
+    if (m->taken(m->self) != -1) {
+        log_line(FSN_LOG_ERROR, "goes on without it: the bus is not given up for that");
+    }
+    log_line(FSN_LOG_WARNING,
+             "took the bus over from process %d: %.3f ms and %llu cycles from its last frame to "
+             "the first of this one",
+             (int)former->pid, (double)result->gap_ns / 1e6,
+             (unsigned long long)result->gap_cycles);
+    former_release(former);
+}
+
 static void opened(struct master *m, const struct runner_result *result) {
     char cycle[32];
     char text[256];
@@ -201,6 +244,10 @@ static void opened(struct master *m, const struct runner_result *result) {
         failed(m, result);
         return;
     }
+    if (m->former != NULL) {
+        took_over(m, result);
+    }
+    door_open(&m->door, result->attachment.lock);
     m->opened_once = true;
     m->core = result->core;
     m->policy = result->policy;
@@ -222,6 +269,58 @@ static void opened(struct master *m, const struct runner_result *result) {
     }
 }
 
+static void ask_rest(struct master *m, enum runner_job job) {
+    m->turns = true;
+    runner_ask(m->runner, job);
+}
+
+static void rested(struct master *m, const struct runner_result *result) {
+    const struct door_gift gift = {.attachment = result->attachment,
+                                   .listener = fsn_control_listener(m->control),
+                                   .room = result->room,
+                                   .room_bytes = result->room_bytes};
+    m->turns = false;
+    if (result->done == RUNNER_REST && door_give(&m->door, &gift) == DOOR_GO_ON) {
+        ask_rest(m, RUNNER_GO_ON);
+    }
+}
+
+/** The bus is the successor's. All that may take time is done before the last cycle: what is
+ *  requested of a client or a disk must not become a gap on the bus. */
+static void hand_over(struct master *m) {
+    m->ending = true;
+    fsn_control_state_changed(m->control, FSN_LOG_WARNING,
+                              "hands the bus over to another process: every SubDevice stays in OP");
+    fsn_control_flush(m->control, 100);
+    notify("STOPPING=1");
+    const bool differs = m->options->require_observed && fsn_control_differed(m->control);
+    const int code = log_end(differs ? EXIT_DIFFERS : EXIT_FINE);
+    fsn_core_stop(m->core);
+    door_say_end(&m->door);
+    _exit(code); /* the socket's file and the states of the bus stay as they are */
+}
+
+static void serve_door(struct master *m, const struct pollfd *fds) {
+    const bool in_op = m->state == RUNNING && m->wanted && !m->again && runner_in_op(m->runner);
+    const struct door_facts facts = {.options = m->options, .plan = m->plan, .in_op = in_op};
+    if (m->turns) {
+        return;
+    }
+    switch (door_serve(&m->door, fds, &facts)) {
+    case DOOR_REST:
+        ask_rest(m, RUNNER_REST);
+        return;
+    case DOOR_GO_ON:
+        ask_rest(m, RUNNER_GO_ON);
+        return;
+    case DOOR_END:
+        hand_over(m);
+        return;
+    default:
+        return;
+    }
+}
+
 static void take_result(struct master *m) {
     struct runner_result result;
     runner_take(m->runner, &result);
@@ -229,7 +328,9 @@ static void take_result(struct master *m) {
          job = runner_take_job(m->runner)) {
         fsn_control_job_done(m->control, job);
     }
-    if (result.done == RUNNER_OPEN) {
+    if (result.done == RUNNER_REST || result.done == RUNNER_GO_ON) {
+        rested(m, &result);
+    } else if (result.done == RUNNER_OPEN) {
         opened(m, &result);
     } else if (result.done == RUNNER_LEAVE) {
         fsn_control_attach(m->control, NULL);
@@ -313,7 +414,7 @@ static void watch_log(struct master *m) {
 }
 
 static void turn(struct master *m) {
-    enum { SIGNALS = FSN_CONTROL_FDS, RUNNER, ALL };
+    enum { SIGNALS = FSN_CONTROL_FDS, RUNNER, DOOR, ALL = DOOR + DOOR_FDS };
     struct pollfd fds[ALL];
     uint64_t wait_ns;
     fsn_control_prepare(m->control, fds, &wait_ns);
@@ -321,6 +422,10 @@ static void turn(struct master *m) {
                                   .tv_nsec = (long)(wait_ns % 1000000000u)};
     fds[SIGNALS] = (struct pollfd){.fd = m->signal_fd, .events = POLLIN};
     fds[RUNNER] = (struct pollfd){.fd = runner_fd(m->runner), .events = POLLIN};
+    door_prepare(&m->door, &fds[DOOR]);
+    for (int i = 0; i < DOOR_FDS && m->turns; i++) {
+        fds[DOOR + i].fd = -1; /* it waits */
+    }
     if (ppoll(fds, ALL, &wait, NULL) < 0) {
         return; /* interrupted */
     }
@@ -330,10 +435,18 @@ static void turn(struct master *m) {
     if (fds[RUNNER].revents != 0) {
         take_result(m);
     }
+    serve_door(m, &fds[DOOR]);
     fsn_control_serve(m->control, fds, FSN_CONTROL_FDS);
     watch_time(m, fsn_now_ns());
     watch_log(m);
     advance(m);
+}
+
+static bool is_socket_at(int listener, const char *path) {
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    socklen_t size = sizeof address;
+    return getsockname(listener, (struct sockaddr *)&address, &size) == 0 &&
+           strncmp(address.sun_path, path, sizeof address.sun_path) == 0;
 }
 
 static int listen_on(struct master *m, const char *path) {
@@ -362,13 +475,18 @@ static int keep_incidents(struct master *m) {
 }
 
 int master_run(const struct options *options, const struct fsn_plan *plan,
-               const struct fsn_backend *backend, const char *socket_path, int signal_fd) {
+               const struct fsn_backend *backend, const char *socket_path, int signal_fd,
+               struct former *former, int (*taken)(void *self), void *self) {
     struct master m = {.options = options,
                        .plan = plan,
                        .backend = backend,
                        .signal_fd = signal_fd,
                        .started_ns = fsn_now_ns(),
                        .wanted = true,
+                       .socket_path = socket_path,
+                       .former = former,
+                       .taken = taken,
+                       .self = self,
                        .policy = options->policy};
     const struct fsn_control_host host = {.self = &m,
                                           .status = host_status,
@@ -380,12 +498,16 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
         log_line(FSN_LOG_ERROR, "out of memory");
         return EXIT_ENVIRONMENT;
     }
+    door_init(&m.door);
     watch_log(&m);
     m.code = keep_incidents(&m);
-    m.code = m.code == -1 ? listen_on(&m, socket_path) : m.code;
+    m.listener_waits = former != NULL && is_socket_at(former->listener, socket_path);
+    if (m.code == -1 && !m.listener_waits) {
+        m.code = listen_on(&m, socket_path);
+    }
     if (m.code == -1) {
         m.code = EXIT_FINE;
-        m.runner = runner_create(options, plan, backend);
+        m.runner = runner_create(options, plan, backend, former);
         if (m.runner == NULL) {
             log_line(FSN_LOG_ERROR, "the thread for the bus cannot be started: %s",
                      strerror(errno));
@@ -403,6 +525,9 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
     }
     fsn_control_flush(m.control, 200);
     runner_free(m.runner);
+    if (m.former != NULL) {
+        former_release(m.former);
+    }
     fsn_control_free(m.control);
     return m.code;
 }

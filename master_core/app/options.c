@@ -39,6 +39,8 @@ static const char usage_text[] =
     "  --revoked FILE     keys that no longer count\n"
     "  --require-observed other connection parameters on the bus than in the plan: an alarm, and\n"
     "                     exit code 4 at the end; no frame is altered or held back\n"
+    "  --take-over        takes the running bus over from another fsn-master with the same plan:\n"
+    "                     no SubDevice leaves OP, and the other one ends\n"
     "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
     "                     $XDG_RUNTIME_DIR or /run\n"
     "  --allow-user NAME[:ROLE]   may use the socket, beside root and the user this runs as, who\n"
@@ -179,6 +181,7 @@ enum option_id {
     SIGNERS,
     REVOKED,
     REQUIRE_OBSERVED,
+    TAKE_OVER,
     SOCKET,
     ALLOW_USER,
     ALLOW_GROUP,
@@ -279,6 +282,9 @@ static bool take_plain(int id, const char *text, struct options *o) {
     case REQUIRE_OBSERVED:
         o->require_observed = true;
         return true;
+    case TAKE_OVER:
+        o->take_over = true;
+        return true;
     case SCAN:
         o->scan = true;
         return true;
@@ -368,6 +374,9 @@ static int check_together(const struct options *o) {
     if (o->plan_file != NULL && o->scan) {
         return wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
     }
+    if (o->take_over && o->scan) {
+        return wrong("--take-over", NULL, "goes with a plan, not with --scan");
+    }
     int code = check_bus(o);
     if (code == -1) {
         code = check_signed(o);
@@ -397,6 +406,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"signers", required_argument, NULL, SIGNERS},
         {"revoked", required_argument, NULL, REVOKED},
         {"require-observed", no_argument, NULL, REQUIRE_OBSERVED},
+        {"take-over", no_argument, NULL, TAKE_OVER},
         {"socket", required_argument, NULL, SOCKET},
         {"allow-user", required_argument, NULL, ALLOW_USER},
         {"allow-group", required_argument, NULL, ALLOW_GROUP},

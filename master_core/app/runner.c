@@ -9,11 +9,14 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <sys/mman.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "control/base/clock.h"
+#include "former.h"
 #include "log.h"
+#include "plan/plan_internal.h"
 #include "schedule.h"
 
 enum {
@@ -45,6 +48,11 @@ struct runner {
     /* The thread's own. */
     void *bus;
     struct fsn_core *core;
+    struct former *former; /**< whose bus is taken over; NULL: none, or none any more */
+    bool rests;            /**< nothing but the cycle touches the bus */
+    void *room;            /**< where the core shows its cycles; NULL: to nobody */
+    size_t room_bytes;
+    int room_fd;
     struct fsn_bus_subdevice *found; /**< of the last bus that did not open */
     bool has_found;
 };
@@ -119,6 +127,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
         .cycle_ns = cycle_ns,
         .receive_wait_ns = o->free_run ? 2 * cycle_ns : 0,
         .dc_every = o->dc_every,
+        .attach = runner->former != NULL ? &runner->former->attachment : NULL,
     };
     fsn_status status = runner->backend->create(&live, &runner->bus, fault);
     if (status == FSN_OK) {
@@ -160,26 +169,32 @@ static uint64_t cycle_of(const struct runner *runner) {
     return given != 0 ? given : fsn_plan_cycle_ns(runner->plan);
 }
 
+static uint64_t cycles_of(struct runner *runner) {
+    struct fsn_statistics statistics = {0};
+    const fsn_status status = fsn_core_snapshot(runner->core, &statistics, NULL, NULL);
+    return status == FSN_OK ? statistics.cycles : 0;
+}
+
 /** From its first cycle on an output holds its stop value until a client writes it. The control
  *  thread, the one writer of outputs later, does not know this core yet. */
 static void set_stop_values(struct runner *runner) {
     struct fsn_symbol_info symbol;
     for (uint32_t i = 0; fsn_plan_symbol(runner->plan, i, &symbol) == FSN_OK; i++) {
-        if (symbol.stop_value != 0 &&
+        if ((symbol.stop_value != 0 || runner->former != NULL) &&
             fsn_core_set_output(runner->core, i, symbol.stop_value) != FSN_OK) {
             continue; /* a copy owns it */
         }
     }
 }
 
-/** Waits for the first cycle: before it a snapshot says nothing. Returns whether the thread is a
- *  real-time thread. */
-static bool first_cycle(struct runner *runner) {
-    struct fsn_statistics statistics = {0};
-    for (int ms = 0; ms < 5000 && statistics.cycles == 0; ms++) {
+/** Waits for a cycle after number `before`: until then a snapshot says nothing. Returns whether the
+ *  thread is a real-time thread. */
+static bool first_cycle(struct runner *runner, uint64_t before) {
+    struct fsn_statistics statistics = {.cycles = before};
+    for (int ms = 0; ms < 5000 && statistics.cycles <= before; ms++) {
         sleep_ns(1000000);
         if (fsn_core_snapshot(runner->core, &statistics, NULL, NULL) != FSN_OK) {
-            statistics.cycles = 0;
+            statistics.cycles = before;
         }
     }
     return statistics.realtime != 0;
@@ -197,6 +212,8 @@ static int priority_of(const struct options *o) {
 static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
                               struct runner_result *result) {
     const struct options *o = runner->options;
+    /* The former has ended: what it drove is not given up for the sake of scheduling. */
+    const bool strict = o->policy_given && runner->former == NULL;
     pid_t before[SCHEDULE_THREADS];
     pid_t after[SCHEDULE_THREADS];
     struct fsn_thread_options thread = {
@@ -209,8 +226,9 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
         .trace = o->trace,
     };
     const size_t known = schedule_threads(before);
+    const uint64_t last = cycles_of(runner);
     fsn_status status = fsn_core_start(runner->core, &thread, fault);
-    if (status == FSN_E_SYS && thread.lock_memory && !o->policy_given &&
+    if (status == FSN_E_SYS && thread.lock_memory && !strict &&
         (fault->sys_errno == EPERM || fault->sys_errno == ENOMEM)) {
         thread.lock_memory = false;
         status = fsn_core_start(runner->core, &thread, fault);
@@ -220,7 +238,7 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
     }
     result->locked = thread.lock_memory;
     int error = 0;
-    const bool realtime = first_cycle(runner);
+    const bool realtime = first_cycle(runner, last);
     if (o->policy == POLICY_DEADLINE) {
         const pid_t cyclic = schedule_new_thread(before, known, after, schedule_threads(after));
         error = cyclic != 0 ? schedule_deadline(cyclic, thread.cycle_ns) : ESRCH;
@@ -228,7 +246,7 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
         error = EPERM;
     }
     result->policy = error == 0 ? o->policy : POLICY_OTHER;
-    if (error != 0 && o->policy_given) {
+    if (error != 0 && strict) {
         *fault = (struct fsn_fault){.status = FSN_E_SYS,
                                     .copy_index = FSN_FAULT_NO_RECORD,
                                     .sys_errno = error,
@@ -238,38 +256,128 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
     return FSN_OK;
 }
 
+static void close_room(struct runner *runner) {
+    if (runner->room != NULL) {
+        munmap(runner->room, runner->room_bytes);
+        close(runner->room_fd);
+    }
+    runner->room = NULL;
+    runner->room_fd = -1;
+}
+
 static void close_bus(struct runner *runner) {
     fsn_core_free(runner->core);
     runner->core = NULL;
     runner->backend->free(runner->bus);
     runner->bus = NULL;
+    runner->rests = false;
+    close_room(runner);
+}
+
+/** Gives the core a room in which another process can follow its cycles. */
+static fsn_status open_room(struct runner *runner) {
+    if (runner->backend->ops->describe == NULL) {
+        return FSN_OK;
+    }
+    runner->room_bytes = fsn_core_room_bytes(runner->core);
+    const int fd = memfd_create("fsn-cycles", MFD_CLOEXEC);
+    void *room = MAP_FAILED;
+    if (fd >= 0 && ftruncate(fd, (off_t)runner->room_bytes) == 0) {
+        room = mmap(NULL, runner->room_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd,
+                    0);
+    }
+    if (room == MAP_FAILED) {
+        if (fd >= 0) {
+            close(fd);
+        }
+        return FSN_E_SYS;
+    }
+    runner->room = room;
+    runner->room_fd = fd;
+    return fsn_core_share(runner->core, room);
+}
+
+/** What a successor would need. */
+static void describe(struct runner *runner, struct runner_result *result) {
+    result->attachment.lock = -1;
+    result->room = runner->room_fd;
+    result->room_bytes = runner->room_bytes;
+    if (runner->room != NULL &&
+        runner->backend->ops->describe(runner->bus, &result->attachment) != FSN_OK) {
+        result->attachment = (struct fsn_bus_attachment){.lock = -1};
+    }
+}
+
+/** All is prepared: ends the former, and goes on where it was. Whatever may be refused is refused
+ *  before. */
+static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
+                            struct fsn_statistics *last) {
+    struct former *former = runner->former;
+    if (runner->options->policy != POLICY_OTHER) {
+        (void)mlockall(MCL_CURRENT | MCL_FUTURE); /* takes a while; fsn_core_start() reports it */
+    }
+    if (fsn_room_read(former->room, former->room_bytes, fsn_core_image_bytes(runner->core), NULL,
+                      NULL) == FSN_E_ARG) {
+        return fsn_refuse_all(
+            fault, FSN_E_STATE,
+            "its version counts in another way; stop the bus, and start this one");
+    }
+    const fsn_status status = former_end(former, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    runner->backend->ops->discard(runner->bus);
+    return former_continue(former, runner->core, last);
+}
+
+/** How long nobody sent. */
+static void measure_gap(const struct runner *runner, const struct fsn_statistics *last,
+                        struct runner_result *result) {
+    struct fsn_cycle first;
+    struct fsn_statistics now;
+    if (fsn_core_record(runner->core, last->cycles + 1, &first, NULL, NULL) == FSN_OK) {
+        result->gap_ns = first.now_ns - last->now_ns;
+        result->gap_cycles = first.overruns + 1u;
+    } else if (fsn_core_snapshot(runner->core, &now, NULL, NULL) == FSN_OK) {
+        result->gap_cycles = now.overruns - last->overruns + 1;
+        result->gap_ns = result->gap_cycles * cycle_of(runner);
+    }
+}
+
+/** From a bus that is open to a cycle that runs. */
+static fsn_status begin_cycle(struct runner *runner, struct runner_result *result) {
+    struct fsn_statistics last;
+    struct fsn_fault *fault = &result->fault;
+    set_stop_values(runner);
+    fsn_status status = fsn_core_keep(runner->core, runner->options->record_ns, RECORD_BYTES);
+    status = status != FSN_OK ? status : open_room(runner);
+    if (status == FSN_OK && runner->former != NULL) {
+        status = take_over(runner, fault, &last);
+    }
+    status = status != FSN_OK ? status : start_cycle(runner, fault, result);
+    if (status == FSN_OK && runner->former != NULL) {
+        measure_gap(runner, &last, result);
+    }
+    return status;
 }
 
 static void job_open(struct runner *runner, struct runner_result *result) {
     struct fsn_fault *fault = &result->fault;
     result->status = open_bus(runner, fault);
     if (result->status == FSN_OK) {
-        set_stop_values(runner);
-        result->status = fsn_core_keep(runner->core, runner->options->record_ns, RECORD_BYTES);
-        if (result->status == FSN_OK) {
-            result->status = start_cycle(runner, fault, result);
-        }
+        result->status = begin_cycle(runner, result);
         if (result->status != FSN_OK) {
             close_bus(runner);
         }
     }
+    runner->former = NULL;
+    describe(runner, result);
     result->environment = result->status == FSN_E_SYS || result->status == FSN_E_NOMEM;
     result->core = runner->core;
     result->found = result->status != FSN_OK && runner->has_found ? runner->found : NULL;
     if (result->status != FSN_OK && fault->rule == NULL) {
         fault->rule = fsn_status_text(result->status);
     }
-}
-
-static uint64_t cycles_of(struct runner *runner) {
-    struct fsn_statistics statistics = {0};
-    const fsn_status status = fsn_core_snapshot(runner->core, &statistics, NULL, NULL);
-    return status == FSN_OK ? statistics.cycles : 0;
 }
 
 static void tell_who_is_in_op(const struct runner *runner) {
@@ -314,6 +422,9 @@ static void work(struct runner *runner, enum runner_job job) {
         job_open(runner, &result);
     } else if (job == RUNNER_LEAVE) {
         job_leave(runner);
+    } else if (job == RUNNER_REST || job == RUNNER_GO_ON) {
+        runner->rests = job == RUNNER_REST;
+        describe(runner, &result);
     } else {
         close_bus(runner);
         result.core = NULL;
@@ -377,7 +488,7 @@ static enum runner_job next_job(struct runner *runner, bool polling, bool *endin
     }
     int waited = 0;
     while (runner->job == RUNNER_IDLE && !runner->ending && waited == 0 &&
-           runner->waiting.first == NULL) {
+           (runner->rests || runner->waiting.first == NULL)) {
         waited = polling ? pthread_cond_timedwait(&runner->requested, &runner->lock, &until)
                          : pthread_cond_wait(&runner->requested, &runner->lock);
     }
@@ -396,18 +507,20 @@ static void *run(void *argument) {
         const enum runner_job job = next_job(runner, polling, &ending);
         if (job != RUNNER_IDLE) {
             work(runner, job);
-            polling = job == RUNNER_OPEN && runner->core != NULL;
+            polling = (job == RUNNER_OPEN && runner->core != NULL) || job == RUNNER_GO_ON;
         }
         if (polling && !ending) {
             poll_bus(runner);
         }
-        do_transfer(runner, polling && !ending);
+        if (!runner->rests) {
+            do_transfer(runner, polling && !ending);
+        }
     }
     return NULL;
 }
 
 struct runner *runner_create(const struct options *options, const struct fsn_plan *plan,
-                             const struct fsn_backend *backend) {
+                             const struct fsn_backend *backend, struct former *former) {
     struct runner *runner = calloc(1, sizeof *runner);
     if (runner == NULL) {
         return NULL;
@@ -415,6 +528,8 @@ struct runner *runner_create(const struct options *options, const struct fsn_pla
     runner->options = options;
     runner->plan = plan;
     runner->backend = backend;
+    runner->former = former;
+    runner->room_fd = -1;
     runner->found = calloc((size_t)fsn_plan_subdevice_count(plan) + 1, sizeof *runner->found);
     runner->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     pthread_condattr_t attributes;

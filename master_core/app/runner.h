@@ -9,12 +9,15 @@
 #include "options.h"
 
 struct runner;
+struct former;
 
 enum runner_job {
     RUNNER_IDLE,
     RUNNER_OPEN,  /**< opens the bus, starts the cycle, brings it towards OP until another job */
     RUNNER_LEAVE, /**< brings it to SAFEOP while the cycle goes on, at most 2 s */
-    RUNNER_CLOSE  /**< stops the cycle, closes the bus; the core is gone then */
+    RUNNER_CLOSE, /**< stops the cycle, closes the bus; the core is gone then */
+    RUNNER_REST,  /**< nothing but the cycle touches the bus from now on; describes it */
+    RUNNER_GO_ON  /**< ends the rest */
 };
 
 /** What came of the last job. */
@@ -26,14 +29,22 @@ struct runner_result {
     enum policy policy;     /**< as it came to be */
     bool locked;            /**< the memory is locked */
     bool environment;       /**< it was the system that refused, not plan or bus */
+    /** Of RUNNER_OPEN and RUNNER_REST: for a successor; lock -1: the bus cannot be handed over. */
+    struct fsn_bus_attachment attachment;
+    int room;          /**< descriptor of the memory in which cycles are shown; -1: none */
+    size_t room_bytes; /**< of it */
+    /** Of RUNNER_OPEN that took a bus over: from the last cycle of the former to the first here. */
+    uint64_t gap_ns, gap_cycles;
     /** When the bus did not open: what was found of each SubDevice of the plan, until RUNNER_OPEN
      *  is requested again; NULL: nothing. */
     const struct fsn_bus_subdevice *found;
 };
 
-/** Starts the thread.   @retval NULL  the system refused. */
+/** Starts the thread.
+ *  @param[in] former  whose bus is taken over when it is opened first; NULL: none.
+ *  @retval NULL  the system refused. */
 struct runner *runner_create(const struct options *options, const struct fsn_plan *plan,
-                             const struct fsn_backend *backend);
+                             const struct fsn_backend *backend, struct former *former);
 
 /** Ends the thread; the bus must be closed. NULL is allowed. */
 void runner_free(struct runner *runner);

@@ -220,11 +220,11 @@ static void writer_in_the_middle_takes_nothing_away(void) {
     struct fsn_statistics s;
     emulated_rig_cycle(&rig);
     emulated_rig_cycle(&rig);
-    const uint32_t next = atomic_fetch_add(&shown->begun, 1) + 1;
+    const uint32_t next = atomic_fetch_add(&shown->shown->begun, 1) + 1;
     atomic_store(&shown->words[next % FSN_RT_PICTURES][0], UINT64_MAX);
     CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_OK);
     CHECK(s.cycles == 2 && s.now_ns == rig.now_ns);
-    atomic_fetch_add(&shown->begun, 1);
+    atomic_fetch_add(&shown->shown->begun, 1);
     CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_E_BUSY);
     emulated_rig_cycle(&rig);
     CHECK(fsn_core_snapshot(rig.core, &s, NULL, NULL) == FSN_OK && s.cycles == 3);

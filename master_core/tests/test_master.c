@@ -136,7 +136,8 @@ struct run {
 
 static void *run_master(void *argument) {
     struct run *run = argument;
-    run->code = master_run(&run->options, run->plan, &backend, run->path, run->signals[0]);
+    run->code = master_run(&run->options, run->plan, &backend, run->path, run->signals[0], NULL,
+                           NULL, NULL);
     return NULL;
 }
 

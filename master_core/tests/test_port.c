@@ -377,7 +377,7 @@ static void an_interface_has_one_user(void) {
     set_up();
     CHECK(fsn_port_lock("eth7", &lock, &fault) == FSN_OK && lock == FD && os.closes == 0);
     const struct sockaddr_un *name = (const struct sockaddr_un *)&os.bound;
-    CHECK(os.family == AF_UNIX && os.type == (SOCK_STREAM | SOCK_CLOEXEC));
+    CHECK(os.family == AF_UNIX && os.type == (SOCK_SEQPACKET | SOCK_CLOEXEC));
     CHECK(name->sun_family == AF_UNIX && name->sun_path[0] == 0);
     CHECK(strcmp(name->sun_path + 1, "fsn-maindevice:eth7") == 0);
     CHECK(os.bound_bytes == sizeof(sa_family_t) + 1 + 19);

@@ -281,9 +281,9 @@ static void change(const char *word) {
         strcat(on.read, "\n");
         fsn_client_put(on.client, on.read, strlen(on.read));
     } else if (strcmp(word, "unstable") == 0) { /* the cycle writes the picture that is read */
-        atomic_fetch_add(&on.core->rt.snapshot.begun, FSN_RT_PICTURES);
+        atomic_fetch_add(&on.core->rt.snapshot.shown->begun, FSN_RT_PICTURES);
     } else if (strcmp(word, "stable") == 0) {
-        atomic_fetch_sub(&on.core->rt.snapshot.begun, FSN_RT_PICTURES);
+        atomic_fetch_sub(&on.core->rt.snapshot.shown->begun, FSN_RT_PICTURES);
     } else if (strncmp(word, "image-bytes ", 12) == 0) {
         on.core->rt.image_bytes = (uint32_t)atoi(word + 12);
     } else if (strcmp(word, "many-jobs") == 0) {

@@ -67,6 +67,7 @@ static struct {
     uint8_t sm_stale[SMS];
     _Atomic uint64_t stale[SMS];
     struct fsn_rt_set sets[3];
+    struct fsn_rt_shown shown;
     _Atomic uint64_t pictures[FSN_RT_PICTURES][STATISTICS_WORDS + 1];
     _Atomic uint64_t slots[SLOTS * RECORD_WORDS];
     struct fsn_bus_input script[MOST]; /**< what comes in, cycle by cycle */
@@ -121,6 +122,7 @@ static void set_up(uint32_t cycles) {
     on.rt.sm_count = SMS;
     on.rt.sets.between = 1;
     on.rt.sets.cycle = 2;
+    on.rt.snapshot.shown = &on.shown;
     on.rt.snapshot.words[0] = on.pictures[0];
     on.rt.snapshot.words[1] = on.pictures[1];
     on.rt.cycle_ns = CYCLE_NS;
@@ -402,7 +404,7 @@ static void a_record_tells_times_exactly(void) {
 static void pictures_take_turns(void) {
     set_up(3);
     fsn_rt_loop(&on.rt);
-    CHECK(on.rt.snapshot.begun == 3 && on.rt.snapshot.whole == 3);
+    CHECK(on.shown.begun == 3 && on.shown.whole == 3);
     struct fsn_statistics shown;
     const _Atomic uint64_t *words = fsn_words_take(on.pictures[1], &shown, sizeof shown);
     CHECK(shown.cycles == 3 && words == on.pictures[1] + STATISTICS_WORDS);

@@ -125,6 +125,19 @@ struct fsn_bus_ring {
 
 struct fsn_bus_acyclic;
 
+enum { FSN_HELD = 8 };
+
+/** A bus that is in OP, as one process hands it to the next; see fsn_live_options.attach. */
+struct fsn_bus_attachment {
+    const void *bytes; /**< what the backend knows of its SubDevices, for the same backend only */
+    size_t len_bytes;
+    int lock; /**< descriptor that keeps others off the interface */
+    /** Descriptors to be kept open until the first cycle of the successor: closing the last one of
+     * a raw socket takes the kernel 10 ms, for which the end of the former would have to wait. */
+    int held[FSN_HELD];
+    size_t held_count;
+};
+
 /** A backend. `bus` is its own context.
  *
  *  Freshness: receive() leaves the input bytes of a SubDevice that did not answer as they were,
@@ -155,6 +168,14 @@ struct fsn_bus_ops {
     bool (*ring)(void *bus, struct fsn_bus_ring *ring);
     /** Objects, SII and registers beside the cycle, see fsn/acyclic.h; NULL: none of it. */
     const struct fsn_bus_acyclic *acyclic;
+    /** Describes the bus for a process that is to go on with it. Context: that of poll(), which
+     * must rest until that process has attached.
+     *  @param[out] attachment  belongs to the bus, and is valid until the next call.
+     *  NULL: this bus cannot be handed over. */
+    fsn_status (*describe)(void *bus, struct fsn_bus_attachment *attachment);
+    /** Throws away what came in for the cycle while another process drove the bus. Set-up; before
+     *  the first cycle of a bus that was attached to. With describe(). */
+    void (*discard)(void *bus);
 };
 
 #ifdef __cplusplus

@@ -6,6 +6,7 @@
 #include "fsn/core.h"
 #include "fsn/emulated.h"
 #include "fsn/fsoe.h"
+#include "fsn/handover.h"
 #include "fsn/monitor.h"
 #include "fsn/plan.h"
 #include "fsn/scan.h"

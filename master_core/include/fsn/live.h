@@ -19,6 +19,10 @@ struct fsn_live_options {
     uint64_t receive_wait_ns; /**< how long receive() waits for the replies; 0 takes those that are
                                    there, which is right when the cycle is timed */
     uint32_t dc_every;        /**< DC reference time is distributed every n cycles; 0: never */
+    /** What describe() of the process that drives the bus has given: open() then changes nothing on
+     *  the bus, compares it with the plan, and refuses what differs; close() leaves it alone as
+     *  long as no cycle was sent. Needed until open() has returned. NULL: a bus that is started. */
+    const struct fsn_bus_attachment *attach;
 };
 
 /** One backend. */
@@ -35,6 +39,11 @@ struct fsn_backend {
      *  @retval FSN_E_NOMEM  out of memory.   Context: set-up. Allocates. */
     fsn_status (*create)(const struct fsn_live_options *options, void **bus,
                          struct fsn_fault *fault);
+    /** Connects to the process that drives a bus of this interface, through its lock.
+     *  @param[out] fd  to be closed by the caller; a socket of whole messages.
+     *  @retval FSN_E_BUS_SILENT  nobody does, or it takes no successor.
+     *  NULL: no bus of this backend can be handed over.   Context: set-up. */
+    fsn_status (*reach)(const char *interface, int *fd, struct fsn_fault *fault);
     /** Frees the context, after the core that uses it; NULL is allowed. Context: set-up. */
     void (*free)(void *bus);
 };

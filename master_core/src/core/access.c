@@ -11,14 +11,14 @@
 /** Reads the last whole picture; false when the writer has begun to overwrite it meanwhile. */
 static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statistics,
                          struct fsn_connection_status *connections, uint8_t *image) {
-    const uint32_t picture = atomic_load_explicit(&rt->snapshot.whole, memory_order_acquire);
+    const uint32_t picture = atomic_load_explicit(&rt->snapshot.shown->whole, memory_order_acquire);
     const _Atomic uint64_t *from = rt->snapshot.words[picture % FSN_RT_PICTURES];
     from = fsn_words_take(from, statistics, sizeof rt->statistics);
     from = fsn_words_take(from, connections, rt->connection_count * sizeof *connections);
     fsn_words_take(from, image, rt->image_bytes);
     /* The loads above may not sink below this look at what was begun. */
     atomic_thread_fence(memory_order_acquire);
-    return atomic_load_explicit(&rt->snapshot.begun, memory_order_relaxed) - picture <
+    return atomic_load_explicit(&rt->snapshot.shown->begun, memory_order_relaxed) - picture <
            FSN_RT_PICTURES;
 }
 

@@ -29,6 +29,7 @@ fsn_status fsn_core_create(const struct fsn_plan *plan, const struct fsn_bus_ops
     core->plan = plan;
     core->rt.ops = ops;
     core->rt.bus = bus;
+    core->rt.snapshot.shown = &core->shown;
     const fsn_status status = fsn_core_activate(core, fault);
     if (status != FSN_OK) {
         fsn_core_free(core);
@@ -59,7 +60,7 @@ void fsn_core_free(struct fsn_core *core) {
     free(core->rt.input.wkc);
     free(core->rt.input.sm_stale);
     free((void *)core->rt.stale);
-    for (int i = 0; i < FSN_RT_PICTURES; i++) {
+    for (int i = 0; i < FSN_RT_PICTURES && core->rt.snapshot.shown == &core->shown; i++) {
         free((void *)core->rt.snapshot.words[i]);
     }
     free((void *)core->rt.recorder.words);

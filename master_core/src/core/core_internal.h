@@ -23,6 +23,7 @@ struct fsn_core {
     uint32_t writer_set;   /**< number of the set the writer fills */
     uint64_t keep_ns;      /**< as requested by fsn_core_keep() */
     size_t keep_bytes;     /**< as requested by fsn_core_keep() */
+    struct fsn_rt_shown shown; /**< of the snapshot, unless fsn_core_share() has moved it */
     pthread_t thread;
     bool running;
 };

@@ -229,18 +229,23 @@ uint32_t fsn_port_count_foreign(int socket) {
                : 0;
 }
 
-fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fault) {
-    /* An abstract name: it belongs to the network namespace, as the interface does, and is gone
-     * with its process however that ends. */
-    struct sockaddr_un name = {.sun_family = AF_UNIX};
+/** The lock of an interface is an abstract name: it belongs to the network namespace, as the
+ *  interface does, and is gone with the last descriptor of it. */
+static socklen_t lock_name(const char *interface, struct sockaddr_un *name) {
+    *name = (struct sockaddr_un){.sun_family = AF_UNIX};
     /* mutants: the name of an interface is much shorter than the room */
     const int length =
-        snprintf(name.sun_path + 1, sizeof name.sun_path - 1, "fsn-maindevice:%s", interface);
-    *lock = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+        snprintf(name->sun_path + 1, sizeof name->sun_path - 1, "fsn-maindevice:%s", interface);
+    return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
+}
+
+fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fault) {
+    struct sockaddr_un name;
+    const socklen_t size = lock_name(interface, &name);
+    *lock = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     if (*lock < 0) {
         return refuse_system(fault, interface, "the interface could not be locked");
     }
-    const socklen_t size = (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
     if (bind(*lock, (const struct sockaddr *)&name, size) == 0) {
         return FSN_OK;
     }
@@ -250,6 +255,28 @@ fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fau
     return taken ? refuse_detail(fault, FSN_E_BUS_BUSY, interface,
                                  ": another process of fsoe-net drives this interface")
                  : refuse_system(fault, interface, "the interface could not be locked");
+}
+
+fsn_status fsn_port_reach(const char *interface, int *fd, struct fsn_fault *fault) {
+    struct sockaddr_un name;
+    const socklen_t size = lock_name(interface, &name);
+    *fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+    if (*fd < 0) {
+        return refuse_system(fault, interface, "the process that drives it could not be reached");
+    }
+    if (connect(*fd, (const struct sockaddr *)&name, size) == 0) {
+        return FSN_OK;
+    }
+    close(*fd);
+    *fd = -1;
+    return refuse_detail(fault, FSN_E_BUS_SILENT, interface,
+                         ": no fsn-master drives this interface and takes a successor");
+}
+
+void fsn_port_discard(int socket) {
+    uint8_t packet[FSN_WIRE_MOST + 4];
+    while (socket >= 0 && recv(socket, packet, sizeof packet, MSG_DONTWAIT) > 0) {
+    }
 }
 
 static uint64_t clock_ns(void) {

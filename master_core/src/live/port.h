@@ -41,6 +41,12 @@ uint32_t fsn_port_count_foreign(int socket);
  *  @retval FSN_E_BUS_BUSY  somebody does. */
 fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fault);
 
+/** Connects to the process that has the lock of an interface; see `reach` of fsn_backend. */
+fsn_status fsn_port_reach(const char *interface, int *fd, struct fsn_fault *fault);
+
+/** Throws away what waits in a socket. */
+void fsn_port_discard(int socket);
+
 /** Listens whether another MainDevice talks on the interface.
  *  @param[in] listen_ns  how long.
  *  @retval FSN_E_BUS_BUSY  it does; the detail says what was heard. */

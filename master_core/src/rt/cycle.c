@@ -151,7 +151,8 @@ static uint64_t steer(struct fsn_rt *rt, uint64_t planned_ns, uint64_t next_ns) 
 
 void fsn_rt_loop(struct fsn_rt *rt) {
     struct fsn_statistics *s = &rt->statistics;
-    uint64_t next = clock_ns() + rt->cycle_ns;
+    uint64_t next = (rt->goes_on ? s->now_ns : clock_ns()) + rt->cycle_ns;
+    rt->goes_on = false;
     uint64_t before = 0;
     while (!atomic_load_explicit(&rt->stop, memory_order_relaxed)) {
         if (!rt->free_run) {

@@ -66,8 +66,11 @@ struct fsn_rt_ring {
 
 /** Pictures for other threads: the cycle fills one while readers take the other, the last that is
  *  whole. A reader fails only where the cycle has come around to its picture meanwhile. */
-struct fsn_rt_snapshot {
+struct fsn_rt_shown {
     _Atomic uint32_t begun, whole; /**< pictures so far; number n lies at n % FSN_RT_PICTURES */
+};
+struct fsn_rt_snapshot {
+    struct fsn_rt_shown *shown;               /**< beside the words: another process may see both */
     _Atomic uint64_t *words[FSN_RT_PICTURES]; /**< statistics, connections, image, each padded */
 };
 
@@ -117,6 +120,7 @@ struct fsn_rt {
     uint64_t late_ns;  /**< how late this cycle woke up; 0 in virtual time */
     uint64_t left_out; /**< cycles left out right before this one, for it woke up so late */
     bool free_run, follow_dc;
+    bool goes_on;          /**< the first cycle keeps to the times of another core */
     uint64_t dc_phase_ns;  /**< what the reference clock showed at our first DC cycle */
     bool dc_known;         /**< dc_phase_ns is set */
     fsn_rt_trace_fn trace; /**< NULL: no markers */

@@ -5,8 +5,8 @@
  * fence, that this picture was begun. */
 void fsn_rt_publish(struct fsn_rt *rt) {
     struct fsn_rt_snapshot *s = &rt->snapshot;
-    const uint32_t picture = atomic_load_explicit(&s->whole, memory_order_relaxed) + 1;
-    atomic_store_explicit(&s->begun, picture, memory_order_relaxed);
+    const uint32_t picture = atomic_load_explicit(&s->shown->whole, memory_order_relaxed) + 1;
+    atomic_store_explicit(&s->shown->begun, picture, memory_order_relaxed);
     atomic_thread_fence(memory_order_release);
     _Atomic uint64_t *words =
         fsn_words_put(s->words[picture % FSN_RT_PICTURES], &rt->statistics, sizeof rt->statistics);
@@ -19,5 +19,5 @@ void fsn_rt_publish(struct fsn_rt *rt) {
         words += fsn_words_of(sizeof rt->monitors[c].status);
     }
     fsn_words_put(words, rt->image, rt->image_bytes);
-    atomic_store_explicit(&s->whole, picture, memory_order_release);
+    atomic_store_explicit(&s->shown->whole, picture, memory_order_release);
 }

@@ -42,15 +42,34 @@ static fsn_status check_address(struct fsn_soem *bus, struct node *node) {
 
 /* -- registers ------------------------------------------------------------------------------ */
 
+typedef bool (*use_fn)(struct fsn_soem *bus, const struct node *node, uint16_t address,
+                       const uint8_t *data, uint16_t size);
+
 static bool write_register(struct fsn_soem *bus, const struct node *node, uint16_t address,
                            const uint8_t *data, uint16_t size) {
     return ecx_FPWR(bus->context.port, bus->slaves[node->slave].configadr, address, size,
                     (void *)(uintptr_t)data, EC_TIMEOUTRET3) == 1;
 }
 
+/** Whether registers have these bytes already; of a sync manager without its status and PDI byte.
+ */
+static bool same_register(struct fsn_soem *bus, const struct node *node, uint16_t address,
+                          const uint8_t *data, uint16_t size) {
+    uint8_t found[MOST_FMMUS * FMMU_BYTES] = {0};
+    if (ecx_FPRD(bus->context.port, bus->slaves[node->slave].configadr, address, size, found,
+                 EC_TIMEOUTRET3) != 1) {
+        return false;
+    }
+    if (size == SM_BYTES) {
+        found[5] = data[5];
+        found[7] = data[7];
+    }
+    return memcmp(found, data, size) == 0;
+}
+
 /** Start address by the SII, length by the plan. */
-static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
-                           uint16_t *physical) {
+static fsn_status use_sm(struct fsn_soem *bus, struct node *node, uint32_t sm, uint16_t *physical,
+                         use_fn use) {
     const struct fsn_sm_record r = fsn_read_sm(bus->all.plan, sm);
     const uint8_t number = r.index;
     const ec_slavet *s = &bus->slaves[node->slave];
@@ -74,7 +93,7 @@ static fsn_status write_sm(struct fsn_soem *bus, struct node *node, uint32_t sm,
     fsn_put16(bytes + 2, fsn_sm_bytes(bus->all.plan, sm));
     bytes[4] = control;
     bytes[6] = fsn_sm_bytes(bus->all.plan, sm) > 0;
-    return write_register(bus, node, (uint16_t)(ECT_REG_SM0 + SM_BYTES * number), bytes, SM_BYTES)
+    return use(bus, node, (uint16_t)(ECT_REG_SM0 + SM_BYTES * number), bytes, SM_BYTES)
                ? FSN_OK
                : FSN_E_BUS_STATE;
 }
@@ -91,7 +110,7 @@ static void fill_fmmu(uint8_t *bytes, uint32_t logical, uint32_t size, uint16_t 
 }
 
 /** Sync managers and one FMMU for each that has a place in the image. */
-static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
+static fsn_status use_layout(struct fsn_soem *bus, struct node *node, use_fn use) {
     uint8_t fmmus[MOST_FMMUS * FMMU_BYTES] = {0};
     uint8_t available = 0;
     unsigned used = 0;
@@ -106,7 +125,7 @@ static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
         if (fsn_sm_bytes(bus->all.plan, sm) == 0) {
             continue;
         }
-        const fsn_status status = write_sm(bus, node, sm, &physical);
+        const fsn_status status = use_sm(bus, node, sm, &physical, use);
         if (status != FSN_OK) {
             return status;
         }
@@ -121,10 +140,24 @@ static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
         fill_fmmu(fmmus + FMMU_BYTES * used++, base, fsn_sm_bytes(bus->all.plan, sm), physical,
                   r.direction == FSN_OUTPUT);
     }
-    return available == 0 || write_register(bus, node, ECT_REG_FMMU0, fmmus,
-                                            (uint16_t)(FMMU_BYTES * available))
+    return available == 0 ||
+                   use(bus, node, ECT_REG_FMMU0, fmmus, (uint16_t)(FMMU_BYTES * available))
                ? FSN_OK
                : FSN_E_BUS_STATE;
+}
+
+static fsn_status write_layout(struct fsn_soem *bus, struct node *node) {
+    return use_layout(bus, node, write_register);
+}
+
+fsn_status soem_compare_layout(struct fsn_soem *bus, struct node *node) {
+    const fsn_status status = use_layout(bus, node, same_register);
+    if (status != FSN_E_BUS_STATE) {
+        return status;
+    }
+    soem_note(bus, node, FSN_FOUND_MAPPING,
+              "its sync managers or FMMUs are not those of this plan, or do not answer");
+    return FSN_E_BUS_MAPPING;
 }
 
 /** A SubDevice that came back has a clock of its own again: its offset is set after the reference

@@ -8,8 +8,7 @@
 
 enum { PREOP_MS = 3000, AL_CODE_MAILBOX = 0x0016 };
 
-/** SOEM's number of the SubDevice that the plan means; 0: nothing stands there. */
-static uint16_t slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_info *info) {
+uint16_t soem_slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_info *info) {
     uint32_t at = info->position;
     if (info->alias != 0) {
         uint32_t first = 1;
@@ -97,7 +96,7 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
     fsn_status first = FSN_OK;
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
-        node->slave = slave_of(bus, &node->known.info);
+        node->slave = soem_slave_of(bus, &node->known.info);
         fsn_status status = FSN_OK;
         if (node->slave == 0) {
             soem_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %d SubDevices answer",

@@ -85,6 +85,7 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
     bus->cycle_ns = options->cycle_ns;
     bus->wait_ns = options->receive_wait_ns;
     bus->dc_every = options->dc_every;
+    bus->attach = options->attach;
     bus->sockets[0] = bus->sockets[1] = bus->foreign[0] = bus->foreign[1] = bus->lock = -1;
     bus->tag = fsn_port_tag(bus->interface);
     fsn_nodes_init(&bus->all);
@@ -119,6 +120,7 @@ static void soem_free(void *context) {
     }
     soem_release(bus);
     fsn_nodes_free(&bus->all);
+    free(bus->described);
     free(bus);
 }
 
@@ -218,7 +220,8 @@ static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
 }
 
 static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
-    const fsn_status status = fsn_frames_create(bus->all.plan, start_clocks(bus), &bus->frames);
+    const fsn_status status = fsn_frames_create(
+        bus->all.plan, bus->attached ? bus->dc_station : start_clocks(bus), &bus->frames);
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status,
                               "the process data does not fit the frames: at most 1466 bytes per "
@@ -241,6 +244,10 @@ static fsn_status configure(void *bus, struct fsn_node *node) {
     return soem_configure(bus, (struct node *)node);
 }
 
+static fsn_status compare(void *bus, struct fsn_node *node) {
+    return soem_compare(bus, (struct node *)node);
+}
+
 static fsn_status soem_open(void *context, const struct fsn_plan *plan,
                             struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_soem *bus = context;
@@ -249,12 +256,18 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
     if (bus->nodes == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
-    fsn_status status = soem_take_interfaces(bus, fault);
+    bus->attached = bus->attach != NULL;
+    fsn_status status = bus->attached ? FSN_OK : soem_take_interfaces(bus, fault);
     status = status != FSN_OK ? status : open_ports(bus, fault);
     status = status != FSN_OK ? status : soem_open_nic(bus, fault);
-    status = status != FSN_OK ? status : soem_find(bus, fault);
+    status = status != FSN_OK ? status
+             : bus->attached  ? soem_restore(bus, fault)
+                              : soem_find(bus, fault);
     status = status != FSN_OK ? status : make_wire(bus, fault);
-    status = status != FSN_OK ? status : fsn_nodes_check(&bus->all, bus, configure, fault);
+    status = status != FSN_OK
+                 ? status
+                 : fsn_nodes_check(&bus->all, bus, bus->attached ? compare : configure, fault);
+    bus->attach = NULL;
     if (status != FSN_OK) {
         soem_release(bus);
         return status;
@@ -265,6 +278,10 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
 
 static void soem_close(void *context) {
     struct fsn_soem *bus = context;
+    if (bus->attached && bus->frames.wire.cycle == 0) {
+        soem_release(bus); /* it never was ours */
+        return;
+    }
     /* Whoever is still higher goes back step by step; nobody waits for it to answer. */
     static const uint8_t states[] = {FSN_AL_SAFEOP, FSN_AL_PREOP, FSN_AL_INIT};
     for (size_t i = 0; i < sizeof states; i++) {
@@ -300,6 +317,8 @@ const struct fsn_backend *fsn_backend_soem(void) {
         .state = soem_state,
         .ring = soem_ring,
         .acyclic = &soem_acyclic,
+        .describe = soem_describe,
+        .discard = soem_discard,
     };
     static const struct fsn_backend backend = {
         .name = "soem",
@@ -313,6 +332,7 @@ const struct fsn_backend *fsn_backend_soem(void) {
         .needs_interface = true,
         .takes_redundant = true,
         .create = soem_create,
+        .reach = fsn_port_reach,
         .free = soem_free,
     };
     return &backend;

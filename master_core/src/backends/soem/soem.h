@@ -74,6 +74,10 @@ struct fsn_soem {
     uint64_t ring_ns;           /**< when it is judged again */
     bool links_kept;            /**< `had` of the places, since it was closed last */
     uint16_t next_link;         /**< whose counters are read next */
+    const struct fsn_bus_attachment *attach; /**< until it is open; NULL: a bus that is started */
+    bool attached;                           /**< another process started it */
+    uint16_t dc_station;                     /**< of its reference clock, 0: none */
+    void *described;                         /**< as given out last */
 };
 
 /** Notes what was found about a node; printf-like. */
@@ -93,6 +97,20 @@ void soem_search(struct fsn_soem *bus);
  *  PDO assignment and mapping, FSoE address, sync managers, FMMUs, SYNC0.
  *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS  `seen` of the node says more. */
 fsn_status soem_configure(struct fsn_soem *bus, struct node *node);
+
+/** Compares sync managers and FMMUs of a running SubDevice with what soem_configure() would write.
+ *  @retval FSN_E_BUS_MAPPING  `seen` of the node says more. */
+fsn_status soem_compare_layout(struct fsn_soem *bus, struct node *node);
+
+/* A bus that is handed over in OP (attach.c). */
+fsn_status soem_describe(void *context, struct fsn_bus_attachment *attachment);
+void soem_discard(void *context);
+/** Takes over what the process before knew of the SubDevices; nothing on the bus is changed. */
+fsn_status soem_restore(struct fsn_soem *bus, struct fsn_fault *fault);
+/** Compares one SubDevice with the plan: in OP, with the same sync managers and FMMUs. */
+fsn_status soem_compare(struct fsn_soem *bus, struct node *node);
+/** SOEM's number of the SubDevice that the plan means; 0: nothing stands there (find.c). */
+uint16_t soem_slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_info *info);
 
 /* Process data of one SubDevice against the plan (pdo.c). */
 fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);

@@ -52,6 +52,14 @@ void fsn_control_free(struct fsn_control *control);
 fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
                               struct fsn_refusal *refusal);
 
+/** Goes on with the socket of a process that has ended: clients connect to it as before. Closes
+ *  `listener` on a refusal.   @retval  as fsn_control_listen(). */
+fsn_status fsn_control_adopt(struct fsn_control *control, int listener, const char *path,
+                             struct fsn_refusal *refusal);
+
+/** Descriptor of the socket, for the one that goes on with it. */
+int fsn_control_listener(const struct fsn_control *control);
+
 /** Keeps what happened around each connection that leaves Data, in files in this folder.
  *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,

@@ -82,6 +82,30 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
     return FSN_OK;
 }
 
+fsn_status fsn_control_adopt(struct fsn_control *control, int listener, const char *path,
+                             struct fsn_refusal *refusal) {
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    socklen_t size = sizeof address;
+    struct stat found;
+    const bool shared = control->access->users + control->access->groups > 0;
+    const bool same = getsockname(listener, (struct sockaddr *)&address, &size) == 0 &&
+                      strncmp(address.sun_path, path, sizeof address.sun_path) == 0;
+    if (!same || lstat(path, &found) != 0 || !S_ISSOCK(found.st_mode) ||
+        chmod(path, shared ? 0666 : 0600) != 0) {
+        close(listener);
+        return fsn_control_listen(control, path, refusal);
+    }
+    memcpy(control->path, address.sun_path, sizeof control->path);
+    control->device = found.st_dev;
+    control->inode = found.st_ino;
+    control->listener = listener;
+    return FSN_OK;
+}
+
+int fsn_control_listener(const struct fsn_control *control) {
+    return control->listener;
+}
+
 void fsn_control_close_socket(struct fsn_control *control) {
     struct stat found;
     if (control->listener < 0) {

@@ -1,0 +1,41 @@
+/** The side of a process that takes a running bus over from another one: the former. */
+#ifndef FSN_APP_FORMER_H
+#define FSN_APP_FORMER_H
+
+#include "backends.h"
+#include "fsn/handover.h"
+#include "options.h"
+
+struct former {
+    int fd;    /**< connection to it */
+    int pidfd; /**< shows its end; what sends it a signal */
+    pid_t pid;
+    int lock, listener;
+    void *room; /**< in which it shows its cycles */
+    size_t room_bytes;
+    struct fsn_bus_attachment attachment;
+    bool ended; /**< its bus is ours */
+};
+
+/** Connects to the process that drives the bus, and gets from it what the bus needs to attach. The
+ *  former goes on; its acyclic work rests until former_release().
+ *  @return -1, else the exit code; then it has said why. */
+int former_find(struct former *former, const struct options *options, const struct fsn_plan *plan,
+                const struct fsn_backend *backend);
+
+/** Ends the former, which leaves every SubDevice in OP, and waits for its end: requests it, and
+ *  sends SIGKILL where it is silent or its cycle stands.
+ *  @retval FSN_OK       it has ended: whoever attached may send.
+ *  @retval FSN_E_STATE  it has not, whatever was done; nothing may be sent.
+ *  @retval FSN_E_BUS_BUSY  it closes the bus itself. */
+fsn_status former_end(struct former *former, struct fsn_fault *fault);
+
+/** Goes on from what the former has shown last.   @retval as fsn_room_read(), fsn_core_continue()
+ */
+fsn_status former_continue(const struct former *former, struct fsn_core *core,
+                           struct fsn_statistics *last);
+
+/** Closes all that came from it; where it goes on, it goes on alone. */
+void former_release(struct former *former);
+
+#endif

@@ -1,0 +1,63 @@
+/** What two processes say to each other when one follows the other on a bus: whole messages over
+ * the lock of the interface. See docs/explanation/standby.md. */
+#ifndef FSN_APP_HANDOVER_H
+#define FSN_APP_HANDOVER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/types.h>
+
+#include "fsn/bus.h"
+
+enum { HANDOVER_FORMAT = 1, HANDOVER_TEXT_BYTES = 400 };
+
+/** The first message, of the one that would follow. */
+struct handover_hello {
+    uint32_t format, dc_every;
+    uint64_t cycle_ns;
+    uint8_t plan[FSN_SHA256_BYTES];
+    char version[32];
+};
+
+/** Descriptors beside the answer, in this order. */
+enum handover_fd {
+    HANDOVER_LOCK,       /**< of the interface: with it the right to follow */
+    HANDOVER_LISTENER,   /**< of the control socket */
+    HANDOVER_ROOM,       /**< in which every cycle is shown, see fsn/handover.h */
+    HANDOVER_ATTACHMENT, /**< what the bus knows, see fsn_bus_attachment */
+    HANDOVER_HELD,       /**< and more: kept open until the former has ended */
+    HANDOVER_FDS = HANDOVER_HELD + FSN_HELD
+};
+
+/** The answer of the one that drives the bus. */
+struct handover_answer {
+    uint32_t format, taken; /**< 0: refused, `text` says why */
+    uint64_t room_bytes, attachment_bytes;
+    char text[HANDOVER_TEXT_BYTES];
+};
+
+/** What follows, one 32 bit number each. */
+enum handover_word {
+    HANDOVER_END = 1, /**< to the former: end without leaving OP */
+    HANDOVER_ENDS,    /**< from it: the cycle has stopped, the process ends now */
+};
+
+/** Sends a message with descriptors; false when the other end is gone. */
+bool handover_send(int fd, const void *message, size_t len_bytes, const int *fds, size_t fd_count);
+
+/** Receives a message of just this length, without waiting.
+ *  @param[out] fds  HANDOVER_FDS, to be closed by the caller: -1 where none came; NULL: none are
+ *                   taken.
+ *  @return 1, 0 where none is there yet, -1 at the end or for one of another length. */
+int handover_receive(int fd, void *message, size_t len_bytes, int *fds);
+
+/** Returns a pidfd of the process at the other end of a socket, and what the kernel knows of it;
+ *  -1 with errno set. It is of the right process if that one says something afterwards. */
+int handover_pidfd(int fd, pid_t *pid, uid_t *uid);
+
+/** Whether a pidfd shows the end of its process: no thread of it runs, its descriptors are closed.
+ */
+bool handover_has_ended(int pidfd, int wait_ms);
+
+#endif

@@ -1,0 +1,140 @@
+/** A bus that another process has brought to OP: described by that one, attached to by the next. */
+#define _GNU_SOURCE
+
+#include "backends/soem/soem.h"
+
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "live/port.h"
+
+/** What one process hands to the next. Both have the same SOEM, or it is refused. */
+struct description {
+    uint32_t slave_bytes, slave_count;
+    uint32_t dc_station;
+    char redundant[SOEM_NAME_BYTES];
+    ec_slavet slaves[]; /**< slave_count and one */
+};
+
+static size_t bytes_of(size_t slaves) {
+    return sizeof(struct description) + (slaves + 1) * sizeof(ec_slavet);
+}
+
+static void hold(struct fsn_bus_attachment *attachment, int fd) {
+    if (fd >= 0) {
+        attachment->held[attachment->held_count++] = fd;
+    }
+}
+
+fsn_status soem_describe(void *context, struct fsn_bus_attachment *attachment) {
+    struct fsn_soem *bus = context;
+    const size_t slaves = (size_t)bus->slave_count;
+    struct description *d = calloc(1, bytes_of(slaves));
+    if (d == NULL) {
+        return FSN_E_NOMEM;
+    }
+    d->slave_bytes = sizeof(ec_slavet);
+    d->slave_count = (uint32_t)slaves;
+    d->dc_station = atomic_load(&bus->frames.wire.dc_station);
+    memcpy(d->redundant, bus->redundant, sizeof d->redundant);
+    memcpy(d->slaves, bus->slaves, (slaves + 1) * sizeof(ec_slavet));
+    free(bus->described);
+    bus->described = d;
+    *attachment =
+        (struct fsn_bus_attachment){.bytes = d, .len_bytes = bytes_of(slaves), .lock = bus->lock};
+    hold(attachment, bus->port.sockhandle);
+    if (bus->redundant[0] != '\0') {
+        hold(attachment, bus->redundant_port.sockhandle);
+    }
+    for (size_t i = 0; i < FSN_WIRE_PORTS; i++) {
+        hold(attachment, bus->sockets[i]);
+        hold(attachment, bus->foreign[i]);
+    }
+    return FSN_OK;
+}
+
+void soem_discard(void *context) {
+    struct fsn_soem *bus = context;
+    for (size_t i = 0; i < FSN_WIRE_PORTS; i++) {
+        fsn_port_discard(bus->sockets[i]);
+    }
+}
+
+/** Gives each node of the plan the SubDevice at its place, which the process before has read. */
+static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
+    char detail[FSN_DETAIL_BYTES];
+    for (int s = 0; s <= bus->slave_count; s++) {
+        bus->places[s] = (struct place){.node = SOEM_NO_NODE, .al_status = FSN_AL_OP};
+    }
+    for (uint32_t n = 0; n < bus->all.count; n++) {
+        struct node *node = &bus->nodes[n];
+        node->slave = soem_slave_of(bus, &node->known.info);
+        const ec_slavet *s = &bus->slaves[node->slave];
+        if (node->slave == 0) {
+            soem_note(bus, node, FSN_FOUND_NOTHING, "the running bus has %d SubDevices",
+                      bus->slave_count);
+            return fsn_node_refuse(fault, FSN_E_BUS_MISSING, &node->known);
+        }
+        bus->places[node->slave].node = (int)n;
+        node->known.seen.vendor_id = s->eep_man;
+        node->known.seen.product_code = s->eep_id;
+        node->known.seen.revision = s->eep_rev;
+        if (!fsn_check_identity(&node->known.info, s->eep_man, s->eep_id, s->eep_rev, detail)) {
+            soem_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
+            return fsn_node_refuse(fault, FSN_E_BUS_IDENTITY, &node->known);
+        }
+    }
+    return FSN_OK;
+}
+
+fsn_status soem_restore(struct fsn_soem *bus, struct fsn_fault *fault) {
+    const struct description *d = bus->attach->bytes;
+    uint16_t found = 0;
+    if (bus->attach->len_bytes < sizeof *d || d->slave_bytes != sizeof(ec_slavet) ||
+        d->slave_count >= SOEM_MOST_SLAVES || bus->attach->len_bytes != bytes_of(d->slave_count)) {
+        return fsn_refuse_all(fault, FSN_E_STATE,
+                              "the running process was built with another SOEM; stop it and start "
+                              "this one");
+    }
+    if (strncmp(d->redundant, bus->redundant, sizeof d->redundant) != 0) {
+        return fsn_refuse_all(fault, FSN_E_STATE,
+                              "the running process has another --redundant; the ring is opened "
+                              "when the bus is started");
+    }
+    bus->lock = fcntl(bus->attach->lock, F_DUPFD_CLOEXEC, 0);
+    if (bus->lock < 0) {
+        return fsn_refuse_all(fault, FSN_E_SYS, "the lock of the interface was not handed over");
+    }
+    bus->slave_count = (int)d->slave_count;
+    bus->dc_station = (uint16_t)d->dc_station;
+    memcpy(bus->slaves, d->slaves, (d->slave_count + 1) * sizeof(ec_slavet));
+    soem_drain(bus);
+    if (ecx_BRD(bus->context.port, 0, ECT_REG_TYPE, sizeof found, &found, EC_TIMEOUTSAFE) !=
+        bus->slave_count) {
+        return fsn_refuse_all(fault, FSN_E_BUS_MISSING, "not every SubDevice answers");
+    }
+    return match(bus, fault);
+}
+
+fsn_status soem_compare(struct fsn_soem *bus, struct node *node) {
+    ec_alstatust al = {0};
+    soem_drain(bus);
+    if (ecx_FPRD(bus->context.port, bus->slaves[node->slave].configadr, ECT_REG_ALSTAT, sizeof al,
+                 &al, EC_TIMEOUTRET3) != 1 ||
+        etohs(al.alstatus) != FSN_AL_OP) {
+        node->known.seen.al_status = (uint8_t)etohs(al.alstatus);
+        soem_note(bus, node, FSN_FOUND_STATE, "it is not in OP: AL status 0x%02x",
+                  etohs(al.alstatus));
+        return FSN_E_BUS_STATE;
+    }
+    const fsn_status status = soem_compare_layout(bus, node);
+    if (status != FSN_OK) {
+        return status;
+    }
+    node->known.seen.al_status = FSN_AL_OP;
+    node->configured = true;
+    atomic_store(&bus->frames.wire.answers[node->known.number], 1);
+    soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
+    return FSN_OK;
+}

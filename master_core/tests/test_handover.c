@@ -1,0 +1,158 @@
+/** One core after the other: what the second reads of the first, and how it goes on. */
+#define _GNU_SOURCE
+
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "core/core_internal.h"
+#include "emulated_rig.h"
+
+static struct emulated_rig set_up(void) {
+    size_t len;
+    uint8_t *bytes = build_full(&len);
+    return emulated_rig_load(bytes, len);
+}
+
+static void *room_of(const struct emulated_rig *rig) {
+    const size_t len_bytes = fsn_core_room_bytes(rig->core);
+    void *room = aligned_alloc(64, (len_bytes + 63) / 64 * 64);
+    CHECK(room != NULL && len_bytes > 0);
+    memset(room, 0, len_bytes);
+    return room;
+}
+
+static uint32_t image_bytes(const struct emulated_rig *rig) {
+    return fsn_core_image_bytes(rig->core);
+}
+
+static uint8_t *image_of(const struct emulated_rig *rig, struct fsn_statistics *statistics) {
+    uint8_t *image = malloc(image_bytes(rig));
+    CHECK(image != NULL && fsn_core_snapshot(rig->core, statistics, NULL, image) == FSN_OK);
+    return image;
+}
+
+/** Readers of the same process and of others see the same, before and after the room is shared. */
+static void a_room_shows_every_cycle(void) {
+    struct emulated_rig rig = set_up();
+    void *room = room_of(&rig);
+    const size_t len = fsn_core_room_bytes(rig.core);
+    struct fsn_statistics own, shown;
+    uint8_t *image = malloc(image_bytes(&rig));
+    emulated_rig_cycle(&rig);
+    CHECK(fsn_room_read(room, len, image_bytes(&rig), &shown, image) == FSN_E_ARG);
+    CHECK(fsn_core_share(rig.core, room) == FSN_OK);
+    CHECK(fsn_core_share(rig.core, room) == FSN_E_STATE);
+    for (uint64_t cycle = 1; cycle < 5; cycle++) {
+        uint8_t *same = image_of(&rig, &own);
+        CHECK(fsn_room_read(room, len, image_bytes(&rig), &shown, image) == FSN_OK);
+        CHECK(shown.cycles == cycle && memcmp(&own, &shown, sizeof own) == 0);
+        CHECK(memcmp(same, image, image_bytes(&rig)) == 0);
+        CHECK(fsn_room_read(room, len, image_bytes(&rig), NULL, NULL) == FSN_OK);
+        free(same);
+        const uint32_t pictures = fsn_room_pictures(room);
+        emulated_rig_cycle(&rig);
+        CHECK(fsn_room_pictures(room) == pictures + 1);
+    }
+    CHECK(fsn_room_read(room, len - 1, image_bytes(&rig), &shown, image) == FSN_E_ARG);
+    CHECK(fsn_room_read(room, len, image_bytes(&rig) + 1, &shown, image) == FSN_E_ARG);
+    CHECK(fsn_room_read(NULL, len, image_bytes(&rig), &shown, image) == FSN_E_ARG);
+    ((uint32_t *)room)[1]++; /* another version counts more */
+    CHECK(fsn_room_read(room, len, image_bytes(&rig), &shown, image) == FSN_E_ARG);
+    ((uint32_t *)room)[1]--;
+    /* A writer that is ended in the middle of a picture leaves the one before. */
+    atomic_fetch_add(&rig.core->rt.snapshot.shown->begun, 1);
+    CHECK(fsn_room_read(room, len, image_bytes(&rig), &shown, image) == FSN_OK);
+    CHECK(shown.cycles == 5);
+    atomic_fetch_add(&rig.core->rt.snapshot.shown->begun, 1);
+    CHECK(fsn_room_read(room, len, image_bytes(&rig), &shown, image) == FSN_E_BUSY);
+    emulated_rig_end(&rig);
+    free(image);
+    free(room);
+}
+
+/** The first outputs of the second core are the last ones of the first, not zeros. */
+static void the_second_core_goes_on(void) {
+    struct emulated_rig first = set_up();
+    struct emulated_rig second = set_up();
+    struct fsn_statistics last, now;
+    for (uint8_t i = 0; i < 7; i++) {
+        const uint8_t input[8] = {0x36, i, 2, 3, 4, 5, 0x34, 0x12};
+        CHECK(fsn_emulated_write_inputs(first.bus, 1, input, sizeof input) == FSN_OK);
+        emulated_rig_cycle(&first);
+    }
+    uint8_t *image = image_of(&first, &last);
+    CHECK(last.cycles == 7 && last.bytes_copied > 0);
+    const uint32_t copies = last.copies;
+    last.copies = 99; /* its own are its own */
+    last.locked = 1;
+    CHECK(fsn_core_continue(second.core, &last, image) == FSN_OK);
+    CHECK(fsn_core_last_cycle(second.core) == 7);
+    second.now_ns = first.now_ns;
+    uint8_t *shown = image_of(&second, &now);
+    CHECK(now.cycles == 7 && now.copies == copies && now.locked == 0);
+    CHECK(memcmp(shown, image, image_bytes(&first)) == 0);
+    free(shown);
+    emulated_rig_cycle(&second); /* nothing new comes in: the outputs are as they were */
+    shown = image_of(&second, &now);
+    CHECK(now.cycles == 8 && now.bytes_copied > last.bytes_copied);
+    CHECK(fsn_core_continue(second.core, &last, image) == FSN_E_STATE);
+    free(shown);
+    free(image);
+    emulated_rig_end(&first);
+    emulated_rig_end(&second);
+}
+
+static uint64_t clock_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+/** Cycles that nobody ran are overruns of the first, and the times are those of the first core. */
+static void the_gap_is_counted(void) {
+    enum { CYCLE_NS = 1000000, MISSED = 50 };
+    struct emulated_rig rig = set_up();
+    struct fsn_thread_options options = {.cycle_ns = CYCLE_NS};
+    struct fsn_statistics last = {.cycles = 1000, .overruns = 3};
+    struct fsn_cycle cycle;
+    uint8_t *image = calloc(1, image_bytes(&rig));
+    CHECK(fsn_core_keep(rig.core, 1000000000, 1 << 20) == FSN_OK);
+    const uint64_t before_ns = clock_ns();
+    last.now_ns = before_ns - (MISSED + 1) * (uint64_t)CYCLE_NS;
+    CHECK(fsn_core_continue(rig.core, &last, image) == FSN_OK);
+    CHECK(fsn_core_start(rig.core, &options, NULL) == FSN_OK);
+    while (fsn_core_record(rig.core, 1001, &cycle, NULL, NULL) != FSN_OK) {
+    }
+    fsn_core_stop(rig.core);
+    const uint64_t gap = (cycle.now_ns - last.now_ns) / CYCLE_NS;
+    CHECK(cycle.cycle == 1001 && cycle.overruns + 1u == gap && gap > MISSED);
+    struct fsn_statistics now;
+    CHECK(fsn_core_snapshot(rig.core, &now, NULL, NULL) == FSN_OK);
+    CHECK(now.overruns >= 3 + MISSED && now.cycles > 1000);
+    /* Stopped and started again, it does not count the time in between. */
+    CHECK(!rig.core->rt.goes_on);
+    free(image);
+    emulated_rig_end(&rig);
+}
+
+static void nothing_is_taken_from_nobody(void) {
+    struct emulated_rig rig = set_up();
+    struct fsn_statistics statistics = {0};
+    uint8_t image[1] = {0};
+    CHECK(fsn_core_room_bytes(NULL) == 0);
+    CHECK(fsn_core_share(NULL, image) == FSN_E_ARG);
+    CHECK(fsn_core_share(rig.core, NULL) == FSN_E_ARG);
+    CHECK(fsn_core_continue(NULL, &statistics, image) == FSN_E_ARG);
+    CHECK(fsn_core_continue(rig.core, NULL, image) == FSN_E_ARG);
+    CHECK(fsn_core_continue(rig.core, &statistics, NULL) == FSN_E_ARG);
+    emulated_rig_end(&rig);
+}
+
+int main(void) {
+    a_room_shows_every_cycle();
+    the_second_core_goes_on();
+    the_gap_is_counted();
+    nothing_is_taken_from_nobody();
+    return 0;
+}

@@ -1,0 +1,64 @@
+"""`fsn-master --take-over`: a running bus goes from one process to the next, on a real wire."""
+
+import statistics
+
+import pytest
+from run.support import EXAMPLES
+from run.test_live_bus import on_the_wire
+
+ROBOT = str(EXAMPLES / "el6910" / "network.yaml")
+ESTOP = str(EXAMPLES / "estop" / "network.yaml")
+
+
+def case(name, tmp, *networks, good=lambda _: True):
+    return on_the_wire(name, *networks, tmp=tmp, good=good, script="takeover_rig.py")
+
+
+def check_one_after_the_other(seen, take_overs):
+    """No frame of a process reached the SubDevices after the first of the next one."""
+    assert (seen["changes"], seen["senders"]) == (take_overs, take_overs + 1)
+    assert set(seen["al"]) == {"OP"}
+    assert seen["data"]
+
+
+def stayed_in_op(seen):
+    """On a busy machine a watchdog may bite: then it is tried again."""
+    return not any(seen["returns"]) and not seen.get("left")
+
+
+def test_three_take_overs_under_load(tmp_path):
+    seen = case("planned", tmp_path, ROBOT, good=stayed_in_op)
+    check_one_after_the_other(seen, 3)
+    assert seen["codes"] == [0, 0, 0]
+    assert seen["cycles"] == sorted(set(seen["cycles"]))  # it counts on
+    assert statistics.median(seen["gaps"]) < 100  # cycles; far below is the rule
+    assert [e for e in seen["events"] if e in ("start", "stop")] == ["start", "stop"] * 4
+    assert "unfinished" not in seen["events"]
+
+
+def test_outputs_of_a_client_fall_back(tmp_path):
+    seen = case("output", tmp_path, ROBOT, good=stayed_in_op)
+    check_one_after_the_other(seen, 1)
+    assert seen["fallen"] == 8
+
+
+def test_what_differs_is_refused_before_anything_is_disturbed(tmp_path):
+    seen = case("refused", tmp_path, ROBOT, ESTOP, good=stayed_in_op)
+    check_one_after_the_other(seen, 1)
+    assert set(seen["codes"].values()) == {1}
+    said = {
+        "nobody": "near: no fsn-master drives this interface and takes a successor",
+        "plan": "it has another plan; a take-over keeps the plan, another one needs a stop",
+        "cycle": "it has another --cycle or --dc-every; they belong to the start of a bus",
+        "lock": "another process answers on s; stop that fsn-master",
+    }
+    for name, text in said.items():
+        assert text in seen["texts"][name]
+
+
+@pytest.mark.shows("R1")
+def test_a_former_that_is_frozen_is_left_alone_and_thaws(tmp_path):
+    seen = case("frozen", tmp_path, ROBOT)
+    check_one_after_the_other(seen, 0)
+    assert seen["code"] == 1
+    assert "the take-over is refused, and process" in seen["text"]
