@@ -442,7 +442,7 @@ static void tags_and_links_are_read(void) {
     static const uint8_t address[6] = {1, 2, 3, 4, 0xBE, 0xEF};
     set_up();
     memcpy(os.address, address, sizeof address);
-    CHECK(fsn_port_tag("eth7") == 0xBEEF && os.family == AF_INET);
+    CHECK(fsn_port_tag("eth7") == 0xBEEF && os.family == AF_UNIX);
     CHECK(os.type == (SOCK_DGRAM | SOCK_CLOEXEC) && os.opens == 1 && os.closes == 1);
     os.ioctl_fails = ENODEV;
     CHECK(fsn_port_tag("eth7") == 1 && os.closes == 2);

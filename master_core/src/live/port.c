@@ -163,9 +163,10 @@ static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
     return status;
 }
 
+/* Any socket serves to ask about an interface; a hardened service may have no AF_INET. */
 uint16_t fsn_port_tag(const char *interface) {
     struct ifreq request = {0};
-    const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     snprintf(request.ifr_name, sizeof request.ifr_name, "%s", interface);
     const bool ok = fd >= 0 && ioctl(fd, SIOCGIFHWADDR, &request) == 0;
     if (fd >= 0) {
@@ -367,7 +368,7 @@ int fsn_port_try(const char *interface) {
 
 bool fsn_port_has_link(const char *interface) {
     struct ifreq request = {0};
-    const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    const int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     if (fd < 0) {
         return false;
     }
