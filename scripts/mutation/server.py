@@ -188,7 +188,6 @@ class Waiting(Chooser):
 
 def announce(mutant: list[str]) -> None:
     """Let this process and its children import a module's mutant instead of it."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     os.environ["FSN_MUTANT"] = json.dumps(mutant)
     before = os.environ.get("PYTHONPATH")
     os.environ["PYTHONPATH"] = os.pathsep.join([str(CHILD), *([before] if before else [])])
@@ -229,6 +228,8 @@ class Serving:
             pid = os.fork()
             if pid == 0:
                 os.setsid()
+                # Also without a mutant: what needs more of it fails then too, and is left out.
+                resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
                 prepare(request)
                 return True
             code = _waited(pid, request)
