@@ -209,3 +209,10 @@ def test_nothing_to_say_about_frames_and_plain_data():
     frame = pdo("6000:01/8=CMD 6001:01/8 6000:03/16=CRC 6000:02/16=ConnID")
     plain = pdo("6000:01/8=Status 6000:02/16=Value", index=0x1A01)
     assert near_misses(place_entries((frame, plain)), SM3) == ()
+
+
+def test_names_in_a_guess_are_cut():
+    (named,) = guesses(f"7000:01/8={'FSoE_' + 'n' * 60} 7001:01/8 7000:03/16 7000:02/16")
+    assert f"names speak of FSoE, such as {'FSoE ' + 'n' * 35!r}" in named.reasons
+    (other,) = guesses("7000:01/8=a 7001:01/8=b 7000:03/16=c 7000:02/16=d")
+    assert "no name speaks of FSoE, CRC or connection: a, c, d" in other.doubts

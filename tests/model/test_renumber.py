@@ -10,7 +10,7 @@ from described import bus, copy, device
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError
 from fsoe_net.model.description import Description
-from fsoe_net.model.renumber import renumbered_copies
+from fsoe_net.model.renumber import _range, renumbered_copies
 
 MINE = replace(bus(2), path="mine.xml")
 MINE = replace(
@@ -103,3 +103,17 @@ def test_only_what_is_copied_has_to_be_equal(pdo: int, same: bool):
     else:
         with pytest.raises(InputError, match="byte 0 of sync manager 3 holds other data"):
             renumbered_copies(changed, other())
+
+
+def test_entries_beside_what_is_copied_are_not_compared():
+    manager = MINE.subdevices[1].device.layout.managers[0]
+    places = [(p.bit_offset, p.end_bit, p.entry.index) for p in manager.placed]
+    (_, first_end, _), (second, second_end, index), (third, _, _) = places[:3]
+    assert (first_end, second_end) == (second, third)
+    found = _range(manager, second, second_end - second)
+    assert found == [(second, index, second_end - second)]
+    whole = _range(manager, 0, manager.bits)
+    assert whole is not None
+    assert len(whole) == len([p for p in manager.placed if not p.entry.is_gap])
+    assert _range(manager, 1, manager.bits) is None
+    assert _range(None, 0, 1) is None

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
-from described import entry
+from described import bus, entry
 from networks import example
 
 from fsoe_net.fsoe.pdu import SAFE_SIZES, frame_length, safe_data_of
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
-from fsoe_net.model.description import ClockFacts
+from fsoe_net.model.description import ClockFacts, StartFacts, TypeFacts
 from fsoe_net.model.layout import SmLayout
+from fsoe_net.model.scenario import Action
 from fsoe_net.model.signals import connection_signals, signals_of, split_name, write_bits
 from fsoe_net.model.times import TIME_UNITS_NS, time_ns, time_text
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
@@ -55,6 +58,28 @@ def test_entries_that_are_no_signal_are_left_out():
         ("io.0x6001:01", 0, 3, "three", "0x6001:01"),
         ("io.0x6640:00", 5, 3, "STO", "0x6640:00"),
     ]
+
+
+@pytest.mark.parametrize(
+    ("index", "label"),
+    [
+        (0x6630, "restart acknowledge"),
+        (0x6632, "error acknowledge"),
+        (0x6640, "STO"),
+        (0x6650, "SS1"),
+        (0x6660, "SBC"),
+        (0x6668, "SOS"),
+        (0x6670, "SS2"),
+        (0x6690, "SLS"),
+        (0x66D0, "SDI positive"),
+        (0x66D1, "SDI negative"),
+        (0x6671, ""),
+    ],
+)
+def test_a_bit_without_a_name_has_that_of_the_drive_profile(index: int, label: str):
+    ends = entry(0x6600, 3, 16), entry(0x6600, 2, 16)
+    frame = _layout(entry(0x6600, 1, 8), entry(index, 0, 1), entry(index, 1, 7, "own"), *ends)
+    assert [s.label for s in signals_of("drive", frame, 0, 6).values()] == [label, "own"]
 
 
 def test_signals_of_an_example(said):
@@ -152,3 +177,24 @@ def test_words_for_types():
     sizes = {f"{sign}int{bits}": bits for sign in ("", "u") for bits in WORDS}
     reals = {"float": 32, "real32": 32, "double": 64, "real64": 64}
     assert sizes | reals | {"bool": 1} == TYPE_BITS
+
+
+def test_what_only_an_emulated_segment_does():
+    assert {action.value for action in Action if not action.needs_segment} == {
+        "set",
+        "press",
+        "release",
+        "break",
+        "heal",
+        "power_cycle",
+        "local_reset",
+        "output",
+        "fsoe_address",
+    }
+
+
+def test_what_a_file_says_of_starting_makes_no_other_subdevice():
+    (one, *_) = bus(1).subdevices
+    assert replace(one, start=StartFacts(revision=7)) == one
+    assert replace(one, facts=TypeFacts()) == one
+    assert replace(one, revision=7) != one
