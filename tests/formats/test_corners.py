@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,16 +16,24 @@ from formats.test_eni_start import with_esi
 from fsoe_net.diag.diagnostic import Edit, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.capture.datagrams import datagrams
+from fsoe_net.formats.capture.packets import CaptureReader
+from fsoe_net.formats.capture.sdo import _segment
 from fsoe_net.formats.eni.read import load_eni
 from fsoe_net.formats.eni.write import write_eni
-from fsoe_net.formats.esi.read import load_esi
+from fsoe_net.formats.esi.read import list_esi, load_esi
+from fsoe_net.formats.esi.wanted import load_devices
 from fsoe_net.formats.igh.write import write_c_header
+from fsoe_net.formats.lcec.write import write_lcec
+from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.patch import patch_yaml
+from fsoe_net.formats.own.schema import nearest_key
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.xml_text import plain_xml
+from fsoe_net.formats.sii.hex_text import binary_of
+from fsoe_net.formats.sii.read import SiiManager
 from fsoe_net.formats.twincat.box import _frame
 from fsoe_net.formats.twincat.read import load_twincat
-from fsoe_net.model.bus import Direction, Pdo
+from fsoe_net.model.bus import Direction, Pdo, Sdo
 from fsoe_net.model.description import StartFacts
 
 # -- sync managers --------------------------------------------------------------------------------
@@ -63,6 +73,127 @@ def test_control_bytes_of_an_eni(number: int, kept: int | None):
     assert facts.controls.get(2) == kept
 
 
+@pytest.mark.parametrize("size", [1, 2, 4, 8])
+@pytest.mark.parametrize("value", ["lowest", "highest"])
+def test_start_up_sdos_keep_size_and_value(size: int, value: str):
+    sdo = Sdo(
+        index=0x8000,
+        subindex=1,
+        size_bytes=size,
+        value=0 if value == "lowest" else 2 ** (8 * size) - 1,
+    )
+    made = bus(1)
+    logic, *rest = made.subdevices
+    logic = replace(logic, device=replace(logic.device, sdos=(sdo,)))
+    out = Collector()
+    found = load_eni(write_eni(replace(made, subdevices=(logic, *rest))).encode(), out)
+    assert found is not None
+    assert found.subdevices[0].device.sdos == (sdo,)
+    assert out.diagnostics == []
+
+
+@pytest.mark.parametrize(
+    ("value", "data"), [(-2, "FE FF"), (-32768, "00 80"), (65535, "FF FF"), (258, "02 01")]
+)
+def test_an_sdo_of_linuxcnc_is_low_byte_first(value: int, data: str):
+    made = bus(1)
+    logic, *rest = made.subdevices
+    sdo = Sdo(index=0x8000, subindex=0x0A, size_bytes=2, value=value)
+    logic = replace(logic, device=replace(logic.device, sdos=(sdo,)))
+    text = write_lcec(replace(made, subdevices=(logic, *rest), connections=())).files
+    (whole,) = text.values()
+    assert (
+        '      <sdoConfig idx="8000" subIdx="0A">\n'
+        f'        <sdoDataRaw data="{data}"/>\n'
+        "      </sdoConfig>\n"
+    ) in whole
+
+
+def test_a_device_that_no_datagram_holds_is_named():
+    made = bus(1)
+    logic, *rest = made.subdevices
+    outputs, inputs = logic.device.sync_managers
+    pdo = Pdo(index=0x1600, entries=tuple(entry(0x7000, n, 248) for n in range(1, 49)))
+    device = replace(logic.device, sync_managers=(replace(outputs, pdos=(pdo,)), inputs))
+    made = replace(made, subdevices=(replace(logic, device=device), *rest), copies=())
+    with pytest.raises(InputError, match=r"^logic: 1496 bytes do not fit into one datagram$"):
+        write_eni(made)
+
+
+def test_pdos_of_an_eni_that_no_sync_manager_has_are_available():
+    text = write_eni(bus(1)).replace(
+        "</ProcessData>",
+        "<TxPdo><Index>#x1a40</Index><Entry><Index>#x6400</Index><SubIndex>1</SubIndex>"
+        "<BitLen>16</BitLen></Entry></TxPdo></ProcessData>",
+        1,
+    )
+    found = load_eni(text.encode(), Collector())
+    assert found is not None
+    assert [p.index for p in found.subdevices[0].available] == [0x1A40]
+    assert {s.available for s in found.subdevices[1:]} == {()}
+
+
+@pytest.mark.parametrize(
+    ("shift", "kept"), [(-0x80000000, -0x80000000), (-0x80000001, 0), (500, 500)]
+)
+def test_a_shift_of_the_clock_of_an_eni_has_32_bits(shift: int, kept: int):
+    clock = f"<DC><CycleTime0>1000000</CycleTime0><ShiftTime>{shift}</ShiftTime></DC>"
+    text = write_eni(bus(1)).replace("</Slave>", f"{clock}</Slave>", 1)
+    found = load_eni(text.encode(), Collector())
+    assert found is not None
+    assert next(s.start.clock.shift_ns for s in found.subdevices if s.start and s.start.clock) == (
+        kept
+    )
+
+
+def test_devices_of_an_esi_have_the_place_of_the_file(tmp_path: Path):
+    path = tmp_path / "a.xml"
+    path.write_text(
+        esi_text('<Device><Type ProductCode="#x10" RevisionNo="#x1">D</Type></Device>'), "utf-8"
+    )
+    listed = list_esi(str(path), Collector())
+    assert listed is not None
+    vendor = listed.devices[0].vendor
+    logic = bus(1).subdevices[0]
+    wanted = replace(logic, device=replace(logic.device, vendor_id=vendor, product_code=0x10))
+    found = load_devices(str(path), [wanted], Collector())
+    assert found is not None
+    assert (str(found.span), found.path) == (f"{path}:1:1", str(path))
+    assert load_devices(str(path), [logic], Collector()) is None
+
+
+# -- images of an EEPROM --------------------------------------------------------------------------
+
+
+def record(address: int, kind: int, body: bytes) -> str:
+    row = bytes((len(body), address >> 8, address & 0xFF, kind)) + body
+    return ":" + (row + bytes((-sum(row) & 0xFF,))).hex().upper() + "\n"
+
+
+@pytest.mark.parametrize(("kind", "base"), [(2, 16), (4, 0x10000)])
+def test_records_of_intel_hex_lie_behind_their_base(kind: int, base: int):
+    text = "".join(record(at, 0, bytes(16)) for at in range(0, base, 16))
+    text += record(0, kind, b"\0\1") + record(0, 0, b"\3\4") + ":00000001FF\n"
+    assert binary_of(text.encode()) == bytes(base) + b"\3\4"
+
+
+@pytest.mark.parametrize(
+    ("use", "control", "direction"),
+    [
+        (0, 0x64, Direction.OUTPUT),
+        (0, 0x20, Direction.INPUT),
+        (0, 0x08, Direction.INPUT),
+        (1, 0x20, Direction.OUTPUT),
+        (2, 0x24, Direction.INPUT),
+        (3, 0x20, Direction.OUTPUT),
+        (4, 0x24, Direction.INPUT),
+    ],
+)
+def test_who_writes_a_sync_manager_of_an_sii(use: int, control: int, direction: Direction):
+    manager = SiiManager(start=0x1000, length=8, control=control, enable=1, use=use)
+    assert manager.direction is direction
+
+
 # -- TwinCAT --------------------------------------------------------------------------------------
 
 
@@ -97,6 +228,15 @@ def test_of_two_masters_the_one_with_a_safety_logic_is_read():
     assert [s.order for s in found.subdevices] == ["EK1100", "EL6910", "EL1904", "EL2904"]
     (said,) = [d for d in out.diagnostics if d.code == "FSN147" and "masters" in d.message]
     assert said.message == (f"this project has 2 EtherCAT masters; {tc.MASTER} is read, Plain not")
+
+
+@pytest.mark.parametrize("index", ["#x10000", "-1", "x"])
+def test_a_pdo_of_twincat_without_a_number_is_named(index: str):
+    text = tc.machine(safety="").replace('Index="#x1a00"', f'Index="{index}"', 1)
+    out = Collector()
+    load_twincat(text.encode(), out)
+    said = [d.message for d in out.diagnostics if d.code == "FSN141"]
+    assert said == ["a PDO of EL6910 has no number"]
 
 
 def test_a_part_of_a_project_that_is_not_there_is_named(tmp_path: Path):
@@ -146,6 +286,19 @@ def test_frames_in_udp_are_taken_where_they_are_whole(packet: bytes, taken: bool
         assert (row.data, row.counter, cut) == (b"\xab", 3, False)
 
 
+@pytest.mark.parametrize("unused", range(8))
+def test_a_short_segment_says_how_many_bytes_count(unused: int):
+    assert _segment(bytes((unused << 1 | 1,)) + b"ABCDEFG") == b"ABCDEFG"[: 7 - unused]
+    assert _segment(bytes((unused << 1 | 1,)) + b"ABCDEFGH") == b"ABCDEFGH"
+
+
+def test_packets_of_a_pcap_have_their_time_and_the_first_interface():
+    head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
+    packet = struct.pack("<IIII", 7, 250, 3, 3) + b"abc"
+    reader = CaptureReader("x.pcap", io.BytesIO(head + packet))
+    assert list(reader) == [(7_000_250_000, 0, b"abc")]
+
+
 # -- texts ----------------------------------------------------------------------------------------
 
 
@@ -164,6 +317,39 @@ def test_an_edit_is_at_its_place_behind_a_byte_order_mark(mark: str, before: str
     after, made = patch_yaml(text.encode(), "n.yaml", [wanted])
     assert after.decode() == text.replace("6", "31")
     assert made == {wanted}
+
+
+CONFUSED = (
+    ("sub_index", "subindex"), ("subIndex", "subindex"), ("module", "ec_module"),
+    ("rpdos", "rpdo"), ("product_code", "product_id"), ("sync_manager", "sm"),
+    ("length", "size"), ("bytes", "size"), ("entries", "channels"), ("conn_id", "connection_id"),
+    ("watchdog", "watchdog_ms"), ("slaves", "subdevices"), ("devices", "subdevices"),
+    ("fsoe_address", "address"), ("SM", "sm"), ("vendorid", "vendor_id"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("key", "meant"), CONFUSED)
+def test_a_key_by_another_name_is_known(key: str, meant: str):
+    assert nearest_key(key, ["name", "vendor", "data", meant]) == meant
+    assert nearest_key(key, ["name"]) is None
+
+
+@pytest.mark.parametrize(
+    ("key", "missing"),
+    [
+        ("safety_mods", []),
+        ("transfer_module", []),
+        ("subdevice", ["the document has no 'nets'", "the document has no 'version'"]),
+        ("vendor_ids", ["the document has no 'product_id'"]),
+    ],
+)
+def test_a_file_is_known_by_a_key_that_is_spelled_wrong(
+    key: str, missing: list[str], tmp_path: Path
+):
+    path = tmp_path / "t.yaml"
+    path.write_text(f"{key}: []\n", "utf-8")
+    unknown = f"unknown key {key!r} at the top level"
+    assert [d.message for d in load_network([path]).diagnostics] == [unknown, *missing]
 
 
 def test_an_entry_that_no_table_holds_is_named():

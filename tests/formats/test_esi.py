@@ -378,6 +378,12 @@ def test_modules_that_do_not_fit(modules, message, given):
         ),
         ("<Slot><ModuleIdent>1</ModuleIdent></Slot>", (), ""),
         ('<ModulePdoGroup Alignment="4"/>', (), "alignment"),
+        (
+            '<Slot MinInstances="1"><ModuleIdent>2</ModuleIdent></Slot>'
+            '<ModulePdoGroup Alignment="4"/>',
+            (2,),
+            "alignment",
+        ),
     ],
 )
 def test_modules_that_are_built_in(slots, idents, note):

@@ -108,6 +108,12 @@ def test_a_urdf_without_transfers_is_remarked(tmp_path: Path):
     assert "FSN125" in [d.code for d in result.diagnostics]
 
 
+def test_a_macro_names_the_parameters_that_it_lacks(tmp_path: Path):
+    robot = ROBOT.replace(' name="el1904" position="3"', "")
+    (said, *_) = load_urdf(write(tmp_path, robot)).diagnostics
+    assert (said.code, said.hint) == ("FSN119", "give the macro: name,position")
+
+
 def test_endless_macro_ends(tmp_path: Path):
     endless = MACRO.replace("<gpio", '<xacro:terminal name="a" position="1"/><gpio', 1)
     result = load_urdf(write(tmp_path, macro=endless))
