@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import shutil
 import signal
 import socket
@@ -196,7 +197,8 @@ def test_a_master_that_cannot_be_started(folder, monkeypatch):
     path = program(folder, "")
     Path(path).write_text("#!/no/such/interpreter\n", "utf-8")
     monkeypatch.setenv("FSN_MASTER", path)
-    with pytest.raises(EnvironmentFault, match="cannot be started"):
+    said = f"^{re.escape(path)} cannot be started: No such file or directory$"
+    with pytest.raises(EnvironmentFault, match=said):
         Master(b"plan", [])
 
 

@@ -8,9 +8,9 @@ from run.test_console import Rig
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.run.console.completion import complete
 from fsoe_net.run.console.conditions import _holds
-from fsoe_net.run.console.names import batches, shown, value_of
+from fsoe_net.run.console.names import batches, number, shown, value_of
 from fsoe_net.run.console.script import ScriptError, expand, parse
-from fsoe_net.testing.fake_master import STATUS, FakeMaster
+from fsoe_net.testing.fake_master import STATISTICS, STATUS, FakeMaster
 
 
 @pytest.fixture
@@ -94,6 +94,39 @@ def test_how_it_is_written(rig, line, message):
     with pytest.raises(ConsoleError) as caught:
         rig.do(line)
     assert str(caught.value) == message
+
+
+def test_a_cycle_image_whole(rig, monkeypatch):
+    monkeypatch.setitem(STATISTICS, "lost_frames", 3)
+    monkeypatch.setitem(STATISTICS, "overruns", 1)
+    monkeypatch.setitem(STATISTICS, "wkc_errors", 2)
+    late = {**STATISTICS["latency"], "max_ns": 2_500_000}
+    monkeypatch.setitem(STATISTICS, "latency", late)
+    state = (
+        "running, cycle 1 ms, 5 cycles, working counter 9 of 9, 2 of 2 SubDevices in OP, "
+        "1 of 1 connection in Data"
+    )
+    connection = "c1  logic - drive_1  data_process  7 / 7 frames"
+    assert rig.do("snapshot") == [
+        state,
+        "overruns 1, incomplete cycles 2, lost frames 3, late 1000 us (half), 1010 us (99 %), "
+        "2500 us (most)",
+        connection,
+        "drive_1  OP  alias 0 position 0",
+    ]
+    assert rig.do("state") == [state]
+    assert rig.do("connections") == [connection]
+
+
+def test_the_lease_that_is_given_is_kept(rig):
+    assert rig.keeper.lease(300) == 300
+    assert rig.do("lease 250") == ["lease 250 ms"]
+
+
+def test_a_macro_that_nobody_defined(rig):
+    with pytest.raises(ConsoleError) as caught:
+        rig.do("echo $cw")
+    assert str(caught.value).endswith("$cw: nothing is called so; let cw = … defines it")
 
 
 def test_a_script_that_is_too_long(rig, tmp_path):
@@ -196,3 +229,30 @@ def test_events_are_told_for_a_time(master, rig):
     while not found:
         found = rig.do("events for 150ms")
     assert found == ["U info told"]
+
+
+@pytest.mark.parametrize(
+    ("before", "words"),
+    [
+        ("on-error ", ["continue", "stop"]),
+        ("events ", ["for", "off", "on"]),
+        ("start ", ["for"]),
+        ("stop ", ["for"]),
+        ("restart ", ["for"]),
+    ],
+)
+def test_words_that_complete_a_command(before, words, rig):
+    names = rig.console.names()
+    assert sorted(complete(before, "", names, commands=[], macros={})) == words
+
+
+def test_the_body_of_a_macro_has_its_place():
+    (command,) = parse("  let  cw =  echo 1")
+    assert [(w.text, w.column) for w in command.words[1:]] == [("cw", 8), ("echo 1", 12)]
+
+
+def test_the_longest_number_has_64_bits_one_by_one():
+    assert number("0b" + "1" * 64, "value") == 2**64 - 1
+    with pytest.raises(ConsoleError) as caught:
+        number("0b" + "1" * 65, "value")
+    assert str(caught.value) == f"0b{'1' * 22}: a value is a number from 0"

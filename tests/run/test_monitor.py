@@ -59,12 +59,14 @@ def test_once_shows_what_is_known(master):
 
 
 def test_the_document_says_the_same(master):
+    master.wire |= {"to_main": direction(resets=2)}
     done = monitor(master, "--once", "--format", "json")
     found = json.loads(done.stdout)
     assert (done.returncode, found["result"], found["state"]) == (0, "pass", "running")
     (row,) = found["connections"]
     assert (row["watchdog_share"], row["held_main"], row["held_sub"]) == (0.9, 2, 2)
     assert (row["silent_to_sub_ms"], row["resets_to_sub"], row["watchdog_ms"]) == (5, 1, 100)
+    assert row["resets_to_main"] == 2
     assert row["fsoe_cycle_ms"] == {"last": 4, "min": 3, "mean": 4, "max": 90}
     assert row["cause"].startswith("both ends sent: local reset")
     page = (ROOT / "docs/reference/json-output.md").read_text("utf-8")

@@ -31,6 +31,10 @@ def test_steps_of_functions_connections_devices_and_faults() -> None:
         "loss logic",
     ]
     assert ids[6:] == [f"fault {name}" for name in CATALOGUE]
+    assert by_id(protocol)["loss io"].expected == (
+        "logic-io leave Data; the outputs of their logic go off and stay off when io is back, "
+        "until a reset is pressed."
+    )
     trigger = by_id(protocol)["trigger estop"]
     assert "ES1 is pressed" in trigger.what
     assert "K1 opens" in trigger.expected

@@ -9,6 +9,7 @@ import json
 import os
 import socket
 import struct
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Facts
@@ -26,15 +27,17 @@ from fsoe_net.errors import ControlRefused, FsnError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.scenario import Action
-from fsoe_net.run import build_master, packet_socket, scan, sockets
+from fsoe_net.run import build_master, in_use, packet_socket, scan, sockets
 from fsoe_net.run.bus_events import BusEvents
-from fsoe_net.run.commands import parse_command
+from fsoe_net.run.commands import CommandError, parse_command
 from fsoe_net.run.control_values import read_watched
 from fsoe_net.run.device import _find, _place, _raised, _short, stdout_to_stderr
+from fsoe_net.run.master import Master
 from fsoe_net.run.packet_socket import PacketSocket
-from fsoe_net.run.protocol import compare_protocol
+from fsoe_net.run.protocol import compare_protocol, make_protocol
 from fsoe_net.run.result import RunEvent
-from fsoe_net.run.scan_files import scan_files
+from fsoe_net.run.scan_files import compact_json, scan_files
+from fsoe_net.run.scenario_check import _nearest
 from fsoe_net.testing.fake_master import FakeMaster
 
 WHOLE = Path(__file__).parent / "incident.txt"
@@ -93,6 +96,98 @@ def test_the_place_of_a_command_and_what_an_image_lacks():
     row = read_watched({"cycle": 3, "now_ns": 4}, 2)
     assert (row.cycle, row.now_ns, row.skipped, row.values, row.image) == (3, 4, 2, {}, None)
     assert (row.expected_wkc, row.actual_wkc) == (0, 0)
+
+
+USAGE = """\
+break SUBDEVICE
+heal SUBDEVICE
+power-cycle SUBDEVICE
+local-reset CONNECTION
+press
+release
+set SIGNAL VALUE
+fsoe-address SUBDEVICE ADDRESS
+cut SUBDEVICE|main
+splice SUBDEVICE|main
+swap SUBDEVICE SUBDEVICE
+wrong SUBDEVICE VENDOR PRODUCT [REVISION]
+right SUBDEVICE
+sdo-abort SUBDEVICE INDEX[:SUB] CODE
+mailbox-delay SUBDEVICE TIME
+al-delay SUBDEVICE TIME
+rx-errors SUBDEVICE ERRORS
+lose FRAMES
+lose-every FRAMES
+repeat FRAMES
+delay TIME
+stall TIME
+"""
+
+
+@pytest.mark.parametrize("usage", USAGE.splitlines())
+def test_how_a_command_of_the_emulation_is_written(usage: str):
+    line = usage.partition(" ")[0]
+    with pytest.raises(CommandError) as caught:
+        parse_command(f"{line} 1 2 3 4 5", 1)
+    assert str(caught.value) == f"write: {usage}"
+
+
+@pytest.mark.parametrize(
+    ("line", "most"),
+    [
+        ("set io.x", 2**64 - 1),
+        ("fsoe-address io", 0xFFFF),
+        ("rx-errors io", 255),
+        ("lose", 1_000_000),
+        ("lose-every", 1_000_000),
+        ("repeat", 1_000_000),
+    ],
+)
+def test_the_most_that_a_command_takes(line: str, most: int):
+    command = parse_command(f"{line} {most}", 3)
+    assert command is not None
+    assert command.step is not None
+    assert most in (command.step.number, *(command.step.values or {}).values())
+    assert str(command.step.span) == "command:3:1"
+    with pytest.raises(CommandError) as caught:
+        parse_command(f"{line} {most + 1}", 3)
+    assert str(caught.value) == f"{most + 1} is not in 0 … {most}"
+
+
+def test_each_command_knows_its_line():
+    for line in (
+        "swap a b",
+        "wrong a 1 2",
+        "sdo-abort a 0x1018:01 5",
+        "stall 2ms",
+        "al-delay a 1s",
+    ):
+        command = parse_command(line, 9)
+        assert command is not None
+        assert command.step is not None
+        assert (str(command.step.span), command.step.at_ns) == ("command:9:1", 0)
+
+
+# -- a process of fsn-master -----------------------------------------------------------------------
+
+
+def test_fsn_master_is_asked_to_end_before_it_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Only the signal gives it the time for stop values, while copying goes on."""
+    program, ready, ended = tmp_path / "fsn-master", tmp_path / "ready", tmp_path / "ended"
+    program.write_text(
+        f"#!/bin/sh\ntrap 'echo orderly >{ended}; exit 0' TERM\n: >{ready}\n"
+        "while :; do sleep 0.01; done\n"
+    )
+    program.chmod(0o755)
+    monkeypatch.setenv("FSN_MASTER", str(program))
+    with Master(b"", ()) as master:
+        while not ready.exists():
+            time.sleep(0.01)
+    assert ended.read_text() == "orderly\n"
+    assert master.ended()
+    assert not master.directory.exists()
 
 
 # -- console ---------------------------------------------------------------------------------------
@@ -318,6 +413,14 @@ def test_whose_bus_is_scanned(monkeypatch: pytest.MonkeyPatch):
     assert refusal(scan.scan_source, None) == (
         "no bus: name an interface or the socket of an fsn-master"
     )
+    monkeypatch.setattr(scan, "find_socket", lambda _: None)
+    monkeypatch.setattr(scan, "find_master", lambda: "fsn-master")
+    own = scan.scan_source("eth1")
+    assert not own.attached
+    assert own.announcement == (
+        "fsn-master --scan listens on eth1 and stops when another MainDevice talks there; else "
+        "every SubDevice on it goes to PREOP: process data ends, outputs fall back"
+    )
 
 
 # -- what is written -------------------------------------------------------------------------------
@@ -421,3 +524,52 @@ def test_the_file_of_a_device_that_was_found():
     files = scan_files(scan.TakenScan(document=document, scan=taken))
     (text,) = (text for name, text in files.texts.items() if name.startswith("devices/"))
     assert text == DEVICE
+
+
+def test_json_keeps_letters_as_they_are():
+    assert compact_json({"größe": ["Ω"]}) == '{"größe": ["Ω"]}'
+
+
+def test_a_protocol_of_a_network_without_a_project():
+    resolution = timed()
+    network = replace(resolution.network, project=None)
+    bare = make_protocol(replace(resolution, network=network), b"")
+    assert (bare.project, bare.network) == ("", network.name)
+
+
+def test_names_that_are_known():
+    assert _nearest("x", []) == "known: none"
+    assert _nearest("zz", list("abcdefgh")) == "known: a, b, c, d, e, f, g, h"
+    assert _nearest("zz", list("ihgfedcba")) == "known: a, b, c, d, e, f, g, h, …"
+    assert _nearest("drive", ["drive_1", "io"]) == "write drive_1"
+
+
+@pytest.mark.parametrize("driver", ["veth", "tun", "dummy", "netdevsim", "igb"])
+def test_which_interface_is_no_network_card(driver: str, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(in_use, "network_driver", lambda _, name: driver)
+    status: Any = Facts(backend="soem", interface="eth7")
+    card = driver == "igb"
+    assert in_use.emulated_bus(status) == ("" if card else f"eth7 is no network card ({driver})")
+    status = Facts(backend="emulated", interface="")
+    assert in_use.emulated_bus(status) == "the bus of fsn-master is emulated"
+
+
+def test_a_source_of_soem(tmp_path: Path):
+    (tmp_path / "soem").mkdir()
+    (tmp_path / "soem" / "ethercatmain.h").touch()
+    assert build_master._is_soem_1(tmp_path) == tmp_path
+    (tmp_path / "two" / "include" / "soem").mkdir(parents=True)
+    why = "fsn-master is built with SOEM 1.4, fetched without --soem"
+    assert refusal(build_master._is_soem_1, tmp_path / "two") == (
+        f"{tmp_path / 'two'}: SOEM 2, which is not supported; {why}"
+    )
+    assert refusal(build_master._is_soem_1, tmp_path / "none") == (
+        f"{tmp_path / 'none'}: not the source of SOEM: it has no soem/ethercatmain.h; {why}"
+    )
+
+
+def test_a_scan_by_a_program_that_cannot_be_started(tmp_path: Path):
+    path = str(tmp_path / "none")
+    assert refusal(scan._own, path, "eth1", None) == (
+        f"{path} cannot be started: No such file or directory"
+    )
