@@ -137,6 +137,14 @@ class Client(ControlLink):
         """Stop, then end the program."""
         return self._read(self.request("shutdown"), read_state)
 
+    def hold(self) -> BusState:
+        """Begin a maintenance: no standby takes over until `resume`."""
+        return self._read(self.request("hold"), read_state)
+
+    def resume(self) -> BusState:
+        """End it."""
+        return self._read(self.request("resume"), read_state)
+
     def sdo_read(self, subdevice: str, index: int, subindex: int, kind: str = "") -> SdoValue:
         """Read an object; ``kind`` as in control-protocol.md, e.g. ``uint16``."""
         words = ["sdo-read", subdevice, f"{index:#06x}", str(subindex), *([kind] if kind else [])]

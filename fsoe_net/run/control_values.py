@@ -20,6 +20,7 @@ __all__ = [
     "RingStatus",
     "ScanReply",
     "SdoValue",
+    "StandbyStatus",
     "Status",
     "Symbol",
     "Value",
@@ -45,6 +46,7 @@ class BusState(enum.StrEnum):
     STOPPED = "stopped"
     OPENING = "opening"
     STARTING = "starting"
+    STANDBY = "standby"
     RUNNING = "running"
     STOPPING = "stopping"
     FAILED = "failed"
@@ -60,6 +62,14 @@ class LogStatus:
     entry: int
     sha256: str
     fault: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandbyStatus:
+    """The process that takes the bus over when the cycle stops, but not while it is ``held``."""
+
+    pid: int
+    held: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,8 +93,8 @@ class Status:
 
     ``fault`` says why the bus did not open; empty when it did. ``fingerprint`` is that of the plan
     as the core has loaded it, ``None`` from a program that reports none; ``version`` that of the
-    engine. ``ring`` is ``None`` with one interface. ``interventions`` is ``None`` without an
-    intervention log. ``cpu`` is ``None`` when the cyclic thread may run on any.
+    engine. ``ring`` is ``None`` with one interface, ``standby`` where no process follows,
+    ``interventions`` without an intervention log, ``cpu`` when the cyclic thread may run on any.
     """
 
     state: BusState
@@ -106,6 +116,7 @@ class Status:
     priority: int
     cpu: int | None
     ring: RingStatus | None
+    standby: StandbyStatus | None
     cycles: int
     overruns: int
     wkc_errors: int
@@ -222,6 +233,8 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     row = {**reply, **reply["subdevices"], "state": BusState(reply["state"])}
     row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
     row["ring"] = None if (ring := reply.get("ring")) is None else _ring(ring)
+    standby = reply.get("standby")
+    row["standby"] = None if standby is None else StandbyStatus(**standby)
     row["interventions"] = _log_status(reply.get("interventions"))
     reported = reply.get("fingerprint")
     row["fingerprint"] = None if reported is None else _fingerprint(reported)

@@ -32,7 +32,7 @@ STATUS: Row = {
     "plan_sha256": "00", "accepted": False, "uptime_ns": 1, "cycle_ns": 1_000_000,
     "free_run": False, "policy": "fifo", "priority": 80, "cpu": None, "cycles": 5, "overruns": 0,
     "wkc_errors": 0, "expected_wkc": 9, "actual_wkc": 9, "realtime": True, "locked": True,
-    "subdevices": {"planned": 2, "in_op": 2, "missing": 0}, "ring": None,
+    "subdevices": {"planned": 2, "in_op": 2, "missing": 0}, "ring": None, "standby": None,
     "clients": 1,
 }  # fmt: skip
 _HISTOGRAM: Row = {
@@ -227,7 +227,10 @@ class FakeMaster:
             "history": {"messages": [MESSAGE]},
             "scan": SCAN,
             "incident": {"file": "x.fsnincident"},
-        } | {n: {"state": self.state} for n in ("start", "stop", "restart", "shutdown")}
+        } | {
+            n: {"state": self.state}
+            for n in ("start", "stop", "restart", "shutdown", "hold", "resume")
+        }
         found: Row = answers.get(name, {})
         return {"ok": True} | found
 

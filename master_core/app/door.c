@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include "control/base/words.h"
@@ -39,7 +40,25 @@ static void forget_peer(struct door *door) {
     door->state = DOOR_FREE;
 }
 
+static bool say(const struct door *door, uint32_t word) {
+    return handover_send(door->peer, &word, sizeof word, NULL, 0);
+}
+
+void door_hold(struct door *door, bool held) {
+    door->held = held;
+    if (door->state == DOOR_FOLLOWED) {
+        (void)say(door, held ? HANDOVER_HOLD : HANDOVER_RESUME);
+    }
+}
+
+bool door_is_followed(const struct door *door) {
+    return door->state == DOOR_GIVEN || door->state == DOOR_FOLLOWED;
+}
+
 void door_close(struct door *door) {
+    if (door->state == DOOR_FOLLOWED) {
+        (void)say(door, HANDOVER_LEAVES);
+    }
     forget_peer(door);
     door->lock = -1;
 }
@@ -49,16 +68,21 @@ void door_prepare(const struct door *door, struct pollfd fds[DOOR_FDS]) {
     fds[1] = (struct pollfd){.fd = door->peer, .events = POLLIN};
 }
 
-__attribute__((format(printf, 2, 3))) static void refuse(int peer, const char *format, ...) {
-    struct handover_answer answer = {.format = HANDOVER_FORMAT};
+__attribute__((format(printf, 3, 4))) static void refuse(int peer, bool again, const char *format,
+                                                         ...) {
+    struct handover_answer answer = {.format = HANDOVER_FORMAT, .again = again};
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(answer.text, sizeof answer.text, format, arguments);
     va_end(arguments);
-    log_line(FSN_LOG_WARNING, "a process that would take the bus over was refused: %s",
-             answer.text);
+    if (!again) { /* who tries again would fill the log */
+        log_line(FSN_LOG_WARNING, "a process that would take the bus over was refused: %s",
+                 answer.text);
+    }
     (void)handover_send(peer, &answer, sizeof answer, NULL, 0);
 }
+
+static const char not_ready[] = "not every SubDevice is in OP; try again when the bus is ready";
 
 /** Why a process with this request cannot follow; NULL: it can. */
 static const char *obstacle(const struct handover_hello *hello, const struct door_facts *facts) {
@@ -74,7 +98,7 @@ static const char *obstacle(const struct handover_hello *hello, const struct doo
         hello->dc_every != facts->options->dc_every) {
         return "it has another --cycle or --dc-every; they belong to the start of a bus";
     }
-    return facts->in_op ? NULL : "not every SubDevice is in OP; try again when the bus is ready";
+    return facts->in_op ? NULL : not_ready;
 }
 
 /** Lets one in at a time. */
@@ -90,10 +114,11 @@ static void let_in(struct door *door) {
         close_fd(&door->successor);
     }
     if (pidfd < 0 || (uid != 0 && uid != geteuid())) {
-        refuse(peer, "process %d: it must be of the same user or root, and visible from here",
-               (int)pid);
+        refuse(peer, false,
+               "process %d: it must be of the same user or root, and visible from here", (int)pid);
     } else if (door->peer >= 0 || door->successor >= 0) {
-        refuse(peer, "process %d: another one follows already, or has not ended yet", (int)pid);
+        refuse(peer, true, "process %d: another one follows already, or has not ended yet",
+               (int)pid);
     } else {
         door->peer = peer;
         door->pidfd = pidfd;
@@ -108,6 +133,10 @@ static void let_in(struct door *door) {
 }
 
 static enum door_event leave(struct door *door) {
+    if (door->state == DOOR_FOLLOWED) {
+        log_line(FSN_LOG_WARNING, "the standby, process %d, has gone: nobody follows",
+                 (int)door->pid);
+    }
     const bool rested = door->state == DOOR_RESTS || door->state == DOOR_GIVEN;
     if (door->state == DOOR_GIVEN) {
         log_line(FSN_LOG_INFO, "process %d does not take the bus over", (int)door->pid);
@@ -132,12 +161,22 @@ static enum door_event hear(struct door *door, const struct door_facts *facts) {
         log_line(FSN_LOG_INFO, "hands the bus over to process %d", (int)door->pid);
         return DOOR_END;
     }
+    if (door->state == DOOR_GIVEN && word == HANDOVER_FOLLOWS) {
+        door->state = DOOR_FOLLOWED;
+        log_line(FSN_LOG_INFO, "process %d follows as standby%s", (int)door->pid,
+                 door->held ? ", and is held: maintenance" : "");
+        if (door->held) {
+            (void)say(door, HANDOVER_HOLD);
+        }
+        return DOOR_GO_ON;
+    }
     if (door->state != DOOR_KNOCKS) {
         return leave(door);
     }
     const char *why = obstacle(&hello, facts);
     if (why != NULL) {
-        refuse(door->peer, "process %d, %.31s: %s", (int)door->pid, hello.version, why);
+        refuse(door->peer, why == not_ready, "process %d, %.31s: %s", (int)door->pid, hello.version,
+               why);
         return leave(door);
     }
     door->state = DOOR_RESTS;
@@ -172,6 +211,7 @@ enum door_event door_give(struct door *door, const struct door_gift *gift) {
     }
     struct handover_answer answer = {.format = HANDOVER_FORMAT,
                                      .taken = 1,
+                                     .pid = getpid(),
                                      .room_bytes = gift->room_bytes,
                                      .attachment_bytes = gift->attachment.len_bytes};
     int fds[HANDOVER_FDS];
@@ -179,8 +219,11 @@ enum door_event door_give(struct door *door, const struct door_gift *gift) {
     fds[HANDOVER_LISTENER] = gift->listener;
     fds[HANDOVER_ROOM] = gift->room;
     fds[HANDOVER_ATTACHMENT] = shared(gift->attachment.bytes, gift->attachment.len_bytes);
-    if (fds[HANDOVER_ATTACHMENT] < 0) {
-        refuse(door->peer, "the system refused memory: %s", strerror(errno));
+    fds[HANDOVER_SELF] = (int)syscall(SYS_pidfd_open, getpid(), 0);
+    if (fds[HANDOVER_ATTACHMENT] < 0 || fds[HANDOVER_SELF] < 0) {
+        refuse(door->peer, false, "the system refused: %s", strerror(errno));
+        close_fd(&fds[HANDOVER_ATTACHMENT]);
+        close_fd(&fds[HANDOVER_SELF]);
         return leave(door);
     }
     /* From here on it counts as the successor, however the sending ends. */
@@ -191,10 +234,10 @@ enum door_event door_give(struct door *door, const struct door_gift *gift) {
     const bool sent = handover_send(door->peer, &answer, sizeof answer, fds,
                                     HANDOVER_HELD + gift->attachment.held_count);
     close(fds[HANDOVER_ATTACHMENT]);
+    close(fds[HANDOVER_SELF]);
     return sent ? DOOR_NOTHING : leave(door);
 }
 
 void door_say_end(const struct door *door) {
-    const uint32_t word = HANDOVER_ENDS;
-    (void)handover_send(door->peer, &word, sizeof word, NULL, 0);
+    (void)say(door, HANDOVER_ENDS);
 }

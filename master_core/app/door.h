@@ -11,10 +11,11 @@
 enum { DOOR_FDS = 2 };
 
 enum door_state {
-    DOOR_FREE,   /**< nobody is connected */
-    DOOR_KNOCKS, /**< somebody is, and has not said yet what it wants */
-    DOOR_RESTS,  /**< the acyclic work is to rest before anything is given */
-    DOOR_GIVEN   /**< it has the lock, and all it needs to follow */
+    DOOR_FREE,    /**< nobody is connected */
+    DOOR_KNOCKS,  /**< somebody is, and has not said yet what it wants */
+    DOOR_RESTS,   /**< the acyclic work is to rest before anything is given */
+    DOOR_GIVEN,   /**< it has the lock, and all it needs to follow */
+    DOOR_FOLLOWED /**< it is the standby; the acyclic work goes on */
 };
 
 struct door {
@@ -25,6 +26,7 @@ struct door {
     int successor;
     int pidfd; /**< of the peer, until it is given the lock */
     pid_t pid; /**< of the peer */
+    bool held; /**< maintenance: the standby takes nothing over */
     enum door_state state;
 };
 
@@ -55,6 +57,12 @@ void door_init(struct door *door);
 
 /** The bus is open: takes successors by its lock. -1: the bus cannot be handed over. */
 void door_open(struct door *door, int lock);
+
+/** Tells the standby whether it may take over, also the next one; see HANDOVER_HOLD. */
+void door_hold(struct door *door, bool held);
+
+/** Whether somebody has all it needs to go on where this process ends. */
+bool door_is_followed(const struct door *door);
 
 /** The bus is to be closed: nobody follows any more. */
 void door_close(struct door *door);

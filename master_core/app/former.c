@@ -2,8 +2,10 @@
 
 #include "former.h"
 
+#include <dirent.h>
 #include <errno.h>
 #include <poll.h>
+#include <sched.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +13,7 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "control/base/clock.h"
@@ -24,6 +27,8 @@ enum {
     END_MS = 5000,    /**< for a disk of its intervention log; its cycle goes on meanwhile */
     STILL_MS = 20,    /**< without a cycle: it is frozen, or gone */
     EXIT_MS = 20,     /**< from its last cycle to its end, unless it is killed */
+    AGAIN_MS = 200,   /**< between two tries of a standby */
+    LEAST_STEP_NS = 250000,
     KILLED_MS = 5000, /**< for the kernel to end it */
 };
 
@@ -65,6 +70,8 @@ static void *map(int *fd, uint64_t len_bytes) {
 }
 
 static bool take_answer(struct former *former, const struct handover_answer *answer, int *fds) {
+    former->pidfd = fds[HANDOVER_SELF];
+    former->pid = (pid_t)answer->pid;
     former->lock = former->attachment.lock = fds[HANDOVER_LOCK];
     former->listener = fds[HANDOVER_LISTENER];
     former->room_bytes = (size_t)answer->room_bytes;
@@ -74,7 +81,8 @@ static bool take_answer(struct former *former, const struct handover_answer *ans
     for (size_t i = 0; i < FSN_HELD; i++) {
         former->attachment.held[i] = fds[HANDOVER_HELD + i];
     }
-    return former->lock >= 0 && former->room != NULL && former->attachment.bytes != NULL;
+    return former->pidfd >= 0 && former->lock >= 0 && former->room != NULL &&
+           former->attachment.bytes != NULL;
 }
 
 /** Waits for a message; false when its time is over. */
@@ -84,15 +92,16 @@ static bool wait_for(int fd, int wait_ms) {
 }
 
 static int refuse(struct former *former, const char *text) {
-    log_line(FSN_LOG_ERROR, "the take-over is refused, and process %d goes on: %s",
-             (int)former->pid, text);
+    log_line(FSN_LOG_ERROR, "the take-over is refused, and the process before goes on: %s", text);
     former_release(former);
     return EXIT_REFUSED;
 }
 
 static int ask(struct former *former, const struct options *o, const struct fsn_plan *plan) {
-    struct handover_hello hello = {
-        .format = HANDOVER_FORMAT, .dc_every = o->dc_every, .cycle_ns = o->cycle_ns};
+    struct handover_hello hello = {.format = HANDOVER_FORMAT,
+                                   .dc_every = o->dc_every,
+                                   .standby = o->standby,
+                                   .cycle_ns = o->cycle_ns};
     struct handover_answer answer;
     int fds[HANDOVER_FDS];
     fsn_plan_sha256(plan, hello.plan);
@@ -108,39 +117,119 @@ static int ask(struct former *former, const struct options *o, const struct fsn_
     }
     answer.text[sizeof answer.text - 1] = 0;
     const bool whole = take_answer(former, &answer, fds);
+    former->again = answer.taken == 0 && answer.again != 0;
+    if (former->again && o->standby) {
+        former_release(former);
+        return EXIT_REFUSED; /* and tries again, without a line each time */
+    }
     if (answer.taken == 0) {
         return refuse(former, answer.text);
     }
     if (!whole) {
         return refuse(former, "what it handed over is not whole");
     }
-    /* Now that it has answered, the pidfd is of it. */
     if (syscall(SYS_pidfd_send_signal, former->pidfd, 0, NULL, 0) != 0) {
         return refuse(former, "this process may not end it: it needs the same user, or CAP_KILL");
     }
     return -1;
 }
 
-int former_find(struct former *former, const struct options *o, const struct fsn_plan *plan,
-                const struct fsn_backend *backend) {
+static int find_once(struct former *former, const struct options *o, const struct fsn_plan *plan,
+                     const struct fsn_backend *backend) {
     struct fsn_fault fault;
-    uid_t uid;
     *former = (struct former){.fd = -1, .pidfd = -1, .lock = -1, .listener = -1};
     memset(former->attachment.held, 0xFF, sizeof former->attachment.held); /* none: -1 */
-    if (backend->reach == NULL) {
-        log_line(FSN_LOG_ERROR, "--take-over: a bus of %s cannot be handed over", backend->name);
-        return EXIT_REFUSED;
-    }
     if (backend->reach(o->interface, &former->fd, &fault) != FSN_OK) {
+        former->again = o->standby && fault.status == FSN_E_BUS_SILENT;
+        if (former->again) {
+            return EXIT_REFUSED;
+        }
         log_line(FSN_LOG_ERROR, "--take-over: %s; without --take-over this one starts the bus",
                  fault.detail[0] != 0 ? fault.detail : fsn_status_text(fault.status));
         return EXIT_REFUSED;
     }
-    former->pidfd = handover_pidfd(former->fd, &former->pid, &uid);
-    if (former->pidfd < 0) {
-        return refuse(former, "it cannot be seen from here; both need the same PID namespace");
-    }
     return ask(former, o, plan);
+}
+
+int former_find(struct former *former, const struct options *o, const struct fsn_plan *plan,
+                const struct fsn_backend *backend) {
+    if (backend->reach == NULL) {
+        log_line(FSN_LOG_ERROR, "a bus of %s cannot be handed over", backend->name);
+        return EXIT_REFUSED;
+    }
+    for (int tries = 0;; tries++) {
+        const int code = find_once(former, o, plan, backend);
+        if (code == -1 || !o->standby || !former->again) {
+            return code;
+        }
+        if (tries == 0) {
+            log_line(FSN_LOG_INFO,
+                     "standby: waits for an fsn-master on %s with every SubDevice in OP",
+                     o->interface);
+        }
+        const struct timespec pause = {.tv_nsec = AGAIN_MS * 1000000L};
+        nanosleep(&pause, NULL);
+    }
+}
+
+/** Takes what the former says; false: it closes the bus. */
+static bool hear(struct former *former, bool *held) {
+    uint32_t word = 0;
+    const int got = handover_receive(former->fd, &word, sizeof word, NULL);
+    if (got == 1 && (word == HANDOVER_HOLD || word == HANDOVER_RESUME)) {
+        *held = word == HANDOVER_HOLD;
+        log_line(FSN_LOG_WARNING, *held ? "maintenance: takes nothing over" : "follows again");
+    }
+    /* A connection that is lost without a word is that of a process at its end. */
+    return !(got == 1 && word == HANDOVER_LEAVES) &&
+           (got >= 0 || handover_has_ended(former->pidfd, KILLED_MS));
+}
+
+fsn_status former_follow(struct former *former, uint64_t cycle_ns, bool (*turn)(void *self),
+                         void *self, struct fsn_fault *fault) {
+    const uint64_t step_ns = cycle_ns / 2 > LEAST_STEP_NS ? cycle_ns / 2 : LEAST_STEP_NS;
+    const uint64_t cycles_ns = FORMER_STILL_CYCLES * cycle_ns;
+    const uint64_t least_ns = FORMER_STILL_MS * UINT64_C(1000000);
+    const uint64_t threshold_ns = cycles_ns > least_ns ? cycles_ns : least_ns;
+    const struct timespec step = {.tv_sec = (time_t)(step_ns / 1000000000u),
+                                  .tv_nsec = (long)(step_ns % 1000000000u)};
+    uint32_t pictures = fsn_room_pictures(former->room);
+    uint64_t still_ns = 0;
+    bool held = false;
+    const uint32_t word = HANDOVER_FOLLOWS;
+    (void)handover_send(former->fd, &word, sizeof word, NULL, 0);
+    while (turn(self)) {
+        struct pollfd polled[] = {{.fd = former->pidfd, .events = POLLIN},
+                                  {.fd = former->fd, .events = POLLIN}};
+        const uint64_t slept_ns = fsn_now_ns();
+        (void)ppoll(polled, 2, &step, NULL);
+        if (polled[1].revents != 0 && !hear(former, &held)) {
+            return fsn_refuse_all(fault, FSN_E_BUS_BUSY,
+                                  "the process before closes the bus itself");
+        }
+        const bool ended = handover_has_ended(former->pidfd, 0);
+        if (ended && held) {
+            break;
+        }
+        /* A wake-up that came late says that this machine stood still, and counts as one step. */
+        const uint64_t waited_ns = fsn_now_ns() - slept_ns;
+        const uint32_t now = fsn_room_pictures(former->room);
+        still_ns = now != pictures || held
+                       ? 0
+                       : still_ns + (waited_ns < 2 * step_ns ? waited_ns : step_ns);
+        pictures = now;
+        if (ended || still_ns >= threshold_ns) {
+            log_line(FSN_LOG_ERROR,
+                     ended ? "process %d has ended: takes the bus over"
+                           : "process %d runs no cycle any more: takes the bus over",
+                     (int)former->pid);
+            return FSN_OK;
+        }
+    }
+    return fsn_refuse_all(fault, FSN_E_STATE,
+                          held
+                              ? "the process before has ended in maintenance: nothing is taken over"
+                              : "the standby ends");
 }
 
 /** Waits until the former says that its cycle has stopped, or has ended, or stands still. */
@@ -181,8 +270,33 @@ fsn_status former_end(struct former *former, struct fsn_fault *fault) {
     }
     if (!handover_has_ended(former->pidfd, EXIT_MS)) {
         log_line(FSN_LOG_WARNING, "process %d does not end; it is killed", (int)former->pid);
-        (void)syscall(SYS_pidfd_send_signal, former->pidfd, SIGKILL, NULL, 0);
     }
+    return former_kill(former, 0, fault);
+}
+
+/** The pidfd keeps the number from being used again while this looks at it. */
+static void hasten(const struct former *former, int priority) {
+    const struct sched_param urgent = {.sched_priority = priority};
+    char path[32];
+    snprintf(path, sizeof path, "/proc/%d/task", (int)former->pid);
+    DIR *threads = priority > 0 ? opendir(path) : NULL;
+    const struct dirent *entry;
+    while (threads != NULL && (entry = readdir(threads)) != NULL) {
+        const long thread = strtol(entry->d_name, NULL, 10);
+        if (thread > 0) {
+            (void)sched_setscheduler((pid_t)thread, SCHED_FIFO, &urgent);
+        }
+    }
+    if (threads != NULL) {
+        closedir(threads);
+    }
+}
+
+fsn_status former_kill(struct former *former, int priority, struct fsn_fault *fault) {
+    if (!handover_has_ended(former->pidfd, 0)) {
+        hasten(former, priority);
+    }
+    (void)syscall(SYS_pidfd_send_signal, former->pidfd, SIGKILL, NULL, 0);
     if (!handover_has_ended(former->pidfd, KILLED_MS)) {
         return fsn_refuse_all(fault, FSN_E_STATE,
                               "the process before cannot be ended; nothing was sent");

@@ -223,7 +223,8 @@ static int run(struct options *options, const struct words *words) {
     if (code == -1) {
         code = check_plan(plan, options);
     }
-    if (code == -1 && options->take_over) {
+    const bool second = options->take_over || options->standby;
+    if (code == -1 && second) {
         code = former_find(&former, options, plan, backend);
     }
     if (code == -1) {
@@ -232,8 +233,8 @@ static int run(struct options *options, const struct words *words) {
         socket_path(options, path, sizeof path);
         notify_begin();
         const int signal_fd = block_signals();
-        code = master_run(options, plan, backend, path, signal_fd,
-                          options->take_over ? &former : NULL, keep_log_late, &late);
+        code = master_run(options, plan, backend, path, signal_fd, second ? &former : NULL,
+                          keep_log_late, &late);
         close(signal_fd);
     }
     fsn_plan_free(plan);
@@ -250,6 +251,6 @@ int main(int argc, char **argv) {
     signal(SIGXFSZ, SIG_IGN); /* what gets too long is cut off, and said to be */
     log_as_json(options.log_json);
     const struct words words = {argc, argv};
-    code = options.take_over ? -1 : keep_log(&options, &words);
+    code = options.take_over || options.standby ? -1 : keep_log(&options, &words);
     return code != -1 ? code : log_end(run(&options, &words));
 }

@@ -15,6 +15,8 @@ enum { HANDOVER_FORMAT = 1, HANDOVER_TEXT_BYTES = 400 };
 /** The first message, of the one that would follow. */
 struct handover_hello {
     uint32_t format, dc_every;
+    uint32_t standby; /**< 1: it follows, and takes over when cycles stop; 0: at once */
+    uint32_t free;
     uint64_t cycle_ns;
     uint8_t plan[FSN_SHA256_BYTES];
     char version[32];
@@ -22,6 +24,7 @@ struct handover_hello {
 
 /** Descriptors beside the answer, in this order. */
 enum handover_fd {
+    HANDOVER_SELF,       /**< pidfd of the process that answers, which alone says who it is */
     HANDOVER_LOCK,       /**< of the interface: with it the right to follow */
     HANDOVER_LISTENER,   /**< of the control socket */
     HANDOVER_ROOM,       /**< in which every cycle is shown, see fsn/handover.h */
@@ -33,6 +36,8 @@ enum handover_fd {
 /** The answer of the one that drives the bus. */
 struct handover_answer {
     uint32_t format, taken; /**< 0: refused, `text` says why */
+    uint32_t again, free;   /**< refused: 1 where it may be granted a moment later */
+    int64_t pid;            /**< of the process that answers */
     uint64_t room_bytes, attachment_bytes;
     char text[HANDOVER_TEXT_BYTES];
 };
@@ -41,6 +46,10 @@ struct handover_answer {
 enum handover_word {
     HANDOVER_END = 1, /**< to the former: end without leaving OP */
     HANDOVER_ENDS,    /**< from it: the cycle has stopped, the process ends now */
+    HANDOVER_FOLLOWS, /**< to the former: attached; the acyclic work may go on */
+    HANDOVER_LEAVES,  /**< from it: it closes the bus, and nobody is to take it over */
+    HANDOVER_HOLD,    /**< from it: maintenance, take nothing over until the next one */
+    HANDOVER_RESUME,  /**< from it: the maintenance is over */
 };
 
 /** Sends a message with descriptors; false when the other end is gone. */
@@ -52,8 +61,9 @@ bool handover_send(int fd, const void *message, size_t len_bytes, const int *fds
  *  @return 1, 0 where none is there yet, -1 at the end or for one of another length. */
 int handover_receive(int fd, void *message, size_t len_bytes, int *fds);
 
-/** Returns a pidfd of the process at the other end of a socket, and what the kernel knows of it;
- *  -1 with errno set. It is of the right process if that one says something afterwards. */
+/** Returns a pidfd of the process that has connected to a socket, and what the kernel knows of it;
+ *  -1 with errno set. Only for the end that accepts: to the other end the kernel names the process
+ *  that has listened, which may have ended since. */
 int handover_pidfd(int fd, pid_t *pid, uid_t *uid);
 
 /** Whether a pidfd shows the end of its process: no thread of it runs, its descriptors are closed.

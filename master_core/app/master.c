@@ -16,6 +16,7 @@
 #include "door.h"
 #include "explain.h"
 #include "former.h"
+#include "fsn/handover.h"
 #include "log.h"
 #include "notify.h"
 #include "runner.h"
@@ -54,6 +55,7 @@ struct master {
     bool turns;                             /**< the runner begins or ends a rest */
     const char *socket_path;
     struct former *former; /**< whose bus is taken over; NULL: none, or it is ours */
+    bool follows;          /**< as standby */
     bool listener_waits;   /**< its control socket will be ours as well */
     int (*taken)(void *self);
     void *self;
@@ -74,7 +76,11 @@ static void host_status(void *self, struct fsn_control_status *status) {
     const struct master *m = self;
     const struct options *o = m->options;
     *status = (struct fsn_control_status){
-        .state = m->state == RUNNING && !m->ready ? "starting" : state_name[m->state],
+        .state = m->state == RUNNING && !m->ready ? "starting"
+                 : m->follows                     ? "standby"
+                                                  : state_name[m->state],
+        .standby_pid = m->door.state == DOOR_FOLLOWED ? m->door.pid : 0,
+        .standby_held = m->door.held,
         .fault = m->fault[0] != 0 ? m->fault : NULL,
         .backend = m->backend->name,
         .interface = o->interface,
@@ -133,6 +139,13 @@ static fsn_status host_request(void *self, enum fsn_program_request request,
         m->wanted = true;
         m->again = !stopped;
         return FSN_OK;
+    case FSN_PROGRAM_HOLD:
+    case FSN_PROGRAM_RESUME:
+        door_hold(&m->door, request == FSN_PROGRAM_HOLD);
+        fsn_control_state_changed(m->control, FSN_LOG_WARNING,
+                                  m->door.held ? "maintenance: no standby takes over"
+                                               : "a standby takes over again");
+        return FSN_OK;
     default:
         begin_end(m, "a client requests the end");
         return FSN_OK;
@@ -181,7 +194,10 @@ static void failed(struct master *m, const struct runner_result *result) {
     explain_fault(&result->fault, m->plan, m->fault, sizeof m->fault);
     const bool given_up = !m->wanted;
     m->wanted = false;
-    if (m->former != NULL && !m->former->ended) {
+    m->follows = false;
+    if (m->options->standby && m->former != NULL && !m->former->ended) {
+        snprintf(text, sizeof text, "the standby takes nothing over: %s", m->fault);
+    } else if (m->former != NULL && !m->former->ended) {
         snprintf(text, sizeof text, "the take-over is refused, and process %d goes on: %s",
                  (int)m->former->pid, m->fault);
     } else {
@@ -193,7 +209,9 @@ static void failed(struct master *m, const struct runner_result *result) {
     }
     if (!m->opened_once && !given_up) {
         /* At the start nobody is there who could repair it and try again. */
-        m->code = result->environment || lacks_permission(result) ? EXIT_ENVIRONMENT : EXIT_REFUSED;
+        m->code = m->options->standby && result->status == FSN_E_BUS_BUSY ? EXIT_FINE
+                  : result->environment || lacks_permission(result)       ? EXIT_ENVIRONMENT
+                                                                          : EXIT_REFUSED;
         begin_end(m, "ends: the bus does not open");
     }
 }
@@ -219,6 +237,7 @@ static void took_over(struct master *m, const struct runner_result *result) {
     struct former *former = m->former;
     struct fsn_refusal refusal;
     m->former = NULL;
+    m->follows = false;
     if (m->listener_waits) {
         m->listener_waits = false;
         if (fsn_control_adopt(m->control, former->listener, m->socket_path, &refusal) != FSN_OK) {
@@ -280,6 +299,7 @@ static void rested(struct master *m, const struct runner_result *result) {
                                    .room = result->room,
                                    .room_bytes = result->room_bytes};
     m->turns = false;
+    fsn_core_show_first(m->core, result->done == RUNNER_REST);
     if (result->done == RUNNER_REST && door_give(&m->door, &gift) == DOOR_GO_ON) {
         ask_rest(m, RUNNER_GO_ON);
     }
@@ -322,6 +342,7 @@ static void serve_door(struct master *m, const struct pollfd *fds) {
 }
 
 static void take_result(struct master *m) {
+    char text[64];
     struct runner_result result;
     runner_take(m->runner, &result);
     for (struct fsn_job *job = runner_take_job(m->runner); job != NULL;
@@ -339,6 +360,12 @@ static void take_result(struct master *m) {
         runner_ask(m->runner, RUNNER_CLOSE);
     } else if (result.done == RUNNER_CLOSE) {
         set_state(m, STOPPED, FSN_LOG_INFO, "the bus is closed");
+    }
+    if (m->state == OPENING && !m->follows && runner_follows(m->runner)) {
+        m->follows = true;
+        snprintf(text, sizeof text, "follows process %d as standby", (int)m->former->pid);
+        set_state(m, OPENING, FSN_LOG_INFO, text);
+        notify("READY=1");
     }
     if (m->state == RUNNING && !m->ready && runner_in_op(m->runner)) {
         m->ready = true;
@@ -436,6 +463,7 @@ static void turn(struct master *m) {
         take_result(m);
     }
     serve_door(m, &fds[DOOR]);
+    fsn_core_show_first(m->core, door_is_followed(&m->door));
     fsn_control_serve(m->control, fds, FSN_CONTROL_FDS);
     watch_time(m, fsn_now_ns());
     watch_log(m);

@@ -41,6 +41,9 @@ static const char usage_text[] =
     "                     exit code 4 at the end; no frame is altered or held back\n"
     "  --take-over        takes the running bus over from another fsn-master with the same plan:\n"
     "                     no SubDevice leaves OP, and the other one ends\n"
+    "  --standby          follows another fsn-master with the same plan, and takes the bus over "
+    "when\n"
+    "                     that one ends or hangs: 10 cycles and at least 5 ms without a frame\n"
     "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
     "                     $XDG_RUNTIME_DIR or /run\n"
     "  --allow-user NAME[:ROLE]   may use the socket, beside root and the user this runs as, who\n"
@@ -182,6 +185,7 @@ enum option_id {
     REVOKED,
     REQUIRE_OBSERVED,
     TAKE_OVER,
+    STANDBY,
     SOCKET,
     ALLOW_USER,
     ALLOW_GROUP,
@@ -285,6 +289,9 @@ static bool take_plain(int id, const char *text, struct options *o) {
     case TAKE_OVER:
         o->take_over = true;
         return true;
+    case STANDBY:
+        o->standby = true;
+        return true;
     case SCAN:
         o->scan = true;
         return true;
@@ -374,8 +381,13 @@ static int check_together(const struct options *o) {
     if (o->plan_file != NULL && o->scan) {
         return wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
     }
-    if (o->take_over && o->scan) {
-        return wrong("--take-over", NULL, "goes with a plan, not with --scan");
+    if ((o->take_over || o->standby) && o->scan) {
+        return wrong(o->standby ? "--standby" : "--take-over", NULL,
+                     "goes with a plan, not with --scan");
+    }
+    if (o->take_over && o->standby) {
+        return wrong("--standby", NULL,
+                     "either at once, with --take-over, or when the other stops");
     }
     int code = check_bus(o);
     if (code == -1) {
@@ -407,6 +419,7 @@ int options_read(int argc, char **argv, struct options *o) {
         {"revoked", required_argument, NULL, REVOKED},
         {"require-observed", no_argument, NULL, REQUIRE_OBSERVED},
         {"take-over", no_argument, NULL, TAKE_OVER},
+        {"standby", no_argument, NULL, STANDBY},
         {"socket", required_argument, NULL, SOCKET},
         {"allow-user", required_argument, NULL, ALLOW_USER},
         {"allow-group", required_argument, NULL, ALLOW_GROUP},

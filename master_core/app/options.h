@@ -29,6 +29,7 @@ struct options {
     long interventions_mib; /**< of a file of the intervention log */
     bool free_run, trace, log_json;
     bool require_observed; /**< other parameters on the bus than in the plan are an alarm */
+    bool standby;          /**< follows another process, and takes over when that one stops */
     bool take_over;        /**< the bus of another process, without leaving OP */
     bool scan;             /**< looks at the bus and ends; there is no plan */
     struct fsn_control_access access;

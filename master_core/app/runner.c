@@ -27,6 +27,9 @@ enum {
     DEFAULT_PRIORITY = 80    /**< of fifo */
 };
 
+/** How long attaching to a running bus is tried. */
+static const uint64_t attach_ns = 3000000000u;
+
 /** Jobs, the oldest first. */
 struct queue {
     struct fsn_job *first, *last;
@@ -44,7 +47,7 @@ struct runner {
     bool ending;                 /**< guarded by lock */
     struct runner_result result; /**< guarded by lock */
     struct queue waiting, done;  /**< guarded by lock */
-    atomic_bool give_up, in_op;
+    atomic_bool give_up, in_op, follows;
     /* The thread's own. */
     void *bus;
     struct fsn_core *core;
@@ -143,7 +146,10 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
 }
 
 static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
-    const uint64_t until = fsn_now_ns() + runner->options->wait_ns;
+    /* Nothing is disturbed while it attaches, and a frame that came late is no reason to refuse. */
+    const uint64_t least_ns = runner->former != NULL ? attach_ns : 0;
+    const uint64_t wait_ns = runner->options->wait_ns;
+    const uint64_t until = fsn_now_ns() + (wait_ns > least_ns ? wait_ns : least_ns);
     char reported[FSN_DETAIL_BYTES] = "";
     for (int tries = 0;; tries++) {
         *fault = (struct fsn_fault){.copy_index = FSN_FAULT_NO_RECORD};
@@ -308,6 +314,28 @@ static void describe(struct runner *runner, struct runner_result *result) {
     }
 }
 
+/** One turn of a standby: what comes in for the cycle of the former would fill the socket. */
+static bool follow_on(void *self) {
+    struct runner *runner = self;
+    runner->backend->ops->discard(runner->bus);
+    return !atomic_load(&runner->give_up);
+}
+
+static fsn_status follow(struct runner *runner, struct fsn_fault *fault) {
+    /* As urgent as the cycle: it does nearly nothing, until it is the one who has to act. The
+     * cyclic thread is created by it, and then it is an ordinary thread again. */
+    const struct sched_param urgent = {.sched_priority = priority_of(runner->options)};
+    if (urgent.sched_priority > 0) {
+        (void)pthread_setschedparam(pthread_self(), SCHED_FIFO, &urgent);
+    }
+    atomic_store(&runner->follows, true);
+    wake(runner);
+    const fsn_status status =
+        former_follow(runner->former, cycle_of(runner), follow_on, runner, fault);
+    atomic_store(&runner->follows, false);
+    return status;
+}
+
 /** All is prepared: ends the former, and goes on where it was. Whatever may be refused is refused
  *  before. */
 static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
@@ -322,7 +350,14 @@ static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
             fault, FSN_E_STATE,
             "its version counts in another way; stop the bus, and start this one");
     }
-    const fsn_status status = former_end(former, fault);
+    fsn_status status = FSN_OK;
+    if (runner->options->standby) {
+        status = follow(runner, fault);
+        status =
+            status != FSN_OK ? status : former_kill(former, priority_of(runner->options), fault);
+    } else {
+        status = former_end(former, fault);
+    }
     if (status != FSN_OK) {
         return status;
     }
@@ -370,6 +405,8 @@ static void job_open(struct runner *runner, struct runner_result *result) {
             close_bus(runner);
         }
     }
+    const struct sched_param usual = {.sched_priority = 0};
+    (void)pthread_setschedparam(pthread_self(), SCHED_OTHER, &usual);
     runner->former = NULL;
     describe(runner, result);
     result->environment = result->status == FSN_E_SYS || result->status == FSN_E_NOMEM;
@@ -590,6 +627,10 @@ void runner_take(struct runner *runner, struct runner_result *result) {
     *result = runner->result;
     runner->result = (struct runner_result){.done = RUNNER_IDLE};
     pthread_mutex_unlock(&runner->lock);
+}
+
+bool runner_follows(const struct runner *runner) {
+    return atomic_load(&((struct runner *)runner)->follows);
 }
 
 bool runner_in_op(const struct runner *runner) {

@@ -67,6 +67,9 @@ int runner_fd(const struct runner *runner);
 /** Takes the result. */
 void runner_take(struct runner *runner, struct runner_result *result);
 
+/** Whether it follows the former, as a standby. */
+bool runner_follows(const struct runner *runner);
+
 /** Whether every SubDevice is in OP; of a bus without states at once. */
 bool runner_in_op(const struct runner *runner);
 

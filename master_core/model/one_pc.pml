@@ -76,7 +76,13 @@ proctype program(byte me) {
         fi;
         if
         :: f != NOBODY ->
-            successor[f] = me; former[me] = f; has_lock[me] = true; state[me] = FOLLOWS
+            successor[f] = me;
+#ifdef BY_LISTENER /* the kernel names the process that has begun to listen: the first one */
+            former[me] = 0;
+#else
+            former[me] = f;
+#endif
+            has_lock[me] = true; state[me] = FOLLOWS
         :: else -> state[me] = OFF /* refused; it may try again */
         fi }
     /* Following: something differs and it withdraws; it takes over as planned; frames stop, be that

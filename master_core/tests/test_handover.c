@@ -136,6 +136,43 @@ static void the_gap_is_counted(void) {
     emulated_rig_end(&rig);
 }
 
+/** A bus that looks into the room while it sends: what a process that ends now leaves behind. */
+static struct {
+    void *room;
+    size_t len_bytes;
+    uint32_t image_bytes;
+    uint64_t shown; /**< cycles in the room at the last send */
+} spy;
+
+static void spy_send(void *bus) {
+    struct fsn_statistics statistics;
+    CHECK(fsn_room_read(spy.room, spy.len_bytes, spy.image_bytes, &statistics, NULL) == FSN_OK);
+    spy.shown = statistics.cycles;
+    fsn_emulated_ops()->send(bus);
+}
+
+static void a_cycle_is_shown_before_it_is_sent_where_somebody_follows(void) {
+    struct emulated_rig rig = set_up();
+    struct fsn_bus_ops ops = *fsn_emulated_ops();
+    ops.send = spy_send;
+    spy.room = room_of(&rig);
+    spy.len_bytes = fsn_core_room_bytes(rig.core);
+    spy.image_bytes = image_bytes(&rig);
+    CHECK(fsn_core_share(rig.core, spy.room) == FSN_OK);
+    rig.core->rt.ops = &ops;
+    for (uint64_t cycle = 1; cycle < 9; cycle++) {
+        const bool first = cycle > 4;
+        fsn_core_show_first(rig.core, first);
+        const uint32_t pictures = fsn_room_pictures(spy.room);
+        emulated_rig_cycle(&rig);
+        CHECK(spy.shown == cycle - !first);
+        CHECK(fsn_room_pictures(spy.room) == pictures + 1);
+    }
+    fsn_core_show_first(NULL, true);
+    emulated_rig_end(&rig);
+    free(spy.room);
+}
+
 static void nothing_is_taken_from_nobody(void) {
     struct emulated_rig rig = set_up();
     struct fsn_statistics statistics = {0};
@@ -153,6 +190,7 @@ int main(void) {
     a_room_shows_every_cycle();
     the_second_core_goes_on();
     the_gap_is_counted();
+    a_cycle_is_shown_before_it_is_sent_where_somebody_follows();
     nothing_is_taken_from_nobody();
     return 0;
 }

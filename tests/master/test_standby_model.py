@@ -25,4 +25,4 @@ def test_the_rule_holds_in_every_state():
         else:
             assert found == " violation found, as it must be"
             assert f"`{model.partition(', ')[2]}`" in page
-    assert len(done.stdout.splitlines()) == 6
+    assert len(done.stdout.splitlines()) == 7

@@ -38,9 +38,9 @@ def wait_for(what, found):
 class Emulator:
     """`fsoe-net emulate` on the far end; takes commands."""
 
-    def __init__(self, network, *options):
+    def __init__(self, network, *options, before=()):
         self._process = subprocess.Popen(
-            [*FSN, "emulate", network, "--interface", "far", "--commands", *options],
+            [*before, *FSN, "emulate", network, "--interface", "far", "--commands", *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,

@@ -15,10 +15,12 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from itertools import groupby, pairwise
 from pathlib import Path
 
 from run.live_rig import FSN, Emulator, wait_for
+from tied import tied
 
 from fsoe_net.errors import FsnError
 from fsoe_net.run.client import Client
@@ -80,9 +82,10 @@ class Program:
 
     def __init__(self, name, *options, plan="n.fsnplan"):
         self.log = Path(name)
-        words = [plan, "--interface", "near", "--socket", "s", *options]
+        at = [] if "--socket" in options else ["--socket", "s"]
+        words = [plan, "--interface", "near", *at, *options]
         with self.log.open("wb") as lines:
-            self.process = subprocess.Popen([find_master(), *words], stderr=lines)
+            self.process = subprocess.Popen(tied(find_master(), *words), stderr=lines)
         self.pid = self.process.pid
 
     def lines(self):
@@ -234,7 +237,66 @@ def frozen(network, _other):
     return finish(emulator, wire, program) | {"code": code, "text": tried.lines()}
 
 
-CASES = {f.__name__: f for f in (planned, output, refused, frozen)}
+def standby_output(network, _other):
+    """Frozen and thawed while a client holds an output; `status` names the standby before."""
+    emulator, wire, program, client = start(network)
+    name = "drive_1.0x6060:00"  # its stop value is 8
+    client.request("lease", "60000")
+    client.request("set", f"{name}=3")
+    standby = Program("next", "--standby")
+    standby.wait_for("follows process")
+    second = Program("second", "--standby")  # waits for its turn
+    named = wait_for("its name", lambda: client.status().standby)
+    os.kill(program.pid, signal.SIGSTOP)
+    standby.wait_for("took the bus over")
+    os.kill(program.pid, signal.SIGCONT)  # it has ended
+    code = program.process.wait()
+    client = wait_for("the socket", connect)
+    fallen = client.request("get", name)["values"][name]
+    second.wait_for("follows process")
+    os.kill(standby.pid, signal.SIGKILL)
+    second.wait_for("took the bus over")
+    later = standby.lines() + second.lines()
+    return finish(emulator, wire, second) | {
+        "fallen": fallen,
+        "code": code,
+        "named": named.pid == standby.pid and not named.held,
+        "left": left_data(later),
+    }
+
+
+def maintenance(network, _other):
+    """Held, it takes nothing over, whatever happens; and a stop that is meant is no failure."""
+    emulator, wire, program, client = start(network)
+    standby = Program("next", "--standby", "--socket", "s2")
+    standby.wait_for("follows process")
+    with Client("s2") as second:
+        states = [second.status().state]
+    client.hold()
+    standby.wait_for("maintenance")
+    os.kill(program.pid, signal.SIGSTOP)
+    time.sleep(0.2)  # far longer than what is missed otherwise
+    states.append("took" in standby.lines())
+    os.kill(program.pid, signal.SIGCONT)
+    client.resume()
+    standby.wait_for("follows again")
+    wait_for_data(client)
+    client.stop()
+    codes = [standby.process.wait()]
+    client.start()
+    wait_for("Data", lambda: client.status().state == "running")
+    held = Program("held", "--standby")
+    held.wait_for("follows process")
+    client.hold()
+    held.wait_for("maintenance")
+    os.kill(program.pid, signal.SIGKILL)
+    codes.append(held.process.wait())
+    emulator.end()
+    wire.end()
+    return wire.seen() | {"states": states, "codes": codes, "text": held.lines()}
+
+
+CASES = {f.__name__: f for f in (planned, output, refused, frozen, standby_output, maintenance)}
 
 
 def main():

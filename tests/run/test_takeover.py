@@ -1,10 +1,11 @@
-"""`fsn-master --take-over`: a running bus goes from one process to the next, on a real wire."""
+"""`fsn-master --take-over` and `--standby`: a bus goes from one process to the next, on a wire."""
 
 import statistics
 
 import pytest
 from run.support import EXAMPLES
-from run.test_live_bus import on_the_wire
+from run.test_live_bus import ATTEMPTS, REQUIRED, on_the_wire, why_not
+from wires import run_program
 
 ROBOT = str(EXAMPLES / "el6910" / "network.yaml")
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
@@ -61,4 +62,34 @@ def test_a_former_that_is_frozen_is_left_alone_and_thaws(tmp_path):
     seen = case("frozen", tmp_path, ROBOT)
     check_one_after_the_other(seen, 0)
     assert seen["code"] == 1
-    assert "the take-over is refused, and process" in seen["text"]
+    assert "the take-over is refused, and the process before goes on" in seen["text"]
+
+
+def test_a_standby_takes_over_from_a_frozen_process_that_thaws_later(tmp_path):
+    seen = case("standby_output", tmp_path, ROBOT, good=stayed_in_op)
+    check_one_after_the_other(seen, 2)
+    assert seen["named"]
+    assert seen["code"] == -9  # it never came to send again
+    assert seen["fallen"] == 8
+
+
+def test_in_maintenance_nothing_is_taken_over(tmp_path):
+    seen = case("maintenance", tmp_path, ROBOT)
+    assert seen["states"] == ["standby", False]
+    assert seen["senders"] == 2  # one process, which opened the bus twice
+    assert seen["codes"] == [0, 1]
+    assert "ended in maintenance: nothing is taken over" in seen["text"]
+
+
+def test_a_few_kills(tmp_path):
+    """`scripts/standby-kills`, short: no connection leaves Data, nobody sends beside another."""
+    if why := why_not():
+        (pytest.fail if REQUIRED else pytest.skip)(why)
+    done = run_program("bench/standby_kills.py", "8", cwd=tmp_path)
+    for _ in range(ATTEMPTS - 1):
+        if done.returncode == 0:
+            break
+        done = run_program("bench/standby_kills.py", "8", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.startswith("8 take-overs (")
+    assert "connections that left Data without such a stall: 0" in done.stdout

@@ -60,6 +60,12 @@ fsn_status fsn_core_share(struct fsn_core *core, void *at) {
     return FSN_OK;
 }
 
+void fsn_core_show_first(struct fsn_core *core, bool first) {
+    if (core != NULL) {
+        atomic_store_explicit(&core->rt.show_first, first, memory_order_relaxed);
+    }
+}
+
 uint32_t fsn_room_pictures(const void *room) {
     return atomic_load_explicit(&((const struct room *)room)->shown.whole, memory_order_acquire);
 }

@@ -102,10 +102,16 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     const uint64_t after_copy = timed ? clock_ns() : 0;
     fsn_rt_monitor(rt, now_ns);
     write_outputs(rt);
-    rt->ops->send(rt->bus);
     s->cycles++;
     s->bytes_copied += rt->bytes_per_cycle;
     s->now_ns = now_ns;
+    /* Who follows must never find older outputs than those that went out: to FSoE they would be new
+     * frames of a broken chain. Newer ones are sent by the successor. */
+    const bool first = atomic_load_explicit(&rt->show_first, memory_order_relaxed);
+    if (first) {
+        fsn_rt_publish(rt);
+    }
+    rt->ops->send(rt->bus);
     const uint64_t work_ns = timed ? clock_ns() - now_ns : 0;
     if (timed) {
         fsn_rt_count(&s->copy, after_copy - before_copy);
@@ -114,7 +120,9 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
             fsn_rt_count(&s->round_trip, rt->input.round_trip_ns);
         }
     }
-    fsn_rt_publish(rt);
+    if (!first) {
+        fsn_rt_publish(rt);
+    }
     fsn_rt_record(rt, work_ns);
 }
 

@@ -120,11 +120,12 @@ struct fsn_rt {
     uint64_t late_ns;  /**< how late this cycle woke up; 0 in virtual time */
     uint64_t left_out; /**< cycles left out right before this one, for it woke up so late */
     bool free_run, follow_dc;
-    bool goes_on;          /**< the first cycle keeps to the times of another core */
-    uint64_t dc_phase_ns;  /**< what the reference clock showed at our first DC cycle */
-    bool dc_known;         /**< dc_phase_ns is set */
-    fsn_rt_trace_fn trace; /**< NULL: no markers */
-    int trace_fd;          /**< for it */
+    bool goes_on;           /**< the first cycle keeps to the times of another core */
+    uint64_t dc_phase_ns;   /**< what the reference clock showed at our first DC cycle */
+    bool dc_known;          /**< dc_phase_ns is set */
+    fsn_rt_trace_fn trace;  /**< NULL: no markers */
+    int trace_fd;           /**< for it */
+    atomic_bool show_first; /**< the picture of a cycle is whole before its frames go out */
     atomic_bool stop;
 };
 

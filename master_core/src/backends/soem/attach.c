@@ -117,11 +117,21 @@ fsn_status soem_restore(struct fsn_soem *bus, struct fsn_fault *fault) {
     return match(bus, fault);
 }
 
+bool soem_read_surely(struct fsn_soem *bus, uint16_t slave, uint16_t address, void *to,
+                      uint16_t size_bytes) {
+    for (int tries = 0; tries < 10; tries++) { /* of 6 ms each */
+        soem_drain(bus);
+        if (ecx_FPRD(bus->context.port, bus->slaves[slave].configadr, address, size_bytes, to,
+                     EC_TIMEOUTRET3) == 1) {
+            return true;
+        }
+    }
+    return false;
+}
+
 fsn_status soem_compare(struct fsn_soem *bus, struct node *node) {
     ec_alstatust al = {0};
-    soem_drain(bus);
-    if (ecx_FPRD(bus->context.port, bus->slaves[node->slave].configadr, ECT_REG_ALSTAT, sizeof al,
-                 &al, EC_TIMEOUTRET3) != 1 ||
+    if (!soem_read_surely(bus, node->slave, ECT_REG_ALSTAT, &al, sizeof al) ||
         etohs(al.alstatus) != FSN_AL_OP) {
         node->known.seen.al_status = (uint8_t)etohs(al.alstatus);
         soem_note(bus, node, FSN_FOUND_STATE, "it is not in OP: AL status 0x%02x",

@@ -56,8 +56,7 @@ static bool write_register(struct fsn_soem *bus, const struct node *node, uint16
 static bool same_register(struct fsn_soem *bus, const struct node *node, uint16_t address,
                           const uint8_t *data, uint16_t size) {
     uint8_t found[MOST_FMMUS * FMMU_BYTES] = {0};
-    if (ecx_FPRD(bus->context.port, bus->slaves[node->slave].configadr, address, size, found,
-                 EC_TIMEOUTRET3) != 1) {
+    if (!soem_read_surely(bus, node->slave, address, found, size)) {
         return false;
     }
     if (size == SM_BYTES) {
@@ -114,8 +113,7 @@ static fsn_status use_layout(struct fsn_soem *bus, struct node *node, use_fn use
     uint8_t fmmus[MOST_FMMUS * FMMU_BYTES] = {0};
     uint8_t available = 0;
     unsigned used = 0;
-    (void)ecx_FPRD(bus->context.port, bus->slaves[node->slave].configadr, REG_FMMU_COUNT, 1,
-                   &available, EC_TIMEOUTRET3);
+    (void)soem_read_surely(bus, node->slave, REG_FMMU_COUNT, &available, 1);
     available = available > MOST_FMMUS ? MOST_FMMUS : available;
     for (uint32_t sm = node->known.info.first_sm;
          sm < node->known.info.first_sm + node->known.info.sm_count; sm++) {
@@ -155,8 +153,13 @@ fsn_status soem_compare_layout(struct fsn_soem *bus, struct node *node) {
     if (status != FSN_E_BUS_STATE) {
         return status;
     }
+    uint16_t al;
+    if (!soem_read_surely(bus, node->slave, ECT_REG_ALSTAT, &al, sizeof al)) {
+        soem_note(bus, node, FSN_FOUND_NOTHING, "it has stopped to answer, or frames are late");
+        return FSN_E_BUS_MISSING;
+    }
     soem_note(bus, node, FSN_FOUND_MAPPING,
-              "its sync managers or FMMUs are not those of this plan, or do not answer");
+              "its sync managers or FMMUs are not those of this plan");
     return FSN_E_BUS_MAPPING;
 }
 

@@ -109,6 +109,9 @@ void soem_discard(void *context);
 fsn_status soem_restore(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Compares one SubDevice with the plan: in OP, with the same sync managers and FMMUs. */
 fsn_status soem_compare(struct fsn_soem *bus, struct node *node);
+/** Reads a register of a SubDevice, again and again where frames are late; false: no answer. */
+bool soem_read_surely(struct fsn_soem *bus, uint16_t slave, uint16_t address, void *to,
+                      uint16_t size_bytes);
 /** SOEM's number of the SubDevice that the plan means; 0: nothing stands there (find.c). */
 uint16_t soem_slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_info *info);
 

@@ -15,7 +15,9 @@ enum fsn_program_request {
     FSN_PROGRAM_START,
     FSN_PROGRAM_STOP,
     FSN_PROGRAM_RESTART,
-    FSN_PROGRAM_SHUTDOWN
+    FSN_PROGRAM_SHUTDOWN,
+    FSN_PROGRAM_HOLD,  /**< maintenance: the standby takes nothing over */
+    FSN_PROGRAM_RESUME /**< it does again */
 };
 
 /** FSN_LOG_DETAIL: for subscribers and a log of records; too much for lines that people read. */
@@ -44,6 +46,8 @@ struct fsn_control_status {
     bool free_run;
     const char *acceptance, *acceptance_said;      /**< signed record, and what its check said */
     const struct fsn_interventions *interventions; /**< NULL: none are logged */
+    int standby_pid;                               /**< process that follows; 0: none */
+    bool standby_held;                             /**< maintenance: it takes nothing over */
     bool require_observed; /**< other parameters than the plan has are an alarm */
 };
 

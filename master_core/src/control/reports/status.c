@@ -125,6 +125,17 @@ static void put_interventions(const struct fsn_interventions *log, struct fsn_js
     fsn_json_close(json, '}');
 }
 
+static void put_standby(const struct fsn_control_status *status, struct fsn_json *json) {
+    if (status->standby_pid == 0) {
+        fsn_json_put_text_or_null(json, "standby", NULL);
+        return;
+    }
+    fsn_json_put_open(json, "standby", '{');
+    fsn_json_put_u64(json, "pid", (uint64_t)status->standby_pid);
+    fsn_json_put_bool(json, "held", status->standby_held);
+    fsn_json_close(json, '}');
+}
+
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json) {
     const struct fsn_control_status status = fsn_program_status(view->host);
     fsn_json_put_text(json, "state", status.state);
@@ -148,6 +159,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     put_cycle(view, json);
     short_subdevices(view, json);
     fsn_report_ring(view, json);
+    put_standby(&status, json);
     fsn_json_put_u64(json, "clients", clients);
 }
 

@@ -143,10 +143,10 @@ static fsn_status events(struct fsn_request *request) {
 }
 
 static fsn_status of_program(struct fsn_request *request) {
-    static const char *const names[] = {[FSN_PROGRAM_START] = "start",
-                                        [FSN_PROGRAM_STOP] = "stop",
-                                        [FSN_PROGRAM_RESTART] = "restart",
-                                        [FSN_PROGRAM_SHUTDOWN] = "shutdown"};
+    static const char *const names[] = {
+        [FSN_PROGRAM_START] = "start",     [FSN_PROGRAM_STOP] = "stop",
+        [FSN_PROGRAM_RESTART] = "restart", [FSN_PROGRAM_SHUTDOWN] = "shutdown",
+        [FSN_PROGRAM_HOLD] = "hold",       [FSN_PROGRAM_RESUME] = "resume"};
     const struct fsn_control_host *host = request->services->view.host;
     unsigned wanted = 0;
     while (strcmp(names[wanted], request->name) != 0) {
@@ -213,6 +213,9 @@ static const struct entry requests[] = {
     {"restart", FSN_MAINTAINER, 0, 0, of_program, CHANGES, "restart: stop, then start"},
     {"shutdown", FSN_MAINTAINER, 0, 0, of_program, CHANGES,
      "shutdown: stop, then the end of the program"},
+    {"hold", FSN_MAINTAINER, 0, 0, of_program, CHANGES,
+     "hold: maintenance, a standby takes nothing over"},
+    {"resume", FSN_MAINTAINER, 0, 0, of_program, CHANGES, "resume: a standby takes over again"},
     {"sdo-read", FSN_MAINTAINER, 3, 4, NULL, READS,
      "sdo-read SUBDEVICE INDEX SUB [TYPE]: an object of a SubDevice"},
     {"sdo-write", FSN_MAINTAINER, 5, 5, NULL, CHANGES,
