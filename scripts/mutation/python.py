@@ -62,6 +62,7 @@ PARTS: dict[str, tuple[str, ...]] = {
             "run/test_client_typed.py", "run/test_console.py", "run/test_console_words.py",
             "run/test_protocol_watched.py", "run/test_run_campaign.py", "run/test_monitor.py",
             "run/test_broken_devices.py", "run/test_live_run.py", "run/test_whole_words.py",
+            "run/test_corners.py",
             "incidents/test_files.py", "segment/test_emulate.py", "segment/test_commands.py",
             "cli/test_outputs.py", "cli/test_install_master.py"),
     "cli": ("cli",),

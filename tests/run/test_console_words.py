@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 from run.test_console import Rig
 
-from fsoe_net.errors import ConsoleError, ControlRefused
+from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
 from fsoe_net.run.console.completion import complete
 from fsoe_net.run.console.conditions import _holds
 from fsoe_net.run.console.names import batches, number, shown, value_of
@@ -256,3 +258,23 @@ def test_the_longest_number_has_64_bits_one_by_one():
     with pytest.raises(ConsoleError) as caught:
         number("0b" + "1" * 65, "value")
     assert str(caught.value) == f"0b{'1' * 22}: a value is a number from 0"
+
+
+def test_a_word_that_is_no_state_is_wrong_use(rig):
+    with pytest.raises(ConsoleError) as caught:
+        rig.do("wait until state up")
+    assert caught.value.is_usage
+
+
+def test_an_argument_that_is_not_there_has_its_place():
+    (command,) = parse("\n\n  echo a $3")
+    with pytest.raises(ScriptError) as caught:
+        expand(command, ["x", "y"], {}, inside=True)
+    assert (caught.value.line, caught.value.column) == (3, 10)
+    assert "$3: there are only 2 arguments" in str(caught.value)
+
+
+def test_a_server_that_does_not_answer(master, rig):
+    with pytest.raises(EnvironmentFault) as caught:
+        rig.keeper.call(lambda _: time.sleep(0.5), wait_s=0.01)
+    assert str(caught.value) == f"fsn-master does not answer on {master.path}"

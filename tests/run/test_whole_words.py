@@ -27,17 +27,18 @@ from fsoe_net.errors import ControlRefused, FsnError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.scenario import Action
-from fsoe_net.run import build_master, in_use, packet_socket, scan, sockets
+from fsoe_net.run import build_master, packet_socket, scan, sockets
 from fsoe_net.run.bus_events import BusEvents
 from fsoe_net.run.commands import CommandError, parse_command
 from fsoe_net.run.control_values import read_watched
 from fsoe_net.run.device import _find, _place, _raised, _short, stdout_to_stderr
 from fsoe_net.run.master import Master
 from fsoe_net.run.packet_socket import PacketSocket
-from fsoe_net.run.protocol import compare_protocol, make_protocol
+from fsoe_net.run.protocol import (
+    compare_protocol,
+)
 from fsoe_net.run.result import RunEvent
-from fsoe_net.run.scan_files import compact_json, scan_files
-from fsoe_net.run.scenario_check import _nearest
+from fsoe_net.run.scan_files import scan_files
 from fsoe_net.testing.fake_master import FakeMaster
 
 WHOLE = Path(__file__).parent / "incident.txt"
@@ -524,52 +525,3 @@ def test_the_file_of_a_device_that_was_found():
     files = scan_files(scan.TakenScan(document=document, scan=taken))
     (text,) = (text for name, text in files.texts.items() if name.startswith("devices/"))
     assert text == DEVICE
-
-
-def test_json_keeps_letters_as_they_are():
-    assert compact_json({"größe": ["Ω"]}) == '{"größe": ["Ω"]}'
-
-
-def test_a_protocol_of_a_network_without_a_project():
-    resolution = timed()
-    network = replace(resolution.network, project=None)
-    bare = make_protocol(replace(resolution, network=network), b"")
-    assert (bare.project, bare.network) == ("", network.name)
-
-
-def test_names_that_are_known():
-    assert _nearest("x", []) == "known: none"
-    assert _nearest("zz", list("abcdefgh")) == "known: a, b, c, d, e, f, g, h"
-    assert _nearest("zz", list("ihgfedcba")) == "known: a, b, c, d, e, f, g, h, …"
-    assert _nearest("drive", ["drive_1", "io"]) == "write drive_1"
-
-
-@pytest.mark.parametrize("driver", ["veth", "tun", "dummy", "netdevsim", "igb"])
-def test_which_interface_is_no_network_card(driver: str, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(in_use, "network_driver", lambda _, name: driver)
-    status: Any = Facts(backend="soem", interface="eth7")
-    card = driver == "igb"
-    assert in_use.emulated_bus(status) == ("" if card else f"eth7 is no network card ({driver})")
-    status = Facts(backend="emulated", interface="")
-    assert in_use.emulated_bus(status) == "the bus of fsn-master is emulated"
-
-
-def test_a_source_of_soem(tmp_path: Path):
-    (tmp_path / "soem").mkdir()
-    (tmp_path / "soem" / "ethercatmain.h").touch()
-    assert build_master._is_soem_1(tmp_path) == tmp_path
-    (tmp_path / "two" / "include" / "soem").mkdir(parents=True)
-    why = "fsn-master is built with SOEM 1.4, fetched without --soem"
-    assert refusal(build_master._is_soem_1, tmp_path / "two") == (
-        f"{tmp_path / 'two'}: SOEM 2, which is not supported; {why}"
-    )
-    assert refusal(build_master._is_soem_1, tmp_path / "none") == (
-        f"{tmp_path / 'none'}: not the source of SOEM: it has no soem/ethercatmain.h; {why}"
-    )
-
-
-def test_a_scan_by_a_program_that_cannot_be_started(tmp_path: Path):
-    path = str(tmp_path / "none")
-    assert refusal(scan._own, path, "eth1", None) == (
-        f"{path} cannot be started: No such file or directory"
-    )
