@@ -28,8 +28,10 @@ from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.patch import patch_yaml
 from fsoe_net.formats.own.schema import nearest_key
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.writers import plain_text
 from fsoe_net.formats.shared.xml_text import plain_xml
 from fsoe_net.formats.sii.hex_text import binary_of
+from fsoe_net.formats.sii.parts import _TYPES
 from fsoe_net.formats.sii.read import SiiManager
 from fsoe_net.formats.twincat.box import _frame
 from fsoe_net.formats.twincat.read import load_twincat
@@ -194,6 +196,20 @@ def test_who_writes_a_sync_manager_of_an_sii(use: int, control: int, direction: 
     assert manager.direction is direction
 
 
+@pytest.mark.parametrize(
+    ("number", "name"),
+    [
+        *enumerate(("BOOL", "SINT", "INT", "DINT", "USINT", "UINT", "UDINT", "REAL"), 1),
+        (0x11, "LREAL"),
+        (0x15, "LINT"),
+        (0x1B, "ULINT"),
+        *((0x30 + n, f"BIT{n + 1}") for n in range(8)),
+    ],
+)
+def test_types_of_an_sii_are_those_of_the_base_data_types(number: int, name: str):
+    assert _TYPES[number] == name
+
+
 # -- TwinCAT --------------------------------------------------------------------------------------
 
 
@@ -306,6 +322,13 @@ def test_packets_of_a_pcap_have_their_time_and_the_first_interface():
 def test_what_expat_reads_is_left_as_it_is(name: str):
     data = f'<?xml version="1.0" encoding="{name}"?><a/>'.encode()
     assert plain_xml(data) is data
+
+
+def test_signs_that_no_file_holds_become_blanks():
+    kept = "".join(map(chr, (*range(0x20, 0x7F), 0xA0, 0x2027, 0x202A, 0xE000, 0xFEFE)))
+    assert plain_text(f"a{kept}b") == f"a{kept}b"
+    for number in (0, 9, 0x1F, 0x7F, 0x9F, 0x2028, 0x2029, 0xD800, 0xDFFF, 0xFEFF, 0xFFFE, 0xFFFF):
+        assert plain_text(f"a{chr(number)}b") == "a b"
 
 
 @pytest.mark.parametrize("mark", ["", "\ufeff"])

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass, replace
 from itertools import product
 
 import pytest
 from changed import compare
+from run.protocols import timed
 
+from fsoe_net.errors import InputError
 from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers, Ask
+from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import (
     ClockFacts,
     DescribedConnection,
@@ -96,3 +99,24 @@ def test_each_change_of_what_was_seen_of_a_step(kind: StepKind):
         seen = [None if s is None else s.outcome.value for s in (emulated, live)]
         rows.append((f"{outcome} {by} {date} {measured} {seen}", f"{flags} {machine.filled}"))
     compare(__file__, f"step {kind.value}", rows)
+
+
+def test_a_network_that_no_other_format_can_say_is_refused():
+    network = timed().network
+    first, *rest = network.subdevices
+    bare = replace(network, subdevices=(replace(first, device=None), *rest))
+    with pytest.raises(InputError) as caught:
+        describe(bare)
+    assert str(caught.value) == (
+        f"{first.name}: its slave config could not be read; check the network"
+    )
+    (net, *others) = network.nets
+    (one, *more) = net.connections
+    doubted = replace(one, unconfirmed="by a scan")
+    nets = (replace(net, connections=(doubted, *more)), *others)
+    with pytest.raises(InputError) as caught:
+        describe(replace(network, nets=nets))
+    assert str(caught.value) == (
+        f"{doubted.at('unconfirmed')}: the connection {one.main}-{one.sub} is marked unconfirmed; "
+        "compare it with the safety project first"
+    )
