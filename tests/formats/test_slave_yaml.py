@@ -9,7 +9,7 @@ import pytest
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
-from fsoe_net.formats.own.type_words import type_bits
+from fsoe_net.formats.own.type_words import _meant, type_bits
 from fsoe_net.formats.own.write_slave_yaml import type_word, write_slave_yaml
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
@@ -128,3 +128,22 @@ def test_a_file_that_is_named_as_a_slave_yaml_and_is_none(tmp_path: Path):
     (said,) = out.diagnostics
     assert (said.code, str(said.span)) == ("FSN140", "network.yaml:7:3")
     assert said.message == f"{str(file)!r} is not a slave YAML; its keys are: a, b, c, d, e"
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [
+        ("BIT12", "bit12"),
+        ("bits 7", "bit7"),
+        ("gap_3", "bit3"),
+        ("pad5", "bit5"),
+        ("255", "bit255"),
+        ("16 bits", "bit16"),
+        ("256", None),
+        ("UINT16", "uint16"),
+        ("unit16", "uint16"),
+        ("zzz", None),
+    ],
+)
+def test_the_type_that_a_word_means(word: str, meant: str | None):
+    assert _meant(word) == meant

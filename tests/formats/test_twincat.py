@@ -67,6 +67,18 @@ def test_a_machine_with_its_safety_project(turned: bool, tmp_path: Path):
     assert {(c.bits, c.fsoe) for c in found.copies} == {(48, True)}
 
 
+@pytest.mark.parametrize(("logic", "address"), [("Term 2 (EL6910)", 5), ("Other (EL6910)", None)])
+def test_a_safety_project_of_another_logic_says_nothing_of_this_one(
+    logic: str, address: int | None, tmp_path: Path
+):
+    path = tc.write(tmp_path)
+    target = tmp_path / "Safe" / "TargetSystemConfig.xml"
+    target.write_text(target.read_text("utf-8").replace("Term 2 (EL6910)", logic), "utf-8")
+    found = load_twincat(path, Collector())
+    assert found is not None
+    assert found.connections[0].address == address
+
+
 def test_messages_of_a_logic_are_frames(tmp_path: Path):
     brain = read(tc.write(tmp_path)).subdevices[1]
     outputs, inputs = brain.device.layout.managers
