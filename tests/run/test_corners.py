@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Facts
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from networks import example
@@ -16,7 +17,9 @@ from fsoe_net.errors import ControlRefused
 from fsoe_net.model.safety import ElementKind
 from fsoe_net.run import build_master, in_use, scan, sockets
 from fsoe_net.run.attachment import _facts
+from fsoe_net.run.bus_events import BusEvents
 from fsoe_net.run.campaign import campaign_links
+from fsoe_net.run.live_bus import _LiveRun
 from fsoe_net.run.live_objects import _rows
 from fsoe_net.run.protocol import (
     _loss,
@@ -207,3 +210,23 @@ def test_fsn_master_is_compiled_and_put_in_its_place(
         assert said == "fsn-master 7 --version\n"
         assert [path.name for path in target.parent.iterdir()] == ["fsn-master"]
     assert (tmp_path / "calls").read_text() == "-S set\n--build set\n"
+
+
+@pytest.mark.parametrize(("client", "lost"), [(None, 0), (Facts(events_lost=3), 3)])
+def test_what_a_live_bus_gives_has_its_times(client: Any, lost: int):
+    bus = _LiveRun(
+        example("estop"), b"plan", cast(Any, Facts(backend="igh", interface="0")), cast(Any, None)
+    )
+    bus._facts, bus._client = (), client
+    bus._events = BusEvents(start_ns=time.monotonic_ns() - 2_000_000_000)
+    statistics = Facts(period=Facts(max_ns=4_000_000))
+    seen: Any = Facts(cycle=Facts(connections=(), statistics=statistics), subdevices=())
+    update = bus._update(seen)
+    assert 2 <= update.now_s < 900
+    assert (update.connections, update.statistics, update.subdevices) == ((), statistics, ())
+    bus._begin_ns, bus._end_ns = 1_000_000, 251_000_000
+    done = bus._result(seen, current=False)
+    assert (done.duration_ms, done.events_lost, done.stalled_ms) == (250.0, lost, 4.0)
+    assert [event.text for event in done.events] == [
+        "the bus was not running at the end; what is shown was seen last"
+    ]
