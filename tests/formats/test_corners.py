@@ -27,7 +27,7 @@ from fsoe_net.formats.lcec.write import write_lcec
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.patch import patch_yaml
 from fsoe_net.formats.own.schema import nearest_key
-from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.writers import plain_text
 from fsoe_net.formats.shared.xml_text import plain_xml
 from fsoe_net.formats.sii.hex_text import binary_of
@@ -69,7 +69,10 @@ def test_control_bytes_of_an_eni(number: int, kept: int | None):
     old = "<ControlByte>100</ControlByte>"
     assert text.count(old) == 1
     new = text.replace(old, f"<ControlByte>{number}</ControlByte>")
-    found = load_eni(new.encode(), Collector())
+    out = Collector()
+    found = load_eni(new.encode(), out)
+    said = [d.message for d in out.diagnostics]
+    assert said == ([] if kept else ["<ControlByte> '256' is outside 0 ... 255"])
     assert found is not None
     facts = next(s.start for s in found.subdevices if s.start and 2 in s.start.starts)
     assert facts.controls.get(2) == kept
@@ -308,6 +311,19 @@ def test_a_short_segment_says_how_many_bytes_count(unused: int):
     assert _segment(bytes((unused << 1 | 1,)) + b"ABCDEFGH") == b"ABCDEFGH"
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_pcapng_of_either_byte_order(order: str):
+    def block(kind: int, body: bytes) -> bytes:
+        size = struct.pack(order + "I", 12 + len(body))
+        return struct.pack(order + "I", kind) + size + body + size
+
+    section = block(0x0A0D0D0A, struct.pack(order + "IHHq", 0x1A2B3C4D, 1, 0, -1))
+    interface = block(1, struct.pack(order + "HHI", 1, 0, 65535))
+    packet = block(6, struct.pack(order + "IIIII", 0, 0, 250, 4, 4) + b"abcd")
+    reader = CaptureReader("x.pcapng", io.BytesIO(section + interface + packet))
+    assert list(reader) == [(250_000, 0, b"abcd")]
+
+
 def test_packets_of_a_pcap_have_their_time_and_the_first_interface():
     head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
     packet = struct.pack("<IIII", 7, 250, 3, 3) + b"abc"
@@ -316,6 +332,17 @@ def test_packets_of_a_pcap_have_their_time_and_the_first_interface():
 
 
 # -- texts ----------------------------------------------------------------------------------------
+
+
+def test_a_file_that_is_too_large_says_how_large(tmp_path: Path):
+    path = tmp_path / "x"
+    path.write_bytes(bytes(11))
+    out = Collector()
+    assert read_bytes(path, out, most=10) is None
+    (said,) = out.diagnostics
+    assert said.message.rpartition(": ")[2] == "it has 11 bytes, more than the 10 allowed"
+    assert said.hint == "is this really a configuration file?"
+    assert read_bytes(path, Collector(), most=11) == bytes(11)
 
 
 @pytest.mark.parametrize("name", ["utf-8", "us-ascii", "iso-8859-1"])

@@ -103,6 +103,7 @@ def test_each_mask_of_an_entry_that_is_mapped_twice_is_kept(first: str, second: 
         ("uint32", 0xFFFFFFFF, "write -1, the same bytes"),
         ("uint32", 0x7FFFFFFF, None),
         ("uint64", 0x80000000, ""),
+        ("uint64", 2**64 - 1, ""),
     ],
 )
 def test_a_value_that_the_driver_cannot_read_has_another_spelling(

@@ -220,10 +220,10 @@ def test_without_transfer_config_the_xml_block_means_no_copies(tmp_path: Path):
 @pytest.mark.parametrize(
     ("root", "kind"),
     [
-        ("EtherCATInfo", "ESI"),
-        ("EtherCATConfig", "ENI"),
-        ("EtherCATInfoList", "ethercat xml"),
-        ("sdf", "SDF"),
+        ("EtherCATInfo", "this is an ESI file (EtherCAT SubDevice information)"),
+        ("EtherCATConfig", "this is an ENI file (EtherCAT network information)"),
+        ("EtherCATInfoList", "this is output of `ethercat xml`"),
+        ("sdf", "this is an SDF file"),
         ("Robot", "root <Robot>"),
     ],
 )
