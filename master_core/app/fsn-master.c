@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "acceptance.h"
+#include "confine.h"
 #include "control/base/words.h"
 #include "entries.h"
 #include "explain.h"
@@ -205,6 +206,15 @@ static int keep_log_late(void *self) {
     return code;
 }
 
+/** No thread can undo it. A kernel that does not know it is no reason to stop a machine. */
+static void confine(struct options *options) {
+    const int error = confine_process();
+    options->confine = true;
+    if (error != 0) {
+        log_line(FSN_LOG_WARNING, "system calls are not restricted: %s", strerror(error));
+    }
+}
+
 static int run(struct options *options, const struct words *words) {
     const struct fsn_backend *backend = backend_find(options->bus);
     if (backend == NULL) {
@@ -233,6 +243,7 @@ static int run(struct options *options, const struct words *words) {
         socket_path(options, path, sizeof path);
         notify_begin();
         const int signal_fd = block_signals();
+        confine(options);
         code = master_run(options, plan, backend, path, signal_fd, second ? &former : NULL,
                           keep_log_late, &late);
         close(signal_fd);

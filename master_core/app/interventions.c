@@ -2,6 +2,8 @@
 
 #include "interventions.h"
 
+#include "confine.h"
+
 #include <errno.h>
 #include <pthread.h>
 #include <signal.h>
@@ -205,6 +207,7 @@ static void try_again(struct interventions *log) {
 static void *run(void *context) {
     struct interventions *log = context;
     unsigned unsynced = 0;
+    (void)confine_thread(); /* with them it writes as well */
     pthread_mutex_lock(&log->lock);
     for (;;) {
         wait_for_work(log);

@@ -11,6 +11,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "confine.h"
 #include "control/base/clock.h"
 #include "control/base/peer.h"
 #include "door.h"
@@ -502,6 +503,13 @@ static int keep_incidents(struct master *m) {
     return EXIT_ENVIRONMENT;
 }
 
+/** The capabilities of this thread, which reads requests; that of the bus has its own by now. */
+static void give_up(const struct options *options) {
+    if (options->confine && confine_thread() != 0) {
+        log_line(FSN_LOG_WARNING, "the capabilities are kept: %s", strerror(errno));
+    }
+}
+
 int master_run(const struct options *options, const struct fsn_plan *plan,
                const struct fsn_backend *backend, const char *socket_path, int signal_fd,
                struct former *former, int (*taken)(void *self), void *self) {
@@ -542,6 +550,7 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
             m.code = EXIT_ENVIRONMENT;
         }
     }
+    give_up(options);
     while (m.runner != NULL && !(m.ending && (m.state == STOPPED || m.state == FAILED))) {
         advance(&m);
         turn(&m);

@@ -31,6 +31,7 @@ struct options {
     bool require_observed; /**< other parameters on the bus than in the plan are an alarm */
     bool standby;          /**< follows another process, and takes over when that one stops */
     bool take_over;        /**< the bus of another process, without leaving OP */
+    bool confine;          /**< gives up what it does not need while it runs; set by main() */
     bool scan;             /**< looks at the bus and ends; there is no plan */
     struct fsn_control_access access;
 };

@@ -1,0 +1,264 @@
+#define _GNU_SOURCE
+
+#include "confine.h"
+
+#include <errno.h>
+#include <linux/audit.h>
+#include <linux/capability.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <sched.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#if defined __x86_64__
+#define OUR_ARCH AUDIT_ARCH_X86_64
+#elif defined __aarch64__
+#define OUR_ARCH AUDIT_ARCH_AARCH64
+#endif
+
+#if defined __has_feature
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define UNCONFINED 1
+#endif
+#endif
+#if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__ || !defined OUR_ARCH
+#define UNCONFINED 1
+#endif
+
+#ifdef UNCONFINED
+
+int confine_process(void) {
+    return 0; /* a sanitizer looks at itself with calls of its own */
+}
+
+#else
+
+/** Calls with any arguments; those of the cycle first. */
+static const int allowed[] = {
+    /* The cycle. */
+    SYS_clock_nanosleep,
+    SYS_sendto,
+    SYS_recvfrom,
+    SYS_recvmsg,
+    SYS_ppoll,
+    SYS_clock_gettime,
+    /* Turns, threads, memory. */
+    SYS_futex,
+    SYS_read,
+    SYS_write,
+    SYS_sendmsg,
+    SYS_accept4,
+    SYS_close,
+    SYS_getsockopt,
+    SYS_gettimeofday,
+    SYS_nanosleep,
+    SYS_sched_yield,
+    SYS_brk,
+    SYS_munmap,
+    SYS_mremap,
+    SYS_madvise,
+    SYS_mlock,
+    SYS_mlockall,
+    SYS_munlockall,
+    SYS_set_robust_list,
+    SYS_rt_sigprocmask,
+    SYS_rt_sigaction,
+    SYS_rt_sigreturn,
+    SYS_sigaltstack,
+    SYS_restart_syscall,
+    SYS_exit,
+    SYS_exit_group,
+    SYS_getrandom,
+    SYS_eventfd2,
+    /* Opening the bus, its scheduling. */
+    SYS_setsockopt,
+    SYS_bind,
+    SYS_connect,
+    SYS_ioctl,
+    SYS_sched_setscheduler,
+    SYS_sched_setparam,
+    SYS_sched_setattr,
+    SYS_sched_setaffinity,
+    SYS_sched_getscheduler,
+    SYS_sched_getparam,
+    SYS_sched_getattr,
+    SYS_sched_getaffinity,
+    SYS_sched_get_priority_max,
+    SYS_sched_get_priority_min,
+    SYS_prlimit64,
+    /* Another fsn-master of this user, which takes over or is taken over. */
+    SYS_listen,
+    SYS_getsockname,
+    SYS_getpeername,
+    SYS_socketpair,
+    SYS_shutdown,
+    SYS_dup,
+    SYS_dup3,
+    SYS_memfd_create,
+#ifdef SYS_pidfd_open
+    SYS_pidfd_open,
+    SYS_pidfd_send_signal,
+#endif
+    /* Files: incidents, interventions, who a client is. */
+    SYS_openat,
+    SYS_fstat,
+    SYS_newfstatat,
+    SYS_statx,
+    SYS_faccessat,
+    SYS_lseek,
+    SYS_pread64,
+    SYS_readv,
+    SYS_writev,
+    SYS_getdents64,
+    SYS_fsync,
+    SYS_fdatasync,
+    SYS_ftruncate,
+    SYS_fcntl,
+    SYS_flock,
+    SYS_unlinkat,
+    SYS_renameat,
+    SYS_readlinkat,
+    SYS_mkdirat,
+    SYS_umask,
+    /* Who it is itself; the end by abort(); giving up capabilities. */
+    SYS_getpid,
+    SYS_gettid,
+    SYS_getuid,
+    SYS_geteuid,
+    SYS_getgid,
+    SYS_getegid,
+    SYS_tgkill,
+    SYS_capget,
+    SYS_capset,
+#ifdef SYS_rseq
+    SYS_rseq,
+#endif
+#ifdef SYS_faccessat2
+    SYS_faccessat2,
+#endif
+#ifdef SYS_renameat2
+    SYS_renameat2,
+#endif
+#ifdef __x86_64__ /* older names of calls above */
+    SYS_poll,
+    SYS_open,
+    SYS_stat,
+    SYS_lstat,
+    SYS_access,
+    SYS_getdents,
+    SYS_unlink,
+    SYS_rename,
+    SYS_mkdir,
+    SYS_readlink,
+#endif
+};
+
+enum {
+    ALLOWED = sizeof allowed / sizeof allowed[0],
+    NUMBER = offsetof(struct seccomp_data, nr),
+    ARCH = offsetof(struct seccomp_data, arch),
+    ARGUMENTS = offsetof(struct seccomp_data, args),
+    ARGUMENT_BYTES = 8,
+    MOST_STEPS = 2 * ALLOWED + 64,
+    ABSENT = SECCOMP_RET_ERRNO | ENOSYS,
+};
+
+/** The low half of an argument; both machines are little-endian. */
+#define LOAD_ARGUMENT(n)                                                                           \
+    (struct sock_filter)                                                                           \
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, (uint32_t)(ARGUMENTS + ARGUMENT_BYTES * (n)))
+#define LOAD(offset) (struct sock_filter) BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offset)
+#define END(verdict) (struct sock_filter) BPF_STMT(BPF_RET | BPF_K, (uint32_t)(verdict))
+/** Goes on with the next step where it is so, else leaves out as many. */
+#define WHERE(how, value, steps)                                                                   \
+    (struct sock_filter) BPF_JUMP(BPF_JMP | (how) | BPF_K, (uint32_t)(value), 0, steps)
+
+struct program {
+    struct sock_filter step[MOST_STEPS];
+    unsigned short count;
+};
+
+static void add(struct program *p, struct sock_filter step) {
+    p->step[p->count++] = step;
+}
+
+/** A call whose argument decides: where any bit of `bits` is set the first verdict, else the other.
+ */
+static void decide_by_bits(struct program *p, long call, int argument, uint32_t bits,
+                           uint32_t where_set, uint32_t else_verdict) {
+    add(p, WHERE(BPF_JEQ, call, 4));
+    add(p, LOAD_ARGUMENT(argument));
+    add(p, WHERE(BPF_JSET, bits, 1));
+    add(p, END(where_set));
+    add(p, END(else_verdict));
+}
+
+/** A call that one of two values of its first argument allows. */
+static void allow_values(struct program *p, long call, uint32_t one, uint32_t other) {
+    add(p, WHERE(BPF_JEQ, call, 6));
+    add(p, LOAD_ARGUMENT(0));
+    add(p, WHERE(BPF_JEQ, one, 1));
+    add(p, END(SECCOMP_RET_ALLOW));
+    add(p, WHERE(BPF_JEQ, other, 1));
+    add(p, END(SECCOMP_RET_ALLOW));
+    add(p, END(ABSENT));
+}
+
+static void end_process(struct program *p, long call) {
+    add(p, WHERE(BPF_JEQ, call, 1));
+    add(p, END(SECCOMP_RET_KILL_PROCESS));
+}
+
+static void write_program(struct program *p) {
+    add(p, LOAD(ARCH));
+    add(p, (struct sock_filter)BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, OUR_ARCH, 1, 0));
+    add(p, END(SECCOMP_RET_KILL_PROCESS));
+    add(p, LOAD(NUMBER));
+    for (size_t i = 0; i < ALLOWED; i++) {
+        add(p, WHERE(BPF_JEQ, allowed[i], 1));
+        add(p, END(SECCOMP_RET_ALLOW));
+    }
+    /* Memory that is never code. */
+    decide_by_bits(p, SYS_mmap, 2, PROT_EXEC, ABSENT, SECCOMP_RET_ALLOW);
+    decide_by_bits(p, SYS_mprotect, 2, PROT_EXEC, ABSENT, SECCOMP_RET_ALLOW);
+    /* Threads, no processes; clone3() hides its flags, and the C library does without it. */
+    decide_by_bits(p, SYS_clone, 0, CLONE_THREAD, SECCOMP_RET_ALLOW, ABSENT);
+    allow_values(p, SYS_socket, AF_UNIX, AF_PACKET);
+    allow_values(p, SYS_prctl, PR_SET_NAME, PR_CAP_AMBIENT);
+    end_process(p, SYS_execve);
+    end_process(p, SYS_execveat);
+    add(p, END(ABSENT));
+}
+
+int confine_process(void) {
+    struct program p = {.count = 0};
+    write_program(&p);
+    const struct sock_fprog program = {.len = p.count, .filter = p.step};
+    if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 ||
+        syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_TSYNC, &program) != 0) {
+        return errno; /* mutants: no thread has a filter of its own that could be in the way */
+    }
+    return 0;
+}
+
+#endif
+
+int confine_thread(void) {
+    const uint32_t kept = (1u << CAP_IPC_LOCK) | (geteuid() == 0 ? 1u << CAP_DAC_OVERRIDE : 0u);
+    struct __user_cap_header_struct header = {.version = _LINUX_CAPABILITY_VERSION_3};
+    struct __user_cap_data_struct set[_LINUX_CAPABILITY_U32S_3] = {{0}};
+    if (syscall(SYS_capget, &header, set) != 0) {
+        return errno;
+    }
+    set[0].effective &= kept;
+    set[0].permitted &= kept;
+    set[0].inheritable &= kept;
+    set[1] = (struct __user_cap_data_struct){0};
+    return syscall(SYS_capset, &header, set) != 0 ? errno : 0;
+}
