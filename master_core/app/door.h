@@ -58,7 +58,7 @@ void door_init(struct door *door);
 /** The bus is open: takes successors by its lock. -1: the bus cannot be handed over. */
 void door_open(struct door *door, int lock);
 
-/** Tells the standby whether it may take over, also the next one; see HANDOVER_HOLD. */
+/** Says to the standby whether it may take over, also the next one; see HANDOVER_HOLD. */
 void door_hold(struct door *door, bool held);
 
 /** Whether somebody has all it needs to go on where this process ends. */

@@ -97,7 +97,7 @@ static int refuse(struct former *former, const char *text) {
     return EXIT_REFUSED;
 }
 
-static int ask(struct former *former, const struct options *o, const struct fsn_plan *plan) {
+static int request(struct former *former, const struct options *o, const struct fsn_plan *plan) {
     struct handover_hello hello = {.format = HANDOVER_FORMAT,
                                    .dc_every = o->dc_every,
                                    .standby = o->standby,
@@ -148,7 +148,7 @@ static int find_once(struct former *former, const struct options *o, const struc
                  fault.detail[0] != 0 ? fault.detail : fsn_status_text(fault.status));
         return EXIT_REFUSED;
     }
-    return ask(former, o, plan);
+    return request(former, o, plan);
 }
 
 int former_find(struct former *former, const struct options *o, const struct fsn_plan *plan,

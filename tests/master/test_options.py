@@ -47,6 +47,9 @@ USAGE = [
     (["PLAN", "--bus", "emulated", "--log", "xml"], "--log xml: text or json"),
     (["PLAN", "--bus", "emulated", "--redundant", "b"], "takes no second interface"),
     (["PLAN", "--bus", "soem", "--interface", "a", "--redundant", "a"], "same interface twice"),
+    (["--scan", "--interface", "a", "--take-over"], "--take-over: goes with a plan"),
+    (["--scan", "--interface", "a", "--standby"], "--standby: goes with a plan"),
+    (["PLAN", "--bus", "emulated", "--standby", "--take-over"], "--standby: either at once"),
     (["PLAN", "--bus", "emulated", "--sockets", "x"], "unrecognized option '--sockets'"),
     (["PLAN", "--bus"], "requires an argument"),
 ]
@@ -207,3 +210,10 @@ def test_names_do_nothing_to_a_terminal(tmp_path: Path) -> None:
         assert done.returncode == 2
         assert "a\\u001b]0;owned\\u0007\\u009b2J\\u202e\\u000ab" in done.stderr
         assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("option", ["--take-over", "--standby"])
+def test_a_bus_in_memory_has_no_second_process(tmp_path: Path, option: str) -> None:
+    done = run_to_end(write_plan(tmp_path), "--bus", "emulated", option)
+    assert done.returncode == 1
+    assert "a bus of emulated cannot be handed over" in done.stderr
