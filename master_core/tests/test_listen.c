@@ -477,6 +477,58 @@ static void who_is_idle_makes_room(void) {
     tear_down();
 }
 
+/** Lines that have come so far. */
+static unsigned lines_at(int fd) {
+    char bytes[65536];
+    unsigned lines = 0;
+    ssize_t got;
+    while ((got = recv(fd, bytes, sizeof bytes, MSG_DONTWAIT)) > 0) {
+        for (ssize_t i = 0; i < got; i++) {
+            lines += bytes[i] == '\n';
+        }
+    }
+    return lines;
+}
+
+/** However much observers request, ours is answered in the same turn; and they in later ones. */
+static void observers_share_a_turn(void) {
+    enum { OBSERVERS = 3, LINES = 8, AT_MOST = 2, TURNS = 200 };
+    static const char request[] = "lease 0\nlease 0\nlease 0\nlease 0\n";
+    int peer[OBSERVERS + 1];
+    unsigned got[OBSERVERS] = {0};
+    set_up();
+    rig.access = (struct fsn_control_access){.user = {{ANN, FSN_OBSERVER}}, .users = 1};
+    taken = open("/dev/null", O_RDONLY | O_CLOEXEC);
+    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
+    for (unsigned i = 0; i <= OBSERVERS; i++) { /* ours is the last to come */
+        peer[i] = connect_as(i < OBSERVERS ? ANN : OURS);
+    }
+    for (unsigned i = 0; i <= OBSERVERS; i++) {
+        for (unsigned n = 0; n < LINES; n += 4) {
+            CHECK(send(peer[i], request, sizeof request - 1, 0) == (ssize_t)sizeof request - 1);
+        }
+    }
+    turn();
+    CHECK(lines_at(peer[OBSERVERS]) == LINES);
+    unsigned answered = 0;
+    for (unsigned turns = 0; answered < OBSERVERS * LINES; turns++) {
+        CHECK(turns < TURNS);
+        for (unsigned i = 0; i < OBSERVERS; i++) {
+            const unsigned more = lines_at(peer[i]);
+            CHECK(more <= AT_MOST);
+            got[i] += more;
+            answered += more;
+        }
+        turn();
+    }
+    for (unsigned i = 0; i < OBSERVERS; i++) {
+        CHECK(got[i] == LINES);
+        close(peer[i]);
+    }
+    close(peer[OBSERVERS]);
+    tear_down();
+}
+
 int main(void) {
     close(STDIN_FILENO); /* 0 is a descriptor like any other */
     const int open_before = open_files();
@@ -488,6 +540,7 @@ int main(void) {
     dead_sockets_make_way();
     strangers_are_turned_away();
     who_is_idle_makes_room();
+    observers_share_a_turn();
     CHECK(open_files() == open_before);
     return 0;
 }

@@ -12,6 +12,8 @@
 #include "control/server/server.h"
 
 enum {
+    OBSERVER_LINES = 2,    /**< the same of an observer */
+    OBSERVERS_NS = 500000, /**< of a turn, for the requests of all observers */
     TURN_LINES = 16,       /**< requests of one client before the others have their turn */
     STALL_MS = 5000,       /**< a client that reads nothing for so long is dropped */
     AGAIN_NS = 1000000000, /**< between two events about users that may not connect */
@@ -20,6 +22,7 @@ enum {
 
 /** Answers the whole lines in the buffer, a few at a time. */
 static void answer_lines(struct fsn_control *control, struct fsn_client *client) {
+    const int most = client->role >= FSN_OPERATOR ? TURN_LINES : OBSERVER_LINES;
     size_t at = 0;
     client->more = false;
     for (int lines = 0; client->drop_reason == NULL && client->job == NULL; lines++) {
@@ -28,7 +31,7 @@ static void answer_lines(struct fsn_control *control, struct fsn_client *client)
         if (end == NULL) {
             break;
         }
-        if (lines == TURN_LINES) {
+        if (lines == most) {
             client->more = true;
             break;
         }
@@ -269,6 +272,35 @@ static void serve_client(struct fsn_control *control, struct fsn_client *client,
     }
 }
 
+/** Those who may act first. The observers share what a turn has for them, and the next turn goes
+ *  on where this one ended: however much they request, they delay nobody else. */
+static void serve_clients(struct fsn_control *control, const struct pollfd *fds, size_t count) {
+    int fd[FSN_CONTROL_CLIENTS]; /* a slot may change hands while this runs */
+    bool first[FSN_CONTROL_CLIENTS];
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
+        fd[i] = control->client[i].fd;
+        first[i] = control->client[i].role >= FSN_OPERATOR;
+        if (i + 1 < count && first[i] && fds[i + 1].fd >= 0 && fds[i + 1].fd == fd[i]) {
+            serve_client(control, &control->client[i], fds[i + 1].revents);
+        }
+    }
+    const size_t begin = control->first_observer;
+    const uint64_t end_ns = fsn_now_ns() + OBSERVERS_NS;
+    for (size_t n = 0; n < FSN_CONTROL_CLIENTS; n++) {
+        const size_t i = (begin + n) % FSN_CONTROL_CLIENTS;
+        struct fsn_client *client = &control->client[i];
+        if (first[i] || i + 1 >= count || fds[i + 1].fd < 0 || fds[i + 1].fd != fd[i] ||
+            client->fd != fd[i]) {
+            continue;
+        }
+        if (n > 0 && fsn_now_ns() >= end_ns) {
+            control->first_observer = i;
+            return;
+        }
+        serve_client(control, client, fds[i + 1].revents);
+    }
+}
+
 /** A client was silent when nothing of it lay there at the last poll: however long this thread was
  *  held up since, what came meanwhile is not read yet. */
 static bool is_silent(const struct fsn_control *control, const struct fsn_client *client) {
@@ -297,16 +329,7 @@ static void check_silence(struct fsn_control *control, struct fsn_client *client
 }
 
 void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count) {
-    int fd[FSN_CONTROL_CLIENTS]; /* a slot may change hands while this runs */
-    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
-        fd[i] = control->client[i].fd;
-    }
-    for (size_t i = 1; i < count; i++) {
-        struct fsn_client *client = &control->client[i - 1];
-        if (fds[i].fd >= 0 && fds[i].fd == fd[i - 1] && client->fd == fd[i - 1]) {
-            serve_client(control, client, fds[i].revents);
-        }
-    }
+    serve_clients(control, fds, count);
     /* Several at once, so that a flood does not fill the queue for others; not all, for the rest.
      */
     bool waits = count > 0 && (fds[0].revents & POLLIN) != 0;

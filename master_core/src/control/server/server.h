@@ -17,6 +17,7 @@ struct fsn_control {
     uint32_t last_number;
     uint64_t turned_away_ns; /**< last event about a user that may not connect; 0: none */
     uint32_t turned_away;    /**< tries since then */
+    size_t first_observer;   /**< whose turn it is */
     int listener;            /**< -1: none */
     char path[108];          /**< as long as the system allows */
     dev_t device;            /**< of the socket's file, to remove none but our own */
