@@ -12,9 +12,14 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include "control/base/clock.h"
 #include "control/base/words.h"
 #include "fsn/version.h"
 #include "log.h"
+
+static const uint64_t rest_ns =
+    10000000000u; /**< how long the acyclic work rests for a successor */
+static const uint64_t again_ns = 1000000000u; /**< between two lines about users that may not */
 
 static void close_fd(int *fd) {
     if (*fd >= 0) {
@@ -113,9 +118,15 @@ static void let_in(struct door *door) {
     if (door->successor >= 0 && handover_has_ended(door->successor, 0)) {
         close_fd(&door->successor);
     }
+    if (door->state == DOOR_KNOCKS) {
+        forget_peer(door); /* it has said nothing, and makes room */
+    }
     if (pidfd < 0 || (uid != 0 && uid != geteuid())) {
-        refuse(peer, false,
+        const uint64_t now_ns = fsn_now_ns();
+        refuse(peer, door->away_ns != 0 && now_ns - door->away_ns < again_ns,
                "process %d: it must be of the same user or root, and visible from here", (int)pid);
+        door->away_ns =
+            door->away_ns == 0 || now_ns - door->away_ns >= again_ns ? now_ns : door->away_ns;
     } else if (door->peer >= 0 || door->successor >= 0) {
         refuse(peer, true, "process %d: another one follows already, or has not ended yet",
                (int)pid);
@@ -186,6 +197,9 @@ static enum door_event hear(struct door *door, const struct door_facts *facts) {
 enum door_event door_serve(struct door *door, const struct pollfd fds[DOOR_FDS],
                            const struct door_facts *facts) {
     enum door_event event = DOOR_NOTHING;
+    if (door->state == DOOR_GIVEN && fsn_now_ns() - door->given_ns > rest_ns) {
+        return leave(door); /* lost SubDevices do not come back while the acyclic work rests */
+    }
     if (door->peer >= 0 && fds[1].fd == door->peer && fds[1].revents != 0) {
         event = hear(door, facts);
     }
@@ -230,6 +244,7 @@ enum door_event door_give(struct door *door, const struct door_gift *gift) {
     door->successor = door->pidfd;
     door->pidfd = -1;
     door->state = DOOR_GIVEN;
+    door->given_ns = fsn_now_ns();
     memcpy(&fds[HANDOVER_HELD], gift->attachment.held, sizeof gift->attachment.held);
     const bool sent = handover_send(door->peer, &answer, sizeof answer, fds,
                                     HANDOVER_HELD + gift->attachment.held_count);

@@ -24,9 +24,11 @@ struct door {
     /** Of the last process that was given the lock; -1: none. Nobody else is, before it has ended:
      *  one that is frozen thaws, and would believe that it is the next. */
     int successor;
-    int pidfd; /**< of the peer, until it is given the lock */
-    pid_t pid; /**< of the peer */
-    bool held; /**< maintenance: the standby takes nothing over */
+    int pidfd;         /**< of the peer, until it is given the lock */
+    pid_t pid;         /**< of the peer */
+    uint64_t given_ns; /**< when the peer was given the lock */
+    uint64_t away_ns;  /**< when somebody was turned away and logged, the last time */
+    bool held;         /**< maintenance: the standby takes nothing over */
     enum door_state state;
 };
 

@@ -106,8 +106,9 @@ static int request(struct former *former, const struct options *o, const struct 
     int fds[HANDOVER_FDS];
     fsn_plan_sha256(plan, hello.plan);
     snprintf(hello.version, sizeof hello.version, "%s", fsn_version());
-    if (!handover_send(former->fd, &hello, sizeof hello, NULL, 0) ||
-        !wait_for(former->fd, ANSWER_MS)) {
+    /* Where it was refused at once sending fails, and its answer is there all the same. */
+    (void)handover_send(former->fd, &hello, sizeof hello, NULL, 0);
+    if (!wait_for(former->fd, ANSWER_MS)) {
         return refuse(former, "it does not answer; where it hangs, end it with SIGKILL, and start "
                               "the bus without --take-over");
     }
@@ -264,8 +265,9 @@ static fsn_status wait_for_its_word(const struct former *former) {
 
 fsn_status former_end(struct former *former, struct fsn_fault *fault) {
     const uint32_t word = HANDOVER_END;
-    if (handover_send(former->fd, &word, sizeof word, NULL, 0) &&
-        wait_for_its_word(former) != FSN_OK) {
+    const bool said = handover_send(former->fd, &word, sizeof word, NULL, 0);
+    /* A door that was shut means that the former goes on without us, unless it is at its end. */
+    if (said ? wait_for_its_word(former) != FSN_OK : !handover_has_ended(former->pidfd, EXIT_MS)) {
         return fsn_refuse_all(fault, FSN_E_BUS_BUSY, "the process before closes the bus itself");
     }
     if (!handover_has_ended(former->pidfd, EXIT_MS)) {

@@ -58,7 +58,10 @@ int handover_receive(int fd, void *message, size_t len_bytes, int *fds) {
     for (size_t i = 0; fds != NULL && i < HANDOVER_FDS; i++) {
         fds[i] = -1;
     }
-    const ssize_t got = recvmsg(fd, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+    ssize_t got = recvmsg(fd, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+    if (got < 0 && errno == ECONNRESET) { /* comes before what the other end has said last */
+        got = recvmsg(fd, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+    }
     if (got < 0) {
         return errno == EAGAIN || errno == EINTR ? 0 : -1;
     }

@@ -7,6 +7,7 @@ who drives the bus, and when nobody does.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
@@ -296,7 +297,53 @@ def maintenance(network, _other):
     return wire.seen() | {"states": states, "codes": codes, "text": held.lines()}
 
 
-CASES = {f.__name__: f for f in (planned, output, refused, frozen, standby_output, maintenance)}
+def hostile(network, _other):
+    """Whatever comes through the lock: the bus goes on, and a take-over still works."""
+    emulator, wire, _program, client = start(network)
+    left = []
+    for message in (b"", b"x", bytes(76), b"\xff" * 4096, bytes(60000)):
+        left.append(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+        left[-1].connect("\0fsn-maindevice:near")
+        left[-1].send(message)
+    silent = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    silent.connect("\0fsn-maindevice:near")
+    cycles = client.snapshot().cycle.statistics.cycles
+    wait_for("cycles", lambda: client.snapshot().cycle.statistics.cycles > cycles + 100)
+    good = Program("good", "--take-over")
+    good.wait_for("took the bus over")
+    return finish(emulator, wire, good) | {"left": left_data(good.lines())}
+
+
+def undecided(network, _other):
+    """One that was given the lock and says nothing: supervision goes on after ten seconds."""
+    emulator, wire, program, _client = start(network)
+    plan = hashlib.sha256(Path("n.fsnplan").read_bytes()).digest()
+    hello = struct.pack("<4IQ32s32s", 1, 0, 0, 0, CYCLE_NS, plan, b"mute")
+    script = f"""
+import socket, time
+lock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+lock.connect("\\0fsn-maindevice:near")
+lock.send({hello!r})
+time.sleep(1000)
+"""
+    mute = subprocess.Popen(tied(sys.executable, "-c", script))
+    program.wait_for("does not take the bus over")
+    early = Program("early", "--take-over")  # the mute one still lives, and may believe it is next
+    code = early.process.wait()
+    mute.kill()
+    mute.wait()
+    good = Program("good", "--take-over")
+    good.wait_for("took the bus over")
+    return finish(emulator, wire, good) | {"code": code, "text": early.lines()}
+
+
+CASES = {
+    f.__name__: f
+    for f in (
+        *(planned, output, refused, frozen),
+        *(standby_output, maintenance, hostile, undecided),
+    )
+}
 
 
 def main():

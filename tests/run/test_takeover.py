@@ -57,6 +57,18 @@ def test_what_differs_is_refused_before_anything_is_disturbed(tmp_path):
         assert text in seen["texts"][name]
 
 
+def test_nonsense_at_the_lock_disturbs_nobody(tmp_path):
+    seen = case("hostile", tmp_path, ROBOT, good=stayed_in_op)
+    check_one_after_the_other(seen, 1)
+
+
+def test_a_successor_that_says_nothing_is_the_only_one_until_it_ends(tmp_path):
+    seen = case("undecided", tmp_path, ROBOT, good=stayed_in_op)
+    check_one_after_the_other(seen, 1)
+    assert seen["code"] == 1
+    assert "another one follows already, or has not ended yet" in seen["text"]
+
+
 @pytest.mark.shows("R1")
 def test_a_former_that_is_frozen_is_left_alone_and_thaws(tmp_path):
     seen = case("frozen", tmp_path, ROBOT)
