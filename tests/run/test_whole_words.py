@@ -202,7 +202,7 @@ expect
 expect a
   a: no condition; FORMS
 expect state up
-  'up' is no state of fsn-master: stopped opening starting running stopping failed
+  'up' is no state of fsn-master: stopped opening starting standby running stopping failed
 expect connection c1 in up
   'up' is no state of a connection: silent reset session connection parameter data data_failsafe \
 data_process
