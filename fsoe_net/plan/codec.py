@@ -18,6 +18,7 @@ from fsoe_net.plan.model import (
     NONE,
     Plan,
     PlanBlock,
+    PlanBus,
     PlanConnection,
     PlanCopy,
     PlanEntry,
@@ -27,22 +28,27 @@ from fsoe_net.plan.model import (
     PlanSymbol,
     PlanSyncManager,
 )
-from fsoe_net.plan.records import HASH_BYTES, RECORDS, STRING_BYTES, Record
+from fsoe_net.plan.records import BUS_RECORD, HASH_BYTES, RECORDS, STRING_BYTES, Record
 
 __all__ = ["MAGIC", "decode_plan", "encode_plan"]
 
 MAGIC = b"FSNPLAN\0"
 MAJOR = 1
 SECTIONS = 10
-MINOR_WITH_SAFETY = 1
 SECTIONS_WITH_SAFETY = 11  # the last holds the hash of the safety functions
+SECTIONS_WITH_BUSES = 12
 
 _HEADER = struct.Struct("<8sHHIIIII")
 _ROW = struct.Struct("<IIII")
 _CRC_OFFSET = 16
 
-_FORMS = {(0, SECTIONS), (MINOR_WITH_SAFETY, SECTIONS_WITH_SAFETY)}
-_SIZES = (*(record.layout.size for record in RECORDS), STRING_BYTES, HASH_BYTES)
+_FORMS = {(0, SECTIONS), (1, SECTIONS_WITH_SAFETY), (2, SECTIONS_WITH_BUSES)}
+_SIZES = (
+    *(record.layout.size for record in RECORDS),
+    STRING_BYTES,
+    HASH_BYTES,
+    BUS_RECORD.layout.size,
+)
 _ROW_TYPES = (
     PlanSubDevice,
     PlanSyncManager,
@@ -79,11 +85,13 @@ def encode_plan(plan: Plan) -> bytes:
     """Return the bytes of a plan. Equal plans give equal bytes on every platform."""
     strings = _Strings()
     sections = _encode_sections(plan, strings)
+    buses = b"".join(_packed(BUS_RECORD, plan.buses, strings))
     sections.append((bytes(strings.data), STRING_BYTES))
-    minor = 0
-    if plan.safety_sha256:
-        minor = MINOR_WITH_SAFETY
+    if plan.safety_sha256 or buses:
         sections.append((bytes.fromhex(plan.safety_sha256), HASH_BYTES))
+    if buses:
+        sections.append((buses, BUS_RECORD.layout.size))
+    minor = len(sections) - SECTIONS
     offset = _HEADER.size + len(sections) * _ROW.size
     table, body = bytearray(), bytearray()
     for kind, (data, size) in enumerate(sections, start=1):
@@ -168,9 +176,11 @@ def decode_plan(data: bytes) -> Plan:
     """
     sections, cycle_ns = _open(data)
     reader = _Reader(data, sections)
-    names = [field.name for field in fields(Plan)][1:-1]  # between cycle and hash: the tables
+    names = [field.name for field in fields(Plan)][1:-2]  # between cycle and hash: the tables
     rows = map(reader.rows, RECORDS, _ROW_TYPES)
     tables = dict(zip(names, rows, strict=True))
+    if len(sections) == SECTIONS_WITH_BUSES:
+        tables["buses"] = reader.rows(BUS_RECORD, PlanBus)
     plan = Plan(cycle_ns=cycle_ns, safety_sha256=reader.safety_sha256(), **tables)
     _references(plan)
     return plan
@@ -189,7 +199,7 @@ def _open(data: bytes) -> tuple[list[tuple[int, int]], int]:
     if crc != zlib.crc32(data[:_CRC_OFFSET] + bytes(4) + data[_CRC_OFFSET + 4 :]):
         raise PlanFormatError("CRC-32 does not fit: the file was changed; compile it again")
     if (minor, count) not in _FORMS or reserved:
-        raise PlanFormatError("section table is damaged, or of a newer format than 1.1")
+        raise PlanFormatError("section table is damaged, or of a newer format than 1.2")
     return _section_table(data, count), cycle_ns
 
 
@@ -215,8 +225,11 @@ def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
         raise PlanFormatError("the strings do not start and end with a zero byte")
     if re.search(rb"[\x01-\x1f\x7f]", data[first : first + length]):
         raise PlanFormatError("a name has a control character")
-    if count == SECTIONS_WITH_SAFETY and sections[-1][1] != 1:
+    hashes = sections[SECTIONS][1] if count > SECTIONS else 0
+    if hashes > 1 or (count == SECTIONS_WITH_SAFETY and not hashes):
         raise PlanFormatError("a plan has one hash of safety functions")
+    if count == SECTIONS_WITH_BUSES and sections[-1][1] < 2:
+        raise PlanFormatError("a plan with buses has two of them at least")
     return sections
 
 
@@ -265,7 +278,9 @@ class _Reader:
     def safety_sha256(self) -> str:
         if len(self._sections) < SECTIONS_WITH_SAFETY:
             return ""
-        offset = self._sections[-1][0]
+        offset, count = self._sections[SECTIONS]
+        if not count:
+            return ""
         return self._data[offset : offset + HASH_BYTES].hex()
 
     def _text(self, offset: int) -> str:
@@ -314,6 +329,11 @@ def _references(plan: Plan) -> None:
         _need(sm_number, sms, f"{kind} {number}: sync manager")
     for number, copy in enumerate(plan.copies):
         _need(copy.connection, connections, f"copy {number}: connection", none_allowed=True)
+    end = 0
+    for number, bus in enumerate(plan.buses):
+        _need(end, bus.first_subdevice + 1, f"bus {number}: SubDevice")
+        end = bus.first_subdevice + bus.subdevice_count
+        _need(end, subs + 1, f"bus {number}: SubDevice")
     for number, row in enumerate(plan.connections):
         _need(max(row.main, row.sub), subs, f"connection {number}: SubDevice")
         _need(max(row.copy_to_sub, row.copy_to_main), copies, f"connection {number}: copy")

@@ -188,6 +188,11 @@ def _real(value: float | None) -> str:
 
 
 def _devices(plan: Plan) -> Iterator[str]:
+    for number, bus in enumerate(plan.buses):
+        yield (
+            f"bus {number} cycle_ns={bus.cycle_ns} first={bus.first_subdevice}"
+            f" devices={bus.subdevice_count} name={_word(bus.name)}"
+        )
     for number, s in enumerate(plan.subdevices):
         yield (
             f"device {number} alias={s.alias} position={s.position}"

@@ -21,6 +21,7 @@ __all__ = [
     "NONE",
     "Plan",
     "PlanBlock",
+    "PlanBus",
     "PlanConnection",
     "PlanCopy",
     "PlanEntry",
@@ -190,10 +191,21 @@ class PlanConnection:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PlanBus:
+    """One of several buses: its SubDevices follow each other. Cycle in nanoseconds."""
+
+    name: str
+    cycle_ns: int
+    first_subdevice: int
+    subdevice_count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """All records of a plan, in file order.
 
-    ``safety_sha256``: hash of the safety functions in hex, empty when none is stated.
+    ``safety_sha256``: hash of the safety functions in hex, empty when none is stated. ``buses``:
+    two at least, or none where there is one bus without a name. ``cycle_ns`` is that of the first.
     """
 
     cycle_ns: int
@@ -207,11 +219,19 @@ class Plan:
     copies: tuple[PlanCopy, ...]
     connections: tuple[PlanConnection, ...]
     safety_sha256: str = ""
+    buses: tuple[PlanBus, ...] = ()
 
     @property
     def format(self) -> str:
         """Version of the plan format that it needs."""
+        if self.buses:
+            return "1.2"
         return "1.1" if self.safety_sha256 else "1.0"
+
+    def bus_number(self, subdevice: int) -> int:
+        """Return the number of the bus of a SubDevice."""
+        ends = (b.first_subdevice + b.subdevice_count for b in self.buses)
+        return next((number for number, end in enumerate(ends) if subdevice < end), 0)
 
     def to_bytes(self) -> bytes:
         """Return the bytes of the `.fsnplan` file; equal plans give equal bytes."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-__all__ = ["HASH_BYTES", "RECORDS", "STRING_BYTES", "Field", "Record"]
+__all__ = ["BUS_RECORD", "HASH_BYTES", "RECORDS", "STRING_BYTES", "Field", "Record"]
 
 STRING_BYTES = 1
 HASH_BYTES = 32
@@ -169,6 +169,13 @@ _CONNECTION = """
     u16    safe_to_main    safe data sub to main, bytes
     string app_parameters  application parameters, two lower-case hex digits each; empty: not stated
 """
+# Of format 1.2 only: the records above of one bus follow each other.
+_BUS = """
+    string name            name, unique
+    u32    cycle_ns        bus cycle in nanoseconds
+    u32    first_subdevice first SubDevice
+    u32    subdevice_count number of SubDevices
+"""
 RECORDS = (
     _record(1, "subdevice", _SUBDEVICE),
     _record(2, "sm", _SYNC_MANAGER),
@@ -180,3 +187,4 @@ RECORDS = (
     _record(8, "copy", _COPY),
     _record(9, "connection", _CONNECTION),
 )
+BUS_RECORD = _record(12, "bus", _BUS)

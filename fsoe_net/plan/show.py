@@ -48,6 +48,13 @@ def plan_document(plan: Plan) -> Document:
             f"{counted(len(plan.copies), 'copy')}, "
             f"{sum(c.size_bytes for c in plan.copies)} bytes per cycle, bus cycle {cycle}"
         ),
+        *(
+            words(
+                f"bus {bus.name}: {counted(bus.subdevice_count, 'SubDevice')}, cycle "
+                f"{bus.cycle_ns / 1000:g} us"
+            )
+            for bus in plan.buses
+        ),
         words(f"fingerprint {fingerprint.short} ({fingerprint.whole})"),
         words(f"SHA-256 {hashlib.sha256(plan.to_bytes()).hexdigest()}"),
     ]

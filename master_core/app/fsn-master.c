@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "acceptance.h"
+#include "buses.h"
 #include "confine.h"
 #include "control/base/words.h"
 #include "entries.h"
@@ -236,6 +237,9 @@ static int run(struct options *options, const struct words *words) {
     const bool second = options->take_over || options->standby;
     if (code == -1 && second) {
         code = former_find(&former, options, plan, backend);
+    }
+    if (code == -1) {
+        code = buses_choose(options, plan, &backend);
     }
     if (code == -1) {
         char path[512];

@@ -85,6 +85,7 @@ static void host_status(void *self, struct fsn_control_status *status) {
         .fault = m->fault[0] != 0 ? m->fault : NULL,
         .backend = m->backend->name,
         .interface = o->interface,
+        .bus_interfaces = o->bus_interfaces,
         .redundant = o->redundant,
         .plan_file = o->plan_file,
         .accepted = o->accepted != NULL ? o->accepted : o->acceptance,

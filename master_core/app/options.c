@@ -20,7 +20,8 @@ static const char usage_text[] =
     "Drives the EtherCAT bus of a compiled plan and moves its FSoE frames in every cycle.\n"
     "\n"
     "  --bus NAME         soem (default), igh, or emulated: an image in memory\n"
-    "  --interface IF     network interface (soem) or number of the master (igh)\n"
+    "  --interface IF     network interface (soem) or number of the master (igh); BUS=IF for each\n"
+    "                     bus of a plan that has several\n"
     "  --redundant IF2    second interface, at the other end of the ring\n"
     "  --cycle TIME       bus cycle, e.g. 1ms or 250us; default: the plan's\n"
     "  --policy P         fifo, deadline or other; default: fifo where it is permitted\n"
@@ -65,7 +66,7 @@ static const char usage_text[] =
     "example: fsn-master estop.fsnplan --bus soem --interface eth1 --cycle 1ms\n"
     "Part of the black channel; no safety function, no certificate. Stop is no emergency stop.\n";
 
-static int wrong(const char *option, const char *value, const char *text) {
+int options_wrong(const char *option, const char *value, const char *text) {
     char shown[400];
     fsn_show_text(shown, sizeof shown, value != NULL ? value : "");
     fprintf(stderr, "fsn-master: %s%s%s: %s; fsn-master --help lists the options\n", option,
@@ -116,13 +117,13 @@ static int read_policy(const char *text, struct options *o) {
             return -1;
         }
     }
-    return wrong("--policy", text, "fifo, deadline or other");
+    return options_wrong("--policy", text, "fifo, deadline or other");
 }
 
 static int read_hash(const char *text, struct options *o) {
     const size_t hex = strspn(text, "0123456789abcdefABCDEF");
     if (hex != 2 * FSN_SHA256_BYTES || text[hex] != 0) {
-        return wrong("--accepted", text, "a SHA-256 has 64 hexadecimal digits");
+        return options_wrong("--accepted", text, "a SHA-256 has 64 hexadecimal digits");
     }
     o->accepted = text;
     return -1;
@@ -135,27 +136,37 @@ static int allow(const char *option, const char *text, bool group, struct option
     const enum fsn_role role = colon != NULL ? fsn_role_of(colon + 1) : FSN_OBSERVER;
     const size_t len = colon != NULL ? (size_t)(colon - text) : strlen(text);
     if (role == FSN_NO_ROLE) {
-        return wrong(option, text, "a role is observer, operator or maintainer");
+        return options_wrong(option, text, "a role is observer, operator or maintainer");
     }
     snprintf(name, sizeof name, "%.*s", (int)(len < sizeof name ? len : sizeof name - 1), text);
     const struct passwd *user = group ? NULL : getpwnam(name);
     const struct group *members = group ? getgrnam(name) : NULL;
     if (user == NULL && members == NULL) {
-        return wrong(option, text,
-                     group ? "there is no such group here" : "there is no such user here");
+        return options_wrong(option, text,
+                             group ? "there is no such group here" : "there is no such user here");
     }
     size_t *count = group ? &o->access.groups : &o->access.users;
     if (*count == FSN_CONTROL_ALLOWED) {
-        return wrong(option, text, group ? "too many groups" : "too many; a group is better");
+        return options_wrong(option, text,
+                             group ? "too many groups" : "too many; a group is better");
     }
     (group ? o->access.group : o->access.user)[(*count)++] =
         (struct fsn_control_allowed){.id = group ? members->gr_gid : user->pw_uid, .role = role};
     return -1;
 }
 
+static int take_interface(const char *text, struct options *o) {
+    if (o->interface_count == MOST_BUSES) {
+        return options_wrong("--interface", text, "more than there can be buses");
+    }
+    o->interfaces[o->interface_count++] = text;
+    o->interface = o->interfaces[0];
+    return -1;
+}
+
 static int read_log(const char *text, struct options *o) {
     if (strcmp(text, "text") != 0 && strcmp(text, "json") != 0) {
-        return wrong("--log", text, "text or json");
+        return options_wrong("--log", text, "text or json");
     }
     o->log_json = strcmp(text, "json") == 0;
     return -1;
@@ -163,7 +174,7 @@ static int read_log(const char *text, struct options *o) {
 
 static int read_integer(const char *option, const char *text, long least, long most,
                         const char *rule, long *number) {
-    return read_number(text, least, most, number) ? -1 : wrong(option, text, rule);
+    return read_number(text, least, most, number) ? -1 : options_wrong(option, text, rule);
 }
 
 enum option_id {
@@ -212,16 +223,16 @@ static int take_number(int id, const char *text, struct options *o) {
         code = read_integer("--cpu", text, 0, 1023, "a CPU number from 0 on", &number);
         o->cpu = (int)number + 1;
         return code == -1 && number >= sysconf(_SC_NPROCESSORS_CONF)
-                   ? wrong("--cpu", text, "this machine has no such CPU")
+                   ? options_wrong("--cpu", text, "this machine has no such CPU")
                    : code;
     case INCIDENTS_LIMIT:
         return read_number(text, 1, 1000000, &o->incidents_mib)
                    ? -1
-                   : wrong("--incidents-limit", text, "1 to 1000000 MiB");
+                   : options_wrong("--incidents-limit", text, "1 to 1000000 MiB");
     case INTERVENTIONS_FILE:
         return read_number(text, 1, 1000, &o->interventions_mib)
                    ? -1
-                   : wrong("--intervention-log-file", text, "1 to 1000 MiB");
+                   : options_wrong("--intervention-log-file", text, "1 to 1000 MiB");
     default:
         code = read_integer("--dc-every", text, 0, 1000000, "0 to 1000000 cycles", &number);
         o->dc_every = (uint32_t)number;
@@ -234,28 +245,27 @@ static int take_time(int id, const char *text, struct options *o) {
     case CYCLE:
         return read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 50000 && o->cycle_ns <= 1000000000
                    ? -1
-                   : wrong("--cycle", text,
-                           "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster");
+                   : options_wrong(
+                         "--cycle", text,
+                         "a time from 50us to 1s with its unit, e.g. 1ms; --free-run is faster");
     case DURATION:
         return read_time(text, 1000000000, &o->run_ns) && o->run_ns > 0
                    ? -1
-                   : wrong("--duration", text, "a time above 0, e.g. 10s");
+                   : options_wrong("--duration", text, "a time above 0, e.g. 10s");
     case RECORD:
         return read_time(text, 1000000000, &o->record_ns)
                    ? -1
-                   : wrong("--record", text, "a time, e.g. 10s; 0 keeps nothing");
+                   : options_wrong("--record", text, "a time, e.g. 10s; 0 keeps nothing");
     default:
-        return read_time(text, 1000000000, &o->wait_ns) ? -1
-                                                        : wrong("--wait", text, "a time, e.g. 30s");
+        return read_time(text, 1000000000, &o->wait_ns)
+                   ? -1
+                   : options_wrong("--wait", text, "a time, e.g. 30s");
     }
 }
 
 /** Options whose text is kept as it is, and those without one. */
 static bool take_plain(int id, const char *text, struct options *o) {
     switch (id) {
-    case INTERFACE:
-        o->interface = text;
-        return true;
     case REDUNDANT:
         o->redundant = text;
         return true;
@@ -307,7 +317,9 @@ static int take(int id, const char *text, struct options *o) {
     switch (id) {
     case BUS:
         o->bus = text;
-        return backend_is_known(text) ? -1 : wrong("--bus", text, "soem, igh or emulated");
+        return backend_is_known(text) ? -1 : options_wrong("--bus", text, "soem, igh or emulated");
+    case INTERFACE:
+        return take_interface(text, o);
     case POLICY:
         return read_policy(text, o);
     case ACCEPTED:
@@ -333,61 +345,68 @@ static int take(int id, const char *text, struct options *o) {
 static int check_bus(const struct options *o) {
     const struct fsn_backend *bus = backend_find(o->bus);
     if (o->interface == NULL && (bus == NULL || bus->needs_interface)) {
-        return wrong("--interface", NULL, "is missing");
+        return options_wrong("--interface", NULL, "is missing");
     }
     if (o->redundant == NULL) {
         return -1;
     }
     if (bus != NULL && !bus->takes_redundant) {
-        return wrong("--redundant", o->redundant, "this bus takes no second interface here");
+        return options_wrong("--redundant", o->redundant,
+                             "this bus takes no second interface here");
     }
     return strcmp(o->redundant, o->interface) != 0
                ? -1
-               : wrong("--redundant", o->redundant, "the same interface twice");
+               : options_wrong("--redundant", o->redundant, "the same interface twice");
 }
 
 static int check_schedule(const struct options *o) {
     if (o->priority != 0 && o->policy != POLICY_FIFO) {
-        return wrong("--priority", NULL, "only with --policy fifo");
+        return options_wrong("--priority", NULL, "only with --policy fifo");
     }
     if (o->cpu != 0 && o->policy == POLICY_DEADLINE) {
-        return wrong("--cpu", NULL, "a deadline thread cannot be pinned; isolate the CPU instead");
+        return options_wrong("--cpu", NULL,
+                             "a deadline thread cannot be pinned; isolate the CPU instead");
     }
     if (o->free_run && o->policy == POLICY_DEADLINE) {
-        return wrong("--free-run", NULL, "a deadline thread has a period; use --policy fifo");
+        return options_wrong("--free-run", NULL,
+                             "a deadline thread has a period; use --policy fifo");
     }
     return -1;
 }
 
 static int check_signed(const struct options *o) {
     if ((o->acceptance == NULL) != (o->signers == NULL)) {
-        return wrong("--acceptance", o->acceptance, "belongs together with --signers FILE");
+        return options_wrong("--acceptance", o->acceptance, "belongs together with --signers FILE");
     }
     return o->revoked == NULL || o->signers != NULL
                ? -1
-               : wrong("--revoked", o->revoked, "goes with --signers FILE");
+               : options_wrong("--revoked", o->revoked, "goes with --signers FILE");
 }
 
 static int check_interventions(const struct options *o) {
     return o->interventions != NULL || o->interventions_mib == INTERVENTIONS_MIB
                ? -1
-               : wrong("--intervention-log-file", NULL, "goes with --intervention-log DIR");
+               : options_wrong("--intervention-log-file", NULL, "goes with --intervention-log DIR");
 }
 
 static int check_together(const struct options *o) {
     if (o->plan_file == NULL && !o->scan) {
-        return wrong("PLAN", NULL, "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
+        return options_wrong("PLAN", NULL,
+                             "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
     }
     if (o->plan_file != NULL && o->scan) {
-        return wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
+        return options_wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
+    }
+    if (o->scan && o->interface_count > 1) {
+        return options_wrong("--scan", NULL, "looks at one bus: one --interface");
     }
     if ((o->take_over || o->standby) && o->scan) {
-        return wrong(o->standby ? "--standby" : "--take-over", NULL,
-                     "goes with a plan, not with --scan");
+        return options_wrong(o->standby ? "--standby" : "--take-over", NULL,
+                             "goes with a plan, not with --scan");
     }
     if (o->take_over && o->standby) {
-        return wrong("--standby", NULL,
-                     "either at once, with --take-over, or when the other stops");
+        return options_wrong("--standby", NULL,
+                             "either at once, with --take-over, or when the other stops");
     }
     int code = check_bus(o);
     if (code == -1) {
@@ -453,7 +472,7 @@ int options_read(int argc, char **argv, struct options *o) {
         }
     }
     if (optind + 1 < argc) {
-        return wrong(argv[optind + 1], NULL, "one plan only");
+        return options_wrong(argv[optind + 1], NULL, "one plan only");
     }
     o->plan_file = optind < argc ? argv[optind] : NULL;
     return check_together(o);

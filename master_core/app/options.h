@@ -9,17 +9,22 @@
 
 enum { EXIT_FINE = 0, EXIT_REFUSED = 1, EXIT_USAGE = 2, EXIT_ENVIRONMENT = 3, EXIT_DIFFERS = 4 };
 
+enum { MOST_BUSES = 16, DEFAULT_PRIORITY = 80 /**< of fifo */ };
+
 enum policy { POLICY_FIFO, POLICY_DEADLINE, POLICY_OTHER };
 
 struct options {
     const char *plan_file, *bus, *interface, *redundant, *socket, *accepted, *incidents;
     const char *acceptance, *signers, *revoked; /**< files of who accepted the plan; or NULL */
-    const char *acceptance_said; /**< what was said when they were checked; NULL: not yet */
-    const char *interventions;   /**< folder of the intervention log; or NULL */
-    uint64_t cycle_ns;           /**< 0: the plan's */
-    uint64_t run_ns;             /**< 0: until it is stopped */
-    uint64_t record_ns;          /**< for how long cycles are kept; 0: not at all */
-    uint64_t wait_ns;            /**< how long to try again while SubDevices are missing */
+    const char *acceptance_said;        /**< what was said when they were checked; NULL: not yet */
+    const char *interventions;          /**< folder of the intervention log; or NULL */
+    const char *interfaces[MOST_BUSES]; /**< as given; `interface` is the first */
+    size_t interface_count;
+    const char *const *bus_interfaces; /**< of each bus of the plan; NULL where it has one */
+    uint64_t cycle_ns;                 /**< 0: the plan's */
+    uint64_t run_ns;                   /**< 0: until it is stopped */
+    uint64_t record_ns;                /**< for how long cycles are kept; 0: not at all */
+    uint64_t wait_ns;                  /**< how long to try again while SubDevices are missing */
     enum policy policy;
     bool policy_given;      /**< then it is no good to go on without it */
     int priority;           /**< 1 … 99, of fifo */
@@ -39,5 +44,16 @@ struct options {
 /** Reads the command line.
  *  @return -1 to go on, else the exit code; then it has said why. */
 int options_read(int argc, char **argv, struct options *options);
+
+/** Priority of the cyclic threads; 0: normal scheduling. */
+static inline int options_priority(const struct options *options) {
+    if (options->policy != POLICY_FIFO) {
+        return 0;
+    }
+    return options->priority > 0 ? options->priority : DEFAULT_PRIORITY;
+}
+
+/** Says what is wrong with an option.   @return EXIT_USAGE. */
+int options_wrong(const char *option, const char *value, const char *text);
 
 #endif

@@ -20,11 +20,10 @@
 #include "schedule.h"
 
 enum {
-    TEND_NS = 2000000,       /**< between two steps of the acyclic work */
-    LEAVE_MS = 2000,         /**< how long SubDevices have to leave OP */
-    RETRY_MS = 200,          /**< between two tries to open */
-    RECORD_BYTES = 64 << 20, /**< room for recorded cycles */
-    DEFAULT_PRIORITY = 80    /**< of fifo */
+    TEND_NS = 2000000,      /**< between two steps of the acyclic work */
+    LEAVE_MS = 2000,        /**< how long SubDevices have to leave OP */
+    RETRY_MS = 200,         /**< between two tries to open */
+    RECORD_BYTES = 64 << 20 /**< room for recorded cycles */
 };
 
 /** How long attaching to a running bus is tried. */
@@ -206,13 +205,6 @@ static bool first_cycle(struct runner *runner, uint64_t before) {
     return statistics.realtime != 0;
 }
 
-static int priority_of(const struct options *o) {
-    if (o->policy != POLICY_FIFO) {
-        return 0;
-    }
-    return o->priority > 0 ? o->priority : DEFAULT_PRIORITY;
-}
-
 /** Starts the cycle as well as the system permits; exactly as requested where that was requested.
  */
 static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
@@ -225,7 +217,7 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
     struct fsn_thread_options thread = {
         .cycle_ns = cycle_of(runner),
         .cpu = o->cpu,
-        .priority = priority_of(o),
+        .priority = options_priority(o),
         .lock_memory = o->policy != POLICY_OTHER,
         .free_run = o->free_run,
         .follow_dc = o->dc_every > 0,

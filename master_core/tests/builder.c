@@ -5,9 +5,9 @@
 #include <string.h>
 #include <sys/prctl.h>
 
-enum { SECTIONS = 10 };
+enum { SECTIONS = 10, MOST_SECTIONS = 12 };
 
-static const uint32_t record_bytes[SECTIONS] = {48, 24, 16, 12, 16, 44, 16, 32, 40, 1};
+static const uint32_t record_bytes[MOST_SECTIONS] = {48, 24, 16, 12, 16, 44, 16, 32, 40, 1, 32, 16};
 
 /** A test that waits for long ends with the program that runs it. */
 __attribute__((constructor)) static void end_with_parent(void) {
@@ -241,22 +241,32 @@ static void connections(struct buffer *b, const struct build *n, const struct or
     }
 }
 
+static void buses(struct buffer *b, const struct build *n) {
+    for (uint32_t i = 0; i < n->bus_count; i++) {
+        put(b, 1, 4);
+        put(b, n->buses[i].cycle_ns, 4);
+        put(b, n->buses[i].first_subdevice, 4);
+        put(b, n->buses[i].subdevice_count, 4);
+    }
+}
+
 uint8_t *build_plan(const struct build *n, size_t *len_bytes) {
     struct order *order = sorted(n);
     struct buffer b = {0};
-    size_t start[SECTIONS + 1];
+    size_t start[MOST_SECTIONS + 1];
+    const int sections = n->bus_count > 0 ? MOST_SECTIONS : SECTIONS;
     put(&b, 0, 8);
     memcpy(b.bytes, "FSNPLAN", 8);
     put(&b, 1, 2);
-    put(&b, 0, 2);
+    put(&b, n->bus_count > 0 ? 2 : 0, 2);
     put(&b, 0, 8);
     put(&b, n->cycle_ns, 4);
-    put(&b, SECTIONS, 4);
+    put(&b, (uint64_t)sections, 4);
     put(&b, 0, 4);
-    for (int i = 0; i < 4 * SECTIONS; i++) {
+    for (int i = 0; i < 4 * sections; i++) {
         put(&b, 0, 4);
     }
-    for (int s = 0; s < SECTIONS; s++) {
+    for (int s = 0; s < sections; s++) {
         start[s] = b.len;
         switch (s) {
         case 0:
@@ -289,12 +299,15 @@ uint8_t *build_plan(const struct build *n, size_t *len_bytes) {
         case 9:
             put(&b, 0x00007400u, 4);
             break; /* "", "t", "" */
+        case 11:
+            buses(&b, n);
+            break;
         default:
             break;
         }
     }
-    start[SECTIONS] = b.len;
-    for (int s = 0; s < SECTIONS; s++) {
+    start[sections] = b.len;
+    for (int s = 0; s < sections; s++) {
         uint8_t *row = b.bytes + 32 + 16 * s;
         poke(row, (uint32_t)s + 1);
         poke(row + 4, (uint32_t)start[s]);

@@ -41,6 +41,11 @@ struct build_block {
     uint32_t sm, byte_offset, size_bytes;
 };
 
+/** One of several buses, of SubDevices that follow each other. */
+struct build_bus {
+    uint32_t cycle_ns, first_subdevice, subdevice_count;
+};
+
 /** A network of `count` SubDevices, each with one output and one input sync manager. */
 struct build {
     uint32_t subdevices;
@@ -51,6 +56,8 @@ struct build {
     const struct build_symbol *symbols;
     const struct build_block *blocks;              /**< sorted by sync manager and offset */
     uint32_t symbol_count, block_count, sdo_count; /**< all SDOs belong to the last SubDevice */
+    const struct build_bus *buses;
+    uint32_t bus_count; /**< more than 0: format 1.2 */
 };
 
 /** Returns plan bytes to be freed by the caller; copies are sorted by destination here. */

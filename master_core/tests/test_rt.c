@@ -120,8 +120,8 @@ static void set_up(uint32_t cycles) {
     on.rt.stale = on.stale;
     on.rt.datagram_count = DATAGRAMS;
     on.rt.sm_count = SMS;
-    on.rt.sets.between = 1;
-    on.rt.sets.cycle = 2;
+    on.rt.sets.triple.between = 1;
+    on.rt.sets.triple.reader = 2;
     on.rt.snapshot.shown = &on.shown;
     on.rt.snapshot.words[0] = on.pictures[0];
     on.rt.snapshot.words[1] = on.pictures[1];

@@ -124,6 +124,7 @@ struct fsn_bus_ring {
 };
 
 struct fsn_bus_acyclic;
+struct fsn_statistics;
 
 enum { FSN_HELD = 8 };
 
@@ -176,6 +177,10 @@ struct fsn_bus_ops {
     /** Throws away what came in for the cycle while another process drove the bus. Set-up; before
      *  the first cycle of a bus that was attached to. With describe(). */
     void (*discard)(void *bus);
+    /** Counters of one of several buses, by its number in the plan; of the first, whose cycle is
+     *  that of the core, only what differs from those of the core is overwritten. Any thread but a
+     *  cyclic one. NULL: there is one bus. */
+    fsn_status (*statistics)(void *bus, uint32_t number, struct fsn_statistics *statistics);
 };
 
 #ifdef __cplusplus

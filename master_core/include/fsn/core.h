@@ -184,6 +184,14 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_snapshot(struct fsn_core *core,
                                                   struct fsn_connection_status *connections,
                                                   uint8_t *image);
 
+/** Counters of one bus; those of fsn_core_snapshot() count all buses together, in the cycles of the
+ *  first.
+ *  @param[in] number  of the bus in the plan.
+ *  @retval FSN_E_ARG   no such bus.   @retval FSN_E_BUSY  as for fsn_core_snapshot().
+ *  Context: any thread. Never delays a cyclic thread. */
+FSN_API FSN_MUST_USE fsn_status fsn_core_bus(struct fsn_core *core, uint32_t number,
+                                             struct fsn_statistics *statistics);
+
 /** Keeps the last cycles, each whole: its numbers, working counters and image.
  *  @param[in] time_ns     for how long, counted in bus cycles of the plan, or of the options given
  *                         to fsn_core_start(); 0 keeps none and frees the room.

@@ -10,6 +10,7 @@
 #include "fsn/monitor.h"
 #include "fsn/plan.h"
 #include "fsn/scan.h"
+#include "fsn/several.h"
 #include "fsn/status.h"
 #include "fsn/version.h"
 

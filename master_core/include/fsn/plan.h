@@ -81,6 +81,13 @@ struct fsn_connection_info {
     uint32_t app_crc;   /**< CRC-32 (IEEE 802.3) of them */
 };
 
+/** One of the buses of a plan; their SubDevices follow each other. */
+struct fsn_bus_info {
+    const char *name;  /**< empty where there is one only */
+    uint32_t cycle_ns; /**< 0: not stated */
+    uint32_t first_subdevice, subdevice_count;
+};
+
 /** Copies and proves a plan.
  *  @param[in]  bytes       file content; not needed after the call.
  *  @param[in]  len_bytes   its length.
@@ -142,6 +149,26 @@ FSN_API void fsn_fingerprint_code(const struct fsn_fingerprint *fingerprint,
 
 /** Bus cycle in nanoseconds, 0 when the plan does not state it. Context: any thread. */
 FSN_API uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
+
+/** Number of buses, at least 1. The first leads: its cycle, the shortest, is that of the plan.
+ *  Context: any thread. */
+FSN_API uint32_t fsn_plan_bus_count(const struct fsn_plan *plan);
+
+/** One of them.   @retval FSN_E_ARG  no such bus.   Context: any thread. */
+FSN_API FSN_MUST_USE fsn_status fsn_plan_bus(const struct fsn_plan *plan, uint32_t number,
+                                             struct fsn_bus_info *info);
+
+/** Number of the bus that a SubDevice of the plan is on. Context: any thread. */
+FSN_API uint32_t fsn_plan_bus_of(const struct fsn_plan *plan, uint32_t subdevice);
+
+/** Makes the plan of one bus: its SubDevices alone, with what is copied between them. Their numbers
+ *  begin at 0; so do those of sync managers, symbols, copies and connections.
+ *  @param[out] part  to be freed by fsn_plan_free(); NULL on refusal. Of a plan of one bus it is
+ *                    the plan itself, held once more.
+ *  @retval FSN_E_ARG    no such bus.   @retval FSN_E_NOMEM  out of memory.
+ *  Context: set-up. Allocates. */
+FSN_API FSN_MUST_USE fsn_status fsn_plan_part(const struct fsn_plan *plan, uint32_t bus,
+                                              struct fsn_plan **part);
 
 /** Numbers of records. Context: any thread. */
 FSN_API uint32_t fsn_plan_subdevice_count(const struct fsn_plan *plan);

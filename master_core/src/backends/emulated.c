@@ -4,20 +4,24 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fsn/several.h"
 #include "live/image.h"
 #include "rt/prefault.h"
+#include "rt/triple.h"
 
-/** Three buffers of one sync manager: one with the writer, one with the reader, one in between.
- *  `middle` holds the number of the buffer in between, and FRESH while nobody has read it. */
+/** Three buffers of one sync manager. */
 struct mailbox {
-    uint8_t *buffer[3];
+    uint8_t *buffer[FSN_TRIPLE_SETS];
     uint32_t size_bytes, subdevice;
     uint8_t direction;
-    uint8_t writer, reader; /**< each touched by its own side only */
-    _Atomic uint8_t middle;
+    struct fsn_triple triple;
 };
 
-enum { FRESH = 4, NUMBER = 3 }; /* mutants: only two threads at once see two buffers in one */
+/** Of several buses: each an emulated bus of its own. */
+struct emulated_part {
+    struct fsn_emulated *bus;
+    uint32_t first_subdevice, first_sm;
+};
 
 struct fsn_emulated {
     /** Caller and core: the last one to let go frees it, so that they may go in any order. */
@@ -32,25 +36,20 @@ struct fsn_emulated {
     uint8_t *image;
     struct fsn_image layout;
     uint8_t *wkc; /**< per sync manager: what it adds to the working counter of its datagram */
+    struct emulated_part *parts;
+    uint32_t part_count; /**< 0: one bus, all of it here */
+    struct fsn_several *several;
 };
 
 static void publish(struct mailbox *box, const uint8_t *bytes) {
-    memcpy(box->buffer[box->writer], bytes, box->size_bytes);
-    const uint8_t old = atomic_exchange_explicit(&box->middle, (uint8_t)(box->writer | FRESH),
-                                                 memory_order_acq_rel);
-    box->writer = old & NUMBER;
+    memcpy(box->buffer[box->triple.writer], bytes, box->size_bytes);
+    fsn_triple_publish(&box->triple);
 }
 
 /** Newest whole buffer; `fresh`: whether it was published since the last call. */
 static const uint8_t *newest(struct mailbox *box, bool *fresh) {
-    *fresh = false;
-    if ((atomic_load_explicit(&box->middle, memory_order_relaxed) & FRESH) != 0) {
-        const uint8_t old =
-            atomic_exchange_explicit(&box->middle, box->reader, memory_order_acq_rel);
-        box->reader = old & NUMBER;
-        *fresh = true;
-    }
-    return box->buffer[box->reader];
+    *fresh = fsn_triple_take(&box->triple);
+    return box->buffer[box->triple.reader];
 }
 
 /** Reads the sync managers that get a place, and how many bytes their buffers need. */
@@ -89,12 +88,10 @@ static void fill(struct fsn_emulated *bus) {
     uint8_t *at = bus->storage;
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         struct mailbox *box = &bus->boxes[sm];
-        for (int i = 0; i < 3; i++, at += box->size_bytes) {
+        for (int i = 0; i < FSN_TRIPLE_SETS; i++, at += box->size_bytes) {
             box->buffer[i] = at;
         }
-        box->writer = 0;
-        box->reader = 2;
-        atomic_init(&box->middle, 1);
+        fsn_triple_init(&box->triple);
     }
     for (uint32_t sub = 0; sub < bus->subdevice_count; sub++) {
         atomic_init(&bus->present[sub], true);
@@ -102,6 +99,33 @@ static void fill(struct fsn_emulated *bus) {
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         bus->wkc[sm] = (uint8_t)fsn_image_wkc(bus->plan, &bus->layout, sm);
     }
+}
+
+/** An emulated bus for each bus of the plan, and what puts them together. */
+static fsn_status make_parts(struct fsn_emulated *bus, uint32_t count) {
+    struct fsn_several_member *members = calloc(count, sizeof *members);
+    bus->parts = calloc(count, sizeof *bus->parts);
+    fsn_status status = members != NULL && bus->parts != NULL ? FSN_OK : FSN_E_NOMEM;
+    for (uint32_t n = 0; n < count && status == FSN_OK; n++) {
+        struct fsn_bus_info info;
+        struct fsn_plan *plan;
+        struct emulated_part *part = &bus->parts[n];
+        status = fsn_plan_bus(bus->plan, n, &info);
+        status = status == FSN_OK ? fsn_plan_part(bus->plan, n, &plan) : status;
+        if (status == FSN_OK) {
+            status = fsn_emulated_create(plan, &part->bus);
+            fsn_plan_free(plan); /* the bus holds it */
+            part->first_subdevice = info.first_subdevice;
+            part->first_sm = fsn_known_subdevice(bus->plan, info.first_subdevice).first_sm;
+            members[n] = (struct fsn_several_member){fsn_emulated_ops(), part->bus, plan};
+            bus->part_count = n + 1;
+        }
+    }
+    if (status == FSN_OK) {
+        status = fsn_several_create(bus->plan, members, NULL, &bus->several);
+    }
+    free(members);
+    return status;
 }
 
 fsn_status fsn_emulated_create(const struct fsn_plan *plan, struct fsn_emulated **out) {
@@ -116,13 +140,21 @@ fsn_status fsn_emulated_create(const struct fsn_plan *plan, struct fsn_emulated 
     atomic_init(&bus->holders, 1);
     fsn_plan_hold(plan);
     bus->plan = plan;
-    bus->box_count = fsn_plan_sm_count(plan);
-    bus->subdevice_count = fsn_plan_subdevice_count(plan);
-    if (!allocate(bus)) {
-        fsn_emulated_free(bus);
-        return FSN_E_NOMEM;
+    fsn_status status = FSN_E_NOMEM;
+    if (fsn_plan_bus_count(plan) > 1) {
+        status = make_parts(bus, fsn_plan_bus_count(plan));
+    } else {
+        bus->box_count = fsn_plan_sm_count(plan);
+        bus->subdevice_count = fsn_plan_subdevice_count(plan);
+        if (allocate(bus)) {
+            fill(bus);
+            status = FSN_OK;
+        }
     }
-    fill(bus);
+    if (status != FSN_OK) {
+        fsn_emulated_free(bus);
+        return status;
+    }
     *out = bus;
     return FSN_OK;
 }
@@ -131,6 +163,11 @@ void fsn_emulated_free(struct fsn_emulated *bus) {
     if (bus == NULL || atomic_fetch_sub_explicit(&bus->holders, 1, memory_order_acq_rel) != 1) {
         return;
     }
+    fsn_several_free(bus->several);
+    for (uint32_t n = 0; n < bus->part_count; n++) {
+        fsn_emulated_free(bus->parts[n].bus);
+    }
+    free(bus->parts);
     free(bus->boxes);
     free(bus->wkc);
     fsn_image_free(&bus->layout);
@@ -144,20 +181,31 @@ void fsn_emulated_free(struct fsn_emulated *bus) {
 static fsn_status emulated_open(void *context, const struct fsn_plan *plan,
                                 struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_emulated *bus = context;
-    (void)fault;
     if (bus == NULL || bus->plan != plan) {
         return FSN_E_ARG;
     }
     if (atomic_exchange(&bus->opened, true)) {
         return FSN_E_STATE;
     }
+    if (bus->several != NULL) {
+        const fsn_status status =
+            fsn_several_ops(bus->several)->open(bus->several, plan, layout, fault);
+        if (status != FSN_OK) {
+            atomic_store(&bus->opened, false);
+            return status;
+        }
+    } else {
+        *layout = fsn_image_layout(&bus->layout, bus->image);
+    }
     atomic_fetch_add_explicit(&bus->holders, 1, memory_order_relaxed);
-    *layout = fsn_image_layout(&bus->layout, bus->image);
     return FSN_OK;
 }
 
 static void emulated_close(void *context) {
     struct fsn_emulated *bus = context;
+    if (bus->several != NULL) {
+        fsn_several_ops(bus->several)->close(bus->several);
+    }
     atomic_store(&bus->opened, false);
     fsn_emulated_free(bus);
 }
@@ -168,6 +216,9 @@ static bool is_present(struct fsn_emulated *bus, const struct mailbox *box) {
 
 static void emulated_receive(void *context, struct fsn_bus_input *input) {
     struct fsn_emulated *bus = context;
+    if (bus->several != NULL) {
+        fsn_several_ops(bus->several)->receive(bus->several, input);
+    }
     for (uint32_t d = 0; d < bus->layout.datagram_count; d++) {
         input->wkc[d].expected = bus->layout.expected[d];
     }
@@ -191,12 +242,23 @@ static void emulated_receive(void *context, struct fsn_bus_input *input) {
 
 static void emulated_send(void *context) {
     struct fsn_emulated *bus = context;
+    if (bus->several != NULL) {
+        fsn_several_ops(bus->several)->send(bus->several);
+    }
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         struct mailbox *box = &bus->boxes[sm];
         if (box->size_bytes > 0 && box->direction == FSN_OUTPUT && is_present(bus, box)) {
             publish(box, bus->image + bus->layout.sm_base[sm]);
         }
     }
+}
+
+static fsn_status emulated_statistics(void *context, uint32_t number,
+                                      struct fsn_statistics *statistics) {
+    const struct fsn_emulated *bus = context;
+    return bus->several != NULL
+               ? fsn_several_ops(bus->several)->statistics(bus->several, number, statistics)
+               : FSN_OK;
 }
 
 const struct fsn_bus_ops *fsn_emulated_ops(void) {
@@ -206,11 +268,17 @@ const struct fsn_bus_ops *fsn_emulated_ops(void) {
         .receive = emulated_receive,
         .send = emulated_send,
         .close = emulated_close,
+        .statistics = emulated_statistics,
     };
     return &ops;
 }
 
 static struct mailbox *find(struct fsn_emulated *bus, uint32_t sm, uint8_t direction) {
+    for (uint32_t n = bus->part_count; n-- > 0;) {
+        if (sm >= bus->parts[n].first_sm) {
+            return find(bus->parts[n].bus, sm - bus->parts[n].first_sm, direction);
+        }
+    }
     if (sm >= bus->box_count || bus->boxes[sm].size_bytes == 0 ||
         bus->boxes[sm].direction != direction) {
         return NULL;
@@ -243,6 +311,12 @@ fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm, cons
 }
 
 fsn_status fsn_emulated_set_present(struct fsn_emulated *bus, uint32_t subdevice, bool present) {
+    for (uint32_t n = bus->part_count; n-- > 0;) {
+        if (subdevice >= bus->parts[n].first_subdevice) {
+            return fsn_emulated_set_present(bus->parts[n].bus,
+                                            subdevice - bus->parts[n].first_subdevice, present);
+        }
+    }
     if (subdevice >= bus->subdevice_count) {
         return FSN_E_ARG;
     }

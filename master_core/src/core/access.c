@@ -116,6 +116,16 @@ fsn_status fsn_core_ring(struct fsn_core *core, struct fsn_bus_ring *ring) {
     return ops->ring != NULL && ops->ring(core->rt.bus, ring) ? FSN_OK : FSN_E_STATE;
 }
 
+fsn_status fsn_core_bus(struct fsn_core *core, uint32_t number, struct fsn_statistics *statistics) {
+    if (core == NULL || statistics == NULL || number >= fsn_plan_bus_count(core->plan)) {
+        return FSN_E_ARG;
+    }
+    const fsn_status status = fsn_core_snapshot(core, statistics, NULL, NULL);
+    return status == FSN_OK && core->rt.ops->statistics != NULL
+               ? core->rt.ops->statistics(core->rt.bus, number, statistics)
+               : status;
+}
+
 static bool has_place(const struct fsn_core *core, uint32_t symbol) {
     return symbol < core->plan->count[FSN_SEC_SYMBOL] && core->rt.outputs[symbol].bits > 0;
 }
@@ -137,12 +147,10 @@ static void want(struct fsn_core *core, uint32_t symbol, uint64_t value) {
  *  before it sees that there is a new one; the set that comes back is one it has left. */
 static void hand_over(struct fsn_core *core) {
     struct fsn_rt_sets *sets = &core->rt.sets;
-    struct fsn_rt_set *set = &sets->set[core->writer_set];
+    struct fsn_rt_set *set = &sets->set[sets->triple.writer];
     memcpy(set->values, core->wanted, core->active_count * sizeof *set->values);
     set->count = core->active_count;
-    core->writer_set = atomic_exchange_explicit(&sets->between, core->writer_set | FSN_RT_FRESH,
-                                                memory_order_acq_rel) &
-                       ~(uint32_t)FSN_RT_FRESH;
+    fsn_triple_publish(&sets->triple);
 }
 
 fsn_status fsn_core_set_outputs(struct fsn_core *core, size_t count, const uint32_t *symbols,

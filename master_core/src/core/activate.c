@@ -320,12 +320,10 @@ static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *faul
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
     }
     core->rt.active = core->active;
-    for (size_t set = 0; set < 3; set++) {
+    for (size_t set = 0; set < FSN_TRIPLE_SETS; set++) {
         core->rt.sets.set[set].values = core->set_values + set * ((size_t)count + 1);
     }
-    core->rt.sets.cycle = 0;
-    atomic_init(&core->rt.sets.between, 1);
-    core->writer_set = 2;
+    fsn_triple_init(&core->rt.sets.triple);
     for (uint32_t i = 0; i < count; i++) {
         struct fsn_symbol_info info;
         if (fsn_plan_symbol(core->plan, i, &info) != FSN_OK ||

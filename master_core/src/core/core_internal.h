@@ -20,7 +20,6 @@ struct fsn_core {
     uint64_t *wanted;      /**< values as last set, in that order; the writer's own */
     uint64_t *set_values;  /**< room of the three sets */
     uint32_t active_count; /**< the writer's own */
-    uint32_t writer_set;   /**< number of the set the writer fills */
     uint64_t keep_ns;      /**< as requested by fsn_core_keep() */
     size_t keep_bytes;     /**< as requested by fsn_core_keep() */
     struct fsn_rt_shown shown; /**< of the snapshot, unless fsn_core_share() has moved it */

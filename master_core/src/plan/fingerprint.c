@@ -64,6 +64,14 @@ static void put_sdo(struct text *text, uint32_t number) {
 
 static void devices(struct text *text) {
     const struct fsn_plan *plan = text->plan;
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_BUS]; n++) {
+        const struct fsn_bus_record r = fsn_read_bus(plan, n);
+        put(text,
+            "bus %" PRIu32 " cycle_ns=%" PRIu32 " first=%" PRIu32 " devices=%" PRIu32 " name=", n,
+            r.cycle_ns, r.first_subdevice, r.subdevice_count);
+        put_word(text, r.name);
+        put(text, "\n");
+    }
     for (uint32_t n = 0; n < plan->count[FSN_SEC_SUBDEVICE]; n++) {
         const struct fsn_subdevice_record r = fsn_read_subdevice(plan, n);
         put(text,
@@ -247,7 +255,7 @@ static void hash_sections(struct text *text, struct fsn_fingerprint *out) {
         section[i](text);
         fsn_sha256_end(&text->run, out->section[i]);
     }
-    if (plan->sections == FSN_SECTIONS_WITH_SAFETY) {
+    if (plan->count[FSN_SEC_SAFETY] > 0) {
         memcpy(out->section[FSN_FINGERPRINT_SAFETY_FUNCTIONS], fsn_record(plan, FSN_SEC_SAFETY, 0),
                FSN_SHA256_BYTES);
     }

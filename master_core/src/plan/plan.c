@@ -5,7 +5,7 @@
 
 static const uint8_t magic[8] = {'F', 'S', 'N', 'P', 'L', 'A', 'N', 0};
 
-const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_SAFETY + 1] = {
+const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_BUSES + 1] = {
 #define FSN_BYTES(name, number, size_bytes) [number] = (size_bytes),
     FSN_SECTION_TABLE(FSN_BYTES)
 #undef FSN_BYTES
@@ -59,12 +59,12 @@ static fsn_status check_header(const uint8_t *b, size_t len, struct fsn_fault *f
         return fsn_refuse(fault, FSN_E_PLAN_CRC, 0, FSN_FAULT_NO_RECORD, 16, NULL);
     }
     const uint32_t minor = fsn_get16(b + 10);
-    if (minor > 1) {
+    if (minor > 2) {
         return fsn_refuse(fault, FSN_E_PLAN_VERSION, 0, FSN_FAULT_NO_RECORD, 10, NULL);
     }
     if (fsn_get32(b + 24) != FSN_SECTIONS + minor) {
         return fsn_refuse(fault, FSN_E_PLAN_SECTION, 0, FSN_FAULT_NO_RECORD, 24,
-                          "the number of sections is not 10 (format 1.0) or 11 (format 1.1)");
+                          "the number of sections is not 10, 11 or 12 (format 1.0, 1.1, 1.2)");
     }
     if (len < FSN_HEADER_BYTES + fsn_get32(b + 24) * FSN_ROW_BYTES) {
         return fsn_refuse_all(fault, FSN_E_PLAN_LENGTH, "shorter than header and section table");
@@ -88,6 +88,14 @@ static fsn_status check_gap(const struct fsn_plan *plan, uint32_t section, uint6
     return FSN_OK;
 }
 
+/** Sections of newer formats are there for a reason. */
+static bool is_count_ok(const struct fsn_plan *plan, uint32_t section, uint32_t count) {
+    if (section == FSN_SEC_SAFETY) {
+        return count == 1 || (count == 0 && plan->sections == FSN_SECTIONS_WITH_BUSES);
+    }
+    return section != FSN_SEC_BUS || count > 1;
+}
+
 /** Sections follow each other in order, without gaps but zero bytes up to a multiple of 4. */
 static fsn_status read_sections(struct fsn_plan *plan, struct fsn_fault *fault) {
     uint64_t expected = FSN_HEADER_BYTES + plan->sections * FSN_ROW_BYTES;
@@ -98,7 +106,7 @@ static fsn_status read_sections(struct fsn_plan *plan, struct fsn_fault *fault) 
         const uint32_t count = fsn_get32(row + 8);
         const uint64_t end = (uint64_t)offset + (uint64_t)count * fsn_record_bytes[s];
         if (fsn_get32(row) != s || offset != expected || end > plan->len_bytes ||
-            fsn_get32(row + 12) != fsn_record_bytes[s] || (s == FSN_SEC_SAFETY && count != 1)) {
+            fsn_get32(row + 12) != fsn_record_bytes[s] || !is_count_ok(plan, s, count)) {
             return fsn_refuse(fault, FSN_E_PLAN_SECTION, s, FSN_FAULT_NO_RECORD, at,
                               "a row of the section table has a wrong kind, place or size");
         }
@@ -172,6 +180,34 @@ void fsn_plan_free(struct fsn_plan *plan) {
 
 uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan) {
     return plan->cycle_ns;
+}
+
+uint32_t fsn_plan_bus_count(const struct fsn_plan *plan) {
+    return plan->count[FSN_SEC_BUS] > 0 ? plan->count[FSN_SEC_BUS] : 1;
+}
+
+fsn_status fsn_plan_bus(const struct fsn_plan *plan, uint32_t number, struct fsn_bus_info *info) {
+    if (number >= fsn_plan_bus_count(plan)) {
+        return FSN_E_ARG;
+    }
+    *info = (struct fsn_bus_info){
+        .name = "", .cycle_ns = plan->cycle_ns, .subdevice_count = plan->count[FSN_SEC_SUBDEVICE]};
+    if (plan->count[FSN_SEC_BUS] > 0) {
+        const struct fsn_bus_record r = fsn_read_bus(plan, number);
+        *info = (struct fsn_bus_info){.name = fsn_string(plan, r.name),
+                                      .cycle_ns = r.cycle_ns,
+                                      .first_subdevice = r.first_subdevice,
+                                      .subdevice_count = r.subdevice_count};
+    }
+    return FSN_OK;
+}
+
+uint32_t fsn_plan_bus_of(const struct fsn_plan *plan, uint32_t subdevice) {
+    uint32_t number = 0;
+    for (uint32_t n = 1; n < plan->count[FSN_SEC_BUS]; n++) {
+        number += subdevice >= fsn_read_bus(plan, n).first_subdevice;
+    }
+    return number;
 }
 
 #define FSN_COUNT(record, RECORD)                                                                  \

@@ -15,6 +15,7 @@ enum {
     FSN_ROW_BYTES = 16,
     FSN_SECTIONS = 10,             /**< of format 1.0 */
     FSN_SECTIONS_WITH_SAFETY = 11, /**< of format 1.1 */
+    FSN_SECTIONS_WITH_BUSES = 12,  /**< of format 1.2 */
 };
 
 enum fsn_section {
@@ -30,13 +31,13 @@ struct fsn_plan {
     uint8_t *bytes;
     uint32_t len_bytes;
     uint32_t cycle_ns;
-    uint32_t sections;                             /**< 10 or 11 */
-    uint32_t offset[FSN_SECTIONS_WITH_SAFETY + 1]; /**< by section number; [0] unused */
-    uint32_t count[FSN_SECTIONS_WITH_SAFETY + 1];
+    uint32_t sections;                            /**< 10 to 12 */
+    uint32_t offset[FSN_SECTIONS_WITH_BUSES + 1]; /**< by section number; [0] unused */
+    uint32_t count[FSN_SECTIONS_WITH_BUSES + 1];  /**< 0 of sections that it does not have */
 };
 
 /** Size of one record of a section, bytes. */
-extern const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_SAFETY + 1];
+extern const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_BUSES + 1];
 
 /** First byte of a record; the caller has checked the number. */
 static inline const uint8_t *fsn_record(const struct fsn_plan *plan, uint32_t section,
@@ -78,6 +79,7 @@ FSN_RECORD(symbol, SYMBOL)
 FSN_RECORD(block, BLOCK)
 FSN_RECORD(copy, COPY)
 FSN_RECORD(connection, CONNECTION)
+FSN_RECORD(bus, BUS)
 #undef FSN_RECORD
 
 /* What a record says, for callers who know that there is one of this number. */

@@ -208,9 +208,39 @@ static fsn_status prove_sms(const struct fsn_plan *plan, struct fsn_fault *fault
     return FSN_OK;
 }
 
+/** Without buses of its own a plan has one, of all SubDevices. */
+static fsn_status prove_buses(const struct fsn_plan *plan, struct fsn_fault *fault) {
+    const uint32_t count = plan->count[FSN_SEC_BUS];
+    uint32_t subdevices = 0;
+    struct fsn_at at = {plan, fault, FSN_SEC_BUS, 0};
+    for (; at.number < count; at.number++) {
+        const struct fsn_bus_record r = fsn_read_bus(plan, at.number);
+        if (!fsn_string_ok(plan, r.name) || *fsn_string(plan, r.name) == 0) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(bus, name),
+                                 "the bus has no name, or it lies outside the strings");
+        }
+        if (at.number == 0 ? r.cycle_ns == 0 || r.cycle_ns != plan->cycle_ns
+                           : r.cycle_ns < plan->cycle_ns) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_VALUE, FSN_AT(bus, cycle_ns),
+                                 "the first bus has the cycle of the plan, others none below it");
+        }
+        if (r.subdevice_count == 0 || !tiles(r.first_subdevice, r.subdevice_count, &subdevices,
+                                             plan->count[FSN_SEC_SUBDEVICE])) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(bus, first_subdevice),
+                                 "SubDevices do not follow those of the bus before");
+        }
+    }
+    if (count > 0 && subdevices != plan->count[FSN_SEC_SUBDEVICE]) {
+        return fsn_refuse(fault, FSN_E_PLAN_REFERENCE, FSN_SEC_BUS, FSN_FAULT_NO_RECORD,
+                          plan->offset[FSN_SEC_BUS], "a SubDevice belongs to no bus");
+    }
+    return FSN_OK;
+}
+
 fsn_status fsn_prove_layout(const struct fsn_plan *plan, struct fsn_fault *fault) {
     typedef fsn_status (*proof)(const struct fsn_plan *, struct fsn_fault *);
-    static const proof proofs[] = {prove_strings, prove_subdevices, prove_sdos, prove_sms};
+    static const proof proofs[] = {prove_strings, prove_subdevices, prove_buses, prove_sdos,
+                                   prove_sms};
     fsn_status status = FSN_OK;
     for (size_t i = 0; i < sizeof proofs / sizeof proofs[0] && status == FSN_OK; i++) {
         status = proofs[i](plan, fault);

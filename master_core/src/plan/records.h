@@ -14,7 +14,8 @@
     X(COPY, 8, 32)                                                                                 \
     X(CONNECTION, 9, 40)                                                                           \
     X(STRINGS, 10, 1)                                                                              \
-    X(SAFETY, 11, 32)
+    X(SAFETY, 11, 32)                                                                              \
+    X(BUS, 12, 16)
 
 /* SubDevice: type, name, first byte. */
 #define FSN_SUBDEVICE_FIELDS(X)                                                                    \
@@ -119,5 +120,12 @@
     X(connection, u16, safe_to_sub, 32)                                                            \
     X(connection, u16, safe_to_main, 34)                                                           \
     X(connection, u32, app_parameters, 36)
+
+/* Bus: type, name, first byte. */
+#define FSN_BUS_FIELDS(X)                                                                          \
+    X(bus, u32, name, 0)                                                                           \
+    X(bus, u32, cycle_ns, 4)                                                                       \
+    X(bus, u32, first_subdevice, 8)                                                                \
+    X(bus, u32, subdevice_count, 12)
 
 #endif

@@ -143,6 +143,7 @@ const char *fsn_al_code_text(uint16_t code) {
 const char *fsn_section_name(uint32_t section) {
     static const char *const names[] = {"header", "SubDevice",  "sync manager", "PDO",
                                         "entry",  "SDO",        "symbol",       "FSoE block",
-                                        "copy",   "connection", "strings",      "safety functions"};
+                                        "copy",   "connection", "strings",      "safety functions",
+                                        "bus"};
     return section < sizeof names / sizeof names[0] ? names[section] : "?";
 }

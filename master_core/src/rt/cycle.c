@@ -35,11 +35,8 @@ static void write_bits(uint8_t *image, uint32_t bit, uint32_t bits, uint64_t val
 
 static void write_outputs(struct fsn_rt *rt) {
     struct fsn_rt_sets *sets = &rt->sets;
-    if ((atomic_load_explicit(&sets->between, memory_order_relaxed) & FSN_RT_FRESH) != 0) {
-        sets->cycle = atomic_exchange_explicit(&sets->between, sets->cycle, memory_order_acq_rel) &
-                      ~(uint32_t)FSN_RT_FRESH;
-    }
-    const struct fsn_rt_set *set = &sets->set[sets->cycle];
+    (void)fsn_triple_take(&sets->triple);
+    const struct fsn_rt_set *set = &sets->set[sets->triple.reader];
     for (uint32_t i = 0; i < set->count; i++) {
         const struct fsn_rt_output *output = &rt->outputs[rt->active[i]];
         write_bits(rt->image, output->bit_offset, output->bits, set->values[i]);

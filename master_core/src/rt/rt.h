@@ -7,12 +7,11 @@
 #include <stdint.h>
 
 #include "fsn/core.h"
-#include "rt/atomics.h"
+#include "rt/triple.h"
 
 enum {
     FSN_RT_EVENTS = 256, /**< slots of the event ring, a power of two */
     FSN_RT_PICTURES = 2, /**< pictures that the cycle shows in turn */
-    FSN_RT_FRESH = 4,    /**< beside the number of the set between writer and cycle */
 };
 
 /** One merged copy, absolute bytes in the image. */
@@ -50,12 +49,10 @@ struct fsn_rt_set {
     uint32_t count;
 };
 
-/** Three sets: one the writer fills, one the cycle writes into the image, and one between them. A
- *  whole set changes hands by one exchange, so neither side waits and no cycle sees half of one. */
+/** From the writer of outputs to the cycle. */
 struct fsn_rt_sets {
-    struct fsn_rt_set set[3];
-    _Atomic uint32_t between; /**< number of the set between them; FSN_RT_FRESH: newer */
-    uint32_t cycle;           /**< number of the cycle's own */
+    struct fsn_rt_set set[FSN_TRIPLE_SETS];
+    struct fsn_triple triple;
 };
 
 /** Ring of events: written by the cycle, read by one consumer. */

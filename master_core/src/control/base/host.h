@@ -38,11 +38,12 @@ struct fsn_control_status {
     const char *state; /**< stopped, opening, starting, running, stopping or failed */
     const char *fault; /**< why it is stopped, or NULL */
     const char *backend, *interface, *redundant, *plan_file, *accepted;
-    const char *policy;  /**< fifo, deadline or other, as it came to be */
-    uint64_t started_ns; /**< start of the process, monotonic */
-    uint64_t cycle_ns;   /**< bus cycle */
-    int cpu;             /**< CPU number + 1; 0: not pinned */
-    int priority;        /**< of the cyclic thread; 0: none */
+    const char *const *bus_interfaces; /**< of each bus of the plan; NULL where it has one */
+    const char *policy;                /**< fifo, deadline or other, as it came to be */
+    uint64_t started_ns;               /**< start of the process, monotonic */
+    uint64_t cycle_ns;                 /**< bus cycle */
+    int cpu;                           /**< CPU number + 1; 0: not pinned */
+    int priority;                      /**< of the cyclic thread; 0: none */
     bool free_run;
     const char *acceptance, *acceptance_said;      /**< signed record, and what its check said */
     const struct fsn_interventions *interventions; /**< NULL: none are logged */

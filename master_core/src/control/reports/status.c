@@ -94,6 +94,39 @@ static void put_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
     put_parameters(view, json, taken);
 }
 
+/** Each of several buses; what stands above counts all of them together. */
+static void put_buses(struct fsn_bus_view *view, const struct fsn_control_status *status,
+                      struct fsn_json *json) {
+    const uint32_t count = fsn_plan_bus_count(view->plan);
+    if (count == 1) {
+        return;
+    }
+    fsn_json_put_open(json, "buses", '[');
+    for (uint32_t n = 0; n < count; n++) {
+        struct fsn_bus_info info;
+        struct fsn_statistics *s = &view->statistics;
+        *s = (struct fsn_statistics){0};
+        if (fsn_plan_bus(view->plan, n, &info) != FSN_OK || view->core == NULL ||
+            fsn_core_bus(view->core, n, s) != FSN_OK) {
+            *s = (struct fsn_statistics){0};
+        }
+        fsn_json_open(json, '{');
+        fsn_json_put_text(json, "name", info.name);
+        fsn_json_put_text_or_null(
+            json, "interface", status->bus_interfaces != NULL ? status->bus_interfaces[n] : NULL);
+        fsn_json_put_u64(json, "cycle_ns", info.cycle_ns);
+        fsn_json_put_u64(json, "cycles", s->cycles);
+        fsn_json_put_u64(json, "overruns", s->overruns);
+        fsn_json_put_u64(json, "wkc_errors", s->wkc_errors);
+        fsn_json_put_u64(json, "lost_frames", s->lost_frames);
+        fsn_json_put_u64(json, "expected_wkc", s->expected_wkc);
+        fsn_json_put_u64(json, "actual_wkc", s->actual_wkc);
+        fsn_json_put_bool(json, "realtime", s->realtime != 0);
+        fsn_json_close(json, '}');
+    }
+    fsn_json_close(json, ']');
+}
+
 void fsn_report_interventions(const struct fsn_interventions *log, struct fsn_json *json) {
     fsn_json_put_text(json, "folder", log->folder);
     fsn_json_put_u64(json, "entry", log->entry);
@@ -157,6 +190,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     fsn_json_put_u64(json, "priority", (uint64_t)status.priority);
     fsn_json_put_known(json, "cpu", status.cpu > 0, (uint64_t)status.cpu - 1);
     put_cycle(view, json);
+    put_buses(view, &status, json);
     short_subdevices(view, json);
     fsn_report_ring(view, json);
     put_standby(&status, json);
@@ -172,6 +206,9 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
     fsn_json_put_text(json, "name", info.name);
     fsn_json_put_u64(json, "alias", info.alias);
     fsn_json_put_u64(json, "position", info.position);
+    if (fsn_plan_bus_count(view->plan) > 1) {
+        fsn_json_put_u64(json, "bus", fsn_plan_bus_of(view->plan, number));
+    }
     bool known = view->subdevices_known;
     if (view->core != NULL) {
         known = fsn_core_subdevice(view->core, number, &seen) == FSN_OK;

@@ -1,0 +1,53 @@
+/** Several buses behind one core: each has a cycle of its own, and frames cross between them.
+ *
+ *  The first bus leads: its cycle is that of the core, and every copy from one bus to another is
+ *  made in it. Each further bus has a thread with its own cycle time, which also makes the copies
+ *  between its own SubDevices, so that these are as fast as on a bus alone. Two cycles hand whole
+ *  images to each other and never wait: a frame that crosses comes with the next cycle of the
+ *  other side, whole, and until then the old one stays. A bus that is lost takes with it what goes
+ *  over it, and nothing else. */
+#ifndef FSN_SEVERAL_H
+#define FSN_SEVERAL_H
+
+#include "fsn/core.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct fsn_several;
+
+/** One bus: a backend and its own context, which outlives the core. */
+struct fsn_several_member {
+    const struct fsn_bus_ops *ops; /**< the same for all */
+    void *bus;
+    const struct fsn_plan *part; /**< what fsn_plan_part() made for it, where the bus was created
+                                      from that; NULL: it is made */
+};
+
+/** Puts the buses of a plan together.
+ *  @param[in]  plan     held until the result is freed.
+ *  @param[in]  members  fsn_plan_bus_count() of them, in the order of the plan.
+ *  @param[in]  thread   how the threads of the further buses run, its cycle is that of each bus;
+ *                       NULL: without threads, in the leading cycle whenever theirs is due, as an
+ *                       emulated bus needs it.
+ *  @param[out] several  to be freed by fsn_several_free(), after the core; NULL on failure.
+ *  @retval FSN_E_ARG    no plan or members.   @retval FSN_E_NOMEM  out of memory.
+ *  Context: set-up. Allocates. */
+FSN_API FSN_MUST_USE fsn_status fsn_several_create(const struct fsn_plan *plan,
+                                                   const struct fsn_several_member *members,
+                                                   const struct fsn_thread_options *thread,
+                                                   struct fsn_several **several);
+
+/** Frees it, not the members; NULL is allowed. Context: set-up. */
+FSN_API void fsn_several_free(struct fsn_several *several);
+
+/** The backend to pass to fsn_core_create() together with it: knows what its members know.
+ *  Context: any thread. */
+FSN_API const struct fsn_bus_ops *fsn_several_ops(struct fsn_several *several);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,221 @@
+/** The plan of one bus, out of a plan of several: records renumbered, then proved like any other.
+ */
+#include <stdlib.h>
+#include <string.h>
+
+#include "plan/plan_internal.h"
+
+/** Records that follow each other. */
+struct range {
+    uint32_t first, count;
+};
+
+struct part {
+    const struct fsn_plan *from;
+    struct fsn_plan *to;
+    struct range subdevices, sms, pdos, entries, sdos;
+    uint32_t *copy;       /**< new number of each copy, FSN_NONE where it is left out */
+    uint32_t *connection; /**< the same of each connection */
+};
+
+static bool holds(const struct range *range, uint32_t number) {
+    return number >= range->first && number - range->first < range->count;
+}
+
+/** What belongs to the SubDevices: ranges tile, as the loader has proved. */
+static void find_ranges(struct part *part) {
+    const struct fsn_plan *from = part->from;
+    for (uint32_t n = 0; n < part->subdevices.count; n++) {
+        const struct fsn_subdevice_record r = fsn_read_subdevice(from, part->subdevices.first + n);
+        part->sms.first = n == 0 ? r.first_sm : part->sms.first;
+        part->sdos.first = n == 0 ? r.first_sdo : part->sdos.first;
+        part->sms.count += r.sm_count;
+        part->sdos.count += r.sdo_count;
+    }
+    for (uint32_t n = 0; n < part->sms.count; n++) {
+        const struct fsn_sm_record r = fsn_read_sm(from, part->sms.first + n);
+        part->pdos.first = n == 0 ? r.first_pdo : part->pdos.first;
+        part->pdos.count += r.pdo_count;
+    }
+    for (uint32_t n = 0; n < part->pdos.count; n++) {
+        const struct fsn_pdo_record r = fsn_read_pdo(from, part->pdos.first + n);
+        part->entries.first = n == 0 ? r.first_entry : part->entries.first;
+        part->entries.count += r.entry_count;
+    }
+}
+
+/** Copies and connections that stay: those with both ends here. */
+static void number_kept(struct part *part) {
+    const struct fsn_plan *from = part->from;
+    uint32_t next = 0;
+    for (uint32_t n = 0; n < from->count[FSN_SEC_COPY]; n++) {
+        const struct fsn_copy_record r = fsn_read_copy(from, n);
+        const bool kept = holds(&part->sms, r.source_sm) && holds(&part->sms, r.destination_sm);
+        part->copy[n] = kept ? next++ : FSN_NONE;
+    }
+    next = 0;
+    for (uint32_t n = 0; n < from->count[FSN_SEC_CONNECTION]; n++) {
+        const struct fsn_connection_record r = fsn_read_connection(from, n);
+        const bool kept = holds(&part->subdevices, r.main) && holds(&part->subdevices, r.sub);
+        part->connection[n] = kept ? next++ : FSN_NONE;
+    }
+}
+
+/** Appends a record to the section that is being written. */
+static uint8_t *append(struct part *part, uint32_t section, uint32_t number) {
+    struct fsn_plan *to = part->to;
+    const uint32_t size = fsn_record_bytes[section];
+    uint8_t *at = to->bytes + to->len_bytes;
+    memcpy(at, fsn_record(part->from, section, number), size);
+    to->len_bytes += size;
+    to->count[section]++;
+    return at;
+}
+
+/** Makes a number count from the first of its kind that is here. */
+static void shift(uint8_t *at, const struct range *range) {
+    fsn_put32(at, fsn_get32(at) - range->first);
+}
+
+static void put_subdevices(struct part *part) {
+    for (uint32_t n = 0; n < part->subdevices.count; n++) {
+        uint8_t *r = append(part, FSN_SEC_SUBDEVICE, part->subdevices.first + n);
+        shift(r + FSN_AT(subdevice, first_sm), &part->sms);
+        shift(r + FSN_AT(subdevice, first_sdo), &part->sdos);
+    }
+}
+
+static void put_sms(struct part *part) {
+    for (uint32_t n = 0; n < part->sms.count; n++) {
+        uint8_t *r = append(part, FSN_SEC_SM, part->sms.first + n);
+        shift(r + FSN_AT(sm, subdevice), &part->subdevices);
+        shift(r + FSN_AT(sm, first_pdo), &part->pdos);
+    }
+}
+
+static void put_pdos(struct part *part) {
+    for (uint32_t n = 0; n < part->pdos.count; n++) {
+        uint8_t *r = append(part, FSN_SEC_PDO, part->pdos.first + n);
+        shift(r + FSN_AT(pdo, first_entry), &part->entries);
+    }
+}
+
+static void put_entries(struct part *part) {
+    for (uint32_t n = 0; n < part->entries.count; n++) {
+        append(part, FSN_SEC_ENTRY, part->entries.first + n);
+    }
+}
+
+static void put_sdos(struct part *part) {
+    for (uint32_t n = 0; n < part->sdos.count; n++) {
+        append(part, FSN_SEC_SDO, part->sdos.first + n);
+    }
+}
+
+static void put_symbols(struct part *part) {
+    for (uint32_t n = 0; n < part->from->count[FSN_SEC_SYMBOL]; n++) {
+        if (holds(&part->sms, fsn_read_symbol(part->from, n).sm)) {
+            shift(append(part, FSN_SEC_SYMBOL, n) + FSN_AT(symbol, sm), &part->sms);
+        }
+    }
+}
+
+static void put_blocks(struct part *part) {
+    for (uint32_t n = 0; n < part->from->count[FSN_SEC_BLOCK]; n++) {
+        if (holds(&part->sms, fsn_read_block(part->from, n).sm)) {
+            shift(append(part, FSN_SEC_BLOCK, n) + FSN_AT(block, sm), &part->sms);
+        }
+    }
+}
+
+static void put_copies(struct part *part) {
+    for (uint32_t n = 0; n < part->from->count[FSN_SEC_COPY]; n++) {
+        const uint32_t connection = fsn_read_copy(part->from, n).connection;
+        if (part->copy[n] != FSN_NONE) {
+            uint8_t *r = append(part, FSN_SEC_COPY, n);
+            shift(r + FSN_AT(copy, source_sm), &part->sms);
+            shift(r + FSN_AT(copy, destination_sm), &part->sms);
+            fsn_put32(r + FSN_AT(copy, connection),
+                      connection == FSN_NONE ? FSN_NONE : part->connection[connection]);
+        }
+    }
+}
+
+static void put_connections(struct part *part) {
+    for (uint32_t n = 0; n < part->from->count[FSN_SEC_CONNECTION]; n++) {
+        const struct fsn_connection_record c = fsn_read_connection(part->from, n);
+        if (part->connection[n] != FSN_NONE) {
+            uint8_t *r = append(part, FSN_SEC_CONNECTION, n);
+            shift(r + FSN_AT(connection, main), &part->subdevices);
+            shift(r + FSN_AT(connection, sub), &part->subdevices);
+            fsn_put32(r + FSN_AT(connection, copy_to_sub), part->copy[c.copy_to_sub]);
+            fsn_put32(r + FSN_AT(connection, copy_to_main), part->copy[c.copy_to_main]);
+        }
+    }
+}
+
+static void put_strings(struct part *part) {
+    for (uint32_t n = 0; n < part->from->count[FSN_SEC_STRINGS]; n++) {
+        append(part, FSN_SEC_STRINGS, n);
+    }
+}
+
+static fsn_status write_sections(struct part *part) {
+    static void (*const put[])(struct part *) = {
+        [FSN_SEC_SUBDEVICE] = put_subdevices,
+        [FSN_SEC_SM] = put_sms,
+        [FSN_SEC_PDO] = put_pdos,
+        [FSN_SEC_ENTRY] = put_entries,
+        [FSN_SEC_SDO] = put_sdos,
+        [FSN_SEC_SYMBOL] = put_symbols,
+        [FSN_SEC_BLOCK] = put_blocks,
+        [FSN_SEC_COPY] = put_copies,
+        [FSN_SEC_CONNECTION] = put_connections,
+        [FSN_SEC_STRINGS] = put_strings,
+    };
+    find_ranges(part);
+    number_kept(part);
+    for (uint32_t section = 1; section <= FSN_SECTIONS; section++) {
+        part->to->offset[section] = part->to->len_bytes;
+        put[section](part);
+    }
+    const fsn_status status = fsn_prove_layout(part->to, NULL);
+    return status == FSN_OK ? fsn_prove_copies(part->to, NULL) : status;
+}
+
+fsn_status fsn_plan_part(const struct fsn_plan *plan, uint32_t bus, struct fsn_plan **out) {
+    struct fsn_bus_info info;
+    *out = NULL;
+    if (fsn_plan_bus(plan, bus, &info) != FSN_OK) {
+        return FSN_E_ARG;
+    }
+    if (fsn_plan_bus_count(plan) == 1) {
+        fsn_plan_hold(plan);
+        *out = (struct fsn_plan *)plan;
+        return FSN_OK;
+    }
+    struct part part = {
+        .from = plan,
+        .to = calloc(1, sizeof *part.to),
+        .subdevices = {info.first_subdevice, info.subdevice_count},
+        .copy = calloc(plan->count[FSN_SEC_COPY] + (size_t)1, sizeof *part.copy),
+        .connection = calloc(plan->count[FSN_SEC_CONNECTION] + (size_t)1, sizeof *part.connection)};
+    fsn_status status = FSN_E_NOMEM;
+    if (part.to != NULL) {
+        atomic_init(&part.to->holders, 1);
+        part.to->cycle_ns = info.cycle_ns;
+        part.to->sections = FSN_SECTIONS;
+        part.to->bytes = malloc(plan->len_bytes);
+        if (part.to->bytes != NULL && part.copy != NULL && part.connection != NULL) {
+            status = write_sections(&part);
+        }
+        if (status == FSN_OK) {
+            *out = part.to;
+        } else {
+            fsn_plan_free(part.to);
+        }
+    }
+    free(part.copy);
+    free(part.connection);
+    return status;
+}

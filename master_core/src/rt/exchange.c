@@ -1,0 +1,54 @@
+#include "rt/exchange.h"
+
+#include <string.h>
+
+void fsn_exchange_copy(uint8_t *to, const uint8_t *from, const struct fsn_exchange_span *spans,
+                       uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        memcpy(to + spans[i].byte, from + spans[i].byte, spans[i].size_bytes);
+    }
+}
+
+void fsn_exchange_in_bus(struct fsn_exchange *exchange, const struct fsn_bus_input *input) {
+    struct fsn_exchange_totals *counted = &exchange->counted;
+    struct fsn_exchange_inputs *set = &exchange->brought[exchange->up.writer];
+    counted->lost_frames += input->lost_frames;
+    counted->old_replies += input->old_replies;
+    counted->foreign_frames += input->foreign_frames;
+    counted->unsent_frames += input->unsent_frames;
+    set->totals = *counted;
+    set->send_errno = input->send_errno;
+    fsn_exchange_copy(set->image, exchange->image, exchange->inputs, exchange->input_count);
+    memcpy(set->wkc, input->wkc, exchange->datagram_count * sizeof *set->wkc);
+    memcpy(set->sm_stale, input->sm_stale, exchange->sm_count);
+    fsn_triple_publish(&exchange->up);
+    (void)fsn_triple_take(&exchange->down);
+    fsn_exchange_copy(exchange->image, exchange->given[exchange->down.reader], exchange->outputs,
+                      exchange->output_count);
+}
+
+void fsn_exchange_receive(struct fsn_exchange *exchange, uint8_t *image,
+                          struct fsn_bus_input *input) {
+    const bool fresh = fsn_triple_take(&exchange->up);
+    const struct fsn_exchange_inputs *set = &exchange->brought[exchange->up.reader];
+    /* Between two cycles of a slower bus the last one counts; its age is no fault. */
+    memcpy(input->wkc, set->wkc, exchange->datagram_count * sizeof *set->wkc);
+    if (!fresh) {
+        return;
+    }
+    memcpy(input->sm_stale, set->sm_stale, exchange->sm_count);
+    fsn_exchange_copy(image, set->image, exchange->inputs, exchange->input_count);
+    /* Differences, so that nothing is missed of a set that was never looked at. */
+    input->lost_frames += set->totals.lost_frames - exchange->known.lost_frames;
+    input->old_replies += set->totals.old_replies - exchange->known.old_replies;
+    input->foreign_frames += set->totals.foreign_frames - exchange->known.foreign_frames;
+    input->unsent_frames += set->totals.unsent_frames - exchange->known.unsent_frames;
+    input->send_errno = set->send_errno != 0 ? set->send_errno : input->send_errno;
+    exchange->known = set->totals;
+}
+
+void fsn_exchange_send(struct fsn_exchange *exchange, const uint8_t *image) {
+    fsn_exchange_copy(exchange->given[exchange->down.writer], image, exchange->outputs,
+                      exchange->output_count);
+    fsn_triple_publish(&exchange->down);
+}

@@ -1,0 +1,43 @@
+/** Three sets of something: one that the writer fills, one that the reader looks at, and one
+ * between them. A whole set changes hands by one exchange, so neither side waits and nobody sees
+ * half. */
+#ifndef FSN_TRIPLE_H
+#define FSN_TRIPLE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "rt/atomics.h"
+
+enum { FSN_TRIPLE_SETS = 3, FSN_TRIPLE_FRESH = 4 };
+
+struct fsn_triple {
+    _Atomic uint32_t between; /**< number of the set between them; FSN_TRIPLE_FRESH: newer */
+    uint32_t writer, reader;  /**< numbers of their sets, each touched by its own side only */
+};
+
+static inline void fsn_triple_init(struct fsn_triple *triple) {
+    triple->reader = 0;
+    atomic_init(&triple->between, 1);
+    triple->writer = 2;
+}
+
+/** Hands over the set that the writer has filled, and gives it another. */
+static inline void fsn_triple_publish(struct fsn_triple *triple) {
+    triple->writer = atomic_exchange_explicit(&triple->between, triple->writer | FSN_TRIPLE_FRESH,
+                                              memory_order_acq_rel) &
+                     ~(uint32_t)FSN_TRIPLE_FRESH;
+}
+
+/** Gives the reader the newest set; returns whether it is another one than before. */
+static inline bool fsn_triple_take(struct fsn_triple *triple) {
+    if ((atomic_load_explicit(&triple->between, memory_order_relaxed) & FSN_TRIPLE_FRESH) == 0) {
+        return false;
+    }
+    triple->reader =
+        atomic_exchange_explicit(&triple->between, triple->reader, memory_order_acq_rel) &
+        ~(uint32_t)FSN_TRIPLE_FRESH;
+    return true;
+}
+
+#endif
