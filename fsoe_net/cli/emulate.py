@@ -11,7 +11,13 @@ from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.emulate_output import check_rig, print_emulation
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import INTERFACE, RUN_TIME, format_option, scenario_option
+from fsoe_net.cli.options import (
+    INTERFACE,
+    RUN_TIME,
+    format_option,
+    interfaces_of,
+    scenario_option,
+)
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core.segment import SegmentLink
@@ -45,10 +51,12 @@ so, or a file has an error; 2 wrong use; 3 no such interface, or no permission."
 @input_options
 @click.option(
     "--interface",
+    "interfaces",
     type=INTERFACE,
+    multiple=True,
     metavar="IF",
     required=True,
-    help="veth or tap interface to answer on.",
+    help="veth or tap interface to answer on; BUS=IF for each of several buses.",
 )
 @click.option(
     "--redundant", type=INTERFACE, metavar="IF2", help="Second interface: the far end of a ring."
@@ -78,7 +86,7 @@ def command(
     ctx: click.Context,
     files: tuple[str, ...],
     loading: LoadOptions,
-    interface: str,
+    interfaces: tuple[str, ...],
     redundant: str | None,
     priority: int,
     cpu: int | None,
@@ -104,20 +112,28 @@ def command(
     if duration_ns is None and session.scenario is not None:
         duration_ns = session.scenario.duration_ns or None
     check_rig(vouched)
-    link = SegmentLink(
-        interface=interface,
-        interface2=redundant,
-        priority=priority,
-        cpu=cpu,
-        no_machine_on_this_wire=vouched,
+    links = [
+        SegmentLink(
+            interface=interface,
+            interface2=redundant,
+            priority=priority,
+            cpu=cpu,
+            no_machine_on_this_wire=vouched,
+        )
+        for interface in interfaces_of(interfaces, resolution.network, own=False)
+    ]
+    if redundant is not None and len(links) > 1:
+        raise click.UsageError("--redundant goes with a network of one bus")
+    where = (
+        ", ".join(interfaces) if redundant is None else f"{interfaces[0]} and {redundant}, a ring"
     )
-    where = interface if redundant is None else f"{interface} and {redundant}, a ring"
-    size = counted(session.segment.size, "SubDevice")
+    size = counted(sum(segment.size for segment in session.segments), "SubDevice")
     banner = f"EMULATION of {size} on {where}; Ctrl-C ends it"
     result = serve(
         session,
-        link,
+        links[0],
         duration_ns,
+        further=links[1:],
         on_step=CommandLines(_STDIN) if commands else None,
         on_link=lambda: echo(banner, err=True),
         stop=stop_on(ENDS_OR_HANGS_UP),

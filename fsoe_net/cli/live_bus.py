@@ -9,10 +9,11 @@ from typing import Any
 
 import click
 
-from fsoe_net.cli.options import CYCLE, FOLDER, INTERFACE, RUN_TIME
+from fsoe_net.cli.options import CYCLE, FOLDER, INTERFACE, INTERFACES, RUN_TIME, interfaces_of
 from fsoe_net.cli.run_output import Show
 from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo
+from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.project.simulate import plan_bytes
 from fsoe_net.run.live_bus import BusOptions, run_on_bus
@@ -26,7 +27,7 @@ __all__ = ["LiveBus", "live_bus_options", "run_live_bus"]
 class LiveBus:
     """The options of a live bus as they were given; ``None`` where one was not."""
 
-    interface: str | None
+    interfaces: tuple[str, ...]
     redundant: str | None
     bus: str | None
     cycle_ns: int | None
@@ -34,6 +35,11 @@ class LiveBus:
     cpu: int | None
     wait_ns: int | None
     intervention_log: str | None
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a live bus is meant: by its interface, or by what drives it."""
+        return bool(self.interfaces) or self.bus is not None
 
     def check(self, wanted: Mapping[str, Any], *, histograms: bool) -> None:
         """Refuse options that do not go together.
@@ -45,7 +51,7 @@ class LiveBus:
         Raises:
             click.UsageError: Some do not.
         """
-        if self.interface is None:
+        if not self.wanted:
             self._check_emulated(wanted, histograms=histograms)
         else:
             self._check_live(wanted)
@@ -53,7 +59,6 @@ class LiveBus:
     def _check_emulated(self, wanted: Mapping[str, Any], *, histograms: bool) -> None:
         for name, value in (
             ("--redundant", self.redundant),
-            ("--bus", self.bus),
             ("--cycle", self.cycle_ns),
             ("--priority", self.priority),
             ("--cpu", self.cpu),
@@ -83,22 +88,31 @@ class LiveBus:
                     f"{name} is for emulated devices: leave it or --interface out"
                 )
         if wanted["capture"] is not None:
+            near = self.interfaces[0].rpartition("=")[2] if self.interfaces else "IF"
             raise click.UsageError(
-                f"--capture is for virtual runs; `tcpdump -i {self.interface} -w FILE` records a "
-                "live bus"
+                f"--capture is for virtual runs; `tcpdump -i {near} -w FILE` records a live bus"
             )
         if self.bus == "igh" and self.redundant is not None:
             raise click.UsageError(
                 "--redundant: with igh, the second interface is a setting of IgH"
             )
-        if self.redundant == self.interface:
+        if self.redundant in self.interfaces:
             raise click.UsageError("--redundant: the same interface twice")
 
-    def options(self, interface: str, incidents: str | None) -> BusOptions:
-        """Return them as ``fsn-master`` takes them."""
+    def options(self, network: NetworkConfig, incidents: str | None) -> BusOptions:
+        """Return them as ``fsn-master`` takes them.
+
+        Raises:
+            click.UsageError: A bus has no interface, or an option goes with one bus.
+        """
+        interfaces = interfaces_of(self.interfaces, network, own=True)
+        for name, value in (("--redundant", self.redundant), ("--cycle", self.cycle_ns)):
+            if network.buses and value is not None:
+                raise click.UsageError(f"{name} goes with a network of one bus")
         return BusOptions(
             backend=self.bus or "soem",
-            interface=interface,
+            interface=interfaces[0],
+            buses=tuple(zip((b.name for b in network.buses), interfaces, strict=False)),
             redundant=self.redundant,
             cycle_ns=self.cycle_ns,
             priority=self.priority,
@@ -119,12 +133,7 @@ def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
 
     decorated: Callable[..., None] = with_live
     for decorate in (
-        click.option(
-            "--interface",
-            type=INTERFACE,
-            metavar="IF",
-            help="Live bus: its interface or IgH master.",
-        ),
+        INTERFACES,
         click.option(
             "--redundant",
             type=INTERFACE,
@@ -176,7 +185,7 @@ def run_live_bus(
 
     def started(master: Master) -> None:
         echo(
-            f"fsn-master (process {master.pid}) starts on {options.interface}; Ctrl-C stops it; "
+            f"fsn-master (process {master.pid}) starts on {options.where}; Ctrl-C stops it; "
             f"control socket {master.socket}",
             err=True,
         )

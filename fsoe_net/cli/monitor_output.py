@@ -28,6 +28,7 @@ from fsoe_net.document.model import (
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.report.cycle_times import times_table, timing_bars
 from fsoe_net.run.attachment import BusView, WatchedConnection
+from fsoe_net.run.control_values import Status
 from fsoe_net.run.live_capture import LiveCapture
 
 __all__ = ["bus_document", "capture_text"]
@@ -62,8 +63,20 @@ def bus_document(view: BusView) -> Document:
             parts += other_parameters(c.result for c in view.connections)
         parts += not_in_op(view.snapshot.subdevices)
         parts += _worn(view.snapshot.subdevices)
+        parts += _buses(view.status)
         parts += _timing(view.snapshot.cycle.statistics)
     return Document(title=_title(view), lead=tuple(parts))
+
+
+def _buses(status: Status | None) -> list[Part]:
+    return [
+        words(
+            f"bus {b.name}: {b.cycle_ns / 1e6:g} ms, {counted(b.cycles, 'cycle')}, working counter "
+            f"{b.actual_wkc} of {b.expected_wkc}, {b.wkc_errors} with incomplete working counter, "
+            f"{counted(b.overruns, 'overrun')}, {counted(b.lost_frames, 'frame')} lost"
+        )
+        for b in (status.buses if status is not None else ())
+    ]
 
 
 def _timing(s: Statistics) -> list[Part]:
@@ -84,7 +97,8 @@ def _title(view: BusView) -> str:
     words = []
     if status is not None:
         state = "gone" if view.away else status.state.value
-        words = [f"{status.backend} on {status.interface or 'memory'}", state]
+        where = ", ".join(f"{b.name}={b.interface}" for b in status.buses if b.interface)
+        words = [f"{status.backend} on {where or status.interface or 'memory'}", state]
     words.append(f"{view.now_s:.1f} s")
     if snapshot is not None:
         words.append(cycle_text(snapshot.cycle.statistics))

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import contextlib
 import socket as sockets
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
 
 from fsoe_net.model.times import time_ns, time_text
 
+if TYPE_CHECKING:
+    from fsoe_net.model.network import NetworkConfig
+
 __all__ = [
     "CYCLE",
     "FILE",
     "FOLDER",
     "INTERFACE",
+    "INTERFACES",
     "RUN_TIME",
     "Time",
     "format_option",
+    "interfaces_of",
     "master_options",
     "master_socket",
     "output_option",
@@ -116,6 +121,53 @@ class _Interface(click.ParamType[str]):
 
 
 INTERFACE = _Interface()
+INTERFACES = click.option(
+    "--interface",
+    "interfaces",
+    type=INTERFACE,
+    multiple=True,
+    metavar="IF",
+    help="Its interface or IgH master; BUS=IF for each of several buses.",
+)
+
+
+def _by_bus(given: Sequence[str], names: Sequence[str]) -> dict[str, str]:
+    found = {}
+    for text in given:
+        name, _, interface = text.partition("=")
+        if name not in names or not interface:
+            raise click.UsageError(
+                f"--interface {text}: this network has several buses; write BUS=IF, where BUS is "
+                f"{' or '.join(names)}"
+            )
+        found[name] = interface
+    return found
+
+
+def interfaces_of(given: Sequence[str], network: NetworkConfig, *, own: bool) -> tuple[str, ...]:
+    """Return the interface of each bus of a network, one for a network of one bus.
+
+    Args:
+        given: Values of ``--interface``.
+        network: Says which buses there are.
+        own: Whether those of its file count where none is given.
+
+    Raises:
+        click.UsageError: One is missing, is not of a bus, or is there twice.
+    """
+    if not network.buses:
+        if len(given) != 1:
+            raise click.UsageError("one --interface IF: this network has one bus")
+        return tuple(given)
+    names = [bus.name for bus in network.buses]
+    found = {bus.name: bus.interface for bus in network.buses if own and bus.interface}
+    found |= _by_bus(given, names)
+    missing = [name for name in names if name not in found]
+    if missing:
+        raise click.UsageError(f"bus {missing[0]} has no interface: --interface {missing[0]}=IF")
+    if len(set(found.values())) < len(names):
+        raise click.UsageError("--interface: two buses on one interface")
+    return tuple(found[name] for name in names)
 
 
 def master_options(function: _F) -> _F:

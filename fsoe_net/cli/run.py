@@ -116,11 +116,11 @@ def command(
     make_folder(live.intervention_log, "--intervention-log")
     is_shown = fmt == "text" and sys.stdout.isatty() and not wanted["virtual_time"]
     with display(resolution.network.name) if is_shown else contextlib.nullcontext() as show:
-        if live.interface is None:
+        if not live.wanted:
             virtual = wanted.pop("virtual_time")
             result = simulate(resolution, **wanted, virtual=virtual, on_update=show)
         else:
-            options = live.options(live.interface, wanted["incidents"])
+            options = live.options(resolution.network, wanted["incidents"])
             result = run_live_bus(resolution, options, wanted, show)
     if fmt == "json":
         echo(json.dumps(result.to_json(__version__), indent=2, ensure_ascii=False))

@@ -56,6 +56,8 @@ fsn_status fsn_plan_fingerprint(const struct fsn_plan *plan, struct fsn_fingerpr
 const char *fsn_fingerprint_section(uint32_t section);
 uint32_t fsn_plan_cycle_ns(const struct fsn_plan *plan);
 uint32_t fsn_plan_subdevice_count(const struct fsn_plan *plan);
+uint32_t fsn_plan_bus_count(const struct fsn_plan *plan);
+fsn_status fsn_plan_part(const struct fsn_plan *plan, uint32_t bus, struct fsn_plan **part);
 uint32_t fsn_plan_sm_count(const struct fsn_plan *plan);
 uint32_t fsn_plan_symbol_count(const struct fsn_plan *plan);
 uint32_t fsn_plan_connection_count(const struct fsn_plan *plan);

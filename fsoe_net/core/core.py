@@ -74,6 +74,20 @@ class CorePlan:
             raise PlanFormatError(f"the core refuses this plan: {fault_text(fault)}")
         return cls(ffi.gc(slot[0], lib.fsn_plan_free))
 
+    def parts(self) -> tuple[CorePlan, ...]:
+        """Return the plan of each bus; SubDevices and sync managers follow in the same order.
+
+        Raises:
+            CoreError: There is no memory for them.
+        """
+        ffi, lib = compiled()
+        found = []
+        for number in range(lib.fsn_plan_bus_count(self._pointer)):
+            slot = ffi.new("struct fsn_plan **")
+            raise_status(lib.fsn_plan_part(self._pointer, number, slot), "part of a plan")
+            found.append(CorePlan(ffi.gc(slot[0], lib.fsn_plan_free)))
+        return tuple(found)
+
     def sync_manager(self, subdevice: str, index: int) -> int:
         """Return the record number of a sync manager.
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import errno
 import os
 import socket
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 
 from fsoe_net.core.core import CorePlan
 from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.errors import EnvironmentFault
 
-__all__ = ["AlStatus", "Segment", "SegmentCounts", "SegmentLink", "is_test_rig"]
+__all__ = ["AlStatus", "Segment", "SegmentCounts", "SegmentLink", "is_test_rig", "sum_counts"]
 
 
 _WANTED = {
@@ -41,6 +42,14 @@ class SegmentCounts:
     unsent: int
     send_errno: int
     work_ns: int
+
+
+def sum_counts(counts: Iterable[SegmentCounts]) -> SegmentCounts:
+    """Return what several segments have seen together; the error is the first that one had."""
+    rows = list(map(asdict, counts))
+    sums = {name: sum(row[name] for row in rows) for name in rows[0]}
+    sums["send_errno"] = next((e for row in rows if (e := row["send_errno"])), 0)
+    return SegmentCounts(**sums)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,6 +127,11 @@ class Segment:
     def size(self) -> int:
         """SubDevices on the ring, couplers for free positions included."""
         return int(self._lib.fsn_segment_size(self._pointer))
+
+    @property
+    def sm_count(self) -> int:
+        """Sync managers of the plan."""
+        return len(self._plan.sm_sizes)
 
     @property
     def names(self) -> frozenset[str]:

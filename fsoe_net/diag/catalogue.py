@@ -86,6 +86,7 @@ FSN160 warning result in a test protocol is not complete: its step stays open
 FSN161 error   entry in a test protocol cannot be taken
 FSN162 error   acceptance record does not hold together
 FSN163 error   author and verifier of an acceptance record are one person
+FSN164 error   buses are not possible
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output

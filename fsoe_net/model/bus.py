@@ -205,7 +205,8 @@ class SubDevice(Located):
     that alias. ``device`` is ``None`` when its file could not be read: rules then stay silent about
     its content, the loader has already spoken. ``revision`` is ``None`` where any will do.
     ``origin`` says where it was declared: ``network``, ``joint``, ``gpio``, ``sensor``,
-    ``transfer_modules`` or ``safety_modules``.
+    ``transfer_modules`` or ``safety_modules``. ``master_id``: number of the EtherCAT master, or of
+    the bus where the network file has several.
     """
 
     name: str

@@ -318,7 +318,7 @@ class _Expander:
         main, sub = self._by_name[facts.main], self._by_name[facts.sub]
         if main.device is None or sub.device is None:
             return None
-        if main.master_id != sub.master_id:
+        if not self._network.has_way(main, sub):
             raise _Refusal(Obstacle.MASTERS, "sub")
         request = _Request(facts=facts, main=main, sub=sub)
         ours = self._eligible(main, facts.slot, "main", "slot")

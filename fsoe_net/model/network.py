@@ -9,6 +9,7 @@ from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.safety import SafetyFunction
 
 __all__ = [
+    "Bus",
     "ConnectionFacts",
     "Endpoint",
     "Net",
@@ -86,6 +87,19 @@ class Net(Located):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Bus(Located):
+    """One of several buses; ``cycle_ns`` is ``None`` when the file does not state it.
+
+    ``interface``: the network interface of the PC, or the number of the IgH master; empty when not
+    stated, then it is given on the command line.
+    """
+
+    name: str
+    interface: str = ""
+    cycle_ns: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SourceFile:
     """One file that was read: path as shown to the user and SHA-256 of its bytes (hex)."""
 
@@ -100,7 +114,8 @@ class NetworkConfig(Located):
     ``subdevices`` stand in the order in which a driver adds them to its master, which is the order
     of the process image. ``cycle_ns`` is ``None`` when no file states it. ``partial``: modules may
     be declared in a file that was not given, so unknown names are no mistakes. ``project`` heads
-    reports; empty when not stated.
+    reports; empty when not stated. ``buses``: two at least, numbered by ``master_id`` of the
+    SubDevices, or none where the file has one bus; ``cycle_ns`` is that of the first, which leads.
     """
 
     name: str
@@ -111,3 +126,25 @@ class NetworkConfig(Located):
     project: str = ""
     sources: tuple[SourceFile, ...] = ()
     partial: bool = False
+    buses: tuple[Bus, ...] = ()
+
+    def has_way(self, source: SubDevice, destination: SubDevice) -> bool:
+        """Whether one program moves frames between them: of several masters none does."""
+        return bool(self.buses) or source.master_id == destination.master_id
+
+    def way(self, source: SubDevice, destination: SubDevice) -> tuple[int, ...]:
+        """Return the numbers of the buses whose cycles move a frame from one to another.
+
+        Each step is an exchange between two cycles. The first bus leads: it copies what crosses.
+        """
+        ends = (source.master_id, destination.master_id)
+        if ends[0] == ends[1]:
+            return ends[:1]
+        return ends if 0 in ends else (ends[0], 0, ends[1])
+
+    def way_cycle_ns(self, source: SubDevice, destination: SubDevice) -> int | None:
+        """Return the longest bus cycle on that way, ns; ``None`` when one is not stated."""
+        if not self.buses:
+            return self.cycle_ns
+        cycles = [self.buses[number].cycle_ns for number in self.way(source, destination)]
+        return None if None in cycles else max(c for c in cycles if c is not None)

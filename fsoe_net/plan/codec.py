@@ -225,12 +225,17 @@ def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
         raise PlanFormatError("the strings do not start and end with a zero byte")
     if re.search(rb"[\x01-\x1f\x7f]", data[first : first + length]):
         raise PlanFormatError("a name has a control character")
+    _newer_sections(sections)
+    return sections
+
+
+def _newer_sections(sections: list[tuple[int, int]]) -> None:
+    count = len(sections)
     hashes = sections[SECTIONS][1] if count > SECTIONS else 0
     if hashes > 1 or (count == SECTIONS_WITH_SAFETY and not hashes):
         raise PlanFormatError("a plan has one hash of safety functions")
     if count == SECTIONS_WITH_BUSES and sections[-1][1] < 2:
         raise PlanFormatError("a plan with buses has two of them at least")
-    return sections
 
 
 class _Reader:

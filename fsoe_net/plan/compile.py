@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import accumulate
 
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
@@ -20,6 +22,7 @@ from fsoe_net.plan.model import (
     NONE,
     Plan,
     PlanBlock,
+    PlanBus,
     PlanConnection,
     PlanCopy,
     PlanEntry,
@@ -126,6 +129,21 @@ class _Compiler:
             copies=copies,
             connections=self._connections(numbers),
             safety_sha256=safety_sha256(network.safety_functions),
+            buses=self._buses(),
+        )
+
+    def _buses(self) -> tuple[PlanBus, ...]:
+        network = self.resolution.network
+        on_bus = Counter(sub.master_id for sub in network.subdevices)
+        first = accumulate((on_bus[n] for n in range(len(network.buses))), initial=0)
+        return tuple(
+            PlanBus(
+                name=bus.name,
+                cycle_ns=bus.cycle_ns or 0,
+                first_subdevice=begin,
+                subdevice_count=on_bus[n],
+            )
+            for n, (bus, begin) in enumerate(zip(network.buses, first, strict=False))
         )
 
     def _used(self) -> dict[int, set[tuple[int, int]]]:

@@ -114,7 +114,10 @@ def _watchdog(c: WatchdogBudget) -> tuple[str, ...]:
 def _assumptions(budget: Budget) -> str:
     cycle = "bus cycle not stated" if budget.cycle is None else f"bus cycle {budget.cycle:g} ms"
     drift = f"clocks of devices up to {budget.drift:.2%} slow" if budget.drift else "clocks exact"
-    return f"{cycle}, {counted(budget.copy_cycles, 'bus cycle')} per direction, {drift}"
+    if budget.buses:
+        cycle = "bus cycle " + ", ".join(f"{ms:g} ms ({name})" for name, ms in budget.buses)
+    across = " and one more for each exchange between buses" if budget.buses else ""
+    return f"{cycle}, {counted(budget.copy_cycles, 'bus cycle')} per direction{across}, {drift}"
 
 
 def _function(row: FunctionBudget) -> Section:
@@ -208,6 +211,7 @@ def budget_json(budget: Budget) -> dict[str, Any]:
     return {
         "cycle_ms": budget.cycle,
         "copy_cycles": budget.copy_cycles,
+        "buses": [{"name": name, "cycle_ms": ms} for name, ms in budget.buses],
         "drift": budget.drift,
         "connections": [_connection_json(c) for c in budget.connections],
         "functions": [_function_json(f) for f in budget.functions],

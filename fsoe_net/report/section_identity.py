@@ -37,6 +37,10 @@ ROLE = (
 )
 
 
+def _cycle(ns: int | None) -> Cell:
+    return cell(stated(None if ns is None else ns / 1e6, "ms", "network file"))
+
+
 def identity(inputs: ReportInputs) -> ReportSection:
     """Machine, network, tool, files; the date is left to the hand."""
     resolution = inputs.resolution
@@ -71,12 +75,9 @@ def identity(inputs: ReportInputs) -> ReportSection:
                 )
             )
     ns = None if network is None else network.cycle_ns
-    rows.append(
-        (
-            cell("Bus cycle"),
-            cell(stated(None if ns is None else ns / 1e6, "ms", "network file")),
-        )
-    )
+    rows.append((cell("Bus cycle"), _cycle(ns)))
+    if network is not None:
+        rows += [(cell(f"Bus {bus.name}"), _cycle(bus.cycle_ns)) for bus in network.buses]
     if ns is None:
         points.append(Point(PointKind.OPEN, "the bus cycle is not stated"))
     parts: list[Part] = [

@@ -31,6 +31,7 @@ from fsoe_net.fsoe.crc import sra_crc
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.library import Library
+from fsoe_net.model.network import Bus
 from fsoe_net.model.protocol import DeviceEntry
 from fsoe_net.model.resolve import Connection
 from fsoe_net.model.scan import ScannedSubDevice
@@ -145,13 +146,11 @@ def _subdevices(
     entries = {e.subdevice: e for e in _entries(inputs, mains, subs)}
     library = builtin_library(frozenset(s.device.product_code for s in shown if s.device))
     rows = []
+    buses = () if inputs.resolution is None else inputs.resolution.network.buses
     for s in shown:
         parts = [
             w for w, names in (("MainInstance", mains), ("SubInstance", subs)) if s.name in names
         ]
-        place: list[Item] = [Number(value=s.position, text=str(s.position), unit="", source=_NET)]
-        if s.alias:
-            place.append(Number(value=s.alias, text=f"alias {s.alias}", unit="", source=_NET))
         device = s.device
         vendor: Item = Verdict("not stated", Level.OPEN)
         product: Cell = (vendor,)
@@ -163,7 +162,7 @@ def _subdevices(
         firmware, serial, project = _by_hand(entries.get(s.name))
         rows.append(
             (
-                tuple(place),
+                _place(s, buses),
                 cell(strong(s.name), " and ".join(parts) or muted("no FSoE")),
                 (vendor, *product),
                 (*revision, *_seen(None if found is None else found.revision)),
@@ -190,6 +189,15 @@ def _subdevices(
         "observed: read over the bus by a scan."
         + (f" {hidden} SubDevices without FSoE are not listed." if hidden else ""),
     )
+
+
+def _place(s: SubDevice, buses: Sequence[Bus]) -> Cell:
+    place: list[Item] = [Number(value=s.position, text=str(s.position), unit="", source=_NET)]
+    if buses:
+        place.append(muted(f"bus {buses[s.master_id].name}"))
+    if s.alias:
+        place.append(Number(value=s.alias, text=f"alias {s.alias}", unit="", source=_NET))
+    return tuple(place)
 
 
 def _type_name(device: Device, library: Library) -> Cell:

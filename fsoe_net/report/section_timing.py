@@ -118,11 +118,25 @@ def _assumed(budget: Budget) -> list[Point]:
             f"for fsn-master, "
             "which copies in the cycle of arrival; a program that copies a cycle later needs 3",
         ),
+        *_across(budget),
         Point(PointKind.ASSUMPTION, drift),
         Point(
             PointKind.ASSUMPTION,
             "times of elements are the longest their sources state; none was measured here",
         ),
+    ]
+
+
+def _across(budget: Budget) -> list[Point]:
+    if not budget.buses:
+        return []
+    cycles = ", ".join(f"{name} {ms:g} ms" for name, ms in budget.buses)
+    return [
+        Point(
+            PointKind.ASSUMPTION,
+            f"several buses ({cycles}): a frame that crosses needs one bus cycle more for each "
+            "exchange, and every cycle on its way counts as the longest of them",
+        )
     ]
 
 

@@ -1,9 +1,10 @@
-"""FSN134, FSN230, FSN414, FSN415, FSN417: modules and their places on the bus."""
+"""FSN134, FSN164, FSN230, FSN414, FSN415, FSN417: buses, modules and their places."""
 
 from __future__ import annotations
 
 from fsoe_net.diag.diagnostic import Related
 from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.network import Bus
 from fsoe_net.rules.context import Context
 
 __all__ = ["check_bus"]
@@ -12,7 +13,8 @@ _YAML_ORIGINS = {"transfer_modules", "safety_modules"}
 
 
 def check_bus(ctx: Context) -> None:
-    """Check names and addresses of all modules."""
+    """Check names and addresses of all modules, and the buses."""
+    _buses(ctx)
     names: dict[str, SubDevice] = {}
     places: dict[tuple[int, int, int], SubDevice] = {}
     for sub in ctx.resolution.network.subdevices:
@@ -33,6 +35,39 @@ def check_bus(ctx: Context) -> None:
                 hint="address it by ring position (alias 0) while it has SDOs",
             )
     _optional_modules(ctx)
+
+
+def _buses(ctx: Context) -> None:
+    network = ctx.resolution.network
+    names: dict[str, Bus] = {}
+    used = {sub.master_id for sub in network.subdevices}
+    for number, bus in enumerate(network.buses):
+        first = names.setdefault(bus.name, bus)
+        lead = network.buses[0]
+        if first is not bus and bus.name:
+            ctx.add(
+                "FSN164",
+                bus.at("name"),
+                f"two buses have the name {bus.name!r}",
+                hint="give each bus a name of its own",
+                related=(Related(span=first.at("name"), message="the first is here"),),
+            )
+        if number not in used and "subdevices" in bus.fields:
+            ctx.add(
+                "FSN164",
+                bus.at("subdevices"),
+                f"bus {bus.name} has no SubDevice",
+                hint="write its SubDevices here, or leave the bus out",
+            )
+        if bus.cycle_ns is not None and lead.cycle_ns and bus.cycle_ns < lead.cycle_ns:
+            ctx.add(
+                "FSN164",
+                bus.at("cycle_us"),
+                f"bus {bus.name} has a shorter cycle than {lead.name}, the first, which moves the "
+                "frames between the buses",
+                hint="put the bus with the shortest cycle first",
+                related=(Related(span=lead.at("cycle_us"), message="the first bus"),),
+            )
 
 
 def _address(sub: SubDevice) -> str:

@@ -320,7 +320,9 @@ def _alignment(ctx: Context, end: ResolvedEnd) -> None:
 
 def _masters(ctx: Context, row: ResolvedTransfer) -> None:
     source, destination = row.source.subdevice, row.destination.subdevice
-    if source is None or destination is None or source.master_id == destination.master_id:
+    if source is None or destination is None:
+        return
+    if ctx.resolution.network.has_way(source, destination):
         return
     ctx.add(
         "FSN129",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from fsoe_net.diag.diagnostic import Related
-from fsoe_net.model.bus import Direction, Watchdog
-from fsoe_net.model.network import ConnectionFacts, Net, TransferKind
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Direction, SubDevice, Watchdog
+from fsoe_net.model.network import Bus, ConnectionFacts, Net, NetworkConfig, TransferKind
 from fsoe_net.rules.context import Context, few
 
 __all__ = ["check_fsoe"]
@@ -90,27 +91,35 @@ def _values(ctx: Context, fact: ConnectionFacts) -> None:
 
 def _timing(ctx: Context) -> None:
     network = ctx.resolution.network
+    _sync_manager_watchdogs(ctx)
     if network.cycle_ns is None:
         return
     cycle_ms = network.cycle_ns / 1e6
-    if cycle_ms >= _SM_WATCHDOG_MS:
-        _sync_manager_watchdog(ctx, cycle_ms)
-    least_ms = WATCHDOG_BUS_CYCLES * cycle_ms
-    for net in network.nets:
-        for fact in net.connections:
+    ways = {
+        (c.net_number, c.facts_number): (
+            WATCHDOG_BUS_CYCLES + 2 * (len(network.way(c.main, c.sub)) - 1),
+            (network.way_cycle_ns(c.main, c.sub) or 0) / 1e6,
+        )
+        for c in ctx.resolution.connections
+    }
+    for net_number, net in enumerate(network.nets):
+        for number, fact in enumerate(net.connections):
+            cycles, way_ms = ways.get((net_number, number), (WATCHDOG_BUS_CYCLES, cycle_ms))
+            least_ms = cycles * way_ms
             if fact.watchdog_ms and fact.watchdog_ms < least_ms:
                 ctx.add(
                     "FSN601",
                     fact.at("watchdog_ms"),
-                    f"watchdog {fact.watchdog_ms} ms is shorter than {WATCHDOG_BUS_CYCLES} bus "
-                    f"cycles of {cycle_ms:g} ms; it would expire without any fault",
+                    f"watchdog {fact.watchdog_ms} ms is shorter than "
+                    f"{counted(cycles, 'bus cycle')} of {way_ms:g} ms; it would expire without any "
+                    "fault",
                     hint=f"at least {least_ms:g} ms plus the cycle times of both devices, or a "
                     "shorter bus cycle; then calculate the reaction times again, and accept again",
                 )
         least_hz = 1000 * WATCHDOG_BUS_CYCLES // _TWINSAFE_DEFAULT_MS
         unstated = not any(f.watchdog_ms for f in net.connections)
         has_fsoe = any(t.kind is TransferKind.FSOE for t in net.transfers)
-        if unstated and has_fsoe and least_ms > _TWINSAFE_DEFAULT_MS:
+        if unstated and has_fsoe and WATCHDOG_BUS_CYCLES * cycle_ms > _TWINSAFE_DEFAULT_MS:
             ctx.add(
                 "FSN601",
                 net.span,
@@ -121,26 +130,32 @@ def _timing(ctx: Context) -> None:
             )
 
 
-def _sync_manager_watchdog(ctx: Context, cycle_ms: float) -> None:
+def _sync_manager_watchdogs(ctx: Context) -> None:
     """FSN425: SubDevices whose outputs need a frame more often than the bus cycle brings one."""
     network = ctx.resolution.network
-    names = [
-        sub.name
-        for sub in network.subdevices
-        if sub.layout is not None
-        and any(
-            sm.sm.direction is Direction.OUTPUT
-            and sm.sm.watchdog is not Watchdog.DISABLE
-            and sm.registered
-            for sm in sub.layout.managers
-        )
-    ]
-    if names:
-        ctx.add(
-            "FSN425",
-            network.at("cycle_us" if "cycle_us" in network.fields else "control_frequency"),
-            f"the bus cycle is {cycle_ms:g} ms; the sync manager watchdog of {few(names)} expires "
-            f"after {_SM_WATCHDOG_MS} ms unless another time is set, and the "
-            "SubDevice leaves OP (AL status 0x001b)",
-            hint=f"a bus cycle well below {_SM_WATCHDOG_MS} ms, as FSoE needs anyway",
-        )
+    buses: Sequence[Bus | NetworkConfig] = network.buses or (network,)
+    for number, bus in enumerate(buses):
+        cycle_ms = (bus.cycle_ns or 0) / 1e6
+        names = [
+            sub.name
+            for sub in network.subdevices
+            if (not network.buses or sub.master_id == number) and _is_watched(sub)
+        ]
+        if names and cycle_ms >= _SM_WATCHDOG_MS:
+            ctx.add(
+                "FSN425",
+                bus.at("cycle_us" if "cycle_us" in bus.fields else "control_frequency"),
+                f"the bus cycle is {cycle_ms:g} ms; the sync manager watchdog of {few(names)} "
+                f"expires after {_SM_WATCHDOG_MS} ms unless another time is set, and the "
+                "SubDevice leaves OP (AL status 0x001b)",
+                hint=f"a bus cycle well below {_SM_WATCHDOG_MS} ms, as FSoE needs anyway",
+            )
+
+
+def _is_watched(sub: SubDevice) -> bool:
+    return sub.layout is not None and any(
+        sm.sm.direction is Direction.OUTPUT
+        and sm.sm.watchdog is not Watchdog.DISABLE
+        and sm.registered
+        for sm in sub.layout.managers
+    )

@@ -16,6 +16,7 @@ from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 
 __all__ = [
     "BusState",
+    "BusStatus",
     "HistoryMessage",
     "RingStatus",
     "ScanReply",
@@ -88,6 +89,22 @@ class RingStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BusStatus:
+    """One of several buses. Its cycle in nanoseconds; counts since the bus was opened."""
+
+    name: str
+    interface: str
+    cycle_ns: int
+    cycles: int
+    overruns: int
+    wkc_errors: int
+    lost_frames: int
+    expected_wkc: int
+    actual_wkc: int
+    realtime: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
@@ -95,6 +112,8 @@ class Status:
     as the core has loaded it, ``None`` from a program that reports none; ``version`` that of the
     engine. ``ring`` is ``None`` with one interface, ``standby`` where no process follows,
     ``interventions`` without an intervention log, ``cpu`` when the cyclic thread may run on any.
+    ``buses`` is empty where there is one bus; of several, counts outside it are of all together,
+    in cycles of the first.
     """
 
     state: BusState
@@ -127,6 +146,7 @@ class Status:
     planned: int
     in_op: int
     missing: int
+    buses: tuple[BusStatus, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,6 +259,7 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     reported = reply.get("fingerprint")
     row["fingerprint"] = None if reported is None else _fingerprint(reported)
     row["version"] = "" if reported is None else str(reported["version"])
+    row["buses"] = tuple(map(_bus_status, reply.get("buses", ())))
     return Status(**{f.name: row[f.name] for f in fields(Status)})
 
 
@@ -250,6 +271,11 @@ def _ring(row: Mapping[str, Any]) -> RingStatus:
         breaks=int(row["breaks"]),
         place=str(row["place"]),
     )
+
+
+def _bus_status(row: Mapping[str, Any]) -> BusStatus:
+    values = {**row, "interface": row["interface"] or ""}
+    return BusStatus(**{f.name: values[f.name] for f in fields(BusStatus)})
 
 
 def _log_status(row: Mapping[str, Any] | None) -> LogStatus | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink
+from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink, sum_counts
 from fsoe_net.diag.words import counted
 from fsoe_net.model.scenario import ScenarioStep
 from fsoe_net.run.engine import state_word
@@ -42,18 +43,27 @@ class SegmentSession(ScenarioRun):
     has_segment = True
 
     def _open(self) -> DeviceSide:
-        self.segment = Segment(self.plan)
-        self._objects = LiveObjects(self.segment, self.network)
+        self.segments = tuple(map(Segment, self.plan.parts()))
+        self._objects = LiveObjects(self._of, self.network)
         self._objects.update()
-        return self.segment
+        return self.segment if len(self.segments) == 1 else _Sides(self.segments)
+
+    @property
+    def segment(self) -> Segment:
+        """The first bus."""
+        return self.segments[0]
+
+    def _of(self, name: str) -> Segment:
+        return next(segment for segment in self.segments if name in segment.names)
 
     def _set_present(self, name: str, present: bool) -> None:
-        self.segment.set_present(self.segment.position(name), present)
+        segment = self._of(name)
+        segment.set_present(segment.position(name), present)
         if present:  # what is plugged in starts as after power-on, its FSoE end as well
             self.network.devices[name].power_cycle()
 
     def _on_bus(self, step: ScenarioStep) -> None:
-        apply_step(self.segment, step)
+        apply_step(self.segments, step)
 
     def _set_output(self, name: str, _value: int) -> None:
         self.engine.log(0, "run", f"{name} left alone: standard outputs are the MainDevice's")
@@ -65,8 +75,15 @@ class SegmentSession(ScenarioRun):
 
     def states(self) -> dict[str, AlStatus]:
         """Return the AL state of every SubDevice."""
-        segment = self.segment
-        return {n: segment.al_status(segment.position(n)) for n in self.plan.subdevice_names}
+        return {
+            name: segment.al_status(segment.position(name))
+            for name in self.plan.subdevice_names
+            for segment in [self._of(name)]
+        }
+
+    def counts(self) -> SegmentCounts:
+        """Return what all buses have seen."""
+        return sum_counts(segment.counts() for segment in self.segments)
 
     def connections(self) -> dict[str, str]:
         """Return the state word of every connection."""
@@ -93,7 +110,7 @@ class SegmentSession(ScenarioRun):
             for name, status in self.states().items()
         ]
         rows += [f"{name} {word}" for name, word in self.connections().items()]
-        counts = self.segment.counts()
+        counts = self.counts()
         return "\n".join([*rows, f"{counted(counts.frames, 'frame')}, {counts.lost} lost"])
 
     def result(self, duration_ns: int) -> EmulateResult:
@@ -107,11 +124,26 @@ class SegmentSession(ScenarioRun):
             duration_ms=duration_ns / 1e6,
             states=self.states(),
             connections=connections,
-            counts=self.segment.counts(),
+            counts=self.counts(),
             events=tuple(engine.events),
             verdicts=verdicts,
             passed=all(v.held for v in verdicts) if verdicts else in_data,
         )
+
+
+class _Sides:
+    """Several segments, their sync managers counted on."""
+
+    def __init__(self, segments: Sequence[Segment]) -> None:
+        self._places = [(s, sm) for s in segments for sm in range(s.sm_count)]
+
+    def read_outputs(self, sm: int) -> bytes:
+        segment, number = self._places[sm]
+        return segment.read_outputs(number)
+
+    def write_inputs(self, sm: int, data: bytes) -> None:
+        segment, number = self._places[sm]
+        segment.write_inputs(number, data)
 
 
 def serve(
@@ -119,6 +151,7 @@ def serve(
     link: SegmentLink,
     duration_ns: int | None,
     *,
+    further: Sequence[SegmentLink] = (),
     period_ns: int = 1_000_000,
     on_update: Callable[[SegmentSession, int], None] | None = None,
     on_step: Callable[[SegmentSession, int], None] | None = None,
@@ -129,8 +162,9 @@ def serve(
 
     Args:
         session: A fresh session.
-        link: Where to answer.
+        link: Where to answer, of several buses the first.
         duration_ns: How long; ``None`` until interrupted.
+        further: Where the further buses answer, in their order.
         period_ns: Time between two steps of the devices; late steps are not caught up.
         on_step: Called before every step of the devices with the time since the start.
         on_update: Called about ten times a second with the time since the start.
@@ -140,8 +174,9 @@ def serve(
     Raises:
         EnvironmentFault: The interface cannot be used.
     """
-    with session.segment as segment:
-        segment.link(link)
+    with contextlib.ExitStack() as linked:
+        for segment, where in zip(session.segments, (link, *further), strict=True):
+            linked.enter_context(segment).link(where)
         if on_link is not None:
             on_link()
         start = time.monotonic_ns()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from fsoe_net.core.segment import Segment
 from fsoe_net.model.scenario import Action, ScenarioStep
@@ -12,19 +12,28 @@ __all__ = ["apply_step"]
 _MS = 1_000_000
 
 
-def apply_step(segment: Segment, step: ScenarioStep) -> None:
+def apply_step(segments: Sequence[Segment], step: ScenarioStep) -> None:
     """Do what a step means for the segment; steps that mean nothing to it do nothing.
+
+    Of several buses it is the one with the SubDevice that the step names, else all of them.
 
     Raises:
         CoreError: More SDO aborts than a SubDevice can keep.
     """
-    if step.action in _FRAMES:
-        _FRAMES[step.action](segment, step.number)
-    elif step.action in _EACH:
+    if step.action in _EACH:
         for name, value in step.values.items():
-            _EACH[step.action](segment, segment.position(name), value)
-    elif step.action in _ONE:
-        _ONE[step.action](segment, step)
+            for segment in _with(segments, name):
+                _EACH[step.action](segment, segment.position(name), value)
+        return
+    for segment in _with(segments, step.target):
+        if step.action in _FRAMES:
+            _FRAMES[step.action](segment, step.number)
+        elif step.action in _ONE:
+            _ONE[step.action](segment, step)
+
+
+def _with(segments: Sequence[Segment], name: str) -> list[Segment]:
+    return [s for s in segments if name in s.names] or list(segments)
 
 
 def _swap(segment: Segment, step: ScenarioStep) -> None:

@@ -26,6 +26,7 @@ _GRACE_S = 10  # fsn-master outlives the stated duration by this much when nobod
 class BusOptions:
     """How ``fsn-master`` is to drive the bus; ``None``: as it does by itself.
 
+    ``buses``: name and interface of each of several, of which ``interface`` is the first.
     ``wait_s``: how long to try again while SubDevices are missing. ``incidents``: folder for the
     files of connections that leave Data. ``intervention_log``: folder of the log of interventions.
     """
@@ -36,13 +37,25 @@ class BusOptions:
     cycle_ns: int | None = None
     priority: int | None = None
     cpu: int | None = None
+    buses: tuple[tuple[str, str], ...] = ()
     wait_s: float = 0.0
     incidents: str | None = None
     intervention_log: str | None = None
 
+    @property
+    def _interfaces(self) -> list[str]:
+        return [f"{name}={interface}" for name, interface in self.buses] or [self.interface]
+
+    @property
+    def where(self) -> str:
+        """Its interfaces, for people."""
+        return ", ".join(self._interfaces)
+
     def arguments(self, duration_ns: int | None) -> list[str]:
         """Return the options of ``fsn-master``."""
-        words = ["--bus", self.backend, "--interface", self.interface]
+        words = ["--bus", self.backend]
+        for text in self._interfaces:
+            words += ["--interface", text]
         if self.redundant is not None:
             words += ["--redundant", self.redundant]
         if self.cycle_ns is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from fsoe_net.core.segment import Segment
 from fsoe_net.emul.bus import EmulatedDevices
@@ -46,27 +46,26 @@ class LiveObjects:
     (0x6791), which name ETG.5001.4 and ETG.6100.3.
 
     Args:
-        segment: Where the devices are.
+        segment_of: Where each device is, by its name.
         network: The devices.
     """
 
-    def __init__(self, segment: Segment, network: EmulatedDevices) -> None:
-        self._segment = segment
+    def __init__(self, segment_of: Callable[[str], Segment], network: EmulatedDevices) -> None:
         self._devices = [
-            (segment.position(name), device)
+            (segment, segment.position(name), device)
             for name, device in network.devices.items()
             if device.ports
+            for segment in [segment_of(name)]
         ]
-        self._told: dict[tuple[int, int, int], bytes] = {}
+        self._told: list[dict[tuple[int, int], bytes]] = [{} for _ in self._devices]
 
     def update(self) -> None:
         """Report what has changed."""
-        for position, device in self._devices:
+        for (segment, position, device), told in zip(self._devices, self._told, strict=True):
             for index, sub, data in _rows(device):
-                key = (position, index, sub)
-                if self._told.get(key) != data:
-                    self._segment.set_object(position, index, sub, data)
-                    self._told[key] = data
+                if told.get((index, sub)) != data:
+                    segment.set_object(position, index, sub, data)
+                    told[index, sub] = data
 
 
 def _rows(device: EmulatedDevice) -> Iterator[_Row]:

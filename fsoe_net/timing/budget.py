@@ -15,6 +15,7 @@ from fsoe_net.model.library import Library
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.timing.elements import parts_of
 from fsoe_net.timing.reaction import FunctionBudget, function_budget
+from fsoe_net.timing.transit import Transit
 from fsoe_net.timing.watchdogs import WatchdogBudget, connection_budget
 
 __all__ = ["Budget", "make_budget"]
@@ -27,9 +28,11 @@ class Budget:
     """All watchdogs and safety functions of a network.
 
     Attributes:
-        cycle: Bus cycle, ms; ``None`` when the network does not state it.
-        copy_cycles: Bus cycles per direction, k.
+        cycle: Bus cycle, ms, of several buses that of the first; ``None`` when the network does not
+            state it.
+        copy_cycles: Bus cycles per direction, k; each exchange between two buses adds one.
         drift: Share by which a clock of a device may be slow; watchdogs count that much longer.
+        buses: Name and cycle in ms of each of several buses, of those that state one.
         connections: In the order of the resolution.
         functions: In the order of the network file.
     """
@@ -39,6 +42,7 @@ class Budget:
     drift: float
     connections: tuple[WatchdogBudget, ...]
     functions: tuple[FunctionBudget, ...]
+    buses: tuple[tuple[str, float], ...] = ()
 
 
 def make_budget(
@@ -63,20 +67,20 @@ def make_budget(
             replaces a shorter one of the formulas and never a longer one.
     """
     network = resolution.network
-    if cycle is None and network.cycle_ns is not None:
-        cycle = network.cycle_ns / 1e6
+    bus = Transit(network, cycle, copy_cycles)
     rows = [
-        function_budget(f, parts_of(f, resolution, library), cycle, copy_cycles, drift)
+        function_budget(f, parts_of(f, resolution, library), bus, drift)
         for f in network.safety_functions
     ]
     connections = tuple(
-        connection_budget(c, rows, cycle, (measured or {}).get(c.name), drift)
+        connection_budget(c, rows, bus.cycle((c,)), (measured or {}).get(c.name), drift)
         for c in resolution.connections
     )
     return Budget(
-        cycle=cycle,
+        cycle=bus.cycle(()),
         copy_cycles=copy_cycles,
         drift=drift,
         connections=connections,
         functions=tuple(rows),
+        buses=tuple((b.name, cycle or b.cycle_ns / 1e6) for b in network.buses if b.cycle_ns),
     )

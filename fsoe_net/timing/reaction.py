@@ -30,6 +30,7 @@ from fsoe_net.timing.handshake import (
 )
 from fsoe_net.timing.judgement import Judgement, exceeds
 from fsoe_net.timing.pfh import PfhSum, sum_pfh
+from fsoe_net.timing.transit import Transit
 
 __all__ = [
     "DISTURBED",
@@ -173,8 +174,7 @@ class FunctionBudget:
 def function_budget(
     function: SafetyFunction,
     parts: FunctionParts,
-    cycle: float | None,
-    k: int,
+    bus: Transit,
     drift: float,
 ) -> FunctionBudget:
     """Work out one safety function.
@@ -182,11 +182,12 @@ def function_budget(
     Args:
         function: As stated.
         parts: Its elements and connections.
-        cycle: Bus cycle, ms; ``None`` when nobody states it.
-        k: Bus cycles that a frame needs per direction.
+        bus: Bus cycles, and how many of them a frame needs.
         drift: As in `Budget`.
     """
     unstated = list(parts.unstated)
+    used = (*parts.to_input, *parts.to_output)
+    cycle = bus.cycle(used)
     if cycle is None:
         unstated.append("the bus cycle is not stated")
     times = None
@@ -198,10 +199,9 @@ def function_budget(
             output=parts.output,
             actuator=parts.actuator,
             cycle=cycle,
-            cycles_in=k if parts.to_input else 0,
-            cycles_out=k if parts.to_output else 0,
+            cycles_in=bus.cycles(parts.to_input),
+            cycles_out=bus.cycles(parts.to_output),
         )
-    used = (*parts.to_input, *parts.to_output)
     for connection in dict.fromkeys(c.name for c in used if watchdog_of(c) is None):
         unstated.append(f"the watchdog of {connection} is not stated")
     reaction = None

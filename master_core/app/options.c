@@ -389,26 +389,37 @@ static int check_interventions(const struct options *o) {
                : options_wrong("--intervention-log-file", NULL, "goes with --intervention-log DIR");
 }
 
+/** A scan looks at one bus, whatever is on it. */
+static int check_scan(const struct options *o) {
+    if (!o->scan) {
+        return -1;
+    }
+    if (o->plan_file != NULL) {
+        return options_wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
+    }
+    if (o->interface_count > 1) {
+        return options_wrong("--scan", NULL, "looks at one bus: one --interface");
+    }
+    if (o->take_over || o->standby) {
+        return options_wrong(o->standby ? "--standby" : "--take-over", NULL,
+                             "goes with a plan, not with --scan");
+    }
+    return -1;
+}
+
 static int check_together(const struct options *o) {
     if (o->plan_file == NULL && !o->scan) {
         return options_wrong("PLAN", NULL,
                              "the plan is missing; fsoe-net plan NETWORK -o PLAN makes one");
     }
-    if (o->plan_file != NULL && o->scan) {
-        return options_wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
-    }
-    if (o->scan && o->interface_count > 1) {
-        return options_wrong("--scan", NULL, "looks at one bus: one --interface");
-    }
-    if ((o->take_over || o->standby) && o->scan) {
-        return options_wrong(o->standby ? "--standby" : "--take-over", NULL,
-                             "goes with a plan, not with --scan");
-    }
     if (o->take_over && o->standby) {
         return options_wrong("--standby", NULL,
                              "either at once, with --take-over, or when the other stops");
     }
-    int code = check_bus(o);
+    int code = check_scan(o);
+    if (code == -1) {
+        code = check_bus(o);
+    }
     if (code == -1) {
         code = check_signed(o);
     }

@@ -316,7 +316,7 @@ static bool follow_on(void *self) {
 static fsn_status follow(struct runner *runner, struct fsn_fault *fault) {
     /* As urgent as the cycle: it does nearly nothing, until it is the one who has to act. The
      * cyclic thread is created by it, and then it is an ordinary thread again. */
-    const struct sched_param urgent = {.sched_priority = priority_of(runner->options)};
+    const struct sched_param urgent = {.sched_priority = options_priority(runner->options)};
     if (urgent.sched_priority > 0) {
         (void)pthread_setschedparam(pthread_self(), SCHED_FIFO, &urgent);
     }
@@ -345,8 +345,8 @@ static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
     fsn_status status = FSN_OK;
     if (runner->options->standby) {
         status = follow(runner, fault);
-        status =
-            status != FSN_OK ? status : former_kill(former, priority_of(runner->options), fault);
+        status = status != FSN_OK ? status
+                                  : former_kill(former, options_priority(runner->options), fault);
     } else {
         status = former_end(former, fault);
     }

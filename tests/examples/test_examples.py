@@ -31,7 +31,13 @@ def test_there_are_ten_broken_examples():
 
 @pytest.mark.shows("R6")
 @pytest.mark.parametrize(
-    "name", ["estop/network.yaml", "estop/estop.urdf.xacro", "el6910/network.yaml"]
+    "name",
+    [
+        "estop/network.yaml",
+        "estop/estop.urdf.xacro",
+        "el6910/network.yaml",
+        "two-buses/network.yaml",
+    ],
 )
 def test_good_examples_are_clean(name: str):
     found = check_files([str(EXAMPLES / name)]).diagnostics

@@ -33,20 +33,21 @@ def _of(schema: dict[str, Any], root: dict[str, Any]) -> st.SearchStrategy[Any]:
         return st.just(schema["const"])
     if "enum" in schema:
         return st.sampled_from(schema["enum"])
-    if "anyOf" in schema:
-        return st.one_of([_of(_joined(schema, part), root) for part in schema["anyOf"]])
+    for some in ("anyOf", "oneOf"):
+        if some in schema:
+            return st.one_of([_of(_joined(schema, part, some), root) for part in schema[some]])
     kinds = schema.get("type", "null")
     kinds = [kinds] if isinstance(kinds, str) else kinds
     return st.one_of([_of_kind(kind, schema, root) for kind in kinds])
 
 
-def _joined(schema: dict[str, Any], part: dict[str, Any]) -> dict[str, Any]:
+def _joined(schema: dict[str, Any], part: dict[str, Any], some: str) -> dict[str, Any]:
     """Return an object that is also as one of its alternatives says."""
     properties = dict(schema.get("properties", {}))
     for key, more in part.get("properties", {}).items():
         properties[key] = {**properties[key], **more}
     needed = [*schema.get("required", ()), *part.get("required", ())]
-    rest = {k: v for k, v in schema.items() if k != "anyOf"}
+    rest = {k: v for k, v in schema.items() if k != some}
     return {**rest, "properties": properties, "required": needed}
 
 

@@ -36,11 +36,12 @@ def wait_for(what, found):
 
 
 class Emulator:
-    """`fsoe-net emulate` on the far end; takes commands."""
+    """`fsoe-net emulate` on the far end of each cable; takes commands."""
 
-    def __init__(self, network, *options, before=()):
+    def __init__(self, network, *options, interfaces=("far",), before=()):
+        where = [word for far in interfaces for word in ("--interface", far)]
         self._process = subprocess.Popen(
-            [*before, *FSN, "emulate", network, "--interface", "far", "--commands", *options],
+            [*before, *FSN, "emulate", network, *where, "--commands", *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -78,9 +79,10 @@ def run(network, *options):
 class Running:
     """A run in the background, with its fsn-master and a client of our own."""
 
-    def __init__(self, network, *options):
+    def __init__(self, network, *options, interfaces=("near",)):
+        where = [word for near in interfaces for word in ("--interface", near)]
         self.process = subprocess.Popen(
-            [*FSN, "run", network, "--interface", "near", "--wait", "30", *options],
+            [*FSN, "run", network, *where, "--wait", "30", *options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

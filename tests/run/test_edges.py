@@ -199,7 +199,7 @@ def test_what_a_step_does_to_a_segment(
     action: Action, more: dict[str, Any], told: tuple[Any, ...] | None
 ):
     segment: Any = Recorder()
-    apply_step(segment, ScenarioStep(span=HERE, at_ns=0, action=action, **more))
+    apply_step([segment], ScenarioStep(span=HERE, at_ns=0, action=action, **more))
     assert segment.told == ([] if told is None else [told])
 
 

@@ -217,7 +217,12 @@ BROKEN = {
     "decoder": ("recorded run", "fsoe/monitor.py", "State.DATA_PROCESS\n", "State.RESET\n"),
     "rule": ("broken networks", "rules/ends.py", '"FSN203"', '"FSN205"'),
     "compiler": ("reference networks", "plan/codec.py", "zlib.crc32(", "1 ^ zlib.crc32("),
-    "fingerprint": ("reference networks", "plan/fingerprint.py", "cycle_ns={", "cycle={"),
+    "fingerprint": (
+        "reference networks",
+        "plan/fingerprint.py",
+        "cycle_ns={cycle_ns",
+        "cycle={cycle_ns",
+    ),
     "example": ("reference networks", "examples/estop/network.yaml", "address: 14", "address: 15"),
     "broken example": ("broken networks", "examples/broken/04_size.yaml", "size: 7", "size: 6"),
     "scenario": ("emulated runs", "examples/estop/scenario.yaml", "break: ek1914", "break: el1918"),

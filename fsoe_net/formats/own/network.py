@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.diag.pause import without_collector
+from fsoe_net.formats.own.buses import buses_from_yaml, cycle_from_yaml
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import (
@@ -25,7 +26,7 @@ from fsoe_net.formats.own.schema import (
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.numbers import own_int, read_float
+from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.network import Net, NetworkConfig
@@ -33,8 +34,6 @@ from fsoe_net.model.safety import SafetyFunction
 
 if TYPE_CHECKING:
     from fsoe_net.formats.ros2.urdf import DriverSystem, ModuleDecl
-
-_SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
 
 __all__ = ["FileKind", "LoadResult", "load_network"]
 
@@ -157,7 +156,7 @@ class _Assembly:
         if other in ("acceptance", "answers", "protocol", "scenario"):
             refuse_kind(root, other, "network", "FSN117", self.out)
             return None
-        if "subdevices" in root.pairs:
+        if "subdevices" in root.pairs or "buses" in root.pairs:
             return FileKind.NETWORK
         best = max(scores, key=lambda k: (scores[k], k is FileKind.TRANSFERS))
         if scores[best]:
@@ -195,7 +194,15 @@ class _Assembly:
 
     def _from_network_file(self, file: _Yaml) -> NetworkConfig:
         root = file.root
-        subs = [s for s in map(self._subdevice, root.maps("subdevices")) if s is not None]
+        buses = buses_from_yaml(root, self.out)
+        if "subdevices" not in root.pairs and "buses" not in root.pairs:
+            self.out.add(
+                "FSN110",
+                root.span,
+                "the document has no 'subdevices'",
+                hint="add subdevices: a list, or buses: where there are several",
+            )
+        subs = self._on_buses([root.maps("subdevices"), *(b.subdevices for b in buses)])
         frames = any(s.device is not None and s.device.layout.blocks for s in subs)
         needed = frames or not isinstance(root.get("nets"), SeqNode)
         nets = nets_from_yaml(root, self.out, needed=needed)
@@ -205,30 +212,22 @@ class _Assembly:
             name=root.text("name") or Path(file.path).stem,
             span=root.span,
             fields=root.places(),
-            cycle_ns=self._cycle_ns(root),
+            cycle_ns=buses[0].bus.cycle_ns if buses else cycle_from_yaml(root, self.out),
             subdevices=subs,
-            partial="subdevices" not in root.pairs,  # said once, not of each name again
+            # said once, not of each name again
+            partial="subdevices" not in root.pairs and not buses,
             nets=nets,
             safety_functions=safety_functions_from_yaml(root, self.out),
             project=root.text("project") or "",
         )
-        return replace(network, fields=root.places())
+        return replace(network, fields=root.places(), buses=tuple(b.bus for b in buses))
 
-    def _cycle_ns(self, root: MapNode) -> int | None:
-        cycle_us = read_float(root.get("cycle_us"), self.out, what="cycle_us")
-        if cycle_us is None:
-            return None
-        if not _SHORTEST_CYCLE_US <= cycle_us <= 4_000_000:
-            self.out.add(
-                "FSN130",
-                root.at("cycle_us"),
-                f"cycle_us {root.text('cycle_us')} is not a possible bus cycle",
-                hint="write the cycle in microseconds: 1 ms is cycle_us: 1000",
-            )
-            return None
-        return max(1, round(cycle_us * 1000))
+    def _on_buses(self, rows: Sequence[Sequence[MapNode]]) -> list[SubDevice]:
+        """Read what stands outside of buses, which are on the first, then on each bus."""
+        found = (self._subdevice(row, max(0, n - 1)) for n, of in enumerate(rows) for row in of)
+        return [sub for sub in found if sub is not None]
 
-    def _subdevice(self, node: MapNode) -> SubDevice | None:
+    def _subdevice(self, node: MapNode, bus: int) -> SubDevice | None:
         name = node.text("name")
         config = node.text("config")
         alias = own_int(node, "alias", 0xFFFF, self.out)
@@ -251,6 +250,7 @@ class _Assembly:
             position=position or 0,
             device=self._device(config, node.span.file, node.at("config")),
             revision=own_int(node, "revision", 0xFFFFFFFF, self.out),
+            master_id=bus,
         )
 
     def _device(self, config: str, named_in: str, named_at: Span) -> Device | None:

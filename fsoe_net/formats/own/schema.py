@@ -69,7 +69,7 @@ _NAMED = {  # by their keys; what it is, and what takes it
 _TELLTALES = (
     ("protocol", {"plan_sha256"}),
     ("acceptance", {"acceptance_record"}),
-    ("network", {"subdevices"}),
+    ("network", {"subdevices", "buses"}),
     ("slave", {"vendor_id", "rpdo", "tpdo"}),
     ("scenario", {"duration_s", "expect", "steps"}),
 )

@@ -1,0 +1,75 @@
+"""Buses of a network file, and the bus cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.numbers import read_float
+from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode
+from fsoe_net.model.network import Bus
+
+__all__ = ["BusRows", "buses_from_yaml", "cycle_from_yaml"]
+
+_SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BusRows:
+    """A bus, and what its file says of each SubDevice on it."""
+
+    bus: Bus
+    subdevices: tuple[MapNode, ...]
+
+
+def cycle_from_yaml(node: MapNode, out: Collector) -> int | None:
+    """Return ``cycle_us`` of a network or bus in ns.
+
+    Args:
+        node: The map that may have the key.
+        out: Takes FSN130 for what no bus can do.
+    """
+    cycle_us = read_float(node.get("cycle_us"), out, what="cycle_us")
+    if cycle_us is None:
+        return None
+    if not _SHORTEST_CYCLE_US <= cycle_us <= 4_000_000:
+        out.add(
+            "FSN130",
+            node.at("cycle_us"),
+            f"cycle_us {node.text('cycle_us')} is not a possible bus cycle",
+            hint="write the cycle in microseconds: 1 ms is cycle_us: 1000",
+        )
+        return None
+    return max(1, round(cycle_us * 1000))
+
+
+def buses_from_yaml(root: MapNode, out: Collector) -> list[BusRows]:
+    """Return the buses of a network file; nothing where it has one without a name.
+
+    Args:
+        root: The document.
+        out: Takes FSN130 and FSN164.
+    """
+    if not isinstance(root.get("buses"), SeqNode):
+        return []
+    for key in ("subdevices", "cycle_us"):
+        if key in root.pairs:
+            out.add(
+                "FSN164",
+                root.keys[key],
+                f"{key} stands beside buses; which bus it is of is not known",
+                hint=f"write {key} under the bus it belongs to, or leave buses out",
+            )
+    return [
+        BusRows(
+            bus=Bus(
+                span=node.span,
+                fields=node.places(),
+                name=node.text("name") or "",
+                interface=node.text("interface") or "",
+                cycle_ns=cycle_from_yaml(node, out),
+            ),
+            subdevices=tuple(node.maps("subdevices")),
+        )
+        for node in root.maps("buses")
+    ]
