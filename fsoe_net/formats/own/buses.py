@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
+from fsoe_net.formats.own.schema import MOST_UNKNOWN, nearest_key
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode
 from fsoe_net.model.network import Bus
 
-__all__ = ["BusRows", "buses_from_yaml", "cycle_from_yaml"]
+__all__ = ["BusRows", "buses_from_yaml", "check_subdevices", "cycle_from_yaml"]
 
 _SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
 
@@ -20,6 +22,26 @@ class BusRows:
 
     bus: Bus
     subdevices: tuple[MapNode, ...]
+
+
+def check_subdevices(root: MapNode, out: Collector) -> None:
+    """Report that a network file says nowhere what is on its bus; a misspelt key is known already.
+
+    Args:
+        root: The document.
+        out: Takes FSN110.
+    """
+    wanted = ("subdevices", "buses")
+    others = itertools.islice((k for k in root.pairs if k not in wanted), MOST_UNKNOWN)
+    if not any(key in root.pairs for key in wanted) and not any(
+        nearest_key(key, wanted) for key in others
+    ):
+        out.add(
+            "FSN110",
+            root.span,
+            "the document has no 'subdevices'",
+            hint="add subdevices: a list, or buses: where there are several",
+        )
 
 
 def cycle_from_yaml(node: MapNode, out: Collector) -> int | None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.diag.pause import without_collector
-from fsoe_net.formats.own.buses import buses_from_yaml, cycle_from_yaml
+from fsoe_net.formats.own.buses import buses_from_yaml, check_subdevices, cycle_from_yaml
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import (
@@ -195,13 +195,8 @@ class _Assembly:
     def _from_network_file(self, file: _Yaml) -> NetworkConfig:
         root = file.root
         buses = buses_from_yaml(root, self.out)
-        if "subdevices" not in root.pairs and "buses" not in root.pairs:
-            self.out.add(
-                "FSN110",
-                root.span,
-                "the document has no 'subdevices'",
-                hint="add subdevices: a list, or buses: where there are several",
-            )
+        if not buses:
+            check_subdevices(root, self.out)
         subs = self._on_buses([root.maps("subdevices"), *(b.subdevices for b in buses)])
         frames = any(s.device is not None and s.device.layout.blocks for s in subs)
         needed = frames or not isinstance(root.get("nets"), SeqNode)
