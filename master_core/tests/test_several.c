@@ -7,6 +7,7 @@
 #include <time.h>
 
 #include "builder.h"
+#include "fsn/acyclic.h"
 #include "fsn/fsn.h"
 #include "heap.h"
 
@@ -470,6 +471,183 @@ static void a_refusal_names_the_bus(void) {
     fsn_plan_free(plan);
 }
 
+/* -- beside the cycle ----------------------------------------------------------------------- */
+
+/** A bus of two SubDevices in memory, of which a test says what it knows. */
+struct scripted {
+    struct fsn_emulated *bus;
+    uint32_t number, members; /**< on the ring; more than the plan has */
+    uint8_t asked_state;
+    bool there;
+    char called[64]; /**< the last call, with its arguments as this bus got them */
+};
+
+static struct scripted buses_said[2];
+
+static fsn_status scripted_open(void *bus, const struct fsn_plan *plan,
+                                struct fsn_bus_layout *layout, struct fsn_fault *fault) {
+    return fsn_emulated_ops()->open(((struct scripted *)bus)->bus, plan, layout, fault);
+}
+
+static void scripted_receive(void *bus, struct fsn_bus_input *input) {
+    fsn_emulated_ops()->receive(((struct scripted *)bus)->bus, input);
+    input->lost_frames = 1 + ((struct scripted *)bus)->number;
+    input->unsent_frames = 1;
+    input->send_errno = 5;
+}
+
+static void scripted_send(void *bus) {
+    fsn_emulated_ops()->send(((struct scripted *)bus)->bus);
+}
+
+static void scripted_close(void *bus) {
+    fsn_emulated_ops()->close(((struct scripted *)bus)->bus);
+}
+
+static bool scripted_poll(void *bus, uint8_t al_state, uint64_t now_ns) {
+    struct scripted *s = bus;
+    s->asked_state = now_ns == 77 ? al_state : 0;
+    return s->there;
+}
+
+static fsn_status scripted_state(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
+    seen->vendor_id = 100 * ((struct scripted *)bus)->number + subdevice;
+    return FSN_OK;
+}
+
+static uint32_t scripted_count(void *bus) {
+    return ((struct scripted *)bus)->members;
+}
+
+static uint32_t scripted_place(void *bus, uint32_t subdevice) {
+    return ((struct scripted *)bus)->there ? subdevice + 1 : FSN_NONE; /* a coupler comes first */
+}
+
+static fsn_status scripted_member(void *bus, uint32_t position, struct fsn_bus_member *member) {
+    (void)bus;
+    member->subdevice = position == 0 ? FSN_NONE : position - 1;
+    return FSN_OK;
+}
+
+static fsn_status note(void *bus, const char *what, unsigned position, unsigned more) {
+    struct scripted *s = bus;
+    snprintf(s->called, sizeof s->called, "%s %u %u", what, position, more);
+    return FSN_OK;
+}
+
+static fsn_status scripted_upload(void *bus, struct fsn_transfer *transfer) {
+    return note(bus, "upload", transfer->position, transfer->index);
+}
+
+static fsn_status scripted_download(void *bus, struct fsn_transfer *transfer) {
+    return note(bus, "download", transfer->position, transfer->index);
+}
+
+static fsn_status scripted_sii_read(void *bus, uint32_t position, uint32_t offset, uint8_t *data,
+                                    uint32_t size_bytes) {
+    memset(data, 0, size_bytes);
+    return note(bus, "sii-read", position, offset);
+}
+
+static fsn_status scripted_sii_write(void *bus, uint32_t position, uint32_t offset, uint16_t word) {
+    return note(bus, "sii-write", position, offset + word);
+}
+
+static fsn_status scripted_pdo(void *bus, uint32_t position, uint8_t sm, uint32_t pdo,
+                               uint16_t *index, bool *output, uint32_t *entries, uint32_t room,
+                               uint32_t *count) {
+    (void)index;
+    (void)output;
+    (void)entries;
+    (void)count;
+    return note(bus, "pdo", position, sm + pdo + room);
+}
+
+static const struct fsn_bus_acyclic scripted_acyclic = {.count = scripted_count,
+                                                        .place = scripted_place,
+                                                        .member = scripted_member,
+                                                        .upload = scripted_upload,
+                                                        .download = scripted_download,
+                                                        .sii_read = scripted_sii_read,
+                                                        .sii_write = scripted_sii_write,
+                                                        .pdo = scripted_pdo};
+static const struct fsn_bus_ops scripted_ops = {.name = "scripted",
+                                                .open = scripted_open,
+                                                .receive = scripted_receive,
+                                                .send = scripted_send,
+                                                .close = scripted_close,
+                                                .poll = scripted_poll,
+                                                .state = scripted_state,
+                                                .acyclic = &scripted_acyclic};
+
+/** Whatever is asked beside the cycle reaches the bus that has it, with the numbers of that bus. */
+static void each_bus_answers_for_its_own(void) {
+    struct fsn_plan *plan = two_buses(LEAD_NS);
+    struct fsn_several_member members[2];
+    struct fsn_plan *part[2];
+    struct fsn_several *several;
+    struct fsn_core *core;
+    for (uint32_t n = 0; n < 2; n++) {
+        buses_said[n] = (struct scripted){.number = n, .members = 3, .there = true};
+        CHECK(fsn_plan_part(plan, n, &part[n]) == FSN_OK);
+        CHECK(fsn_emulated_create(part[n], &buses_said[n].bus) == FSN_OK);
+        members[n] = (struct fsn_several_member){&scripted_ops, &buses_said[n], part[n]};
+    }
+    CHECK(fsn_several_create(plan, members, NULL, &several) == FSN_OK);
+    const struct fsn_bus_ops *ops = fsn_several_ops(several);
+    CHECK(strcmp(ops->name, "scripted") == 0);
+    CHECK(fsn_core_create(plan, ops, several, &core, NULL) == FSN_OK);
+
+    CHECK(fsn_core_poll(core, FSN_AL_OP, 77));
+    CHECK(buses_said[0].asked_state == FSN_AL_OP && buses_said[1].asked_state == FSN_AL_OP);
+    buses_said[0].there = false; /* the other one is polled all the same */
+    CHECK(!fsn_core_poll(core, FSN_AL_SAFEOP, 77) && buses_said[1].asked_state == FSN_AL_SAFEOP);
+    buses_said[0].there = true;
+    struct fsn_bus_subdevice seen;
+    for (uint32_t n = 0; n < 4; n++) {
+        CHECK(fsn_core_subdevice(core, n, &seen) == FSN_OK);
+        CHECK(seen.vendor_id == 100 * (n / 2) + n % 2);
+    }
+    /* Places are counted over both rings, each with a coupler before its SubDevices. */
+    const struct fsn_bus_acyclic *acyclic = ops->acyclic;
+    struct fsn_bus_member member;
+    static const uint32_t planned[] = {FSN_NONE, 0, 1, FSN_NONE, 2, 3};
+    CHECK(acyclic->count(several) == 6);
+    for (uint32_t n = 0; n < 6; n++) {
+        CHECK(acyclic->member(several, n, &member) == FSN_OK && member.subdevice == planned[n]);
+    }
+    CHECK(acyclic->place(several, 1) == 2 && acyclic->place(several, 2) == 4);
+    buses_said[1].there = false;
+    CHECK(acyclic->place(several, 3) == FSN_NONE);
+    buses_said[1].there = true;
+    uint8_t data[8];
+    struct fsn_transfer transfer = {.index = 9, .data = data, .size_bytes = sizeof data};
+    CHECK(fsn_core_upload(core, 3, &transfer) == FSN_OK && transfer.position == 5);
+    CHECK(strcmp(buses_said[1].called, "upload 2 9") == 0);
+    CHECK(fsn_core_download(core, 0, &transfer) == FSN_OK && transfer.position == 1);
+    CHECK(strcmp(buses_said[0].called, "download 1 9") == 0);
+    CHECK(acyclic->sii_read(several, 3, 64, data, 8) == FSN_OK);
+    CHECK(strcmp(buses_said[1].called, "sii-read 0 64") == 0);
+    CHECK(acyclic->sii_write(several, 4, 8, 3) == FSN_OK);
+    CHECK(strcmp(buses_said[1].called, "sii-write 1 11") == 0);
+    CHECK(acyclic->pdo(several, 2, 3, 1, NULL, NULL, NULL, 5, NULL) == FSN_OK);
+    CHECK(strcmp(buses_said[0].called, "pdo 2 9") == 0);
+
+    CHECK(fsn_core_cycle(core, 1) == FSN_OK && fsn_core_cycle(core, 2) == FSN_OK);
+    struct fsn_statistics all, first, second;
+    CHECK(fsn_core_snapshot(core, &all, NULL, NULL) == FSN_OK);
+    CHECK(fsn_core_bus(core, 0, &first) == FSN_OK && fsn_core_bus(core, 1, &second) == FSN_OK);
+    CHECK(first.lost_frames == 2 && second.lost_frames == 4 && all.lost_frames == 6);
+    CHECK(all.unsent_frames == 4 && all.send_errno == 5);
+    fsn_core_free(core);
+    fsn_several_free(several);
+    for (uint32_t n = 0; n < 2; n++) {
+        fsn_emulated_free(buses_said[n].bus);
+        fsn_plan_free(part[n]);
+    }
+    fsn_plan_free(plan);
+}
+
 #ifdef FSN_TEST_HEAP
 /** Whichever allocation fails: a refusal, and nothing stays behind. */
 static void memory_may_run_out(void) {
@@ -506,6 +684,7 @@ int main(void) {
     outputs_of_each_bus_are_written();
     a_lost_bus_takes_its_own_with_it();
     a_refusal_names_the_bus();
+    each_bus_answers_for_its_own();
 #ifdef FSN_TEST_HEAP
     memory_may_run_out();
 #endif
