@@ -105,6 +105,8 @@ class LiveBus:
         Raises:
             click.UsageError: A bus has no interface, or an option goes with one bus.
         """
+        if not self.interfaces and not network.buses:
+            raise click.UsageError("--bus is for a live bus: name its --interface too")
         interfaces = interfaces_of(self.interfaces, network, own=True)
         for name, value in (("--redundant", self.redundant), ("--cycle", self.cycle_ns)):
             if network.buses and value is not None:

@@ -21,7 +21,7 @@ bool handover_send(int fd, const void *message, size_t len_bytes, const int *fds
     if (fd_count > 0) {
         header.msg_control = control.bytes;
         header.msg_controllen = CMSG_SPACE(fd_count * sizeof(int));
-        struct cmsghdr *c = CMSG_FIRSTHDR(&header);
+        struct cmsghdr *c = &control.align; /* the first, and the only one */
         c->cmsg_level = SOL_SOCKET;
         c->cmsg_type = SCM_RIGHTS;
         c->cmsg_len = CMSG_LEN(fd_count * sizeof(int));

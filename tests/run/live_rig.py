@@ -216,12 +216,14 @@ def fault(name):
         last = running.in_data().subdevices[-1].name
         for step in FAULTS[name]:
             _send_as_another(50) if step == "foreign" else emulator.do(step.replace("LAST", last))
+        log = Path("log/interventions-000001.jsonl")
         wait_for("a file", lambda: [p for p in Path().glob("incident-*") if _is_whole(p)])
+        wait_for("its entry", lambda: '"event":"incident"' in log.read_text("utf-8"))
         running.end(signal.SIGINT)
         emulator.end()
         first = min(Path().glob("incident-*"), key=lambda p: p.stat().st_mtime_ns)
         likely = judged(first).likely
-        lines = Path("log/interventions-000001.jsonl").read_text("utf-8").splitlines()
+        lines = log.read_text("utf-8").splitlines()
         return {
             "key": likely and likely.key,
             "title": likely and likely.title,

@@ -240,7 +240,10 @@ def test_a_segment_is_served_until_its_time_is_over():
 
     stepped: list[int] = []
     updates: list[int] = []
-    served: Any = Facts(segment=Segment(), step_devices=stepped.append, result=lambda now: now)
+    segment = Segment()
+    served: Any = Facts(
+        segment=segment, segments=[segment], step_devices=stepped.append, result=lambda now: now
+    )
     link: Any = "eth1"
     end = serve(served, link, 3_000_000, on_update=lambda _, now: updates.append(now))
     assert int(end) >= 3_000_000  # type: ignore[call-overload]

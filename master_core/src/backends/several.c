@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/exchange.h"
 #include "fsn/acyclic.h"
 #include "plan/plan_internal.h"
-#include "rt/exchange.h"
 #include "rt/prefault.h"
 
 /** One bus, with its place in the leading image. */
@@ -16,8 +16,6 @@ struct member {
     struct fsn_bus_info info;
     uint32_t first_sm;
     struct fsn_bus_layout layout;
-    struct fsn_exchange_span *spans; /**< inputs, then outputs */
-    uint8_t *storage;                /**< of the exchange */
     struct fsn_exchange exchange;
     uint32_t image_base, datagram_base;
     struct fsn_core *core; /**< its cycle; NULL: it leads */
@@ -124,69 +122,13 @@ static void several_send(void *context) {
 
 /* -- opening -------------------------------------------------------------------------------- */
 
-/** Sync managers of one direction that have a place, behind those in the list. */
-static uint32_t list_spans(struct member *m, uint8_t direction, uint32_t behind) {
-    uint32_t count = 0;
-    for (uint32_t sm = 0; sm < fsn_plan_sm_count(m->part); sm++) {
-        const struct fsn_sm_info info = fsn_known_sm(m->part, sm);
-        if (m->layout.sm_base[sm] != FSN_NONE && info.direction == direction) {
-            m->spans[behind + count++] =
-                (struct fsn_exchange_span){m->layout.sm_base[sm], info.size_bytes};
-        }
-    }
-    return count;
-}
-
-/** Room for three sets in each direction. */
-static bool make_sets(struct member *m) {
-    struct fsn_exchange *x = &m->exchange;
-    const size_t wkc_bytes = x->datagram_count * sizeof(struct fsn_wkc);
-    const size_t set_bytes = wkc_bytes + 2 * (size_t)x->image_bytes + x->sm_count;
-    const size_t stride = (set_bytes + 63) / 64 * 64;
-    m->storage = fsn_calloc_prefaulted(FSN_TRIPLE_SETS, stride);
-    if (m->storage == NULL) {
-        return false;
-    }
-    for (size_t i = 0; i < FSN_TRIPLE_SETS; i++) {
-        uint8_t *at = m->storage + i * stride;
-        x->brought[i].wkc = (struct fsn_wkc *)(void *)at;
-        x->brought[i].image = at + wkc_bytes;
-        x->given[i] = x->brought[i].image + x->image_bytes;
-        x->brought[i].sm_stale = x->given[i] + x->image_bytes;
-    }
-    fsn_triple_init(&x->up);
-    fsn_triple_init(&x->down);
-    return true;
-}
-
-static fsn_status make_exchange(struct member *m) {
-    const uint32_t sms = fsn_plan_sm_count(m->part);
-    struct fsn_exchange *x = &m->exchange;
-    m->spans = fsn_calloc_prefaulted((size_t)sms + 1, sizeof *m->spans);
-    if (m->spans == NULL) {
-        return FSN_E_NOMEM;
-    }
-    *x = (struct fsn_exchange){.image = m->layout.image,
-                               .image_bytes = m->layout.image_bytes,
-                               .datagram_count = m->layout.datagram_count,
-                               .sm_count = sms};
-    x->input_count = list_spans(m, FSN_INPUT, 0);
-    x->output_count = list_spans(m, FSN_OUTPUT, x->input_count);
-    x->inputs = m->spans;
-    x->outputs = m->spans + x->input_count;
-    return make_sets(m) ? FSN_OK : FSN_E_NOMEM;
-}
-
 static void member_close(void *context) {
     struct member *m = context;
     if (m->open && m->of.ops->close != NULL) {
         m->of.ops->close(m->of.bus);
     }
     m->open = false;
-    free(m->spans);
-    free(m->storage);
-    m->spans = NULL;
-    m->storage = NULL;
+    fsn_exchange_free(&m->exchange);
 }
 
 /** open() of the backend itself; then everything else is known. */
@@ -199,7 +141,7 @@ static fsn_status member_open(void *context, const struct fsn_plan *plan,
     }
     m->open = true;
     *layout = m->layout;
-    status = make_exchange(m);
+    status = fsn_exchange_create(m->part, &m->layout, &m->exchange);
     if (status != FSN_OK) {
         member_close(m);
     }

@@ -28,7 +28,8 @@ struct fsn_exchange_inputs {
 struct fsn_exchange {
     uint8_t *image; /**< of the bus */
     uint32_t image_bytes, datagram_count, sm_count;
-    const struct fsn_exchange_span *inputs, *outputs;
+    const struct fsn_exchange_span *inputs, *outputs; /**< one block, the inputs first */
+    uint8_t *room;                                    /**< of the sets below */
     uint32_t input_count, output_count;
     struct fsn_triple up, down;
     struct fsn_exchange_inputs brought[FSN_TRIPLE_SETS];
