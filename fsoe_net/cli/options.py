@@ -127,12 +127,12 @@ INTERFACES = click.option(
     type=INTERFACE,
     multiple=True,
     metavar="IF",
-    help="Its interface or IgH master; BUS=IF for each of several buses.",
+    help="Live bus: its interface or IgH master; BUS=IF for each of several.",
 )
 
 
 def _by_bus(given: Sequence[str], names: Sequence[str]) -> dict[str, str]:
-    found = {}
+    found: dict[str, str] = {}
     for text in given:
         name, _, interface = text.partition("=")
         if name not in names or not interface:
@@ -140,6 +140,8 @@ def _by_bus(given: Sequence[str], names: Sequence[str]) -> dict[str, str]:
                 f"--interface {text}: this network has several buses; write BUS=IF, where BUS is "
                 f"{' or '.join(names)}"
             )
+        if name in found:
+            raise click.UsageError(f"--interface {text}: this bus has one already")
         found[name] = interface
     return found
 

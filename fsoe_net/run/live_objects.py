@@ -57,15 +57,17 @@ class LiveObjects:
             if device.ports
             for segment in [segment_of(name)]
         ]
-        self._told: list[dict[tuple[int, int], bytes]] = [{} for _ in self._devices]
+        self._reported: list[dict[tuple[int, int], bytes]] = [{} for _ in self._devices]
 
     def update(self) -> None:
         """Report what has changed."""
-        for (segment, position, device), told in zip(self._devices, self._told, strict=True):
+        for (segment, position, device), reported in zip(
+            self._devices, self._reported, strict=True
+        ):
             for index, sub, data in _rows(device):
-                if told.get((index, sub)) != data:
+                if reported.get((index, sub)) != data:
                     segment.set_object(position, index, sub, data)
-                    told[index, sub] = data
+                    reported[index, sub] = data
 
 
 def _rows(device: EmulatedDevice) -> Iterator[_Row]:

@@ -300,6 +300,7 @@ def test_the_leading_bus_may_be_lost_too(slow, tmp_path):
         (["--interface", "near"], "write BUS=IF, where BUS is cell or drives"),
         (["--interface", "robot=near"], "write BUS=IF, where BUS is cell or drives"),
         (["--interface", "cell=eth2"], "two buses on one interface"),
+        (["--interface", "cell=a", "--interface", "cell=b"], "cell=b: this bus has one already"),
         (["--bus", "soem", "--cycle", "1ms"], "--cycle goes with a network of one bus"),
         (["--bus", "soem", "--redundant", "eth3"], "--redundant goes with a network of one bus"),
     ],
