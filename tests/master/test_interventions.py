@@ -167,8 +167,9 @@ def test_a_full_disk_is_reported_and_the_bus_goes_on(tmp_path: Path) -> None:
         client.good("shutdown")
         assert master.wait() == 0
     events = [entry["event"] for entry in entries_of(tmp_path)]
+    # Which entry met the full disk first is chance: one of the start may still have waited.
     assert events.count("interventions") == 2
-    assert events.index("taken") < events.index("interventions")
+    assert "taken" in events
 
 
 def test_entries_that_were_not_written_are_reported_at_the_end(tmp_path: Path) -> None:
