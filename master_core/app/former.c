@@ -112,12 +112,12 @@ static int request(struct former *former, const struct options *o, const struct 
         return refuse(former, "it does not answer; where it hangs, end it with SIGKILL, and start "
                               "the bus without --take-over");
     }
-    if (handover_receive(former->fd, &answer, sizeof answer, fds) != 1 ||
-        answer.format != HANDOVER_FORMAT) {
+    const bool heard = handover_receive(former->fd, &answer, sizeof answer, fds) == 1;
+    const bool whole = heard && take_answer(former, &answer, fds);
+    if (!heard || answer.format != HANDOVER_FORMAT) {
         return refuse(former, "it answers in another way; stop the bus, and start this version");
     }
     answer.text[sizeof answer.text - 1] = 0;
-    const bool whole = take_answer(former, &answer, fds);
     former->again = answer.taken == 0 && answer.again != 0;
     if (former->again && o->standby) {
         former_release(former);

@@ -65,8 +65,10 @@ int handover_receive(int fd, void *message, size_t len_bytes, int *fds) {
     if (got < 0) {
         return errno == EAGAIN || errno == EINTR ? 0 : -1;
     }
-    take_fds(&header, fds);
-    return (size_t)got == len_bytes && (header.msg_flags & (MSG_TRUNC | MSG_CTRUNC)) == 0 ? 1 : -1;
+    const bool whole =
+        (size_t)got == len_bytes && (header.msg_flags & (MSG_TRUNC | MSG_CTRUNC)) == 0;
+    take_fds(&header, whole ? fds : NULL);
+    return whole ? 1 : -1;
 }
 
 int handover_pidfd(int fd, pid_t *pid, uid_t *uid) {

@@ -1,0 +1,353 @@
+/** The side of a process that drives the bus: whom it lets follow, whatever the other end says. */
+#define _GNU_SOURCE
+
+#include "door.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "builder.h"
+#include "control/base/clock.h"
+#include "door_rig.h"
+#include "handover.h"
+#include "log.h"
+
+static struct fsn_plan *plan;
+static struct options options = {.cycle_ns = 1000000, .dc_every = 10};
+static struct door_facts facts;
+
+struct door_rig {
+    struct door door;
+    int listening, room, listener;
+};
+
+static struct door_rig open_door(void) {
+    struct door_rig rig = {.listening = door_rig_listen(), .room = door_rig_memory(100)};
+    rig.listener = door_rig_memory(1);
+    facts = (struct door_facts){.options = &options, .plan = plan, .in_op = true};
+    door_init(&rig.door);
+    door_open(&rig.door, rig.listening);
+    CHECK(rig.door.lock == rig.listening);
+    return rig;
+}
+
+static void shut_door(struct door_rig *rig) {
+    door_close(&rig->door);
+    if (rig->door.successor >= 0) {
+        close(rig->door.successor);
+    }
+    close(rig->listening);
+    close(rig->room);
+    close(rig->listener);
+}
+
+/** One turn of the control thread. */
+static enum door_event turn(struct door_rig *rig) {
+    struct pollfd fds[DOOR_FDS];
+    door_prepare(&rig->door, fds);
+    CHECK(poll(fds, DOOR_FDS, 5000) >= 0);
+    return door_serve(&rig->door, fds, &facts);
+}
+
+static int knock(struct door_rig *rig) {
+    const int fd = door_rig_connect(rig->listening);
+    CHECK(turn(rig) == DOOR_NOTHING);
+    return fd;
+}
+
+static struct handover_hello hello_of(void) {
+    struct handover_hello hello = {.format = HANDOVER_FORMAT,
+                                   .dc_every = options.dc_every,
+                                   .cycle_ns = options.cycle_ns,
+                                   .version = "1.2.3"};
+    fsn_plan_sha256(plan, hello.plan);
+    return hello;
+}
+
+static void say(int fd, uint32_t word) {
+    CHECK(handover_send(fd, &word, sizeof word, NULL, 0));
+}
+
+static uint32_t heard(int fd) {
+    uint32_t word = 0;
+    CHECK(handover_receive(fd, &word, sizeof word, NULL) == 1);
+    return word;
+}
+
+static struct handover_answer answer_at(int fd, int *fds) {
+    struct handover_answer answer;
+    CHECK(handover_receive(fd, &answer, sizeof answer, fds) == 1);
+    CHECK(answer.format == HANDOVER_FORMAT);
+    return answer;
+}
+
+/** Knocks, asks, and is given all there is. */
+static int given(struct door_rig *rig) {
+    const int fd = knock(rig);
+    const struct handover_hello hello = hello_of();
+    static const char known[] = "what the bus knows";
+    struct door_gift gift = {.attachment = {.bytes = known,
+                                            .len_bytes = sizeof known,
+                                            .lock = rig->listening,
+                                            .held = {rig->listener},
+                                            .held_count = 1},
+                             .listener = rig->listener,
+                             .room = rig->room,
+                             .room_bytes = 100};
+    int fds[HANDOVER_FDS];
+    char read_back[sizeof known];
+    CHECK(handover_send(fd, &hello, sizeof hello, NULL, 0));
+    CHECK(turn(rig) == DOOR_REST && !door_is_followed(&rig->door));
+    CHECK(door_give(&rig->door, &gift) == DOOR_NOTHING && door_is_followed(&rig->door));
+    const struct handover_answer answer = answer_at(fd, fds);
+    CHECK(answer.taken == 1 && answer.pid == getpid() && answer.room_bytes == 100);
+    CHECK(answer.attachment_bytes == sizeof known && answer.text[0] == 0);
+    CHECK(pread(fds[HANDOVER_ATTACHMENT], read_back, sizeof read_back, 0) == sizeof read_back);
+    CHECK(memcmp(read_back, known, sizeof known) == 0);
+    CHECK(!handover_has_ended(fds[HANDOVER_SELF], 0));
+    for (size_t i = 0; i < HANDOVER_FDS; i++) {
+        CHECK((fds[i] >= 0) == (i <= HANDOVER_HELD));
+        if (fds[i] >= 0) {
+            close(fds[i]);
+        }
+    }
+    return fd;
+}
+
+static void refused(const struct handover_hello *hello, bool again, const char *text) {
+    struct door_rig rig = open_door();
+    const int fd = knock(&rig);
+    char whole[HANDOVER_TEXT_BYTES];
+    CHECK(handover_send(fd, hello, sizeof *hello, NULL, 0));
+    CHECK(turn(&rig) == DOOR_NOTHING && rig.door.state == DOOR_FREE);
+    const struct handover_answer answer = answer_at(fd, NULL);
+    snprintf(whole, sizeof whole, "process %d, 1.2.3: %s", (int)getpid(), text);
+    CHECK(answer.taken == 0 && answer.again == again && strcmp(answer.text, whole) == 0);
+    close(fd);
+    shut_door(&rig);
+}
+
+/** What does not fit is refused with its reason, and only "not yet" may be tried again. */
+static void who_does_not_fit_is_refused(void) {
+    struct handover_hello hello = hello_of();
+    hello.format++;
+    refused(&hello, false,
+            "its version hands a bus over in another way; stop the bus, and start that version");
+    hello = hello_of();
+    hello.plan[31] ^= 1;
+    refused(&hello, false,
+            "it has another plan; a take-over keeps the plan, another one needs a stop");
+    static const char other[] =
+        "it has another --cycle or --dc-every; they belong to the start of a bus";
+    hello = hello_of();
+    hello.cycle_ns++;
+    refused(&hello, false, other);
+    hello = hello_of();
+    hello.dc_every++;
+    refused(&hello, false, other);
+    struct door_rig rig = open_door();
+    const int fd = knock(&rig);
+    facts.in_op = false;
+    hello = hello_of();
+    CHECK(handover_send(fd, &hello, sizeof hello, NULL, 0) && turn(&rig) == DOOR_NOTHING);
+    const struct handover_answer answer = answer_at(fd, NULL);
+    CHECK(answer.again == 1 && strstr(answer.text, "try again when the bus is ready") != NULL);
+    close(fd);
+    shut_door(&rig);
+}
+
+/** From the first word to the hand-over; the standby is told what it may. */
+static void one_follows_and_takes_over(void) {
+    struct door_rig rig = open_door();
+    const int fd = given(&rig);
+    door_hold(&rig.door, true); /* it does not follow yet, and is told when it does */
+    say(fd, HANDOVER_FOLLOWS);
+    CHECK(turn(&rig) == DOOR_GO_ON && rig.door.state == DOOR_FOLLOWED);
+    CHECK(heard(fd) == HANDOVER_HOLD);
+    door_hold(&rig.door, false);
+    CHECK(heard(fd) == HANDOVER_RESUME);
+    const int second = door_rig_connect(rig.listening);
+    CHECK(turn(&rig) == DOOR_NOTHING);
+    const struct handover_answer answer = answer_at(second, NULL);
+    CHECK(answer.taken == 0 && answer.again == 1);
+    CHECK(strstr(answer.text, "another one follows already, or has not ended yet") != NULL);
+    close(second);
+    shut_door(&rig);
+    CHECK(heard(fd) == HANDOVER_LEAVES);
+    close(fd);
+
+    rig = open_door();
+    const int taker = given(&rig);
+    say(taker, HANDOVER_END);
+    CHECK(turn(&rig) == DOOR_END);
+    door_say_end(&rig.door);
+    CHECK(heard(taker) == HANDOVER_ENDS);
+    close(taker);
+    shut_door(&rig);
+}
+
+/** Whoever says nonsense or goes away leaves a door at which the next one may knock. */
+static void who_leaves_makes_room(void) {
+    struct door_rig rig = open_door();
+    const int silent = knock(&rig);
+    const int next = knock(&rig); /* the silent one makes room */
+    CHECK(rig.door.state == DOOR_KNOCKS);
+    close(next);
+    CHECK(turn(&rig) == DOOR_NOTHING && rig.door.state == DOOR_FREE);
+    close(silent);
+
+    const int odd = knock(&rig);
+    say(odd, HANDOVER_END); /* not a first message */
+    CHECK(turn(&rig) == DOOR_NOTHING && rig.door.state == DOOR_FREE);
+    close(odd);
+
+    const struct handover_hello hello = hello_of();
+    const int gone = knock(&rig);
+    CHECK(handover_send(gone, &hello, sizeof hello, NULL, 0) && turn(&rig) == DOOR_REST);
+    close(gone);
+    CHECK(turn(&rig) == DOOR_GO_ON && rig.door.state == DOOR_FREE);
+    CHECK(door_give(&rig.door, &(struct door_gift){.room = -1}) == DOOR_GO_ON);
+
+    const int liar = given(&rig);
+    say(liar, 4711);
+    CHECK(turn(&rig) == DOOR_GO_ON && rig.door.state == DOOR_FREE);
+    close(liar);
+    shut_door(&rig);
+
+    rig = open_door();
+    const int standby = given(&rig);
+    say(standby, HANDOVER_FOLLOWS);
+    CHECK(turn(&rig) == DOOR_GO_ON);
+    say(standby, HANDOVER_FOLLOWS); /* a second time */
+    CHECK(turn(&rig) == DOOR_NOTHING && rig.door.state == DOOR_FREE);
+    close(standby);
+    shut_door(&rig);
+}
+
+/** One that was given the lock and then does nothing does not hold the acyclic work for ever. */
+static void who_does_nothing_is_left(void) {
+    struct door_rig rig = open_door();
+    const int fd = given(&rig);
+    rig.door.given_ns -= UINT64_C(11000000000);
+    struct pollfd fds[DOOR_FDS];
+    door_prepare(&rig.door, fds);
+    CHECK(door_serve(&rig.door, fds, &facts) == DOOR_GO_ON && rig.door.state == DOOR_FREE);
+    /* It has the lock, and may believe that the bus is its own: nobody else, until it has ended. */
+    const int next = knock(&rig);
+    CHECK(rig.door.state == DOOR_FREE && answer_at(next, NULL).again == 1);
+    close(next);
+    close(fd);
+    shut_door(&rig);
+}
+
+/** A process that has ended makes room for the next one. */
+static void who_has_ended_makes_room(void) {
+    struct door_rig rig = open_door();
+    const pid_t child = fork();
+    CHECK(child >= 0);
+    if (child == 0) {
+        const struct handover_hello hello = hello_of();
+        const int fd = door_rig_connect(rig.listening);
+        _exit(handover_send(fd, &hello, sizeof hello, NULL, 0) ? 0 : 1);
+    }
+    CHECK(turn(&rig) == DOOR_NOTHING && turn(&rig) == DOOR_REST);
+    struct door_gift gift = {.attachment = {.bytes = "", .len_bytes = 1, .lock = rig.listening},
+                             .listener = rig.listener,
+                             .room = rig.room};
+    CHECK(waitpid(child, NULL, 0) == child);
+    CHECK(door_give(&rig.door, &gift) == DOOR_GO_ON && rig.door.successor >= 0);
+    const int next = knock(&rig);
+    CHECK(rig.door.state == DOOR_KNOCKS && rig.door.successor < 0);
+    close(next);
+    shut_door(&rig);
+}
+
+/** Another user is refused; many tries are one line in the log. */
+static void another_user_is_refused(void) {
+    if (geteuid() != 0) {
+        return; /* only root can be another one */
+    }
+    struct door_rig rig = open_door();
+    const pid_t child = fork();
+    CHECK(child >= 0);
+    if (child == 0) {
+        CHECK(setuid(65534) == 0);
+        for (uint32_t i = 0; i < 2; i++) {
+            struct handover_answer answer;
+            const int fd = door_rig_connect(rig.listening);
+            struct pollfd polled = {.fd = fd, .events = POLLIN};
+            CHECK(poll(&polled, 1, 10000) == 1);
+            CHECK(handover_receive(fd, &answer, sizeof answer, NULL) == 1 && answer.taken == 0);
+            CHECK(answer.again == i);
+            CHECK(strstr(answer.text, "must be of the same user or root") != NULL);
+            close(fd);
+        }
+        _exit(0);
+    }
+    int status = 1;
+    CHECK(turn(&rig) == DOOR_NOTHING && rig.door.away_ns != 0);
+    rig.door.away_ns = fsn_now_ns(); /* however long the second one takes to come */
+    CHECK(turn(&rig) == DOOR_NOTHING);
+    CHECK(waitpid(child, &status, 0) == child && status == 0);
+    CHECK(rig.door.state == DOOR_FREE);
+    shut_door(&rig);
+}
+
+/** Where the system has no descriptor left, the one that asked is told, and the bus goes on. */
+static void no_descriptor_is_left(void) {
+    struct door_rig rig = open_door();
+    struct rlimit before;
+    const int fd = knock(&rig);
+    const struct handover_hello hello = hello_of();
+    struct door_gift gift = {.attachment = {.bytes = "", .len_bytes = 1, .lock = rig.listening},
+                             .listener = rig.listener,
+                             .room = rig.room};
+    CHECK(handover_send(fd, &hello, sizeof hello, NULL, 0) && turn(&rig) == DOOR_REST);
+    CHECK(getrlimit(RLIMIT_NOFILE, &before) == 0);
+    CHECK(setrlimit(RLIMIT_NOFILE, &(struct rlimit){.rlim_max = before.rlim_max}) == 0);
+    CHECK(door_give(&rig.door, &gift) == DOOR_GO_ON && rig.door.state == DOOR_FREE);
+    CHECK(setrlimit(RLIMIT_NOFILE, &before) == 0);
+    const struct handover_answer answer = answer_at(fd, NULL);
+    CHECK(answer.taken == 0 && strstr(answer.text, "the system refused: Too many open") != NULL);
+    close(fd);
+    shut_door(&rig);
+}
+
+/** A bus without a lock cannot be handed over, and nobody waits at it. */
+static void without_a_lock_nobody_comes(void) {
+    struct door door;
+    struct pollfd fds[DOOR_FDS];
+    const int no_socket = door_rig_memory(1);
+    door_init(&door);
+    door_open(&door, no_socket);
+    CHECK(door.lock < 0);
+    door_open(&door, -1);
+    door_prepare(&door, fds);
+    CHECK(fds[0].fd < 0 && fds[1].fd < 0);
+    CHECK(door_serve(&door, fds, &facts) == DOOR_NOTHING);
+    door_close(&door);
+    close(no_socket);
+}
+
+int main(void) {
+    log_line(FSN_LOG_INFO, "the first line opens what the log keeps");
+    const int files = open_files();
+    plan = door_rig_plan();
+    who_does_not_fit_is_refused();
+    one_follows_and_takes_over();
+    who_leaves_makes_room();
+    who_does_nothing_is_left();
+    who_has_ended_makes_room();
+    another_user_is_refused();
+    no_descriptor_is_left();
+    without_a_lock_nobody_comes();
+    fsn_plan_free(plan);
+    CHECK(open_files() == files);
+    return 0;
+}
