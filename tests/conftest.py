@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, settings
 from repeat import pytest_cmdline_main, pytest_runtest_makereport  # noqa: F401 - hooks
 from said import pytest_sessionfinish, said  # noqa: F401 - a hook, a fixture
 from stuck import pytest_configure, pytest_timeout_set_timer  # noqa: F401 - hooks
+from uncounted import pytest_runtest_call  # noqa: F401 - a hook
 
 settings.register_profile(
     "fsn", deadline=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]

@@ -120,6 +120,7 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
 
 
 @pytest.mark.shows("R14")
+@pytest.mark.uncounted
 def test_every_reason_is_reported_at_once_and_nothing_is_written(folder: Path) -> None:
     assert (
         fsn("test-protocol", "timed.yaml", "--virtual", "--cycles", "5", "-o", "p.yaml").returncode

@@ -142,6 +142,7 @@ def test_joins_at_any_time(out, inn, seed, skip):
 @pytest.mark.shows("R18")
 @given(sizes, sizes, st.integers(0, 99), st.data())
 @settings(max_examples=200)
+@pytest.mark.uncounted
 def test_both_agree_on_anything(out, inn, seed, data):
     rows = frames_of(out, inn, 40, seed)
     both = Both(out, inn)

@@ -101,6 +101,7 @@ def _functions(draw: st.DrawFn) -> SafetyFunction:
 
 
 @given(st.lists(_functions(), max_size=3, unique_by=lambda f: f.name))
+@pytest.mark.uncounted
 def test_safety_functions_keep_every_character(functions: list[SafetyFunction]) -> None:
     record, out = read(write_acceptance(replace(RECORD, safety_functions=tuple(functions))))
     assert out.diagnostics == []
@@ -109,6 +110,7 @@ def test_safety_functions_keep_every_character(functions: list[SafetyFunction]) 
 
 
 @given(st.lists(_WORDS, max_size=3), st.just("") | _WORDS, st.lists(_WORDS, max_size=3))
+@pytest.mark.uncounted
 def test_circumstances_keep_every_character(
     equipment: list[str], environment: str, names: list[str]
 ) -> None:

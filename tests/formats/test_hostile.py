@@ -65,6 +65,7 @@ def test_hostile_yaml_is_refused_with_one_code(name: str, tmp_path: Path):
     assert code in found or (name.startswith("a number") and found), found
 
 
+@pytest.mark.uncounted
 def test_many_values_are_no_bomb(monkeypatch: pytest.MonkeyPatch):
     data = b"nets: [" + b"1," * 1_100_000 + b"]\n"
     out = Collector()
@@ -184,6 +185,7 @@ def test_very_many_unknown_keys_are_refused_with_few_guesses(
 
 
 @pytest.mark.shows("R7")
+@pytest.mark.uncounted
 def test_memory_stays_bounded(tmp_path: Path):
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     codes(b"[" + b"[]," * 5_000_000 + b"]", tmp_path)

@@ -272,6 +272,7 @@ def test_noise_around_xml(kind: str):
 
 
 @pytest.mark.parametrize("name", READERS)
+@pytest.mark.uncounted
 def test_text_that_is_cut_is_never_a_shorter_map(name: str):
     """Cut behind every character: named as a cut, or read as the very same SubDevices."""
     text, reader = READERS[name]
@@ -356,6 +357,7 @@ def test_other_texts_are_refused(text: str, reader):
     assert [d.code for d in out.diagnostics] == ["FSN140"]
 
 
+@pytest.mark.uncounted
 def test_long_and_many_lines_are_bounded():
     for text in (
         " " * 4_000_000 + "x",
@@ -370,6 +372,7 @@ def test_long_and_many_lines_are_bounded():
     assert [d.code for d in out.diagnostics][:1] == ["FSN103"]
 
 
+@pytest.mark.uncounted
 def test_tables_that_refer_to_each_other_without_end_are_refused():
     entries = "    {0x7000, 0x01, 8},\n" * 255
     pdos = "    {0x1600, 255, e + 0},\n" * 3000

@@ -20,6 +20,7 @@ def _config(seed=1):
 
 @pytest.mark.shows("R19")
 @pytest.mark.parametrize("broken", [*BROKEN, *HANDLERS], ids=lambda row: row.what)
+@pytest.mark.uncounted
 def test_a_broken_engine_is_noticed(broken, monkeypatch, said):
     if broken.name:
         monkeypatch.setattr(broken.where, broken.name, broken.by)
@@ -35,6 +36,7 @@ def test_a_broken_engine_is_noticed(broken, monkeypatch, said):
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name != "bit_errors"])
+@pytest.mark.uncounted
 def test_the_right_ends_pass_with_any_seed(name, seed):
     result = run_trials(_config(seed), name, range(FAULTS))
     assert result.passed, (result.tolerated, result.most_tolerated, result.failures)

@@ -33,6 +33,7 @@ def _colliding(scene, rng):
 
 
 @pytest.mark.parametrize("sizes", SIZES, ids=str)
+@pytest.mark.uncounted
 def test_a_true_collision_is_shown_to_be_one(sizes):
     link, rng = make_link(*sizes), random.Random(5)
     for number in range(30):

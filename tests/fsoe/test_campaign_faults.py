@@ -143,6 +143,7 @@ def test_distance_of_the_code(data_bytes):
     assert code_distance(data_bytes) == 6
 
 
+@pytest.mark.uncounted
 def test_bit_errors_are_all_different_and_complete():
     link = make_link(1, 2)
     count = bit_error_count(link)

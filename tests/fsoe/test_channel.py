@@ -43,6 +43,7 @@ def test_comes_to_data_and_carries_the_data(sizes, delay):
 
 
 @given(st.integers(0, 400), st.integers(1, 60), st.sampled_from(SIZES[:4]))
+@pytest.mark.uncounted
 def test_going_back_repeats_everything(before, after, sizes):
     channel = make_link(*sizes).channel(9)
     for _ in range(before):

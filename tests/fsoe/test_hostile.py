@@ -171,6 +171,7 @@ FAULTS = {
 @pytest.mark.parametrize("sizes", [(2, 2), (6, 4)], ids=str)
 @pytest.mark.parametrize("way", list(Way), ids=str)
 @pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.uncounted
 def test_fault_at_every_cycle(name, way, sizes):
     make, duration = FAULTS[name]
     for at in range(1, CYCLES):
@@ -204,6 +205,7 @@ class _Gullible(Chain):
         return True
 
 
+@pytest.mark.uncounted
 def test_random_faults_for_long():
     rng = random.Random(11)
     valid = 0

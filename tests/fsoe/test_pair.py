@@ -97,6 +97,7 @@ def test_known_start_of_one_byte():
 
 
 @pytest.mark.parametrize("sizes", [(1, 1), (2, 2), (6, 14)])
+@pytest.mark.uncounted
 def test_long_run_wraps_and_collides(sizes):
     """Constant data for more than one turn of the sequence number, natural collisions included."""
     bench = Bench(*sizes).to_data()
@@ -292,6 +293,7 @@ IMAGE = st.one_of(st.none(), st.binary(max_size=20), st.binary(min_size=7, max_s
 
 @settings(max_examples=200, deadline=None)
 @given(st.integers(0, 30), st.sampled_from([1, 2, 6]), st.data())
+@pytest.mark.uncounted
 def test_no_bytes_ever_raise(cycles, size, data):
     """Noise, right commands with noise, bits turned in good frames: one frame or none comes out."""
     bench = Bench(size, size)

@@ -210,6 +210,7 @@ def test_lines_are_read_when_they_are_needed():
     assert len(taken) == 2
 
 
+@pytest.mark.uncounted
 def test_a_long_recording_that_differs_everywhere_needs_little_memory():
     bad = ROWS[9] | {"master_state": "Reset", "slave_state": "Reset"}
     tracemalloc.start()

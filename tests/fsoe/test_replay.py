@@ -75,6 +75,7 @@ def test_every_field_is_compared(field):
 
 
 @pytest.mark.parametrize("right", [True, False])
+@pytest.mark.uncounted
 def test_skipped_cycles(right):
     bench, rows = own_run(12)
     digest = hashlib.sha256()

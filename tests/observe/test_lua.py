@@ -165,6 +165,7 @@ def by_monitor(made: Made) -> list[tuple]:
 
 @pytest.mark.parametrize("head", ["", NO_BIT_LIBRARY], ids=["as it is", "no bit library"])
 @pytest.mark.parametrize("folder", [ESTOP, ROBOT], ids=["estop", "el6910"])
+@pytest.mark.uncounted
 def test_verdicts_are_those_of_our_decoders(folder: Path, head: str, tmp_path: Path):
     made = Made(folder, tmp_path, head=head)
     found = made.new_frames()
@@ -223,6 +224,7 @@ def test_a_lost_packet(tmp_path: Path):
 
 
 @pytest.mark.parametrize("byte", range(6))
+@pytest.mark.uncounted
 def test_a_corrupted_frame_is_wrong_there_and_nowhere_else(byte: int, tmp_path: Path):
     made = Made(ESTOP, tmp_path)
     rows = [row for row in made.new_frames() if row[3].startswith("36")]

@@ -436,6 +436,7 @@ def plans(draw: st.DrawFn) -> Plan:
 @pytest.mark.shows("R4", "R5")
 @settings(max_examples=60, deadline=None)
 @given(plans())
+@pytest.mark.uncounted
 def test_python_and_the_core_agree_on_drawn_plans(plan: Plan) -> None:
     data = encode_plan(plan)
     found = load(data).fingerprint()
@@ -451,6 +452,7 @@ def test_python_and_the_core_agree_on_drawn_plans(plan: Plan) -> None:
     order=st.randoms(use_true_random=False),
     cycle_us=st.integers(100, 10_000),
 )
+@pytest.mark.uncounted
 def test_python_and_the_core_agree_on_drawn_networks(
     tmp_path_factory: pytest.TempPathFactory, slots: list[int], order, cycle_us: int
 ) -> None:

@@ -181,6 +181,7 @@ def test_every_truncation_and_change_is_refused():
 
 
 @pytest.mark.shows("R2")
+@pytest.mark.uncounted
 def test_random_plans_never_crash_and_python_accepts_what_the_core_accepts():
     good = compile_plan(example("el6910")).to_bytes()
     rng = random.Random(7)

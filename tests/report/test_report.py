@@ -408,6 +408,7 @@ def test_names_of_the_user_are_text_everywhere(tmp_path: Path):
             assert len(re.findall(r"(?<!\\)\|", line)) == 4
 
 
+@pytest.mark.uncounted
 def test_thirty_two_connections(tmp_path: Path):
     document = as_json(inputs_of(write_big_network(tmp_path, 33, 64)))
     assert len(table(document, "connections", "connections")["rows"]) == 32

@@ -350,6 +350,7 @@ def test_a_pdo_without_entries_says_nothing_of_ours():
 
 
 @pytest.mark.parametrize("place", [65_535, 65_536])
+@pytest.mark.uncounted
 def test_places_that_no_bus_has_are_not_looked_at(place: int):
     rows = bus().subdevices
     far = replace(rows[0], name="far", position=place)

@@ -456,6 +456,7 @@ def test_the_library_has_nothing_to_say_about_the_examples_but_notes():
     st.booleans(),
     st.data(),
 )
+@pytest.mark.uncounted
 def test_no_description_breaks_the_comparison(
     rows: list[DescribedSubDevice], kind: str, placed: bool, data: st.DataObject
 ):

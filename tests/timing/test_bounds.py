@@ -35,6 +35,7 @@ def test_a_printed_bound_holds_under_what_it_leaves_out(what: Attack) -> None:
 
 @pytest.mark.shows("R9")
 @pytest.mark.parametrize("what", HANDSHAKE, **NAME)
+@pytest.mark.uncounted
 def test_a_bound_of_the_handshake_holds_and_is_reached(what: Attack) -> None:
     found = attack(what, WORKED, SCHEDULES, seed=7)
     assert 0.95 * found.bound <= found.worst <= found.bound + 1e-6
