@@ -18,7 +18,8 @@ def main(cdef: str, include: str, target: str) -> None:
     text = Path(cdef).read_text("utf-8")
     ffi = cffi.FFI()
     ffi.cdef(re.sub(r"^@(struct \w+)$", lambda m: _whole(m[1], headers), text, flags=re.M))
-    ffi.set_source("fsoe_net.core._core", '#include "fsn/fsn.h"\n#include "fsn/segment.h"')
+    used = "".join(f'#include "fsn/{name}.h"\n' for name in ("fsn", "segment", "client"))
+    ffi.set_source("fsoe_net.core._core", used)
     ffi.emit_c_code(target)
 
 

@@ -239,3 +239,28 @@ bool fsn_segment_test_rig(void);
 fsn_status fsn_segment_link(struct fsn_segment *segment,
                             const struct fsn_segment_link_options *options, int *sys_errno);
 void fsn_segment_unlink(struct fsn_segment *segment);
+
+#define FSN_E_BUSY ...
+struct fsn_realtime;
+@struct fsn_realtime_options
+@struct fsn_realtime_fault
+@struct fsn_realtime_symbol
+@struct fsn_realtime_cycle
+@struct fsn_realtime_counts
+fsn_status fsn_realtime_open(const struct fsn_realtime_options *options,
+                             struct fsn_realtime **realtime, struct fsn_realtime_fault *fault);
+void fsn_realtime_close(struct fsn_realtime *realtime);
+uint32_t fsn_realtime_symbol_count(const struct fsn_realtime *realtime);
+fsn_status fsn_realtime_symbol(const struct fsn_realtime *realtime, uint32_t symbol,
+                               struct fsn_realtime_symbol *info);
+fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
+                             struct fsn_realtime_cycle *cycle);
+uint64_t fsn_realtime_get(const struct fsn_realtime *realtime, int32_t symbol);
+double fsn_realtime_value(const struct fsn_realtime *realtime, int32_t symbol);
+fsn_status fsn_realtime_set(struct fsn_realtime *realtime, int32_t symbol, uint64_t raw);
+fsn_status fsn_realtime_set_value(struct fsn_realtime *realtime, int32_t symbol, double value);
+void fsn_realtime_send(struct fsn_realtime *realtime);
+struct fsn_realtime_counts fsn_realtime_counts(const struct fsn_realtime *realtime);
+const uint8_t *fsn_realtime_image(const struct fsn_realtime *realtime);
+uint32_t fsn_realtime_image_bytes(const struct fsn_realtime *realtime);
+uint64_t fsn_realtime_cycle_ns(const struct fsn_realtime *realtime);

@@ -39,6 +39,7 @@ from fsoe_net.run.control_values import (
     read_values,
     read_watched,
 )
+from fsoe_net.run.realtime import RealTime
 
 __all__ = ["PROTOCOL", "Client"]
 
@@ -120,6 +121,27 @@ class Client(ControlLink):
     def renew(self) -> None:
         """Renew the lease, as every request does."""
         self.request("hello")
+
+    def realtime(self, *outputs: str, misses: int = 3, plan_sha256: str = "") -> RealTime:
+        """Enter the cycle over a connection of its own: every cycle's inputs, and own outputs.
+
+        Args:
+            outputs: Names of the outputs it writes; a name may end in ``*``. None: it only reads.
+            misses: Cycles in a row that may pass without new outputs; after one more they take
+                their stop values, and the client has to enter again.
+            plan_sha256: The plan it was made for, as in `Status.plan_sha256`; empty for any.
+
+        Raises:
+            ControlRefused: An output is not free, another plan is loaded, or the bus is stopped.
+            CoreMissing: The compiled part is not there.
+        """
+        return RealTime(
+            self.path,
+            outputs,
+            misses=misses,
+            plan_sha256=plan_sha256,
+            timeout_s=self._timeout_s,
+        )
 
     def start(self) -> BusState:
         """Begin to open the bus; `status` and ``state`` events say how it goes on."""

@@ -17,6 +17,7 @@ from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 __all__ = [
     "BusState",
     "BusStatus",
+    "CycleClient",
     "HistoryMessage",
     "RingStatus",
     "ScanReply",
@@ -105,6 +106,26 @@ class BusStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CycleClient:
+    """A client in the cycle: its number, how many outputs it owns, and what became of them.
+
+    ``state`` is ``reads`` without outputs, else ``waits`` before the first ones, ``runs`` or
+    ``late``. ``on_time``: outputs that left with the frame after the inputs they answer; ``late``:
+    with a later one; ``missed``: cycles without new ones, ``misses`` of them allowed in a row;
+    ``torn``: cycles in which they were being written again and again.
+    """
+
+    client: int
+    outputs: int
+    misses: int
+    state: str
+    on_time: int
+    late: int
+    missed: int
+    torn: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
@@ -113,7 +134,7 @@ class Status:
     engine. ``ring`` is ``None`` with one interface, ``standby`` where no process follows,
     ``interventions`` without an intervention log, ``cpu`` when the cyclic thread may run on any.
     ``buses`` is empty where there is one bus; of several, counts outside it are of all together,
-    in cycles of the first.
+    in cycles of the first. ``in_cycle``: clients that share memory with the cycle.
     """
 
     state: BusState
@@ -147,6 +168,7 @@ class Status:
     in_op: int
     missing: int
     buses: tuple[BusStatus, ...] = ()
+    in_cycle: tuple[CycleClient, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,6 +282,7 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     row["fingerprint"] = None if reported is None else _fingerprint(reported)
     row["version"] = "" if reported is None else str(reported["version"])
     row["buses"] = tuple(map(_bus_status, reply.get("buses", ())))
+    row["in_cycle"] = tuple(CycleClient(**client) for client in reply.get("in_cycle", ()))
     return Status(**{f.name: row[f.name] for f in fields(Status)})
 
 

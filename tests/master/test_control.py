@@ -50,7 +50,7 @@ def test_requests_on_a_running_bus() -> None:
         assert {line.split(":")[0].split()[0] for line in client.good("help")["requests"]} == {
             *("hello", "status", "snapshot", "subdevices", "symbols", "get", "set", "lease"),
             *("arm", "events", "start", "stop", "restart", "shutdown", "help", "layout", "watch"),
-            *("hold", "resume"),
+            *("hold", "resume", "realtime"),
             "incident",
             *("sdo-read", "sdo-write", "sii-read", "alias-write", "history", "scan"),
         }

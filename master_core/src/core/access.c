@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/core_internal.h"
+#include "rt/bytes.h"
 #include "rt/words.h"
 
 /** Reads the last whole picture; false when the writer has begun to overwrite it meanwhile. */
@@ -182,11 +183,7 @@ fsn_status fsn_core_read_symbol(const struct fsn_core *core, const uint8_t *imag
     if (core == NULL || image == NULL || value == NULL || !has_place(core, symbol)) {
         return FSN_E_ARG;
     }
-    const uint32_t first = core->rt.outputs[symbol].bit_offset;
-    *value = 0;
-    for (uint32_t i = 0; i < core->rt.outputs[symbol].bits; i++) {
-        const uint32_t bit = first + i;
-        *value |= (uint64_t)((image[bit / 8] >> (bit % 8)) & 1u) << i;
-    }
+    const struct fsn_rt_output *place = &core->rt.outputs[symbol];
+    *value = fsn_read_bits(image, place->bit_offset, place->bits);
     return FSN_OK;
 }

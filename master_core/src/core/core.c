@@ -44,6 +44,7 @@ void fsn_core_free(struct fsn_core *core) {
         return;
     }
     fsn_core_stop(core);
+    fsn_core_clients_end(core);
     if (core->opened && core->rt.ops->close != NULL) {
         core->rt.ops->close(core->rt.bus);
     }

@@ -8,6 +8,15 @@
 #include "plan/plan_internal.h"
 #include "rt/rt.h"
 
+/** Memory of a client in the cycle. */
+struct fsn_core_place {
+    bool used, closed;
+    uint64_t closed_after; /**< cycle that was the last one then: the next may still read it */
+    struct fsn_shared_outputs *outputs; /**< mapped; NULL: it has none */
+    uint32_t *symbols;
+    uint64_t *values;
+};
+
 struct fsn_core {
     struct fsn_rt rt;
     const struct fsn_plan *plan;
@@ -23,6 +32,9 @@ struct fsn_core {
     uint64_t keep_ns;      /**< as requested by fsn_core_keep() */
     size_t keep_bytes;     /**< as requested by fsn_core_keep() */
     struct fsn_rt_shown shown; /**< of the snapshot, unless fsn_core_share() has moved it */
+    struct fsn_core_place places[FSN_SHARED_CLIENTS];
+    int inputs_fd;    /**< of rt.clients.inputs */
+    uint32_t holders; /**< clients so far that have outputs */
     pthread_t thread;
     bool running;
 };
@@ -30,6 +42,10 @@ struct fsn_core {
 /** Opens the bus, proves plan and layout together and builds what the cycle executes.
  *  On refusal the caller frees the core. */
 fsn_status fsn_core_activate(struct fsn_core *core, struct fsn_fault *fault);
+
+/** Says to clients in the cycle that no further one comes, and gives their memory back.
+ *  Context: set-up, the cycle stands. */
+void fsn_core_clients_end(struct fsn_core *core);
 
 /** Makes room for the cycles that fsn_core_keep() requested, at this bus cycle; 0: as many as fit.
  *  What was recorded is gone when the room changes. Context: set-up, the cycle stands. */

@@ -32,6 +32,33 @@ static inline void fsn_put64(uint8_t *at, uint64_t value) {
     fsn_put32(at + 4, (uint32_t)(value >> 32));
 }
 
+/** Writes up to 64 bits at any bit of an image; those beside them stay. */
+static inline void fsn_write_bits(uint8_t *image, uint32_t bit, uint32_t bits, uint64_t value) {
+    while (bits > 0) {
+        const uint32_t shift = bit % 8;
+        const uint32_t now = bits < 8 - shift ? bits : 8 - shift;
+        const uint8_t mask = (uint8_t)(((1u << now) - 1u) << shift);
+        uint8_t *byte = image + bit / 8;
+        *byte = (uint8_t)((*byte & ~mask) | (((uint32_t)(value & 0xFFu) << shift) & mask));
+        value >>= now;
+        bit += now;
+        bits -= now;
+    }
+}
+
+/** Reads up to 64 bits at any bit of an image. */
+static inline uint64_t fsn_read_bits(const uint8_t *image, uint32_t bit, uint32_t bits) {
+    uint64_t value = 0;
+    for (uint32_t done = 0; done < bits;) {
+        const uint32_t shift = (bit + done) % 8;
+        const uint32_t now = bits - done < 8 - shift ? bits - done : 8 - shift;
+        const uint64_t part = ((uint32_t)image[(bit + done) / 8] >> shift) & ((1u << now) - 1u);
+        value |= part << done;
+        done += now;
+    }
+    return value;
+}
+
 /** One byte of a CRC-32 of IEEE 802.3, which begins with ~0 and is inverted at its end. */
 static inline uint32_t fsn_crc32_step(uint32_t crc, uint8_t byte) {
     crc ^= byte;

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "rt/bytes.h"
+
 static uint64_t clock_ns(void) {
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
@@ -19,27 +21,13 @@ static void sleep_until(uint64_t at_ns) {
     }
 }
 
-/** Writes up to 64 bits at any bit of the image. */
-static void write_bits(uint8_t *image, uint32_t bit, uint32_t bits, uint64_t value) {
-    while (bits > 0) {
-        const uint32_t shift = bit % 8;
-        const uint32_t now = bits < 8 - shift ? bits : 8 - shift;
-        const uint8_t mask = (uint8_t)(((1u << now) - 1u) << shift);
-        uint8_t *byte = image + bit / 8;
-        *byte = (uint8_t)((*byte & ~mask) | (((uint32_t)(value & 0xFFu) << shift) & mask));
-        value >>= now;
-        bit += now;
-        bits -= now;
-    }
-}
-
 static void write_outputs(struct fsn_rt *rt) {
     struct fsn_rt_sets *sets = &rt->sets;
     (void)fsn_triple_take(&sets->triple);
     const struct fsn_rt_set *set = &sets->set[sets->triple.reader];
     for (uint32_t i = 0; i < set->count; i++) {
         const struct fsn_rt_output *output = &rt->outputs[rt->active[i]];
-        write_bits(rt->image, output->bit_offset, output->bits, set->values[i]);
+        fsn_write_bits(rt->image, output->bit_offset, output->bits, set->values[i]);
     }
 }
 
@@ -99,6 +87,7 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     const uint64_t after_copy = timed ? clock_ns() : 0;
     fsn_rt_monitor(rt, now_ns);
     write_outputs(rt);
+    fsn_rt_clients_write(rt);
     s->cycles++;
     s->bytes_copied += rt->bytes_per_cycle;
     s->now_ns = now_ns;
@@ -121,6 +110,7 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
         fsn_rt_publish(rt);
     }
     fsn_rt_record(rt, work_ns);
+    fsn_rt_clients_show(rt, work_ns);
 }
 
 /** Distance of this cycle from the phase it had to the reference clock at first, half a cycle at

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "fsn/core.h"
+#include "rt/clients.h"
 #include "rt/triple.h"
 
 enum {
@@ -111,6 +112,7 @@ struct fsn_rt {
     struct fsn_rt_ring ring;
     struct fsn_rt_snapshot snapshot;
     struct fsn_rt_recorder recorder;
+    struct fsn_rt_clients clients;
 
     /* The thread's own part. */
     uint64_t cycle_ns;

@@ -21,6 +21,7 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
     if (client->sent > 0) { /* what is gone needs no room */
         memmove(out->bytes, out->bytes + client->sent, out->len_bytes - client->sent);
         out->len_bytes -= client->sent;
+        client->pass_at -= client->passes > 0 ? client->sent : 0;
         client->sent = 0;
     }
     if (out->len_bytes + len_bytes > FSN_CLIENT_OUT_BYTES + client->long_bytes) {
@@ -46,11 +47,49 @@ void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t le
     fsn_client_put(client, bytes, len_bytes);
 }
 
+void fsn_client_pass(struct fsn_client *client, const int *fds, unsigned count) {
+    client->pass_at = client->out.len_bytes;
+    for (client->passes = 0; client->passes < count; client->passes++) {
+        client->pass[client->passes] = fds[client->passes];
+    }
+}
+
+void fsn_client_close_passed(struct fsn_client *client) {
+    while (client->passes > 0) {
+        close(client->pass[--client->passes]);
+    }
+}
+
+/** Sends some of what waits; descriptors go with the first byte behind `pass_at`. */
+static ssize_t send_some(struct fsn_client *client) {
+    const bool before = client->passes > 0 && client->sent < client->pass_at;
+    const size_t end = before ? client->pass_at : client->out.len_bytes;
+    struct iovec piece = {client->out.bytes + client->sent, end - client->sent};
+    if (client->passes == 0 || before) {
+        return send(client->fd, piece.iov_base, piece.iov_len, MSG_NOSIGNAL | MSG_DONTWAIT);
+    }
+    union {
+        struct cmsghdr head;
+        char room[CMSG_SPACE(FSN_CLIENT_FDS * sizeof(int))];
+    } control = {0};
+    const size_t fds_bytes = client->passes * sizeof *client->pass;
+    control.head = (struct cmsghdr){
+        .cmsg_len = CMSG_LEN(fds_bytes), .cmsg_level = SOL_SOCKET, .cmsg_type = SCM_RIGHTS};
+    memcpy(CMSG_DATA(&control.head), client->pass, fds_bytes);
+    const struct msghdr message = {.msg_iov = &piece,
+                                   .msg_iovlen = 1,
+                                   .msg_control = &control,
+                                   .msg_controllen = CMSG_SPACE(fds_bytes)};
+    const ssize_t sent = sendmsg(client->fd, &message, MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (sent > 0) {
+        fsn_client_close_passed(client);
+    }
+    return sent;
+}
+
 bool fsn_client_send(struct fsn_client *client, uint64_t now_ns) {
     while (client->sent < client->out.len_bytes) {
-        const ssize_t sent =
-            send(client->fd, client->out.bytes + client->sent, client->out.len_bytes - client->sent,
-                 MSG_NOSIGNAL | MSG_DONTWAIT);
+        const ssize_t sent = send_some(client);
         if (sent < 0 && errno == EINTR) {
             continue;
         }
@@ -89,7 +128,15 @@ static void add_output(void *self, uint32_t symbol) {
     fsn_json_text(&services->events.json, fsn_known_symbol(services->view.plan, symbol).name);
 }
 
-void fsn_client_take_back(struct fsn_services *services, const struct fsn_client *client,
+/** Takes a client out of the cycle; its outputs have their stop values before. */
+static void leave_cycle(struct fsn_services *services, struct fsn_client *client) {
+    if (client->place != 0) {
+        fsn_core_client_close(services->view.core, client->place - 1);
+        client->place = 0;
+    }
+}
+
+void fsn_client_take_back(struct fsn_services *services, struct fsn_client *client,
                           const char *why) {
     struct fsn_json *json = fsn_event_begin(&services->events, "fallback", fsn_now_ns());
     char who[FSN_CLIENT_TEXT_BYTES];
@@ -98,6 +145,7 @@ void fsn_client_take_back(struct fsn_services *services, const struct fsn_client
     fsn_json_put_open(json, "outputs", '[');
     const size_t taken =
         fsn_outputs_take_back(services->view.outputs, client->number, add_output, services);
+    leave_cycle(services, client);
     fsn_json_close(json, ']');
     if (taken > 0) {
         fsn_event_send(&services->events, FSN_LOG_WARNING, "%s, %s: %zu output%s stop value%s",
@@ -111,8 +159,21 @@ void fsn_services_close_outputs(struct fsn_services *services) {
     fsn_json_put_text(json, "why", "stop");
     fsn_json_put_open(json, "outputs", '[');
     fsn_outputs_close(services->view.outputs, add_output, services);
+    for (size_t i = 0; i < services->clients; i++) {
+        leave_cycle(services, &services->client[i]);
+    }
     fsn_json_close(json, ']');
     fsn_event_send(&services->events, FSN_LOG_INFO, "outputs have their stop values");
+}
+
+void fsn_services_watch_cycle(struct fsn_services *services) {
+    for (size_t i = 0; i < services->clients; i++) {
+        struct fsn_client *client = &services->client[i];
+        if (client->place != 0 &&
+            fsn_core_client_seen(services->view.core, client->place - 1).state == FSN_SHARED_LATE) {
+            fsn_client_take_back(services, client, "late");
+        }
+    }
 }
 
 void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why) {
@@ -125,6 +186,7 @@ void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, c
     }
     fsn_json_free(&client->out);
     fsn_stream_end(client);
+    fsn_client_close_passed(client);
     client->sent = 0;
     /* After it is gone, so that it cannot be informed about its own end. */
     if (strcmp(why, "disconnected") != 0) {

@@ -5,6 +5,7 @@
 #include "control/base/peer.h"
 #include "control/base/words.h"
 #include "control/requests/services.h"
+#include "core/clients.h"
 
 enum {
     FSN_CLIENT_OUT_BYTES = 1 << 20, /**< what it may leave unread before it is dropped */
@@ -44,6 +45,10 @@ struct fsn_client {
     size_t long_bytes;   /**< of a long answer in `out`, which may be that much longer */
     struct fsn_json out; /**< replies and events not yet written, `sent` bytes of it gone */
     size_t sent;
+    uint32_t place;           /**< number in the cycle + 1; 0: it is none of its clients */
+    int pass[FSN_CLIENT_FDS]; /**< descriptors that go with byte `pass_at` of `out` */
+    size_t pass_at;
+    unsigned passes; /**< how many; 0: none */
 };
 
 /** Appends bytes for a client; it is to be dropped when it has left too much unread. */
@@ -51,6 +56,12 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
 
 /** The same for one long answer, which does not count as left unread. */
 void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t len_bytes);
+
+/** Sends descriptors with what is put next, and closes them here when they are gone. */
+void fsn_client_pass(struct fsn_client *client, const int *fds, unsigned count);
+
+/** Closes descriptors that have not gone. */
+void fsn_client_close_passed(struct fsn_client *client);
 
 /** Writes what a client that is there takes without waiting. false: it has disconnected. */
 bool fsn_client_send(struct fsn_client *client, uint64_t now_ns);
@@ -65,8 +76,11 @@ void fsn_client_put_peer(const struct fsn_client *client, struct fsn_json *json)
 const char *fsn_client_text(const struct fsn_client *client, char room[FSN_CLIENT_TEXT_BYTES]);
 
 /** Takes back what a client holds and reports it. */
-void fsn_client_take_back(struct fsn_services *services, const struct fsn_client *client,
+void fsn_client_take_back(struct fsn_services *services, struct fsn_client *client,
                           const char *why);
+
+/** Takes back the outputs of clients in the cycle that are late. */
+void fsn_services_watch_cycle(struct fsn_services *services);
 
 /** Every output takes its stop value and is closed, until there is another core. */
 void fsn_services_close_outputs(struct fsn_services *services);

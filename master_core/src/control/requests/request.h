@@ -12,8 +12,10 @@ struct fsn_request {
     size_t count;
     struct fsn_json *json; /**< the reply, open, "ok" written */
     struct fsn_refusal refusal;
-    const char *tag; /**< NULL: none */
-    bool later;      /**< a job answers */
+    const char *tag;        /**< NULL: none */
+    bool later;             /**< a job answers */
+    int fd[FSN_CLIENT_FDS]; /**< descriptors that go with the reply, `fds` of them */
+    unsigned fds;
 };
 
 /** Answers a request: writes into its `json`, or returns what fsn_request_refuse() did. */
@@ -27,6 +29,14 @@ fsn_status fsn_request_refuse(struct fsn_request *request, fsn_status status, co
 fsn_status fsn_request_symbol(struct fsn_request *request, const char *name, uint32_t *symbol,
                               struct fsn_symbol_info *info);
 
+/** Marks the symbols that a word names, or refuses; it may end in *: all that begin so.
+ *  @param[in,out] marks  one per symbol. */
+fsn_status fsn_request_mark(struct fsn_request *request, const char *word, uint8_t *marks);
+
+/** Reports outputs that the client did not write before: they are its own from now on. */
+void fsn_request_report_taken(struct fsn_request *request, const struct fsn_wanted *wanted,
+                              size_t count);
+
 /** Takes "--typed" off the arguments: values are in the units of their symbols then. */
 bool fsn_request_typed(struct fsn_request *request);
 
@@ -36,6 +46,10 @@ fsn_status fsn_answer_set(struct fsn_request *request);
 fsn_status fsn_answer_arm(struct fsn_request *request);
 /* stream.c */
 fsn_status fsn_answer_watch(struct fsn_request *request);
+/* realtime.c */
+fsn_status fsn_answer_realtime(struct fsn_request *request);
+/** Adds the clients that are in the cycle; nothing when there are none. */
+void fsn_report_realtime(const struct fsn_services *services, struct fsn_json *json);
 /* transfers.c: begins a job, for which the client's next lines wait. */
 fsn_status fsn_answer_later(struct fsn_request *request);
 

@@ -48,6 +48,7 @@ static fsn_status status(struct fsn_request *request) {
         clients += services->client[i].fd >= 0;
     }
     fsn_report_status(&services->view, clients, request->json);
+    fsn_report_realtime(services, request->json);
     return FSN_OK;
 }
 
@@ -206,6 +207,9 @@ static const struct entry requests[] = {
     {"watch", FSN_OBSERVER, 1, FSN_WORDS, fsn_answer_watch, READS,
      "watch N|off [--image|--typed] [NAME…]: every N-th cycle as a line of JSON; NAME may end in "
      "*"},
+    {"realtime", FSN_OPERATOR, 3, FSN_WORDS, fsn_answer_realtime, CHANGES,
+     "realtime LAYOUT PLAN|any MISSES [NAME…]: inputs and own outputs in shared memory, cycle by "
+     "cycle"},
     {"start", FSN_MAINTAINER, 0, 0, of_program, CHANGES,
      "start: opens the bus and brings it to OP"},
     {"stop", FSN_MAINTAINER, 0, 0, of_program, CHANGES,
@@ -338,6 +342,7 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
     if (found != FSN_OK) {
         fsn_reply_refusal(client, tag, &request.refusal);
     } else if (!later) {
+        fsn_client_pass(client, request.fd, request.fds);
         finish(client, &json);
     }
     fsn_json_free(&json);

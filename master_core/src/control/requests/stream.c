@@ -126,8 +126,7 @@ void fsn_streams_serve(struct fsn_services *services) {
     }
 }
 
-/** Marks the symbols that a word names. */
-static fsn_status mark(struct fsn_request *request, const char *word, uint8_t *marks) {
+fsn_status fsn_request_mark(struct fsn_request *request, const char *word, uint8_t *marks) {
     const struct fsn_plan *plan = request->services->view.plan;
     const size_t len = strlen(word);
     struct fsn_symbol_info info;
@@ -180,7 +179,7 @@ static fsn_status choose(struct fsn_request *request, size_t first, struct fsn_s
     }
     fsn_status found = FSN_OK;
     for (size_t i = first; found == FSN_OK && i < request->count; i++) {
-        found = mark(request, request->argument[i], marks);
+        found = fsn_request_mark(request, request->argument[i], marks);
     }
     if (found == FSN_OK) {
         found = collect(request, marks, all, stream);

@@ -92,12 +92,12 @@ static void report_edge(struct fsn_request *request, const char *event, uint32_t
                    fsn_client_text(request->client, who), event, info.name, raw);
 }
 
-/** Reports outputs that a client did not write before: they are its own from now on. */
-static void report_taken(struct fsn_request *request, const struct fsn_wanted *wanted) {
+void fsn_request_report_taken(struct fsn_request *request, const struct fsn_wanted *wanted,
+                              size_t count) {
     struct fsn_services *services = request->services;
     struct fsn_json *json = NULL;
     size_t taken = 0;
-    for (size_t i = 0; i < request->count; i++) {
+    for (size_t i = 0; i < count; i++) {
         const uint32_t symbol = wanted[i].symbol;
         if (fsn_outputs_state(services->view.outputs, symbol).owner == request->client->number) {
             continue;
@@ -123,6 +123,10 @@ fsn_status fsn_answer_set(struct fsn_request *request) {
     static struct fsn_wanted wanted[FSN_WORDS]; /* one thread, and too large for its stack */
     const uint64_t now_ns = fsn_now_ns();
     const bool typed = fsn_request_typed(request);
+    if (request->client->place != 0) {
+        return fsn_request_refuse(request, FSN_E_STATE, "open another connection",
+                                  "this client is in the cycle, and writes its outputs there");
+    }
     for (size_t i = 0; i < request->count; i++) {
         const fsn_status found =
             read_wanted(request, request->argument[i], typed, now_ns, &wanted[i]);
@@ -136,7 +140,7 @@ fsn_status fsn_answer_set(struct fsn_request *request) {
             }
         }
     }
-    report_taken(request, wanted);
+    fsn_request_report_taken(request, wanted, request->count);
     fsn_outputs_write(request->services->view.outputs, request->client->number, wanted,
                       request->count);
     for (size_t i = 0; i < request->count; i++) {

@@ -64,6 +64,7 @@ void fsn_control_free(struct fsn_control *control) {
         if (control->client[i].fd >= 0) {
             close(control->client[i].fd);
         }
+        fsn_client_close_passed(&control->client[i]);
         fsn_json_free(&control->client[i].out);
         fsn_stream_end(&control->client[i]);
     }
@@ -87,6 +88,7 @@ void fsn_control_attach(struct fsn_control *control, struct fsn_core *core) {
     fsn_changes_reset(&control->changes);
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) { /* cycles count anew */
         control->client[i].stream.next = fsn_core_last_cycle(services->view.core) + 1;
+        control->client[i].place = 0;
     }
 }
 

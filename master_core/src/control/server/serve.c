@@ -108,7 +108,7 @@ static bool is_place_coming(const struct fsn_control *control) {
 /** Whether nobody would miss a client: it listens to nothing, waits for nothing, writes nothing. */
 static bool is_idle(const struct fsn_control *control, const struct fsn_client *client) {
     return client->fd >= 0 && !client->events && client->stream.every == 0 && client->job == NULL &&
-           client->in_bytes == 0 && client->sent == client->out.len_bytes &&
+           client->in_bytes == 0 && client->sent == client->out.len_bytes && client->place == 0 &&
            !fsn_outputs_has(control->services.view.outputs, client->number) && unread(client) == 0;
 }
 
@@ -301,11 +301,12 @@ static void serve_clients(struct fsn_control *control, const struct pollfd *fds,
     }
 }
 
-/** A client was silent when nothing of it lay there at the last poll: however long this thread was
- *  held up since, what came meanwhile is not read yet. */
+/** Of a client in the cycle the cycles are counted. Another one was silent when nothing of it lay
+ * there at the last poll: however long this thread was held up since, what came meanwhile is not
+ * read yet. */
 static bool is_silent(const struct fsn_control *control, const struct fsn_client *client) {
     const uint64_t lease_ns = client->lease_ms * UINT64_C(1000000);
-    return client->lease_ms != 0 && !client->more && client->job == NULL &&
+    return client->lease_ms != 0 && !client->more && client->job == NULL && client->place == 0 &&
            control->polled_ns > client->heard_ns &&
            control->polled_ns - client->heard_ns > lease_ns;
 }
@@ -340,6 +341,7 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
     fsn_changes_poll(&control->changes, services->incidents, fsn_now_ns());
     fsn_incident_turn(services->incidents, fsn_now_ns());
     fsn_streams_serve(services);
+    fsn_services_watch_cycle(services);
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         struct fsn_client *client = &control->client[i];
         const uint64_t now = fsn_now_ns();

@@ -1,0 +1,202 @@
+/** Requests of clients in the cycle: inputs of every cycle and outputs of their own, in memory that
+ *  they share with the cyclic thread. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "control/base/value.h"
+#include "control/requests/request.h"
+#include "plan/plan_internal.h"
+
+enum { MOST_MISSES = 1000 };
+
+/** What a client wants. */
+struct wanted {
+    struct fsn_wanted *outputs; /**< each with its stop value */
+    uint32_t *symbols;          /**< the same */
+    uint8_t *marks;             /**< per symbol of the plan */
+    uint32_t count;
+    uint64_t misses;
+};
+
+static void end(struct wanted *wanted) {
+    free(wanted->outputs);
+    free(wanted->symbols);
+    free(wanted->marks);
+}
+
+/** Whether the client may have this output; nothing is changed. */
+static fsn_status check(struct fsn_request *request, uint32_t symbol) {
+    const struct fsn_bus_view *view = &request->services->view;
+    const struct fsn_symbol_info info = fsn_known_symbol(view->plan, symbol);
+    if (info.restart_relevant != 0) {
+        return fsn_refusal_set(
+            &request->refusal, FSN_E_CLOSED, "arm and set it over a connection of its own",
+            "%.120s can restart a machine; no client writes it in every cycle", info.name);
+    }
+    return fsn_outputs_check(view->outputs, symbol, request->client->number, info.stop_value, 0,
+                             &request->refusal);
+}
+
+/** Of what a word with a * names, the outputs that a client may write. */
+static fsn_status choose(struct fsn_request *request, struct wanted *wanted) {
+    const struct fsn_bus_view *view = &request->services->view;
+    for (uint32_t i = 0; i < fsn_plan_symbol_count(view->plan); i++) {
+        const struct fsn_symbol_info info = fsn_known_symbol(view->plan, i);
+        if (wanted->marks[i] == 0 || !fsn_core_is_open(view->core, i) ||
+            info.restart_relevant != 0) {
+            continue;
+        }
+        const fsn_status found = check(request, i);
+        if (found != FSN_OK) {
+            return found;
+        }
+        wanted->symbols[wanted->count] = i;
+        wanted->outputs[wanted->count++] = (struct fsn_wanted){.symbol = i, .raw = info.stop_value};
+    }
+    return wanted->count > 0 ? FSN_OK
+                             : fsn_request_refuse(request, FSN_E_ARG, "symbols says which are open",
+                                                  "no output that a client may write is called so");
+}
+
+static fsn_status read_names(struct fsn_request *request, size_t first, struct wanted *wanted) {
+    const size_t all = (size_t)fsn_plan_symbol_count(request->services->view.plan) + 1;
+    wanted->outputs = calloc(all, sizeof *wanted->outputs);
+    wanted->symbols = calloc(all, sizeof *wanted->symbols);
+    wanted->marks = calloc(all, 1);
+    if (wanted->outputs == NULL || wanted->symbols == NULL || wanted->marks == NULL) {
+        return fsn_request_refuse(request, FSN_E_NOMEM, NULL, "out of memory");
+    }
+    for (size_t i = first; i < request->count; i++) {
+        const char *word = request->argument[i];
+        const uint32_t symbol = fsn_outputs_find(request->services->view.outputs, word);
+        fsn_status found = fsn_request_mark(request, word, wanted->marks);
+        if (found == FSN_OK && symbol != FSN_NONE) {
+            found = check(request, symbol);
+        }
+        if (found != FSN_OK) {
+            return found;
+        }
+    }
+    return first < request->count ? choose(request, wanted) : FSN_OK;
+}
+
+/** Whether the client was built for this memory and this plan. */
+static fsn_status check_build(struct fsn_request *request) {
+    const char *plan = request->argument[1];
+    uint64_t layout;
+    if (fsn_value_parse_number(request->argument[0], 32, &layout) != NULL ||
+        layout != FSN_SHARED_LAYOUT) {
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG,
+                               "build it with the headers of this fsn-master",
+                               "the client has layout %.20s of the shared memory, fsn-master %d",
+                               request->argument[0], FSN_SHARED_LAYOUT);
+    }
+    if (strcmp(plan, "any") != 0 && strcmp(plan, request->services->view.sha256) != 0) {
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG,
+                               "build it for this plan; status says its plan_sha256",
+                               "the client was made for plan %.64s, loaded is %.64s", plan,
+                               request->services->view.sha256);
+    }
+    return FSN_OK;
+}
+
+static fsn_status check_client(struct fsn_request *request) {
+    const struct fsn_client *client = request->client;
+    if (request->services->view.core == NULL) {
+        return fsn_request_refuse(request, FSN_E_STATE, "send start first", "the bus is stopped");
+    }
+    if (client->place != 0 || client->passes > 0) {
+        return fsn_request_refuse(request, FSN_E_STATE, "open another connection",
+                                  "this client is in the cycle already");
+    }
+    if (fsn_outputs_has(request->services->view.outputs, client->number)) {
+        return fsn_request_refuse(request, FSN_E_STATE, "open another connection",
+                                  "this client writes outputs with set");
+    }
+    return FSN_OK;
+}
+
+static fsn_status read_wanted(struct fsn_request *request, struct wanted *wanted) {
+    fsn_status found = check_build(request);
+    found = found != FSN_OK ? found : check_client(request);
+    if (found != FSN_OK) {
+        return found;
+    }
+    if (fsn_value_parse_number(request->argument[2], 32, &wanted->misses) != NULL ||
+        wanted->misses > MOST_MISSES) {
+        return fsn_request_refuse(request, FSN_E_ARG, "3 lets three cycles in a row pass",
+                                  "a client may miss 0 to 1000 cycles in a row");
+    }
+    return read_names(request, 3, wanted);
+}
+
+static fsn_status refuse_open(struct fsn_request *request, fsn_status status) {
+    if (status == FSN_E_BUSY) {
+        return fsn_refusal_set(&request->refusal, status, "close one of them",
+                               "%d clients are in the cycle already", FSN_SHARED_CLIENTS);
+    }
+    return fsn_refusal_set(&request->refusal, status,
+                           "Linux 5.1 or newer, and memory that may be locked, are needed",
+                           "no memory to share: %s", strerror(errno));
+}
+
+fsn_status fsn_answer_realtime(struct fsn_request *request) {
+    struct fsn_client *client = request->client;
+    struct fsn_bus_view *view = &request->services->view;
+    struct wanted wanted = {0};
+    uint32_t place;
+    fsn_status found = read_wanted(request, &wanted);
+    if (found == FSN_OK) {
+        const struct fsn_core_client in_cycle = {
+            .symbols = wanted.symbols, .count = wanted.count, .misses = (uint32_t)wanted.misses};
+        fsn_request_report_taken(request, wanted.outputs, wanted.count);
+        fsn_outputs_write(view->outputs, client->number, wanted.outputs, wanted.count);
+        found = fsn_core_client_open(view->core, &in_cycle, &place, request->fd);
+        if (found != FSN_OK) {
+            found = refuse_open(request, found);
+            fsn_client_take_back(request->services, client, "refused");
+        }
+    }
+    end(&wanted);
+    if (found != FSN_OK) {
+        return found;
+    }
+    request->fds = wanted.count > 0 ? 2 : 1;
+    client->place = place + 1;
+    fsn_json_put_u64(request->json, "layout", FSN_SHARED_LAYOUT);
+    fsn_json_put_text(request->json, "plan_sha256", view->sha256);
+    fsn_json_put_u64(request->json, "misses", wanted.misses);
+    fsn_json_put_u64(request->json, "outputs", wanted.count);
+    return FSN_OK;
+}
+
+void fsn_report_realtime(const struct fsn_services *services, struct fsn_json *json) {
+    static const char *const states[] = {"waits", "runs", "late"};
+    bool any = false;
+    for (size_t i = 0; i < services->clients; i++) {
+        const struct fsn_client *client = &services->client[i];
+        if (client->place == 0) {
+            continue;
+        }
+        if (!any) {
+            fsn_json_put_open(json, "in_cycle", '[');
+            any = true;
+        }
+        const struct fsn_core_client_seen seen =
+            fsn_core_client_seen(services->view.core, client->place - 1);
+        fsn_json_open(json, '{');
+        fsn_json_put_u64(json, "client", client->number);
+        fsn_json_put_u64(json, "outputs", seen.count);
+        fsn_json_put_u64(json, "misses", seen.misses);
+        fsn_json_put_text(json, "state", seen.count == 0 ? "reads" : states[seen.state]);
+        fsn_json_put_u64(json, "on_time", seen.on_time);
+        fsn_json_put_u64(json, "late", seen.late);
+        fsn_json_put_u64(json, "missed", seen.missed);
+        fsn_json_put_u64(json, "torn", seen.torn);
+        fsn_json_close(json, '}');
+    }
+    if (any) {
+        fsn_json_close(json, ']');
+    }
+}

@@ -1,0 +1,44 @@
+/** Clients in the cycle: memory for them, made and given back beside the cycle. */
+#ifndef FSN_CORE_CLIENTS_H
+#define FSN_CORE_CLIENTS_H
+
+#include "fsn/core.h"
+#include "rt/shared.h"
+
+enum { FSN_CLIENT_FDS = 2 }; /**< descriptors of a client: inputs, and its outputs if it has any */
+
+/** Which outputs a client wants, and how patient the cycle is. */
+struct fsn_core_client {
+    const uint32_t *symbols; /**< open outputs, none twice, nobody else's */
+    uint32_t count;          /**< 0: reads inputs only */
+    uint32_t misses;         /**< cycles in a row without new outputs that are allowed */
+};
+
+/** What the cycle has counted of a client. */
+struct fsn_core_client_seen {
+    uint32_t count, misses; /**< as it was opened */
+    uint32_t state;         /**< enum fsn_shared_state */
+    uint64_t on_time, late, missed, torn;
+};
+
+/** Lets a client into the cycle. Its outputs must be set to their stop values before, by
+ *  fsn_core_set_outputs(): they have these until it sends some, and again when it is late or gone.
+ *  @param[out] place  its number, for the functions below.
+ *  @param[out] fds    inputs, sealed against writing, and outputs (-1: it has none); the caller
+ *                     closes them.
+ *  @retval FSN_E_BUSY   there are FSN_SHARED_CLIENTS already, or one has just left: try again.
+ *  @retval FSN_E_ARG    no such symbol.   @retval FSN_E_CLOSED  one is closed to writes.
+ *  @retval FSN_E_NOMEM  out of memory.
+ *  @retval FSN_E_SYS    the system refused; see errno.
+ *  Context: control thread. Allocates; never delays the cyclic thread. */
+fsn_status fsn_core_client_open(struct fsn_core *core, const struct fsn_core_client *wanted,
+                                uint32_t *place, int fds[FSN_CLIENT_FDS]);
+
+/** Takes a client out of the cycle: from the next one on its outputs have what
+ *  fsn_core_set_outputs() set.   Context: control thread. */
+void fsn_core_client_close(struct fsn_core *core, uint32_t place);
+
+/** What was counted of a client that is in the cycle.   Context: control thread. */
+struct fsn_core_client_seen fsn_core_client_seen(const struct fsn_core *core, uint32_t place);
+
+#endif
