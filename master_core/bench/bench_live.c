@@ -15,14 +15,13 @@
 #include <time.h>
 #include <unistd.h>
 
-#include <ethercat.h>
-
+#include "bare.h"
 #include "builder.h"
 #include "fsn/fsn.h"
 #include "fsn/live.h"
 #include "fsn/segment.h"
 
-enum { DEVICES = 10, PRIORITY = 60, MOST_SLAVES = 32, FRAME = 6, HALF = 5, MOST_PAIRS = 42 };
+enum { DEVICES = 10, PRIORITY = 60, FRAME = 6, HALF = 5, MOST_PAIRS = 42 };
 
 static uint64_t now_ns(void) {
     struct timespec now;
@@ -92,55 +91,6 @@ static void count(struct fsn_histogram *h, uint64_t time_ns) {
 
 /* -- SOEM alone ----------------------------------------------------------------------------- */
 
-struct bare {
-    ecx_contextt context;
-    ecx_portt port;
-    ec_slavet slaves[MOST_SLAVES];
-    int count;
-    ec_groupt groups[1];
-    uint8 esi[EC_MAXEEPBUF];
-    uint32 esi_map[EC_MAXEEPBITMAP];
-    ec_eringt errors;
-    ec_idxstackT stack;
-    boolean error;
-    int64 time;
-    ec_SMcommtypet comm;
-    ec_PDOassignt assign;
-    ec_PDOdesct desc;
-    ec_eepromSMt sm;
-    ec_eepromFMMUt fmmu;
-    uint8 image[16384];
-};
-
-static void bring_up_bare(struct bare *b) {
-    b->context = (ecx_contextt){.port = &b->port,
-                                .slavelist = b->slaves,
-                                .slavecount = &b->count,
-                                .maxslave = MOST_SLAVES,
-                                .grouplist = b->groups,
-                                .maxgroup = 1,
-                                .esibuf = b->esi,
-                                .esimap = b->esi_map,
-                                .elist = &b->errors,
-                                .idxstack = &b->stack,
-                                .ecaterror = &b->error,
-                                .DCtime = &b->time,
-                                .SMcommtype = &b->comm,
-                                .PDOassign = &b->assign,
-                                .PDOdesc = &b->desc,
-                                .eepSM = &b->sm,
-                                .eepFMMU = &b->fmmu};
-    CHECK(ecx_init(&b->context, "near") > 0 && ecx_config_init(&b->context, FALSE) == DEVICES);
-    CHECK(ecx_config_map_group(&b->context, b->image, 0) > 0);
-    ecx_configdc(&b->context);
-    CHECK(ecx_statecheck(&b->context, 0, EC_STATE_SAFE_OP, 2000000) == EC_STATE_SAFE_OP);
-    ecx_send_processdata(&b->context);
-    ecx_receive_processdata(&b->context, EC_TIMEOUTRET);
-    b->slaves[0].state = EC_STATE_OPERATIONAL;
-    ecx_writestate(&b->context, 0);
-    CHECK(ecx_statecheck(&b->context, 0, EC_STATE_OPERATIONAL, 2000000) == EC_STATE_OPERATIONAL);
-}
-
 /** Puts this thread where the cycle runs, or back among all others: a cycle that never waits would
  *  starve a thread of its own priority on its CPU. */
 static void be_cyclic(int cpu, bool cyclic) {
@@ -163,7 +113,7 @@ static struct figures run_bare(uint64_t cycle_ns, double seconds, int cpu) {
     struct bare *b = calloc(1, sizeof *b);
     CHECK(b != NULL);
     be_cyclic(cpu, true);
-    bring_up_bare(b);
+    bare_bring_up(b, DEVICES);
     struct figures f = {0};
     const uint64_t begin = now_ns();
     const uint64_t end = begin + (uint64_t)(seconds * 1e9);
@@ -191,9 +141,7 @@ static struct figures run_bare(uint64_t cycle_ns, double seconds, int cpu) {
         f.cycles++;
     }
     f.elapsed_ns = now_ns() - begin;
-    b->slaves[0].state = EC_STATE_INIT;
-    ecx_writestate(&b->context, 0);
-    ecx_close(&b->context);
+    bare_end(b);
     be_cyclic(cpu, false);
     usleep(100000); /* or its last frames would look like another MainDevice */
     free(b);
