@@ -20,6 +20,7 @@
 #include "core/core_internal.h"
 #include "emulated_rig.h"
 #include "fsn/client.h"
+#include "heap.h"
 #include "rt/shared.h"
 
 enum { MAIN_BYTES = 40, SUB_BYTES = 8, SYMBOLS = 11, FRAME = 6, WAIT_NS = 1000000 };
@@ -35,11 +36,18 @@ static struct {
 
 /* -- a system that refuses -------------------------------------------------------------------- */
 
-static int memfd_fails; /**< so manyth call from now on; 0: none */
+static int memfd_fails;     /**< so manyth call from now on; 0: none */
+static bool takes_no_seals; /**< as an old kernel */
+static bool has_no_size;
 
 int memfd_create(const char *name, unsigned flags) {
     errno = EMFILE;
-    return memfd_fails > 0 && --memfd_fails == 0 ? -1 : (int)syscall(SYS_memfd_create, name, flags);
+    if (memfd_fails > 0 && --memfd_fails == 0) {
+        return -1;
+    }
+    return has_no_size ? open("/dev/null", O_RDWR | O_CLOEXEC)
+                       : (int)syscall(SYS_memfd_create, name,
+                                      takes_no_seals ? flags & ~MFD_ALLOW_SEALING : flags);
 }
 
 /* -- the server ------------------------------------------------------------------------------- */
@@ -451,6 +459,12 @@ static void what_the_client_itself_refuses(void) {
     const char *const names[] = {NULL, name};
     CHECK(try_open(0, 1, names, &client) == FSN_E_ARG);
     CHECK(try_open(0, 1, names + 1, &client) == FSN_E_ARG);
+    takes_no_seals = true;
+    CHECK(try_open(0, 0, NULL, &client) == FSN_E_SYS);
+    takes_no_seals = false;
+    has_no_size = true;
+    CHECK(try_open(0, 0, NULL, &client) == FSN_E_SYS);
+    has_no_size = false;
     memfd_fails = 1;
     CHECK(try_open(0, 0, NULL, &client) == FSN_E_SYS);
     CHECK(strstr(fault.text, "no memory to share: ") != NULL);
@@ -462,6 +476,163 @@ static void what_the_client_itself_refuses(void) {
     const struct fsn_realtime_options soon = {.socket = rig.path, .timeout_ms = 1};
     CHECK(fsn_realtime_open(&soon, &client, &fault) == FSN_E_BUSY);
     begin_serving();
+    tear_down();
+}
+
+/* -- answers of somebody else ------------------------------------------------------------------ */
+
+static struct {
+    int listener;
+    const char *text;
+    int fd[3];
+    unsigned fds;
+} odd;
+
+/** Answers one request as `odd` says, and disconnects. */
+static void *answer_oddly(void *argument) {
+    char request_line[512];
+    const int fd = accept(odd.listener, NULL, NULL);
+    CHECK(fd >= 0 && read(fd, request_line, sizeof request_line) > 0);
+    union {
+        struct cmsghdr head;
+        char room[CMSG_SPACE(sizeof odd.fd)];
+    } control = {0};
+    const size_t fds_bytes = odd.fds * sizeof odd.fd[0];
+    control.head = (struct cmsghdr){
+        .cmsg_len = CMSG_LEN(fds_bytes), .cmsg_level = SOL_SOCKET, .cmsg_type = SCM_RIGHTS};
+    memcpy(CMSG_DATA(&control.head), odd.fd, fds_bytes);
+    struct iovec piece = {(void *)odd.text, strlen(odd.text)};
+    const struct msghdr message = {.msg_iov = &piece,
+                                   .msg_iovlen = 1,
+                                   .msg_control = &control,
+                                   .msg_controllen = odd.fds > 0 ? CMSG_SPACE(fds_bytes) : 0};
+    CHECK(piece.iov_len == 0 || sendmsg(fd, &message, MSG_NOSIGNAL) > 0);
+    close(fd);
+    return argument;
+}
+
+static int file_of(const void *bytes, size_t len_bytes, size_t size_bytes) {
+    const int fd = (int)syscall(SYS_memfd_create, "odd", MFD_CLOEXEC);
+    CHECK(fd >= 0 && ftruncate(fd, (off_t)size_bytes) == 0);
+    CHECK(pwrite(fd, bytes, len_bytes, 0) == (ssize_t)len_bytes);
+    return fd;
+}
+
+static void expect_odd(const char *path, const char *text, unsigned fds, fsn_status status) {
+    static const char *const names[] = {"speed"};
+    const struct fsn_realtime_options options = {
+        .socket = path, .outputs = names, .output_count = fds > 1 ? 1 : 0};
+    struct fsn_realtime *client;
+    pthread_t thread;
+    odd.text = text;
+    odd.fds = fds;
+    CHECK(pthread_create(&thread, NULL, answer_oddly, NULL) == 0);
+    CHECK(fsn_realtime_open(&options, &client, &fault) == status && client == NULL);
+    CHECK(pthread_join(thread, NULL) == 0 && fault.text[0] != 0);
+}
+
+static void odd_answers(void) {
+    static const char yes[] = "{\"ok\":true}\n";
+    char folder[] = "/tmp/fsn-rt-XXXXXX";
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+    CHECK(mkdtemp(folder) != NULL);
+    snprintf(address.sun_path, sizeof address.sun_path, "%s/s", folder);
+    odd.listener = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    CHECK(bind(odd.listener, (const struct sockaddr *)&address, sizeof address) == 0);
+    CHECK(listen(odd.listener, 1) == 0);
+    struct fsn_shared_inputs in = {.magic = FSN_SHARED_MAGIC,
+                                   .layout = FSN_SHARED_LAYOUT,
+                                   .size_bytes = 4096,
+                                   .symbols_at = sizeof in};
+    odd.fd[0] = file_of(&in, sizeof in, 4096);
+    odd.fd[1] = file_of("", 1, 4096);
+    odd.fd[2] = odd.fd[1];
+    static char long_line[20000];
+    memset(long_line, ' ', sizeof long_line - 1);
+    expect_odd(address.sun_path, "", 0, FSN_E_SYS);
+    CHECK(fault.sys_errno == ECONNRESET);
+    expect_odd(address.sun_path, long_line, 0, FSN_E_SYS);
+    expect_odd(address.sun_path, "not a word\n", 0, FSN_E_ARG);
+    expect_odd(address.sun_path, "{\"ok\":false,\"error\":\"FSN_E_NOMEM\"}\n", 0, FSN_E_NOMEM);
+    expect_odd(address.sun_path, "{\"ok\":false,\"text\":\"a \\\"b\\\" c\"}\n", 0, FSN_E_ARG);
+    CHECK(strncmp(fault.text, "a \"b\" c: ", 9) == 0);
+    expect_odd(address.sun_path, yes, 0, FSN_E_NOMEM); /* no memory came */
+    expect_odd(address.sun_path, yes, 3, FSN_E_NOMEM); /* one too many */
+    expect_odd(address.sun_path, yes, 2, FSN_E_NOMEM); /* outputs that are none */
+    CHECK(pwrite(odd.fd[0], "x", 1, 0) == 1);
+    expect_odd(address.sun_path, yes, 1, FSN_E_NOMEM); /* inputs that are none */
+    CHECK(ftruncate(odd.fd[0], 4) == 0);
+    expect_odd(address.sun_path, yes, 1, FSN_E_NOMEM); /* too short to be any */
+    close(odd.fd[0]);
+    close(odd.fd[1]);
+    close(odd.listener);
+    CHECK(unlink(address.sun_path) == 0 && rmdir(folder) == 0);
+}
+
+#ifdef FSN_TEST_HEAP
+/** Whichever allocation fails, of the client or of the master: it is refused, and the next try is
+ *  as good as the first. */
+static void memory_runs_out(void) {
+    static const char *const speed[] = {"speed"};
+    set_up();
+    struct fsn_realtime *client;
+    fsn_status status = FSN_E_NOMEM;
+    bool said = false;
+    for (long n = 1; status != FSN_OK; n++) {
+        CHECK(n < 1000);
+        heap.fails_in = n;
+        status = try_open(3, 1, speed, &client);
+        heap.fails_in = 0;
+        CHECK((client != NULL) == (status == FSN_OK));
+        said = said || strstr(fault.text, "out of memory") != NULL;
+        until_present(status == FSN_OK);
+        usleep(500); /* the master has seen that the client left */
+    }
+    CHECK(said);
+    close_client(client, 0);
+    tear_down();
+}
+#endif
+
+static void what_the_core_itself_refuses(void) {
+    set_up();
+    end_serving();
+    int fds[FSN_CLIENT_FDS];
+    uint32_t place;
+    const uint32_t absent = SYMBOLS;
+    const uint32_t copied = SYMBOLS - 1;
+    const struct fsn_core_client wrong[] = {{.symbols = &absent, .count = 1},
+                                            {.symbols = &copied, .count = 1}};
+    CHECK(fsn_core_client_open(rig.on.core, &wrong[0], &place, fds) == FSN_E_ARG);
+    CHECK(fsn_core_client_open(rig.on.core, &wrong[1], &place, fds) == FSN_E_CLOSED);
+    CHECK(fds[0] == -1 && fds[1] == -1);
+    begin_serving();
+    tear_down();
+}
+
+/** A reply waits behind others; its descriptors wait with it. */
+static void descriptors_go_with_their_reply(void) {
+    int fds[2];
+    char drain[4096];
+    set_up();
+    const int fd = connect_raw();
+    const char *text = request(fd, "events on\nstatus\nrealtime 1 any 3 speed\nhello\n", fds);
+    ssize_t got = (ssize_t)strlen(text);
+    while (fds[0] < 0) { /* the first piece ends before what brings descriptors */
+        CHECK(got > 0 && strstr(text, "\"outputs\":1") == NULL);
+        text = request(fd, "hello\n", fds);
+    }
+    CHECK(fds[1] >= 0 && strstr(text, "\"layout\":1") != NULL);
+    close(fds[0]);
+    close(fds[1]);
+    CHECK(write(fd, "realtime 2 any 3\n", 17) == 17);
+    do {
+        got = read(fd, drain, sizeof drain - 1);
+        CHECK(got > 0);
+        drain[got] = 0;
+    } while (strstr(drain, "the client has layout 2") == NULL);
+    close(fd);
+    until_present(0);
     tear_down();
 }
 
@@ -602,7 +773,13 @@ static void a_stop_ends_it(void) {
 
 int main(void) {
     const int files = open_files();
+#ifdef FSN_TEST_HEAP
+    memory_runs_out();
+#endif
     what_the_client_itself_refuses();
+    what_the_core_itself_refuses();
+    odd_answers();
+    descriptors_go_with_their_reply();
     values_of_every_kind();
     on_time_late_and_gone();
     who_does_not_fit_is_refused();

@@ -342,7 +342,9 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
     if (found != FSN_OK) {
         fsn_reply_refusal(client, tag, &request.refusal);
     } else if (!later) {
-        fsn_client_pass(client, request.fd, request.fds);
+        if (request.fds > 0) {
+            fsn_client_pass(client, request.fd, request.fds);
+        }
         finish(client, &json);
     }
     fsn_json_free(&json);
