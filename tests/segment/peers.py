@@ -1,7 +1,7 @@
 """Other people's MainDevices against our segment, in a network namespace of their own.
 
-Run as a program: ``peers.py soem|kickcat[-ring|-gap] NETWORK``, with two cables to the segment,
-and a gap behind the first SubDevice; prints what the MainDevice saw as JSON. The
+Run as a program: ``peers.py soem|clocks|kickcat[-ring|-gap] NETWORK``, with two cables to the
+segment, and a gap behind the first SubDevice; prints what the MainDevice saw as JSON. The
 relay copies every frame of the plan from inputs to outputs, as any black channel does.
 """
 
@@ -135,6 +135,42 @@ def ask_for_op(master):
             each.write_state()
 
 
+def clocks(devices):
+    """SOEM starts SYNC0 of the last SubDevice on clocks that nobody sets, then sets them."""
+    import pysoem
+
+    master = pysoem.Master()
+    master.open("near")
+    seen = {"found": master.config_init()}
+    master.config_map()
+    last = master.slaves[-1]
+    last.dc_sync(True, 1_000_000)
+
+    def reach_op():
+        last.state = pysoem.SAFEOP_STATE | pysoem.STATE_ACK
+        last.write_state()
+        last.state_check(pysoem.SAFEOP_STATE, 2_000_000)
+        last.state = pysoem.OP_STATE
+        last.write_state()
+        for _ in range(400):  # with clocks SOEM adds the time to each of them
+            master.send_processdata()
+            master.receive_processdata(2000)
+            time.sleep(0.0005)
+        master.read_state()
+        return {"state": last.state, "code": last.al_status}
+
+    master.state_check(pysoem.SAFEOP_STATE, 2_000_000)
+    seen["unset"] = reach_op()
+    seen["has_clocks"] = bool(master.config_dc())
+    last.dc_sync(True, 1_000_000)
+    end = time.monotonic() + PATIENCE_S
+    seen["set"] = reach_op()
+    while seen["set"]["state"] != pysoem.OP_STATE and time.monotonic() < end:
+        seen["set"] = reach_op()
+    master.close()
+    return seen
+
+
 def kickcat(devices, second=""):
     import kickcat as kick
 
@@ -181,7 +217,8 @@ def main() -> None:
     try:
         if cabling == "gap":
             devices.segment.set_link(0, False)
-        seen = {"soem": soem, "kickcat": kickcat}[peer](devices, *["near2"] if cabling else [])
+        masters = {"soem": soem, "clocks": clocks, "kickcat": kickcat}
+        seen = masters[peer](devices, *["near2"] if cabling else [])
         counts = devices.segment.counts()
         seen["foreign"] = counts.foreign
         seen["frames"] = counts.frames

@@ -155,6 +155,26 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_object(struct fsn_segment *segme
                                                        uint8_t sub, const void *bytes,
                                                        size_t len_bytes);
 
+/** The distributed clock of a SubDevice. As they are built, clocks of a segment start at different
+ *  times, differ by up to 50 ppm, and a frame takes 300 ns from one to the next. */
+struct fsn_segment_clock {
+    bool absent;         /**< it has none */
+    bool deaf;           /**< its control loop is broken: it follows nobody */
+    uint64_t offset_ns;  /**< what the clock is ahead of the time given with a frame */
+    int32_t drift_ppb;   /**< how much too fast it runs, in 1e-9; slower than 0.1 % */
+    uint32_t forward_ns; /**< how long a frame takes from it to the next SubDevice */
+};
+
+/** Gives a SubDevice another clock; it starts anew, its registers as after power-on. A device with
+ *  SYNC0 goes to OP, and stays there, only where the time of a reference clock reaches it
+ *  (AL status code 0x002C), SYNC0 was given a start that was still to come (0x002D), and most
+ *  outputs come an eighth of its cycle away from the pulses at least (0x001A).
+ *  @retval FSN_E_ARG    no such SubDevice, or no clock runs so fast.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock(struct fsn_segment *segment,
+                                                      uint32_t position,
+                                                      const struct fsn_segment_clock *clock);
+
 /** Lets mailbox answers wait; 0: no longer. At most an hour, as all delays here.
  *  @retval FSN_E_ARG    no such SubDevice.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment,

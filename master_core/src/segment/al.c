@@ -56,7 +56,10 @@ void esc_al_decide(struct esc *esc) {
     if (error && (request & AL_ERROR) == 0 && to != AL_INIT) {
         return; /* an error must be acknowledged first */
     }
-    const uint16_t code = refusal(esc, from, to);
+    uint16_t code = refusal(esc, from, to);
+    if (code == 0 && to == AL_OP && from < to) {
+        code = esc_clock_fault(esc);
+    }
     if (code != 0) {
         esc_al_error(esc, from, code);
         return;

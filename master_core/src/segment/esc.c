@@ -61,6 +61,12 @@ static bool exists(uint16_t address, uint16_t size_bytes, bool write) {
     return false;
 }
 
+/** Receive times are latched without a clock as well. */
+static bool has(const struct esc *esc, uint16_t address, uint16_t size_bytes, bool write) {
+    return exists(address, size_bytes, write) &&
+           !(esc->clock.absent && address >= REG_DC_TIME && address < REG_DC_END);
+}
+
 static bool byte_writable(uint32_t address) {
     for (size_t i = 0; i < sizeof registers / sizeof registers[0]; i++) {
         if (address >= registers[i].from && address < registers[i].to) {
@@ -70,10 +76,6 @@ static bool byte_writable(uint32_t address) {
         }
     }
     return false;
-}
-
-static uint64_t local_time(const struct esc *esc) {
-    return esc->now_ns + esc->clock_offset_ns;
 }
 
 static bool touches(uint16_t address, uint16_t size_bytes, uint16_t at, uint16_t length) {
@@ -93,12 +95,11 @@ static void read_bytes(const struct esc *esc, uint32_t address, uint8_t *data, u
 }
 
 bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_bytes, bool or_in) {
-    if (!exists(address, size_bytes, false) || !esc_sm_allows(esc, address, size_bytes, false)) {
+    if (!has(esc, address, size_bytes, false) || !esc_sm_allows(esc, address, size_bytes, false)) {
         return false;
     }
     if (touches(address, size_bytes, REG_DC_TIME, 8)) {
-        fsn_put64(esc->memory + REG_DC_TIME,
-                  local_time(esc) + fsn_get64(esc->memory + REG_DC_OFFSET));
+        fsn_put64(esc->memory + REG_DC_TIME, esc_system_time(esc));
     }
     esc_sm_before_read(esc, address, size_bytes);
     read_bytes(esc, address, data, size_bytes, or_in);
@@ -146,6 +147,12 @@ static void act(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     if (touches(address, size_bytes, REG_SII_CONTROL + 1, 1)) {
         esc_sii_command(esc);
     }
+    if (touches(address, size_bytes, REG_DC_LOOP, 2)) {
+        esc_clock_reset(esc, false);
+    }
+    if (touches(address, size_bytes, REG_DC_ACTIVATION, 1)) {
+        esc_clock_activate(esc);
+    }
 }
 
 static void write_registers(struct esc *esc, uint16_t address, const uint8_t *data,
@@ -160,12 +167,15 @@ static void write_registers(struct esc *esc, uint16_t address, const uint8_t *da
 }
 
 bool esc_write(struct esc *esc, uint16_t address, const uint8_t *data, uint16_t size_bytes) {
-    if (!exists(address, size_bytes, true) || !esc_sm_allows(esc, address, size_bytes, true)) {
+    if (!has(esc, address, size_bytes, true) || !esc_sm_allows(esc, address, size_bytes, true)) {
         return false;
     }
-    if (touches(address, size_bytes, REG_DC_RECEIVE, 4) ||
-        touches(address, size_bytes, REG_DC_TIME, 8)) {
-        return true; /* receive times are latched by the segment; the clock follows its offset */
+    if (touches(address, size_bytes, REG_DC_RECEIVE, 4)) {
+        return true; /* they are latched by the segment */
+    }
+    if (address == REG_DC_TIME) {
+        esc_clock_compare(esc, data, size_bytes);
+        return true;
     }
     if (address >= ESC_PROCESS_DATA) {
         const uint32_t room = (uint32_t)ESC_MEMORY_BYTES - address;
@@ -199,6 +209,9 @@ static bool is_addressed(const struct esc *esc, uint16_t station) {
 
 /** Read by one, written by all others: spreads the time of the reference clock. */
 static void read_multiple_write(struct esc *esc, struct datagram *d, bool addressed) {
+    if (addressed && d->offset == REG_DC_TIME) {
+        esc_clock_served(esc);
+    }
     if (addressed ? esc_read(esc, d->offset, d->data, d->size_bytes, false)
                   : esc_write(esc, d->offset, d->data, d->size_bytes)) {
         d->counter++;
@@ -251,8 +264,8 @@ void esc_pass(struct esc *esc, struct datagram *d) {
 }
 
 void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns) {
-    const uint64_t arrival = arrival_ns + esc->clock_offset_ns;
-    const uint64_t back = return_ns + esc->clock_offset_ns;
+    const uint64_t arrival = esc_local_time(esc, arrival_ns);
+    const uint64_t back = esc_local_time(esc, return_ns);
     fsn_put32(esc->memory + REG_DC_RECEIVE, (uint32_t)arrival);
     fsn_put32(esc->memory + REG_DC_RECEIVE + 4, (uint32_t)back);
     fsn_put64(esc->memory + REG_DC_EPU_TIME, arrival);
@@ -271,6 +284,10 @@ void esc_idle(struct esc *esc, uint64_t now_ns) {
         esc->memory[REG_WD_STATUS] = 0;
         esc_count(esc->memory + REG_WD_COUNT, 1);
         esc_al_error(esc, AL_SAFEOP, AL_CODE_WATCHDOG);
+    }
+    const uint16_t unclocked = esc_state(esc) == AL_OP ? esc_clock_fault(esc) : 0;
+    if (unclocked != 0) {
+        esc_al_error(esc, AL_SAFEOP, unclocked);
     }
 }
 
@@ -298,7 +315,6 @@ void esc_power_on(struct esc *esc) {
     m[0x0005] = ESC_SMS;
     m[0x0006] = 8;    /* KiB of memory */
     m[0x0007] = 0x0F; /* ports 0 and 1 are MII */
-    m[0x0008] = 0x0C; /* DC, 64 bits wide */
     m[REG_AL_STATUS] = AL_INIT;
     m[REG_WD_STATUS] = 1;
     fsn_put16(m + REG_WD_DIVIDER, 0x09C2); /* 100 us */
@@ -322,6 +338,7 @@ void esc_power_on(struct esc *esc) {
     load_watchdog(esc);
     esc_sm_load(esc);
     esc_fmmu_load(esc);
+    esc_clock_reset(esc, true);
     objects_reset(&esc->objects);
     show_identity(esc, esc->faults.is_other ? &esc->faults.other : &esc->identity);
 }

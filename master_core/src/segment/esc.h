@@ -50,6 +50,11 @@ enum {
     REG_DC_EPU_TIME = 0x0918,
     REG_DC_OFFSET = 0x0920,
     REG_DC_DELAY = 0x0928,
+    REG_DC_DIFFERENCE = 0x092C,
+    REG_DC_LOOP = 0x0930,
+    REG_DC_ACTIVATION = 0x0981,
+    REG_SYNC0_START = 0x0990,
+    REG_SYNC0_CYCLE = 0x09A0,
     REG_DC_END = 0x09A8,
 };
 
@@ -65,9 +70,12 @@ enum {
     AL_CODE_UNKNOWN_STATE = 0x0012,
     AL_CODE_NO_BOOT = 0x0013,
     AL_CODE_MAILBOX = 0x0016,
+    AL_CODE_SYNC = 0x001A,
     AL_CODE_WATCHDOG = 0x001B,
     AL_CODE_OUTPUTS = 0x001D,
     AL_CODE_INPUTS = 0x001E,
+    AL_CODE_SYNC_FATAL = 0x002C,
+    AL_CODE_NO_SYNC = 0x002D,
 };
 
 /** One sync manager with process data: what the device published, or what it shall read. The
@@ -123,6 +131,23 @@ struct esc_fmmu {
     bool read, write, whole_bytes;
 };
 
+/** Its distributed clock: quartz, then what the control loop makes of it. */
+struct esc_clock {
+    bool absent;           /**< there is none: those registers do not exist */
+    bool deaf;             /**< the control loop corrects nothing */
+    uint32_t forward_ns;   /**< a frame takes so long to the next controller */
+    uint64_t offset_ns;    /**< the free-running clock starts somewhere */
+    int64_t drift_ppb;     /**< and runs so much faster than it should */
+    int64_t phase_ns;      /**< correction by the control loop at compared_ns */
+    int64_t rate_ppb;      /**< by which it grows */
+    int64_t difference_ns; /**< mean difference to the reference clock */
+    uint64_t compared_ns;  /**< when a time came in last */
+    uint64_t served_ns;    /**< when the reference time passed last */
+    bool served;           /**< it ever did */
+    bool fires;            /**< SYNC0 was given a start that had not passed */
+    uint64_t near;         /**< the last 64 output frames: 1 where one came near a pulse */
+};
+
 /** What frames touch comes first, the memory last. The tables repeat registers, and hold only what
  *  is switched on: they are made anew whenever those registers are written. */
 struct esc {
@@ -148,8 +173,8 @@ struct esc {
     uint64_t al_due_ns;
     struct esc_identity identity; /**< its own */
     struct esc_faults faults;
-    uint8_t ports;            /**< bit n: port n has a link */
-    uint64_t clock_offset_ns; /**< its free-running clock starts somewhere */
+    uint8_t ports; /**< bit n: port n has a link */
+    struct esc_clock clock;
     uint8_t memory[ESC_MEMORY_BYTES];
 };
 
@@ -191,6 +216,20 @@ void esc_al_error(struct esc *esc, uint8_t state, uint16_t code);
 
 /** A command to the SII interface (sii.c). */
 void esc_sii_command(struct esc *esc);
+
+/** Distributed clock (clock.c): free-running time, and the time that all shall have. */
+uint64_t esc_local_time(const struct esc *esc, uint64_t at_ns);
+uint64_t esc_system_time(const struct esc *esc);
+/** Begins the mean difference anew, and with the power all of it. */
+void esc_clock_reset(struct esc *esc, bool power_on);
+/** The reference time passed; it is one to follow. */
+void esc_clock_served(struct esc *esc);
+void esc_clock_compare(struct esc *esc, const uint8_t *time, uint16_t size_bytes);
+/** SYNC0 was switched on; outputs have come in. */
+void esc_clock_activate(struct esc *esc);
+void esc_clock_outputs(struct esc *esc);
+/** AL status code of a device whose SYNC0 cannot be used; 0: it can, or is off. */
+uint16_t esc_clock_fault(const struct esc *esc);
 
 /** Reads the registers of all sync managers, of all FMMUs anew (sm.c, fmmu.c). */
 void esc_sm_load(struct esc *esc);

@@ -85,6 +85,26 @@ fsn_status fsn_segment_set_al_delay(struct fsn_segment *s, uint32_t position, ui
     return FSN_OK;
 }
 
+fsn_status fsn_segment_set_clock(struct fsn_segment *s, uint32_t position,
+                                 const struct fsn_segment_clock *clock) {
+    enum { FASTEST_PPB = 1000000 };
+    const bool ok =
+        clock != NULL && clock->drift_ppb < FASTEST_PPB && clock->drift_ppb > -FASTEST_PPB;
+    struct esc *esc = ok ? hold(s, position) : NULL;
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    esc->clock = (struct esc_clock){.absent = clock->absent,
+                                    .deaf = clock->deaf,
+                                    .forward_ns = clock->forward_ns,
+                                    .offset_ns = clock->offset_ns,
+                                    .drift_ppb = clock->drift_ppb};
+    memset(esc->memory + REG_DC_TIME, 0, REG_DC_END - REG_DC_TIME);
+    esc_clock_reset(esc, true);
+    pthread_mutex_unlock(&s->lock);
+    return FSN_OK;
+}
+
 fsn_status fsn_segment_set_object(struct fsn_segment *s, uint32_t position, uint16_t index,
                                   uint8_t sub, const void *bytes, size_t len_bytes) {
     struct esc *esc = len_bytes <= MAX_OBJECT_BYTES && bytes != NULL ? hold(s, position) : NULL;

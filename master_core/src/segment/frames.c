@@ -6,7 +6,6 @@ enum {
     FRAME_HEAD = 16, /**< Ethernet and EtherCAT header */
     DATAGRAM_HEAD = 10,
     MAX_DATA = 1500,
-    FORWARD_NS = 300, /**< through one controller */
 };
 
 enum { CMD_APWR = 2, CMD_FPWR = 5, CMD_BWR = 8, CMD_LRD = 10, CMD_LRW = 12 };
@@ -21,12 +20,22 @@ static struct esc *esc_at(struct fsn_segment *s, uint32_t place) {
     return &s->escs[s->order[place]];
 }
 
+/** How long a frame takes past some places. */
+static uint64_t way_ns(struct fsn_segment *s, uint32_t first, uint32_t end) {
+    uint64_t sum = 0;
+    for (uint32_t place = first; place < end; place++) {
+        sum += esc_at(s, place)->clock.forward_ns;
+    }
+    return sum;
+}
+
 static void latch(struct fsn_segment *s, const struct span *span) {
-    const uint32_t length = span->end - span->first;
-    for (uint32_t n = 0; n < length; n++) {
-        const uint64_t arrival = span->now_ns + (uint64_t)FORWARD_NS * n;
-        const uint64_t back = span->now_ns + (uint64_t)FORWARD_NS * (2 * length - n);
-        esc_latch_times(esc_at(s, span->first + n), arrival, back);
+    const uint64_t turns = span->now_ns + way_ns(s, span->first, span->end);
+    uint64_t arrival = span->now_ns;
+    for (uint32_t place = span->first; place < span->end; place++) {
+        struct esc *esc = esc_at(s, place);
+        esc_latch_times(esc, arrival, turns + (turns - arrival));
+        arrival += esc->clock.forward_ns;
     }
 }
 
@@ -55,9 +64,11 @@ static bool pass_datagram(struct fsn_segment *s, const struct span *span, uint8_
         .size_bytes = size,
         .counter = fsn_get16(at + DATAGRAM_HEAD + size),
     };
+    uint64_t arrival = span->now_ns;
     for (uint32_t place = span->first; place < span->end; place++) {
         struct esc *esc = esc_at(s, place);
-        esc->now_ns = span->now_ns + (uint64_t)FORWARD_NS * (place - span->first);
+        esc->now_ns = arrival;
+        arrival += esc->clock.forward_ns;
         esc_pass(esc, &d);
     }
     if (latches_times(&d)) {
@@ -126,15 +137,15 @@ static bool is_taken(struct fsn_segment *s, uint32_t port, const uint8_t *frame,
 /** Controllers process what comes from port 0, wherever it came in. In a closed ring only the first
  *  port of the MainDevice is one; behind a gap the last half sends a frame back at the gap, which
  * so passes it twice and is processed on the way out. */
-static struct span span_of(const struct fsn_segment *s, uint32_t port, uint64_t now_ns) {
+static struct span span_of(struct fsn_segment *s, uint32_t port, uint64_t now_ns) {
     if (port == 0) {
         return (struct span){.end = s->from_first, .now_ns = now_ns};
     }
-    const uint64_t way_ns = (uint64_t)FORWARD_NS * s->from_last;
+    const uint64_t inwards_ns = way_ns(s, s->count - s->from_last, s->count);
     return (struct span){
         .first = s->closed ? s->count : s->count - s->from_last,
         .end = s->count,
-        .now_ns = now_ns + way_ns,
+        .now_ns = now_ns + inwards_ns,
     };
 }
 

@@ -6,7 +6,10 @@
 
 #include "segment/segment_internal.h"
 
-enum { MAX_POSITIONS = 4096 };
+enum {
+    MAX_POSITIONS = 4096,
+    FORWARD_NS = 300, /**< through one controller */
+};
 
 /* -- building ------------------------------------------------------------------------------- */
 
@@ -115,7 +118,10 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
         }
         s->present[p] = true;
         s->order[p] = p;
-        s->escs[p].clock_offset_ns = 1000003u * (uint64_t)p; /* their clocks do not agree */
+        /* Their clocks do not agree: neither now nor a while later. */
+        s->escs[p].clock = (struct esc_clock){.forward_ns = FORWARD_NS,
+                                              .offset_ns = 1000003u * (uint64_t)p,
+                                              .drift_ppb = (int64_t)(p * 37 % 101) * 1000 - 50000};
         esc_power_on(&s->escs[p]);
     }
     if (!ok) {

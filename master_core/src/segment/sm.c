@@ -97,6 +97,7 @@ static void outputs_written(struct esc *esc, const struct esc_sm *sm) {
     b->fresh = true;
     esc->outputs_seen = true;
     esc->outputs_ns = esc->now_ns;
+    esc_clock_outputs(esc);
 }
 
 void esc_sm_after_write(struct esc *esc, uint16_t address, uint16_t size_bytes) {

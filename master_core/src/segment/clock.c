@@ -1,0 +1,139 @@
+/** The distributed clock of an emulated controller: local time, system time, SYNC0. */
+#include "segment/esc.h"
+
+enum {
+    BILLION = 1000000000,
+    LOOP_NS = 1000000,     /**< the control loop corrects at most as after so long */
+    MOST_PPB = 500000,     /**< fastest correction of the rate */
+    FILTER = 16,           /**< readings in the mean difference */
+    FEATURES = 0x0008,     /**< bit 2: a distributed clock, bit 3: 64 bits wide */
+    CLOCK_FEATURES = 0x0C, /**< both */
+    SYNC_ACTIVE = 0x03,    /**< of REG_DC_ACTIVATION: cyclic operation, SYNC0 */
+    LATE_OF_64 = 48,       /**< so many of the last 64 output frames near a pulse: an error */
+};
+
+/** Without the reference time for so long a device with SYNC0 gives up. */
+static const uint64_t served_most_ns = BILLION;
+static const uint32_t apart_most_ns = 100000;
+
+static int64_t bounded(int64_t value, int64_t most) {
+    return value > most ? most : value < -most ? -most : value;
+}
+
+/** What a rate adds in a time; both may be large. */
+static int64_t drifted(uint64_t time_ns, int64_t ppb) {
+    return (int64_t)(time_ns / 1000) * ppb / (BILLION / 1000);
+}
+
+/** Time since; 0 where a frame that was under way is newer. */
+static uint64_t since(const struct esc *esc, uint64_t at_ns) {
+    return esc->now_ns > at_ns ? esc->now_ns - at_ns : 0;
+}
+
+uint64_t esc_local_time(const struct esc *esc, uint64_t at_ns) {
+    return at_ns + esc->clock.offset_ns + (uint64_t)drifted(at_ns, esc->clock.drift_ppb);
+}
+
+/** Correction of the local clock by its control loop. */
+static int64_t correction(const struct esc *esc) {
+    const struct esc_clock *c = &esc->clock;
+    return c->phase_ns + drifted(since(esc, c->compared_ns), c->rate_ppb);
+}
+
+uint64_t esc_system_time(const struct esc *esc) {
+    return esc_local_time(esc, esc->now_ns) + fsn_get64(esc->memory + REG_DC_OFFSET) +
+           (uint64_t)correction(esc);
+}
+
+static void show_difference(struct esc *esc) {
+    const int64_t mean = esc->clock.difference_ns;
+    const uint32_t size = (uint32_t)bounded(mean < 0 ? -mean : mean, INT32_MAX);
+    fsn_put32(esc->memory + REG_DC_DIFFERENCE, size | (mean < 0 ? 0x80000000u : 0));
+}
+
+void esc_clock_reset(struct esc *esc, bool power_on) {
+    struct esc_clock *c = &esc->clock;
+    c->difference_ns = 0;
+    c->served = false;
+    if (power_on) {
+        esc->memory[FEATURES] = c->absent ? 0 : CLOCK_FEATURES;
+        fsn_put16(esc->memory + REG_DC_LOOP, 0x1000);
+        c->phase_ns = c->rate_ppb = 0;
+        c->compared_ns = esc->now_ns;
+        c->near = 0;
+        c->fires = false;
+    }
+    show_difference(esc);
+}
+
+void esc_clock_served(struct esc *esc) {
+    esc->clock.served = true;
+    esc->clock.served_ns = esc->now_ns;
+}
+
+void esc_clock_compare(struct esc *esc, const uint8_t *time, uint16_t size_bytes) {
+    struct esc_clock *c = &esc->clock;
+    if (size_bytes < 4) {
+        return;
+    }
+    const uint32_t theirs = fsn_get32(time) + fsn_get32(esc->memory + REG_DC_DELAY);
+    const int64_t apart = (int32_t)((uint32_t)esc_system_time(esc) - theirs);
+    const uint64_t passed_ns = since(esc, c->compared_ns);
+    const int64_t loop_ns = c->deaf ? 0 : passed_ns < LOOP_NS ? (int64_t)passed_ns : LOOP_NS;
+    c->phase_ns = correction(esc);
+    c->compared_ns = esc->now_ns;
+    esc_clock_served(esc);
+    const int64_t step = bounded(apart / 8, loop_ns / 10);
+    c->phase_ns -= step;
+    if (step == apart / 8 && loop_ns > 0) {
+        const int64_t more = bounded(apart * (BILLION / 256) / loop_ns, 2000);
+        c->rate_ppb = bounded(c->rate_ppb - more, MOST_PPB);
+    }
+    c->difference_ns += (apart - c->difference_ns) / FILTER;
+    show_difference(esc);
+}
+
+/** Whether SYNC0 is switched on. */
+static bool has_sync(const struct esc *esc) {
+    return (esc->memory[REG_DC_ACTIVATION] & SYNC_ACTIVE) == SYNC_ACTIVE &&
+           fsn_get32(esc->memory + REG_SYNC0_CYCLE) != 0;
+}
+
+void esc_clock_activate(struct esc *esc) {
+    /* A pulse that should have come already comes after the time has gone around once. */
+    esc->clock.fires = fsn_get64(esc->memory + REG_SYNC0_START) > esc_system_time(esc);
+    esc->clock.near = 0;
+}
+
+uint16_t esc_clock_fault(const struct esc *esc) {
+    const struct esc_clock *c = &esc->clock;
+    if (!has_sync(esc)) {
+        return 0;
+    }
+    if (!c->served || since(esc, c->served_ns) > served_most_ns ||
+        c->difference_ns > apart_most_ns || c->difference_ns < -(int64_t)apart_most_ns) {
+        return AL_CODE_SYNC_FATAL;
+    }
+    return c->fires ? 0 : AL_CODE_NO_SYNC;
+}
+
+void esc_clock_outputs(struct esc *esc) {
+    struct esc_clock *c = &esc->clock;
+    if (!has_sync(esc) || esc_state(esc) != AL_OP) {
+        c->near = 0;
+        return;
+    }
+    const uint64_t now = esc_system_time(esc);
+    const uint64_t start = fsn_get64(esc->memory + REG_SYNC0_START);
+    const uint32_t cycle = fsn_get32(esc->memory + REG_SYNC0_CYCLE);
+    const uint32_t behind = now >= start ? (uint32_t)((now - start) % cycle) : cycle / 2;
+    c->near = c->near << 1 | (behind < cycle / 8 || behind > cycle - cycle / 8);
+    unsigned late = 0;
+    for (uint64_t bits = c->near; bits != 0; bits &= bits - 1) {
+        late++;
+    }
+    if (late >= LATE_OF_64) {
+        c->near = 0;
+        esc_al_error(esc, AL_SAFEOP, AL_CODE_SYNC);
+    }
+}
