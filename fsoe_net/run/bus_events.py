@@ -54,7 +54,7 @@ class BusEvents:
             self.events_lost += 1
             self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
         else:
-            source = "bus" if kind in ("wkc", "ring") else "fsn-master"
+            source = "bus" if kind in ("wkc", "ring", "clocks") else "fsn-master"
             self.log(source, str(event.get("text", "")), at_ns=at_ns)
 
     def _connection(self, event: Mapping[str, Any], at_ns: int) -> None:

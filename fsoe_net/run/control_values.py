@@ -17,6 +17,7 @@ from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 __all__ = [
     "BusState",
     "BusStatus",
+    "ClocksStatus",
     "CycleClient",
     "HistoryMessage",
     "RingStatus",
@@ -90,6 +91,30 @@ class RingStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ClocksStatus:
+    """Distributed clocks: ``state`` is ``synchronous``, ``apart`` or ``unknown``.
+
+    ``set_by``: ``bus`` where the cycle follows the clock of ``reference``, ``host`` where this
+    machine sets it. Of ``subdevices`` whose clocks were compared so many are ``outside`` the
+    window, ``place`` names the furthest; ``leaves`` counts how often some were since the bus
+    opened. The last frame reached the reference clock ``lead_ns`` before SYNC0; it should
+    ``shift_ns``.
+    """
+
+    state: str
+    set_by: str
+    reference: str
+    subdevices: int
+    outside: int
+    leaves: int
+    window_ns: int
+    worst_ns: int
+    shift_ns: int
+    lead_ns: int
+    place: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BusStatus:
     """One of several buses. Its cycle in nanoseconds; counts since the bus was opened."""
 
@@ -131,8 +156,9 @@ class Status:
 
     ``fault`` says why the bus did not open; empty when it did. ``fingerprint`` is that of the plan
     as the core has loaded it, ``None`` from a program that reports none; ``version`` that of the
-    engine. ``ring`` is ``None`` with one interface, ``standby`` where no process follows,
-    ``interventions`` without an intervention log, ``cpu`` when the cyclic thread may run on any.
+    engine. ``ring`` is ``None`` with one interface, ``clocks`` where none are in use, ``standby``
+    where no process follows, ``interventions`` without an intervention log, ``cpu`` when the cyclic
+    thread may run on any.
     ``buses`` is empty where there is one bus; of several, counts outside it are of all together,
     in cycles of the first. ``in_cycle``: clients that share memory with the cycle.
     """
@@ -156,6 +182,7 @@ class Status:
     priority: int
     cpu: int | None
     ring: RingStatus | None
+    clocks: ClocksStatus | None
     standby: StandbyStatus | None
     cycles: int
     overruns: int
@@ -275,6 +302,8 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     row = {**reply, **reply["subdevices"], "state": BusState(reply["state"])}
     row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
     row["ring"] = None if (ring := reply.get("ring")) is None else _ring(ring)
+    clocks = reply.get("clocks")
+    row["clocks"] = None if clocks is None else ClocksStatus(**clocks)
     standby = reply.get("standby")
     row["standby"] = None if standby is None else StandbyStatus(**standby)
     row["interventions"] = _log_status(reply.get("interventions"))

@@ -32,8 +32,8 @@ STATUS: Row = {
     "plan_sha256": "00", "accepted": False, "uptime_ns": 1, "cycle_ns": 1_000_000,
     "free_run": False, "policy": "fifo", "priority": 80, "cpu": None, "cycles": 5, "overruns": 0,
     "wkc_errors": 0, "expected_wkc": 9, "actual_wkc": 9, "realtime": True, "locked": True,
-    "subdevices": {"planned": 2, "in_op": 2, "missing": 0}, "ring": None, "standby": None,
-    "clients": 1,
+    "subdevices": {"planned": 2, "in_op": 2, "missing": 0}, "ring": None, "clocks": None,
+    "standby": None, "clients": 1,
 }  # fmt: skip
 _HISTOGRAM: Row = {
     "count": 2, "sum_ns": 2_000_000, "min_ns": 990_000, "max_ns": 1_010_000,

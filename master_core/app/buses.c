@@ -28,7 +28,9 @@ static void free_members(void) {
 static fsn_status create(const struct fsn_live_options *options, void **bus,
                          struct fsn_fault *fault) {
     const struct fsn_thread_options thread = {.priority = options_priority(all.options),
-                                              .cpu = all.options->cpu};
+                                              .cpu = all.options->cpu,
+                                              .follow_dc = true,
+                                              .dc_shift_ns = all.options->dc_shift_ns};
     struct fsn_several_member members[MOST_BUSES];
     struct fsn_several *several = NULL;
     fsn_status status = FSN_OK;

@@ -99,9 +99,11 @@ static const char *obstacle(const struct handover_hello *hello, const struct doo
     if (memcmp(hello->plan, plan, sizeof plan) != 0) {
         return "it has another plan; a take-over keeps the plan, another one needs a stop";
     }
-    if (hello->cycle_ns != facts->options->cycle_ns ||
-        hello->dc_every != facts->options->dc_every) {
-        return "it has another --cycle or --dc-every; they belong to the start of a bus";
+    const struct options *own = facts->options;
+    if (hello->cycle_ns != own->cycle_ns || hello->dc_every != own->dc_every ||
+        hello->dc_host != own->dc_host || hello->dc_shift_ns != own->dc_shift_ns) {
+        return "it has another --cycle, --dc-every, --dc-clock or --dc-shift; they belong to the "
+               "start of a bus";
     }
     return facts->in_op ? NULL : not_ready;
 }

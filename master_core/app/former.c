@@ -100,6 +100,8 @@ static int refuse(struct former *former, const char *text) {
 static int request(struct former *former, const struct options *o, const struct fsn_plan *plan) {
     struct handover_hello hello = {.format = HANDOVER_FORMAT,
                                    .dc_every = o->dc_every,
+                                   .dc_host = o->dc_host,
+                                   .dc_shift_ns = o->dc_shift_ns,
                                    .standby = o->standby,
                                    .cycle_ns = o->cycle_ns};
     struct handover_answer answer;

@@ -10,14 +10,15 @@
 
 #include "fsn/bus.h"
 
-enum { HANDOVER_FORMAT = 1, HANDOVER_TEXT_BYTES = 400 };
+enum { HANDOVER_FORMAT = 2, HANDOVER_TEXT_BYTES = 400 };
 
 /** The first message, of the one that would follow. */
 struct handover_hello {
     uint32_t format, dc_every;
     uint32_t standby; /**< 1: it follows, and takes over when cycles stop; 0: at once */
     uint32_t free;
-    uint64_t cycle_ns;
+    uint64_t cycle_ns, dc_shift_ns;
+    uint32_t dc_host, unused;
     uint8_t plan[FSN_SHA256_BYTES];
     char version[32];
 };

@@ -28,7 +28,13 @@ static const char usage_text[] =
     "  --priority N       of fifo, 1 to 99; default 80\n"
     "  --cpu N            runs the cycle on this CPU only\n"
     "  --free-run         no waiting: a cycle begins when the bus has answered\n"
-    "  --dc-every N       distributes the DC reference time every N cycles; default 0: never\n"
+    "  --dc-every N       distributes the DC reference time every N cycles; default 0: each cycle\n"
+    "                     where the plan starts SYNC0, else never\n"
+    "  --dc-clock WHO     bus (default): the cycle follows the first SubDevice with a clock; "
+    "host:\n"
+    "                     this machine sets the clocks of the bus\n"
+    "  --dc-shift TIME    frames come so long before SYNC0; default: half a cycle\n"
+    "  --dc-window TIME   clocks further from the reference clock are an event; default 1us\n"
     "  --duration TIME    stops by itself, e.g. 10s\n"
     "  --record TIME      keeps the cycles of the last TIME; default 10s, at most 64 MiB\n"
     "  --wait TIME        tries again for so long while SubDevices are missing\n"
@@ -187,6 +193,9 @@ enum option_id {
     CPU,
     FREE_RUN,
     DC_EVERY,
+    DC_CLOCK,
+    DC_SHIFT,
+    DC_WINDOW,
     DURATION,
     RECORD,
     WAIT,
@@ -229,10 +238,35 @@ static int take_number(int id, const char *text, struct options *o) {
         return read_number(text, 1, 1000000, &o->incidents_mib)
                    ? -1
                    : options_wrong("--incidents-limit", text, "1 to 1000000 MiB");
-    case INTERVENTIONS_FILE:
+    default:
         return read_number(text, 1, 1000, &o->interventions_mib)
                    ? -1
                    : options_wrong("--intervention-log-file", text, "1 to 1000 MiB");
+    }
+}
+
+/** Distributed clocks. */
+static int take_dc(int id, const char *text, struct options *o) {
+    long number = 0;
+    int code;
+    switch (id) {
+    case DC_CLOCK:
+        o->dc_host = strcmp(text, "host") == 0;
+        return o->dc_host || strcmp(text, "bus") == 0
+                   ? -1
+                   : options_wrong("--dc-clock", text, "bus or host");
+    case DC_SHIFT:
+        return read_time(text, 0, &o->dc_shift_ns) && o->dc_shift_ns > 0 &&
+                       o->dc_shift_ns <= 1000000000
+                   ? -1
+                   : options_wrong("--dc-shift", text,
+                                   "a time up to a bus cycle with its unit, e.g. 300us");
+    case DC_WINDOW:
+        return read_time(text, 0, &o->dc_window_ns) && o->dc_window_ns >= 100 &&
+                       o->dc_window_ns <= 1000000
+                   ? -1
+                   : options_wrong("--dc-window", text,
+                                   "a time from 100ns to 1ms with its unit, e.g. 1us");
     default:
         code = read_integer("--dc-every", text, 0, 1000000, "0 to 1000000 cycles", &number);
         o->dc_every = (uint32_t)number;
@@ -241,6 +275,9 @@ static int take_number(int id, const char *text, struct options *o) {
 }
 
 static int take_time(int id, const char *text, struct options *o) {
+    if (id >= DC_EVERY && id <= DC_WINDOW) {
+        return take_dc(id, text, o);
+    }
     switch (id) {
     case CYCLE:
         return read_time(text, 0, &o->cycle_ns) && o->cycle_ns >= 50000 && o->cycle_ns <= 1000000000
@@ -332,7 +369,6 @@ static int take(int id, const char *text, struct options *o) {
         return read_log(text, o);
     case PRIORITY:
     case CPU:
-    case DC_EVERY:
     case INCIDENTS_LIMIT:
     case INTERVENTIONS_FILE:
         return take_number(id, text, o);
@@ -440,6 +476,9 @@ int options_read(int argc, char **argv, struct options *o) {
         {"cpu", required_argument, NULL, CPU},
         {"free-run", no_argument, NULL, FREE_RUN},
         {"dc-every", required_argument, NULL, DC_EVERY},
+        {"dc-clock", required_argument, NULL, DC_CLOCK},
+        {"dc-shift", required_argument, NULL, DC_SHIFT},
+        {"dc-window", required_argument, NULL, DC_WINDOW},
         {"duration", required_argument, NULL, DURATION},
         {"record", required_argument, NULL, RECORD},
         {"wait", required_argument, NULL, WAIT},

@@ -29,7 +29,10 @@ struct options {
     bool policy_given;      /**< then it is no good to go on without it */
     int priority;           /**< 1 … 99, of fifo */
     int cpu;                /**< CPU number + 1; 0: any */
-    uint32_t dc_every;      /**< 0: no distributed clocks */
+    uint32_t dc_every;      /**< 0: as the plan needs it */
+    bool dc_host;           /**< this machine sets the clocks of the bus */
+    uint64_t dc_shift_ns;   /**< frames come so long before SYNC0; 0: half a cycle */
+    uint64_t dc_window_ns;  /**< what clocks may differ; 0: 1000 ns */
     long incidents_mib;     /**< most MiB of incident files; 0: as it is usual */
     long interventions_mib; /**< of a file of the intervention log */
     bool free_run, trace, log_json;

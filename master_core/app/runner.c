@@ -129,6 +129,9 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
         .cycle_ns = cycle_ns,
         .receive_wait_ns = o->free_run ? 2 * cycle_ns : 0,
         .dc_every = o->dc_every,
+        .dc_host = o->dc_host,
+        .dc_shift_ns = o->dc_shift_ns,
+        .dc_window_ns = o->dc_window_ns,
         .attach = runner->former != NULL ? &runner->former->attachment : NULL,
     };
     fsn_status status = runner->backend->create(&live, &runner->bus, fault);
@@ -220,7 +223,8 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
         .priority = options_priority(o),
         .lock_memory = o->policy != POLICY_OTHER,
         .free_run = o->free_run,
-        .follow_dc = o->dc_every > 0,
+        .follow_dc = true, /* where a frame brings the time */
+        .dc_shift_ns = o->dc_shift_ns,
         .trace = o->trace,
     };
     const size_t known = schedule_threads(before);

@@ -39,7 +39,7 @@ static const struct fsn_plan *the_plan(void) {
 static struct rig *make_rig(void) {
     struct rig *rig = calloc(1, sizeof *rig);
     CHECK(rig != NULL);
-    CHECK(fsn_frames_create(the_plan(), 0x1001, &rig->frames) == FSN_OK);
+    CHECK(fsn_frames_create(the_plan(), 0x1001, true, &rig->frames) == FSN_OK);
     int pair[2];
     CHECK(socketpair(AF_UNIX, SOCK_SEQPACKET, 0, pair) == 0);
     rig->frames.wire.sockets[0] = pair[0];

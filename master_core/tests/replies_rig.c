@@ -377,6 +377,22 @@ static bool bus_ring(void *bus, struct fsn_bus_ring *ring) {
     return on.stateless;
 }
 
+static bool bus_clocks(void *bus, struct fsn_bus_clocks *clocks) {
+    (void)bus;
+    *clocks = (struct fsn_bus_clocks){.state = FSN_CLOCKS_APART,
+                                      .host = true,
+                                      .subdevices = 2,
+                                      .outside = 1,
+                                      .leaves = 3,
+                                      .window_ns = 1000,
+                                      .worst_ns = 21480,
+                                      .shift_ns = 500000,
+                                      .lead_ns = 499000,
+                                      .reference = "logic",
+                                      .place = "door is 21480 ns from logic"};
+    return on.stateless;
+}
+
 static fsn_status host_request(void *self, enum fsn_program_request request,
                                struct fsn_refusal *refusal) {
     (void)self;
@@ -431,6 +447,7 @@ void set_up(void) {
                                   .poll = bus_poll,
                                   .state = bus_state,
                                   .ring = bus_ring,
+                                  .clocks = bus_clocks,
                                   .acyclic = &on.acyclic};
     host = test_host(submit);
     host.status = host_state;

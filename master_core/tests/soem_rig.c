@@ -52,18 +52,42 @@ uint8_t *build(size_t *len) {
     return bytes;
 }
 
-struct rig *set_up_with(const char *second) {
+/** Gives every sub its SYNC0. */
+static void add_sync(uint8_t *bytes, size_t len) {
+    enum { SUBDEVICE_BYTES = 48, ASSIGN_ACTIVATE = 40 };
+    const uint8_t *begin = bytes + 32 + 16 * (SEC_SUBDEVICE - 1) + 4;
+    uint8_t *records = bytes + (begin[0] | begin[1] << 8);
+    for (uint32_t n = 1; n < SUBDEVICES; n++) {
+        records[SUBDEVICE_BYTES * n + ASSIGN_ACTIVATE + 1] = 0x03;
+    }
+    build_fix_crc(bytes, len);
+}
+
+static struct rig *make(const char *second, bool sync) {
     struct rig *rig = calloc(1, sizeof *rig);
     CHECK(rig != NULL);
     size_t len;
     rig->bytes = build(&len);
+    if (sync) {
+        add_sync(rig->bytes, len);
+    }
     CHECK(fsn_plan_load(rig->bytes, len, &rig->plan, NULL) == FSN_OK);
     CHECK(fsn_plan_load(rig->bytes, len, &rig->plan_of_segment, NULL) == FSN_OK);
     CHECK(fsn_segment_create(rig->plan_of_segment, &rig->segment) == FSN_OK);
     const struct fsn_segment_link_options options = {.interface = "far", .interface2 = second};
     CHECK(fsn_segment_link(rig->segment, &options, NULL) == FSN_OK);
-    rig->second = second != NULL ? "near2" : NULL;
+    rig->live = (struct fsn_live_options){.interface = "near",
+                                          .redundant = second != NULL ? "near2" : NULL,
+                                          .dc_every = sync ? 0 : 5};
     return rig;
+}
+
+struct rig *set_up_with(const char *second) {
+    return make(second, false);
+}
+
+struct rig *set_up_with_sync(void) {
+    return make(NULL, true);
 }
 
 struct rig *set_up(void) {
@@ -71,9 +95,7 @@ struct rig *set_up(void) {
 }
 
 fsn_status open_bus(struct rig *rig) {
-    const struct fsn_live_options options = {
-        .interface = "near", .redundant = rig->second, .dc_every = 5};
-    CHECK(fsn_backend_soem()->create(&options, &rig->bus, &rig->fault) == FSN_OK);
+    CHECK(fsn_backend_soem()->create(&rig->live, &rig->bus, &rig->fault) == FSN_OK);
     const fsn_status status =
         fsn_core_create(rig->plan, fsn_backend_soem()->ops, rig->bus, &rig->core, &rig->fault);
     CHECK(status == FSN_OK || (rig->core == NULL && rig->fault.status == status));
@@ -144,7 +166,8 @@ struct rig *bring_up_from(struct rig *rig) {
         CHECK(now_ns() < end);
         close_bus(rig);
     }
-    const struct fsn_thread_options thread = {.cycle_ns = 1000000};
+    const struct fsn_thread_options thread = {
+        .cycle_ns = 1000000, .follow_dc = true, .dc_shift_ns = rig->live.dc_shift_ns};
     CHECK(fsn_core_start(rig->core, &thread, NULL) == FSN_OK);
     poll_until_all_in_op(rig);
     return rig;

@@ -17,8 +17,8 @@ struct rig {
     void *bus;
     struct fsn_core *core;
     struct fsn_fault fault;
-    const char *second; /**< interface at the other end of the ring */
-    uint8_t beat;       /**< what the SubDevices deliver, changed by each check */
+    struct fsn_live_options live; /**< as the bus is opened */
+    uint8_t beat;                 /**< what the SubDevices deliver, changed by each check */
 };
 
 /** A network namespace with a veth pair; false where this user may not make one. */
@@ -29,6 +29,8 @@ void pause_ms(long ms);
 uint8_t *build(size_t *len);
 
 struct rig *set_up_with(const char *second);
+/** The subs start SYNC0, and clocks are on for that alone. */
+struct rig *set_up_with_sync(void);
 struct rig *set_up(void);
 /** Opens the bus once. */
 fsn_status open_bus(struct rig *rig);

@@ -144,12 +144,19 @@ static void who_does_not_fit_is_refused(void) {
     refused(&hello, false,
             "it has another plan; a take-over keeps the plan, another one needs a stop");
     static const char other[] =
-        "it has another --cycle or --dc-every; they belong to the start of a bus";
+        "it has another --cycle, --dc-every, --dc-clock or --dc-shift; they belong to the start "
+        "of a bus";
     hello = hello_of();
     hello.cycle_ns++;
     refused(&hello, false, other);
     hello = hello_of();
     hello.dc_every++;
+    refused(&hello, false, other);
+    hello = hello_of();
+    hello.dc_host = 1;
+    refused(&hello, false, other);
+    hello = hello_of();
+    hello.dc_shift_ns++;
     refused(&hello, false, other);
     struct door_rig rig = open_door();
     const int fd = knock(&rig);

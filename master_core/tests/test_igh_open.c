@@ -194,7 +194,7 @@ static void igh_is_told_clocks_and_watchdogs(void) {
           fake.device[0].watchdog[3] == EC_WD_DISABLE);
     CHECK(fake.device[1].watchdog[2] == EC_WD_DEFAULT);
     run(rig, 2, FSN_AL_OP);
-    CHECK(fake.app_time != 0 && fake.clock_syncs == 0);
+    CHECK(fake.app_time != 0 && fake.clock_syncs > 0); /* the plan alone requests clocks */
     tear_down(rig);
     /* Its own cycle stands before that of the plan; without both it is a millisecond. */
     static const uint32_t cycles[][3] = {{2 * MS, 4 * MS, 2000}, {0, 4 * MS, 4000}, {0, 0, 1000}};

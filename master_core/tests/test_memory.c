@@ -55,7 +55,7 @@ static fsn_status recorder(void) {
 
 static fsn_status frames(void) {
     struct fsn_frames made;
-    const fsn_status status = fsn_frames_create(on.plan, 0x1001, &made);
+    const fsn_status status = fsn_frames_create(on.plan, 0x1001, true, &made);
     fsn_frames_free(&made);
     return status;
 }

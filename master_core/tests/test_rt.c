@@ -13,7 +13,7 @@
 #include "rt/words.h"
 
 enum {
-    MOST = 16,
+    MOST = 700,
     DATAGRAMS = 2,
     SMS = 3,
     IMAGE = 8,
@@ -73,6 +73,8 @@ static struct {
     struct fsn_bus_input script[MOST]; /**< what comes in, cycle by cycle */
     struct fsn_wkc script_wkc[MOST][DATAGRAMS];
     uint8_t script_stale[MOST][SMS];
+    uint64_t sent_ns;       /**< when the last frames went out */
+    const int32_t *far_ppb; /**< the script is a reference clock that runs so much faster */
     uint32_t cycles, stop_after, sent;
 } on;
 
@@ -91,6 +93,9 @@ static void receive(void *bus, struct fsn_bus_input *input) {
     *input = on.script[on.cycles];
     input->wkc = wkc;
     input->sm_stale = stale;
+    if (on.far_ppb != NULL && on.sent > 0) {
+        input->dc_time_ns = on.sent_ns + on.sent_ns / 1000 * (uint64_t)*on.far_ppb / 1000000;
+    }
     memcpy(wkc, on.script_wkc[on.cycles], sizeof no_wkc);
     memcpy(stale, on.script_stale[on.cycles], sizeof no_stale);
     on.cycles++;
@@ -102,6 +107,7 @@ static void receive(void *bus, struct fsn_bus_input *input) {
 static void send(void *bus) {
     CHECK(bus == &on);
     on.sent++;
+    on.sent_ns = wall.now_ns;
 }
 
 static const struct fsn_bus_ops ops = {.name = "script", .receive = receive, .send = send};
@@ -217,14 +223,13 @@ static void a_free_run_never_sleeps(void) {
 static void follows(const int64_t *off_ns, const int64_t *step_ns, uint32_t cycles, bool follow) {
     set_up(cycles);
     on.rt.follow_dc = follow;
-    /* The reference clock runs with its own zero; what we see of it is the planned wake-up less
-     * what it is off. */
-    const uint64_t phase = 123456789;
+    const uint64_t shift = 123456789; /* frames shall come so long before a multiple of the cycle */
+    on.rt.dc_shift_ns = shift;
     uint64_t planned = START_NS + CYCLE_NS;
     uint64_t expected[MOST];
     for (uint32_t i = 0; i < cycles; i++) {
         expected[i] = planned;
-        on.script[i].dc_time_ns = planned - phase - (uint64_t)off_ns[i];
+        on.script[i].dc_time_ns = 100 * CYCLE_NS - shift + (uint64_t)off_ns[i];
         planned += CYCLE_NS - (uint64_t)(follow ? step_ns[i] : 0);
     }
     fsn_rt_loop(&on.rt);
@@ -244,14 +249,15 @@ static void follows(const int64_t *off_ns, const int64_t *step_ns, uint32_t cycl
     CHECK(on.rt.statistics.dc_time_ns == on.script[cycles - 1].dc_time_ns);
 }
 
-/** A sixteenth of the distance, at most a hundredth of a cycle, to the nearer side. */
+/** A sixteenth of the distance, and a 1024th of what they add up to, each counted as a thousandth
+ * of a cycle at most; at most a hundredth of a cycle, to the nearer side. */
 static void steers_after_the_reference_clock(void) {
     enum { HALF = CYCLE_NS / 2, HUNDREDTH = CYCLE_NS / 100, EDGE = 16 * HUNDREDTH };
     static const int64_t off[] = {0,          1600, -1600,    EDGE,  EDGE + 16, -EDGE,
                                   -EDGE - 16, HALF, HALF + 1, -HALF, -HALF - 1, -15};
-    static const int64_t step[] = {0,          100,        -100,       HUNDREDTH,
-                                   HUNDREDTH,  -HUNDREDTH, -HUNDREDTH, HUNDREDTH,
-                                   -HUNDREDTH, -HUNDREDTH, HUNDREDTH,  0};
+    static const int64_t step[] = {
+        0,          101,       -100,       HUNDREDTH, HUNDREDTH, -HUNDREDTH + 400000 / 1024,
+        -HUNDREDTH, HUNDREDTH, -HUNDREDTH, HUNDREDTH, HUNDREDTH, 799985 / 1024};
     follows(off, step, 12, true);
     follows(off, step, 12, false);
     /* A reading that wraps around, and whole cycles apart: the same place in the cycle. */
@@ -263,10 +269,60 @@ static void steers_after_the_reference_clock(void) {
 static void a_cycle_without_reading_steers_nothing(void) {
     set_up(3);
     on.rt.follow_dc = true;
-    on.script[0].dc_time_ns = 1000;
+    on.script[0].dc_time_ns = 2 * CYCLE_NS;
     fsn_rt_loop(&on.rt);
-    CHECK(on.rt.statistics.dc_offset.count == 1 && on.rt.statistics.dc_time_ns == 1000);
+    CHECK(on.rt.statistics.dc_offset.count == 1);
+    CHECK(on.rt.statistics.dc_time_ns == 2 * CYCLE_NS);
     CHECK(wall.request_ns[2] == START_NS + 3 * CYCLE_NS);
+}
+
+/** A frame that left late because the wake-up was late says nothing about the clocks. */
+static void a_late_wake_up_is_no_distance(void) {
+    set_up(3);
+    on.rt.follow_dc = true;
+    wall.late_ns[1] = 5000;
+    on.script[2].dc_time_ns = 9 * CYCLE_NS + 5000;
+    fsn_rt_loop(&on.rt);
+    CHECK(counted(&on.rt.statistics.dc_offset, 1, 0, 0, 0));
+}
+
+/** A reference clock that runs 100 ppm too fast, from the worst phase, with wake-ups that are late
+ *  now and then: soon frames come where they shall. */
+static void locks_to_a_clock_that_drifts(void) {
+    static const int32_t ppb = 100000;
+    enum { SETTLED = 500, SHIFT = 290000000 };
+    set_up(MOST);
+    on.far_ppb = &ppb;
+    on.rt.follow_dc = true;
+    on.rt.dc_shift_ns = SHIFT;
+    for (uint32_t i = 0; i < MOST; i += 7) {
+        wall.late_ns[i] = 300000;
+    }
+    on.stop_after = SETTLED;
+    fsn_rt_loop(&on.rt);
+    CHECK(on.rt.statistics.dc_offset.max_ns > CYCLE_NS / 4);
+    on.rt.statistics.dc_offset = (struct fsn_histogram){0};
+    on.rt.goes_on = true;
+    atomic_store(&on.rt.stop, false);
+    on.stop_after = MOST;
+    fsn_rt_loop(&on.rt);
+    CHECK(on.rt.statistics.dc_offset.count > 150);
+    CHECK(on.rt.statistics.dc_offset.max_ns < CYCLE_NS / 1000);
+}
+
+/** Where the bus is set to our clock, only the first wake-up has to be placed. */
+static void the_first_wake_up_is_placed_before_sync0(void) {
+    for (uint64_t base = 1; base < CYCLE_NS; base += CYCLE_NS / 5) {
+        set_up(2);
+        on.rt.dc_base_ns = base;
+        on.rt.dc_shift_ns = 1000;
+        on.script[1].dc_time_ns = 12345;
+        fsn_rt_loop(&on.rt);
+        CHECK((wall.request_ns[0] + base + 1000) % CYCLE_NS == 0);
+        CHECK(wall.request_ns[0] >= START_NS + CYCLE_NS / 2);
+        CHECK(wall.request_ns[0] <= START_NS + 3 * CYCLE_NS / 2);
+        CHECK(wall.request_ns[1] == wall.request_ns[0] + CYCLE_NS);
+    }
 }
 
 /* -- what it counts ------------------------------------------------------------------------- */
@@ -570,6 +626,9 @@ int main(void) {
     a_free_run_never_sleeps();
     steers_after_the_reference_clock();
     a_cycle_without_reading_steers_nothing();
+    a_late_wake_up_is_no_distance();
+    locks_to_a_clock_that_drifts();
+    the_first_wake_up_is_placed_before_sync0();
     counts_what_comes_in();
     virtual_time_reads_no_clock();
     times_fall_into_their_buckets();

@@ -233,9 +233,10 @@ static void options_have_limits(void) {
     CHECK(fsn_core_start(NULL, &fine, &fault) == FSN_E_ARG);
     CHECK(fsn_core_start(rig.core, NULL, &fault) == FSN_E_ARG);
     os.creates = os.create_fails[0] = 0;
-    rig.core->rt.dc_known = true;
+    rig.core->rt.dc_sum_ns = 5; /* of another run */
     CHECK(fsn_core_start(rig.core, &fine, &fault) == FSN_OK);
     CHECK(rig.core->rt.cycle_ns == 1000000 && rig.core->rt.free_run && rig.core->rt.follow_dc);
+    CHECK(rig.core->rt.dc_sum_ns == 0 && rig.core->rt.dc_shift_ns == 500000);
     CHECK(fsn_core_start(rig.core, &fine, &fault) == FSN_E_STATE);
     CHECK(strcmp(fault.rule, "the cyclic thread runs already") == 0);
     CHECK(fsn_core_cycle(rig.core, 1) == FSN_E_STATE);

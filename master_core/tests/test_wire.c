@@ -305,7 +305,7 @@ static void sync_managers_fit_their_frames(void) {
         struct fsn_plan *plan;
         struct fsn_frames frames;
         CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
-        CHECK(fsn_frames_create(plan, 0, &frames) == (more == 0 ? FSN_OK : FSN_E_BUS_IMAGE));
+        CHECK(fsn_frames_create(plan, 0, false, &frames) == (more == 0 ? FSN_OK : FSN_E_BUS_IMAGE));
         CHECK(more != 0 || (frames.wire.frame_count == 2 && frames.wire.frames[1].dc == 0));
         fsn_frames_free(&frames);
         fsn_plan_free(plan);

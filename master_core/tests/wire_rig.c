@@ -82,7 +82,7 @@ struct rig *set_up_plan(unsigned ports, uint8_t *bytes, size_t len) {
     wall.rig = rig;
     rig->bytes = bytes;
     CHECK(fsn_plan_load(rig->bytes, len, &rig->plan, NULL) == FSN_OK);
-    CHECK(fsn_frames_create(rig->plan, 0x1001, &rig->frames) == FSN_OK);
+    CHECK(fsn_frames_create(rig->plan, 0x1001, false, &rig->frames) == FSN_OK);
     rig->frames.wire.run = 0x12345678;
     rig->frames.wire.dc_every = 2;
     rig->far[1] = -1;

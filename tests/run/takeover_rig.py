@@ -318,7 +318,7 @@ def undecided(network, _other):
     """One that was given the lock and says nothing: supervision goes on after ten seconds."""
     emulator, wire, program, _client = start(network)
     plan = hashlib.sha256(Path("n.fsnplan").read_bytes()).digest()
-    hello = struct.pack("<4IQ32s32s", 1, 0, 0, 0, CYCLE_NS, plan, b"mute")
+    hello = struct.pack("<4I2Q2I32s32s", 2, 0, 0, 0, CYCLE_NS, 0, 0, 0, plan, b"mute")
     script = f"""
 import socket, time
 lock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)

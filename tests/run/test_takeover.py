@@ -50,7 +50,7 @@ def test_what_differs_is_refused_before_anything_is_disturbed(tmp_path):
     said = {
         "nobody": "near: no fsn-master drives this interface and takes a successor",
         "plan": "it has another plan; a take-over keeps the plan, another one needs a stop",
-        "cycle": "it has another --cycle or --dc-every; they belong to the start of a bus",
+        "cycle": "it has another --cycle, --dc-every, --dc-clock or --dc-shift; they belong",
         "lock": "another process answers on s; stop that fsn-master",
     }
     for name, text in said.items():

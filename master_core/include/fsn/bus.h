@@ -22,6 +22,9 @@ struct fsn_bus_layout {
      *  next begins, the last one at image_bytes. */
     const uint32_t *datagram_begin;
     uint32_t datagram_count; /**< number of datagrams, at least 1 */
+    /** The bus sets its reference clock to CLOCK_MONOTONIC and this, nanoseconds; 0: it does not.
+     */
+    uint64_t dc_base_ns;
 };
 
 /** Working counter of one datagram in one cycle. */
@@ -66,7 +69,8 @@ enum {
     X(MAPPING, 4, "other process data")                                                            \
     X(ADDRESS, 5, "another FSoE address")                                                          \
     X(SDO, 6, "refused a start-up SDO")                                                            \
-    X(STATE, 7, "refused a state")
+    X(STATE, 7, "refused a state")                                                                 \
+    X(CLOCK, 8, "its clock cannot be set")
 
 enum fsn_found {
 #define FSN_FOUND_ENUM(name, value, text) FSN_FOUND_##name = (value),
@@ -123,6 +127,36 @@ struct fsn_bus_ring {
     char place[FSN_DETAIL_BYTES];
 };
 
+/** Whether all clocks of a bus with distributed clocks show one time: name, value, text. */
+#define FSN_CLOCKS_TABLE(X)                                                                        \
+    X(UNKNOWN, 0, "unknown")                                                                       \
+    X(SYNCHRONOUS, 1, "synchronous")                                                               \
+    X(APART, 2, "apart")
+
+enum fsn_clocks {
+#define FSN_CLOCKS_ENUM(name, value, text) FSN_CLOCKS_##name = (value),
+    FSN_CLOCKS_TABLE(FSN_CLOCKS_ENUM)
+#undef FSN_CLOCKS_ENUM
+};
+
+/** Returns "synchronous" and the like for an enum fsn_clocks. Context: any thread. */
+FSN_API const char *fsn_clocks_text(uint8_t clocks);
+
+/** Distributed clocks as of the last poll(). Times in nanoseconds. */
+struct fsn_bus_clocks {
+    uint8_t state;       /**< enum fsn_clocks; UNKNOWN before the first look */
+    bool host;           /**< the reference clock is set from here; false: the cycle follows it */
+    uint32_t subdevices; /**< of the plan that were looked at: in SAFEOP or OP, not the reference */
+    uint32_t outside;    /**< of them, further from the reference clock than the window */
+    uint32_t leaves;     /**< times they were found apart since the bus opened */
+    uint32_t window_ns;  /**< what a clock may differ from the reference clock */
+    uint32_t worst_ns;   /**< greatest difference of them */
+    uint32_t shift_ns;   /**< frames shall reach the reference clock so long before SYNC0 */
+    uint32_t lead_ns;    /**< and how long before it the last one did */
+    char reference[64];  /**< SubDevice with the reference clock; empty before the start */
+    char place[FSN_DETAIL_BYTES]; /**< who is outside, for people; empty while nobody is */
+};
+
 struct fsn_bus_acyclic;
 struct fsn_statistics;
 
@@ -167,6 +201,9 @@ struct fsn_bus_ops {
     /** Whether the ring is closed; any thread but the cyclic one. Returns false without a second
      *  interface. With poll(); NULL: never a ring. */
     bool (*ring)(void *bus, struct fsn_bus_ring *ring);
+    /** The distributed clocks; any thread but a cyclic one. Returns false where none are in use.
+     *  With poll(); NULL: never. */
+    bool (*clocks)(void *bus, struct fsn_bus_clocks *clocks);
     /** Objects, SII and registers beside the cycle, see fsn/acyclic.h; NULL: none of it. */
     const struct fsn_bus_acyclic *acyclic;
     /** Describes the bus for a process that is to go on with it. Context: that of poll(), which

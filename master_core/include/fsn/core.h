@@ -52,7 +52,7 @@ struct fsn_statistics {
     struct fsn_histogram work;       /**< from the wake-up to the end of send() */
     struct fsn_histogram copy;       /**< the copies alone */
     struct fsn_histogram round_trip; /**< from send() to the last reply, where the bus knows it */
-    struct fsn_histogram dc_offset;  /**< distance from the phase of the DC reference clock */
+    struct fsn_histogram dc_offset;  /**< distance from the place before SYNC0 */
 };
 
 /** One change of state. */
@@ -86,13 +86,15 @@ struct fsn_cycle {
 
 /** How the cyclic thread runs. Zero is a good value for every field but cycle_ns. */
 struct fsn_thread_options {
-    uint64_t cycle_ns; /**< bus cycle, 1 000 … 4 000 000 000 ns; 0 takes the plan's */
-    int priority;      /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
-    int cpu;           /**< CPU number + 1 to pin the thread; 0 leaves it free */
-    bool lock_memory;  /**< mlockall(MCL_CURRENT | MCL_FUTURE) before the first cycle */
-    bool free_run;     /**< no waiting: the next cycle begins when the bus has answered */
-    bool follow_dc;    /**< wake-ups keep their phase to the DC reference clock */
-    bool trace;        /**< writes markers into the kernel's trace buffer; see fsn_core_start() */
+    uint64_t cycle_ns;    /**< bus cycle, 1 000 … 4 000 000 000 ns; 0 takes the plan's */
+    int priority;         /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
+    int cpu;              /**< CPU number + 1 to pin the thread; 0 leaves it free */
+    bool lock_memory;     /**< mlockall(MCL_CURRENT | MCL_FUTURE) before the first cycle */
+    bool free_run;        /**< no waiting: the next cycle begins when the bus has answered */
+    bool follow_dc;       /**< wake-ups keep their phase to the DC reference clock */
+    uint64_t dc_shift_ns; /**< how long before SYNC0, a multiple of the cycle on the DC reference
+                               clock, frames reach that clock; 0 takes half a cycle */
+    bool trace; /**< writes markers into the kernel's trace buffer; see fsn_core_start() */
 };
 
 /** Activates a plan on a bus: gets the layout of the bus, resolves every copy to absolute bytes,
@@ -167,6 +169,11 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_subdevice(struct fsn_core *core, uint32
  *  @retval FSN_E_STATE  not a ring: a bus with one interface.
  *  Context: any thread but the cyclic one. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_ring(struct fsn_core *core, struct fsn_bus_ring *ring);
+
+/** Whether the distributed clocks show one time, and who does not.
+ *  @retval FSN_E_STATE  none are in use.   Context: any thread but the cyclic one. */
+FSN_API FSN_MUST_USE fsn_status fsn_core_clocks(struct fsn_core *core,
+                                                struct fsn_bus_clocks *clocks);
 
 /** Stops the cyclic thread after its current cycle; outputs stay as they are. Idempotent.
  *  Context: set-up. */

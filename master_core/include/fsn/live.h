@@ -18,7 +18,12 @@ struct fsn_live_options {
     uint64_t cycle_ns;        /**< bus cycle, for SYNC0 and timeouts; 0 takes the plan's */
     uint64_t receive_wait_ns; /**< how long receive() waits for the replies; 0 takes those that are
                                    there, which is right when the cycle is timed */
-    uint32_t dc_every;        /**< DC reference time is distributed every n cycles; 0: never */
+    uint32_t dc_every;        /**< DC reference time is distributed every n cycles; 0: each, where
+                                   the plan has a SubDevice with SYNC0, else never */
+    bool dc_host;             /**< this machine sets the reference clock; false: its cycle follows
+                                   the clock of the first SubDevice that has one */
+    uint64_t dc_shift_ns;     /**< as in fsn_thread_options, for what clocks() reports */
+    uint64_t dc_window_ns;    /**< how far a clock may differ from the reference; 0: 1000 ns */
     /** What describe() of the process that drives the bus has given: open() then changes nothing on
      *  the bus, compares it with the plan, and refuses what differs; close() leaves it alone as
      *  long as no cycle was sent. Needed until open() has returned. NULL: a bus that is started. */

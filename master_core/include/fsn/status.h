@@ -53,7 +53,8 @@ extern "C" {
     X(E_BUS_MAPPING, -67, "a SubDevice maps other process data than the plan says")                \
     X(E_BUS_ADDRESS, -68, "a SubDevice has another FSoE address than the plan says")               \
     X(E_BUS_SDO, -69, "a SubDevice refuses a start-up SDO")                                        \
-    X(E_BUS_STATE, -70, "a SubDevice does not reach the requested state")
+    X(E_BUS_STATE, -70, "a SubDevice does not reach the requested state")                          \
+    X(E_BUS_CLOCK, -71, "the clock of a SubDevice cannot be set")
 
 /** Result of every call that can fail. */
 typedef enum fsn_status {

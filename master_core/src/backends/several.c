@@ -220,7 +220,8 @@ static fsn_status join_layouts(struct fsn_several *several, struct fsn_bus_layou
                                       .image_bytes = bytes,
                                       .sm_base = several->sm_base,
                                       .datagram_begin = several->datagram_begin,
-                                      .datagram_count = datagrams};
+                                      .datagram_count = datagrams,
+                                      .dc_base_ns = several->members[0].layout.dc_base_ns};
     return FSN_OK;
 }
 
@@ -292,6 +293,21 @@ static bool several_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         all = of->ops->poll(of->bus, al_state, now_ns) && all;
     }
     return all;
+}
+
+/** Those that are apart; where none are, the first that are in use. */
+static bool several_clocks(void *context, struct fsn_bus_clocks *clocks) {
+    const struct fsn_several *several = context;
+    bool found = false;
+    for (uint32_t n = 0; n < several->count; n++) {
+        const struct fsn_several_member *of = &several->members[n].of;
+        struct fsn_bus_clocks own;
+        if (of->ops->clocks(of->bus, &own) && (!found || own.state == FSN_CLOCKS_APART)) {
+            *clocks = own;
+            found = true;
+        }
+    }
+    return found;
 }
 
 static struct member *member_of(struct fsn_several *several, uint32_t subdevice) {
@@ -414,6 +430,7 @@ static void choose_ops(struct fsn_several *several, const struct fsn_bus_ops *of
         several->ops.poll = several_poll;
         several->ops.state = several_state;
     }
+    several->ops.clocks = of->clocks != NULL ? several_clocks : NULL;
     if (of->acyclic != NULL) {
         const struct fsn_bus_acyclic *theirs = of->acyclic;
         several->acyclic = (struct fsn_bus_acyclic){

@@ -117,6 +117,14 @@ fsn_status fsn_core_ring(struct fsn_core *core, struct fsn_bus_ring *ring) {
     return ops->ring != NULL && ops->ring(core->rt.bus, ring) ? FSN_OK : FSN_E_STATE;
 }
 
+fsn_status fsn_core_clocks(struct fsn_core *core, struct fsn_bus_clocks *clocks) {
+    if (core == NULL || clocks == NULL) {
+        return FSN_E_ARG;
+    }
+    const struct fsn_bus_ops *ops = core->rt.ops;
+    return ops->clocks != NULL && ops->clocks(core->rt.bus, clocks) ? FSN_OK : FSN_E_STATE;
+}
+
 fsn_status fsn_core_bus(struct fsn_core *core, uint32_t number, struct fsn_statistics *statistics) {
     if (core == NULL || statistics == NULL || number >= fsn_plan_bus_count(core->plan)) {
         return FSN_E_ARG;

@@ -188,8 +188,10 @@ fsn_status fsn_core_start(struct fsn_core *core, const struct fsn_thread_options
     }
     core->rt.cycle_ns = cycle_ns;
     core->rt.free_run = options->free_run;
-    core->rt.follow_dc = options->follow_dc;
-    core->rt.dc_known = false;
+    core->rt.follow_dc = options->follow_dc && core->layout.dc_base_ns == 0;
+    core->rt.dc_base_ns = core->layout.dc_base_ns;
+    core->rt.dc_shift_ns = options->dc_shift_ns != 0 ? options->dc_shift_ns : cycle_ns / 2;
+    core->rt.dc_sum_ns = 0;
     atomic_store(&core->rt.stop, false);
     const int error = start_thread(core, options);
     if (error != 0) {

@@ -13,6 +13,8 @@ enum {
     DC_TIME = 0x0910,
     DC_BYTES = 8,
     DC_DATAGRAM = DATAGRAM_HEAD + DC_BYTES + DATAGRAM_TAIL,
+    DC_SET_BYTES = 4, /**< a clock compares so many */
+    DC_SET_DATAGRAM = DATAGRAM_HEAD + DC_SET_BYTES + DATAGRAM_TAIL,
     MORE = 0x8000,
 };
 
@@ -26,18 +28,24 @@ static void write_head(struct fsn_wire_frame *frame) {
 }
 
 /** Fills one frame: where it lies in the image is known already. */
-static void build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc) {
+static void build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc, bool dc_host) {
     const uint32_t lrw_end = FSN_WIRE_DATA + frame->size_bytes + DATAGRAM_TAIL;
-    frame->len_bytes = lrw_end + (with_dc ? DC_DATAGRAM : 0);
+    const uint32_t set_bytes = with_dc && dc_host ? DC_SET_DATAGRAM : 0;
+    frame->len_bytes = lrw_end + set_bytes + (with_dc ? DC_DATAGRAM : 0);
     write_head(frame);
     uint8_t *lrw = frame->sent + FSN_WIRE_LRW;
     lrw[0] = CMD_LRW;
     fsn_put32(lrw + 2, logical);
     fsn_put16(lrw + 6, frame->size_bytes | (with_dc ? MORE : 0));
-    if (with_dc) {
-        frame->dc = lrw_end;
+    if (set_bytes > 0) {
+        frame->dc_set = lrw_end;
         fsn_put16(frame->sent + lrw_end + 4, DC_TIME);
-        fsn_put16(frame->sent + lrw_end + 6, DC_BYTES);
+        fsn_put16(frame->sent + lrw_end + 6, DC_SET_BYTES | MORE);
+    }
+    if (with_dc) {
+        frame->dc = lrw_end + set_bytes;
+        fsn_put16(frame->sent + frame->dc + 4, DC_TIME);
+        fsn_put16(frame->sent + frame->dc + 6, DC_BYTES);
     }
 }
 
@@ -87,7 +95,7 @@ static uint32_t place(struct fsn_frames *frames, bool with_dc) {
         /* An LRW without any data is no datagram a SubDevice controller knows. */
         frame->size_bytes = end > begin ? end - begin : 1;
         frame->expected = image->expected[d];
-        if (frame->size_bytes + DC_DATAGRAM <= FSN_WIRE_LRW_BYTES) {
+        if (frame->size_bytes + DC_SET_DATAGRAM + DC_DATAGRAM <= FSN_WIRE_LRW_BYTES) {
             dc_frame = d;
         }
     }
@@ -99,7 +107,7 @@ static uint32_t place(struct fsn_frames *frames, bool with_dc) {
     return with_dc ? dc_frame : FSN_NONE;
 }
 
-fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
+fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station, bool dc_host,
                              struct fsn_frames *frames) {
     *frames = (struct fsn_frames){.wire.sockets = {-1, -1}};
     const fsn_status status = fsn_image_create(plan, FSN_WIRE_LRW_BYTES, &frames->image);
@@ -134,7 +142,7 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
         frame->sent = frames->storage + (size_t)3 * FSN_WIRE_MOST * f;
         frame->reply[0] = frame->sent + FSN_WIRE_MOST;
         frame->reply[1] = frame->reply[0] + FSN_WIRE_MOST;
-        build(frame, logical, f == dc_frame);
+        build(frame, logical, f == dc_frame, dc_host);
     }
     return FSN_OK;
 }

@@ -15,11 +15,12 @@ struct fsn_frames {
 
 /** Builds image and frames; logical addresses are offsets in the image.
  *  @param[in] dc_station  station address of the DC reference clock; 0: no DC datagram.
+ *  @param[in] dc_host     with a datagram that sets that clock.
  *  @retval FSN_E_NOMEM      out of memory.
  *  @retval FSN_E_BUS_IMAGE  a sync manager is longer than FSN_WIRE_LRW_BYTES, or there are more
  *                           than FSN_WIRE_FRAMES frames.
  *  To be freed by fsn_frames_free(), also after a refusal. */
-fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station,
+fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station, bool dc_host,
                              struct fsn_frames *frames);
 
 /** Gives every frame its source address; see fsn_port_tag(). */

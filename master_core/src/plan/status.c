@@ -56,6 +56,7 @@ const char *fsn_status_next_step(fsn_status status) {
         {FSN_E_BUS_ADDRESS, compare},
         {FSN_E_BUS_SDO, "compare the start-up SDOs of this device with its manual"},
         {FSN_E_BUS_STATE, "its AL status code says why"},
+        {FSN_E_BUS_CLOCK, "compare assign_activate in the device file with what the device has"},
         {FSN_E_NOMEM, "free memory, or allow the process more"},
         {FSN_E_SYS, "see the system's own message"},
     };
@@ -83,6 +84,15 @@ const char *fsn_ring_text(uint8_t ring) {
 #undef FSN_RING_TEXT
     };
     return ring < sizeof texts / sizeof texts[0] ? texts[ring] : "?";
+}
+
+const char *fsn_clocks_text(uint8_t clocks) {
+    static const char *const texts[] = {
+#define FSN_CLOCKS_TEXT(name, value, text) [value] = (text),
+        FSN_CLOCKS_TABLE(FSN_CLOCKS_TEXT)
+#undef FSN_CLOCKS_TEXT
+    };
+    return clocks < sizeof texts / sizeof texts[0] ? texts[clocks] : "?";
 }
 
 const char *fsn_al_code_text(uint16_t code) {
@@ -123,7 +133,11 @@ const char *fsn_al_code_text(uint16_t code) {
         {0x002D, "no synchronisation signal"},
         {0x0030, "invalid DC SYNC settings"},
         {0x0032, "DC: the phase-locked loop failed"},
+        {0x0033, "DC: inputs and outputs are not in time with SYNC0"},
+        {0x0034, "DC: SYNC0 came too late"},
         {0x0035, "invalid DC cycle time"},
+        {0x0036, "invalid DC cycle time of SYNC0"},
+        {0x0037, "invalid DC cycle time of SYNC1"},
         {0x0050, "EEPROM not accessible"},
         {0x0051, "EEPROM error"},
         {0x0060, "restarted by itself"},

@@ -113,40 +113,47 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     fsn_rt_clients_show(rt, work_ns);
 }
 
-/** Distance of this cycle from the phase it had to the reference clock at first, half a cycle at
- *  most to either side: positive when we are late. */
-static int64_t dc_offset(struct fsn_rt *rt, uint64_t now_ns) {
-    const int64_t cycle = (int64_t)rt->cycle_ns;
-    /* The reference clock is what a frame says: unsigned, so that a jump may wrap around. */
-    const uint64_t apart = now_ns - rt->input.dc_time_ns;
-    if (!rt->dc_known) {
-        rt->dc_known = true;
-        rt->dc_phase_ns = apart;
-    }
-    const int64_t offset = (int64_t)(apart - rt->dc_phase_ns) % cycle;
-    if (offset > cycle / 2) {
-        return offset - cycle;
-    }
-    return offset < -cycle / 2 ? offset + cycle : offset;
+/** Distance of a DC time from where frames shall come, so long before a multiple of the cycle, half
+ *  a cycle at most to either side: positive when it is late. A frame may say any time. */
+static int64_t dc_distance(const struct fsn_rt *rt, uint64_t dc_time_ns) {
+    const uint64_t cycle = rt->cycle_ns;
+    const uint64_t behind = (dc_time_ns % cycle + rt->dc_shift_ns % cycle) % cycle;
+    return behind > cycle / 2 ? (int64_t)(behind - cycle) : (int64_t)behind;
 }
 
-/** Steers the wake-ups after the reference clock: a sixteenth of the distance per cycle, never
- *  more than a hundredth of a cycle, so that one odd reading moves next to nothing. */
-static uint64_t steer(struct fsn_rt *rt, uint64_t planned_ns, uint64_t next_ns) {
+static int64_t bounded(int64_t value, int64_t most) {
+    return value > most ? most : value < -most ? -most : value;
+}
+
+/** Steers the wake-ups after the reference clock, by phase and rate: a sixteenth of the distance
+ *  per cycle, and what stays of it adds up. Never more than a hundredth of a cycle, so that one odd
+ *  reading moves next to nothing. The reply is that of the cycle before. */
+static uint64_t steer(struct fsn_rt *rt, uint64_t next_ns) {
+    const uint64_t late_ns = rt->dc_late_ns;
+    rt->dc_late_ns = rt->late_ns;
     if (rt->input.dc_time_ns == 0) {
         return next_ns;
     }
-    const int64_t offset = dc_offset(rt, planned_ns);
-    fsn_rt_count(&rt->statistics.dc_offset, (uint64_t)(offset < 0 ? -offset : offset));
+    const int64_t distance = dc_distance(rt, rt->input.dc_time_ns - late_ns);
     const int64_t most = (int64_t)rt->cycle_ns / 100;
-    int64_t step = offset / 16;
-    step = step > most ? most : step < -most ? -most : step;
-    return rt->follow_dc ? (uint64_t)((int64_t)next_ns - step) : next_ns;
+    fsn_rt_count(&rt->statistics.dc_offset, (uint64_t)(distance < 0 ? -distance : distance));
+    if (!rt->follow_dc) {
+        return next_ns;
+    }
+    const int64_t more = bounded(distance, (int64_t)rt->cycle_ns / 1000);
+    rt->dc_sum_ns = bounded(rt->dc_sum_ns + more, (int64_t)rt->cycle_ns);
+    return next_ns - (uint64_t)bounded(distance / 16 + rt->dc_sum_ns / 1024, most);
+}
+
+/** The first wake-up, where the bus is set to our clock: at its place before SYNC0. */
+static uint64_t align(const struct fsn_rt *rt, uint64_t next_ns) {
+    return rt->dc_base_ns == 0 ? next_ns
+                               : next_ns - (uint64_t)dc_distance(rt, next_ns + rt->dc_base_ns);
 }
 
 void fsn_rt_loop(struct fsn_rt *rt) {
     struct fsn_statistics *s = &rt->statistics;
-    uint64_t next = (rt->goes_on ? s->now_ns : clock_ns()) + rt->cycle_ns;
+    uint64_t next = align(rt, (rt->goes_on ? s->now_ns : clock_ns()) + rt->cycle_ns);
     rt->goes_on = false;
     uint64_t before = 0;
     while (!atomic_load_explicit(&rt->stop, memory_order_relaxed)) {
@@ -171,7 +178,7 @@ void fsn_rt_loop(struct fsn_rt *rt) {
         if (rt->free_run) {
             continue;
         }
-        next = steer(rt, next, next) + rt->cycle_ns;
+        next = steer(rt, next) + rt->cycle_ns;
         if (rt->left_out > 0) {
             /* Missed wake-ups are counted and dropped, not caught up: a burst of cycles would put
              * several frames of one device into one of its own cycles. */

@@ -120,8 +120,10 @@ struct fsn_rt {
     uint64_t left_out; /**< cycles left out right before this one, for it woke up so late */
     bool free_run, follow_dc;
     bool goes_on;           /**< the first cycle keeps to the times of another core */
-    uint64_t dc_phase_ns;   /**< what the reference clock showed at our first DC cycle */
-    bool dc_known;          /**< dc_phase_ns is set */
+    uint64_t dc_shift_ns;   /**< frames reach the reference clock so long before SYNC0 */
+    uint64_t dc_base_ns;    /**< the bus is set to CLOCK_MONOTONIC and this; 0: it is not */
+    int64_t dc_sum_ns;      /**< distances so far, for the rate of that clock */
+    uint64_t dc_late_ns;    /**< how late the cycle before woke up */
     fsn_rt_trace_fn trace;  /**< NULL: no markers */
     int trace_fd;           /**< for it */
     atomic_bool show_first; /**< the picture of a cycle is whole before its frames go out */

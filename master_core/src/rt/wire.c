@@ -15,6 +15,7 @@ enum {
      * to throw away what a second of standing still has left behind. */
     MOST_PACKETS = 1024,
     CMD_NOP = 0,
+    CMD_FPWR = 5,
     CMD_FRMW = 14,
     DATAGRAM_HEAD = 10,
 };
@@ -40,10 +41,35 @@ static void set_index(struct fsn_wire_frame *frame, uint8_t index) {
     if (frame->dc != 0) {
         frame->sent[frame->dc + 1] = index;
     }
+    if (frame->dc_set != 0) {
+        frame->sent[frame->dc_set + 1] = index;
+    }
 }
 
 static uint8_t index_of(uint32_t frame, uint32_t port) {
     return (uint8_t)(FSN_WIRE_FIRST_INDEX + port * FSN_WIRE_FRAMES + frame);
+}
+
+/** Fills the DC datagrams of a frame; between two times each is a NOP of the same length. */
+static void write_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame, bool with_dc) {
+    const uint16_t station = atomic_load_explicit(&wire->dc_station, memory_order_relaxed);
+    uint8_t *datagram = frame->sent + frame->dc;
+    datagram[0] = with_dc ? CMD_FRMW : CMD_NOP;
+    datagram[2] = (uint8_t)station;
+    datagram[3] = (uint8_t)(station >> 8);
+    if (with_dc) {
+        wire->dc_sent_ns = clock_ns(CLOCK_MONOTONIC);
+        const uint64_t time =
+            wire->dc_sent_ns + atomic_load_explicit(&wire->dc_base, memory_order_relaxed);
+        fsn_put32(datagram + DATAGRAM_HEAD, (uint32_t)time);
+        fsn_put32(datagram + DATAGRAM_HEAD + 4, (uint32_t)(time >> 32));
+    }
+    if (frame->dc_set != 0) {
+        uint8_t *set = frame->sent + frame->dc_set;
+        set[0] = with_dc ? CMD_FPWR : CMD_NOP;
+        memcpy(set + 2, datagram + 2, 2);
+        memcpy(set + DATAGRAM_HEAD, datagram + DATAGRAM_HEAD, 4);
+    }
 }
 
 void fsn_wire_send(struct fsn_wire *wire) {
@@ -51,7 +77,6 @@ void fsn_wire_send(struct fsn_wire *wire) {
     wire->cycle = wire->cycle == UINT32_MAX ? 1 : wire->cycle + 1;
     const bool with_dc = wire->dc_every > 0 && wire->dc_left == 0;
     wire->dc_left = with_dc ? wire->dc_every - 1 : wire->dc_left - (wire->dc_left > 0);
-    const uint16_t station = atomic_load_explicit(&wire->dc_station, memory_order_relaxed);
     for (uint32_t f = 0; f < wire->frame_count; f++) {
         struct fsn_wire_frame *frame = &wire->frames[f];
         fsn_put32(frame->sent + FSN_WIRE_MARK, wire->run);
@@ -60,10 +85,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
             memcpy(frame->sent + FSN_WIRE_DATA, wire->image + frame->image_byte, frame->size_bytes);
         }
         if (frame->dc != 0) {
-            /* In between it is a NOP of the same length. */
-            frame->sent[frame->dc] = with_dc ? CMD_FRMW : CMD_NOP;
-            frame->sent[frame->dc + 2] = (uint8_t)station;
-            frame->sent[frame->dc + 3] = (uint8_t)(station >> 8);
+            write_dc(wire, frame, with_dc);
         }
     }
     count_one(&wire->sent);
@@ -93,6 +115,12 @@ static bool same_head(const uint8_t *sent, const uint8_t *reply, uint8_t index) 
            sent[6] == reply[6] && ((sent[7] ^ reply[7]) & 0xBFu) == 0;
 }
 
+static bool same_dc(const struct fsn_wire_frame *frame, const uint8_t *reply, uint8_t index) {
+    return (frame->dc == 0 || same_head(frame->sent + frame->dc, reply + frame->dc, index)) &&
+           (frame->dc_set == 0 ||
+            same_head(frame->sent + frame->dc_set, reply + frame->dc_set, index));
+}
+
 enum taken { TAKEN, OLD, FOREIGN };
 
 /** Keeps a packet that came in on a port when it is a reply to a frame of this cycle. */
@@ -120,7 +148,7 @@ static enum taken take(struct fsn_wire *wire, uint32_t came_in, const uint8_t *p
     if (fsn_get32(packet + FSN_WIRE_MARK + 4) != wire->cycle || frame->back[port]) {
         return OLD;
     }
-    if (frame->dc != 0 && !same_head(frame->sent + frame->dc, packet + frame->dc, index)) {
+    if (!same_dc(frame, packet, index)) {
         return FOREIGN;
     }
     memcpy(frame->reply[port], packet, frame->len_bytes);
@@ -251,14 +279,27 @@ static void move_input(struct fsn_wire *wire, const struct fsn_wire_frame *frame
     }
 }
 
-static void read_dc(const struct fsn_wire_frame *frame, struct fsn_bus_input *input) {
+static void keep_dc(struct fsn_wire *wire, uint64_t time, struct fsn_bus_input *input) {
+    const uint64_t seen = atomic_load_explicit(&wire->dc_seen, memory_order_relaxed);
+    if (wire->dc_narrow && seen != 0) {
+        time = seen + (uint64_t)(int64_t)(int32_t)((uint32_t)time - (uint32_t)seen);
+    }
+    if (!wire->dc_host) {
+        atomic_store_explicit(&wire->dc_base, time - wire->dc_sent_ns, memory_order_relaxed);
+    }
+    input->dc_time_ns = time;
+    atomic_store_explicit(&wire->dc_seen, time, memory_order_relaxed);
+}
+
+static void read_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame,
+                    struct fsn_bus_input *input) {
     if (frame->dc == 0 || frame->sent[frame->dc] != CMD_FRMW) {
         return;
     }
     for (uint32_t port = 0; port < FSN_WIRE_PORTS; port++) {
         const uint8_t *at = frame->reply[port] + frame->dc + DATAGRAM_HEAD;
         if (frame->back[port] && fsn_get16(at + 8) > 0) {
-            input->dc_time_ns = fsn_get32(at) | ((uint64_t)fsn_get32(at + 4) << 32);
+            keep_dc(wire, fsn_get32(at) | ((uint64_t)fsn_get32(at + 4) << 32), input);
             return;
         }
     }
@@ -282,7 +323,7 @@ static void judge(struct fsn_wire *wire, uint32_t number, struct fsn_bus_input *
             (counter < frame->expected &&
              atomic_load_explicit(&wire->answers[in->subdevice], memory_order_relaxed) == 0);
     }
-    read_dc(frame, input);
+    read_dc(wire, frame, input);
 }
 
 void fsn_wire_receive(struct fsn_wire *wire, struct fsn_bus_input *input) {

@@ -46,6 +46,7 @@ struct fsn_wire_frame {
     uint32_t image_byte, size_bytes; /**< data of its LRW; of the image where it carries some */
     uint32_t expected;               /**< working counter of the LRW */
     uint32_t dc;                     /**< where the DC datagram begins; 0: none in this frame */
+    uint32_t dc_set; /**< where the one begins that sets the reference clock; or 0 */
     uint32_t first_input, input_count;
 };
 
@@ -61,7 +62,14 @@ struct fsn_wire {
     uint32_t cycle; /**< number of the last frames sent; 0: none yet */
     uint32_t dc_every, dc_left;
     _Atomic uint16_t dc_station; /**< station address of the DC reference clock */
-    uint64_t wait_ns;            /**< how long to wait for replies */
+    bool dc_host;                /**< it is set from here: `dc_base` stays as it is */
+    bool dc_narrow;              /**< it may have 32 bits; what is above is counted here */
+    /** The DC time is CLOCK_MONOTONIC and this. It goes out with the datagram: where the reference
+     *  clock is not on the way, behind a gap of a ring or lost, all others follow that. */
+    _Atomic uint64_t dc_base;
+    uint64_t dc_sent_ns;      /**< of the last send with a DC time, CLOCK_MONOTONIC */
+    _Atomic uint64_t dc_seen; /**< the reference clock as it was read last; 0: never */
+    uint64_t wait_ns;         /**< how long to wait for replies */
     /** Of the last send: CLOCK_MONOTONIC when replies are waited for, else CLOCK_REALTIME, the
      * clock on which the kernel stamps packets. */
     uint64_t sent_ns;

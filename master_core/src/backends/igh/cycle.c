@@ -128,8 +128,14 @@ static bool queue(const struct igh_area *area) {
  *  each other would drift together. */
 static void tell_time(struct fsn_igh *bus) {
     const uint64_t now_ns = clock_ns(CLOCK_MONOTONIC);
-    bus->app_ns = bus->app_set_ns == 0 ? clock_ns(CLOCK_REALTIME) - epoch_ns
-                                       : bus->app_ns + (now_ns - bus->app_set_ns);
+    if (bus->app_set_ns == 0) {
+        /* SYNC0 comes a whole number of cycles after the first time: with that it is as with SOEM.
+         */
+        const uint64_t first_ns = clock_ns(CLOCK_REALTIME) - epoch_ns;
+        bus->app_ns = first_ns - first_ns % bus->cycle_ns;
+    } else {
+        bus->app_ns += now_ns - bus->app_set_ns;
+    }
     bus->app_set_ns = now_ns;
     (void)ecrt_master_application_time(bus->master, bus->app_ns);
     bus->dc_requested =

@@ -54,6 +54,10 @@ static fsn_status igh_create(const struct fsn_live_options *options, void **out,
                               "IgH takes its second interface from the kernel module: leave it out "
                               "here and set the parameter backup_devices of ec_master");
     }
+    if (options->dc_host) {
+        return fsn_refuse_all(fault, FSN_E_ARG,
+                              "with IgH the cycle follows the reference clock: --dc-clock bus");
+    }
     struct fsn_igh *bus = calloc(1, sizeof *bus);
     if (bus == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
@@ -148,7 +152,10 @@ static fsn_status configure_all(struct fsn_igh *bus, struct fsn_fault *fault) {
         }
         bus->uses_time = bus->uses_time || node->known.info.assign_activate != 0;
     }
-    bus->uses_time = bus->uses_time || bus->dc_every > 0;
+    if (bus->uses_time && bus->dc_every == 0) {
+        bus->dc_every = 1; /* SYNC0 without a common time would be anywhere in the cycle */
+    }
+    bus->uses_time = bus->dc_every > 0;
     return FSN_OK;
 }
 

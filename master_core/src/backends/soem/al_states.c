@@ -77,6 +77,9 @@ static void lose(struct fsn_soem *bus, uint16_t slave) {
     struct node *node = &bus->nodes[place->node];
     node->requested = 0;
     node->known.away = node->known.was_in_op;
+    if (node->known.info.assign_activate != 0) {
+        node->configured = false; /* its clock goes its own way meanwhile: all anew below OP */
+    }
     note_state(bus, node, 0, 0);
     if (node->known.seen.found != FSN_FOUND_NOTHING &&
         node->known.seen.found != FSN_FOUND_IDENTITY) {
@@ -199,20 +202,6 @@ static void poll_links(struct fsn_soem *bus) {
     note_gap(bus, &bus->nodes[place->node]);
 }
 
-/** The first SubDevice with a clock that answers is the reference, should the present one be lost.
- */
-static void keep_reference(struct fsn_soem *bus) {
-    if (atomic_load(&bus->frames.wire.dc_station) == 0) {
-        return;
-    }
-    for (int s = 1; s <= bus->slave_count; s++) {
-        if (bus->slaves[s].hasdc && bus->places[s].al_status != 0) {
-            atomic_store(&bus->frames.wire.dc_station, bus->slaves[s].configadr);
-            return;
-        }
-    }
-}
-
 /* -- towards a state
  * -------------------------------------------------------------------------------- */
 
@@ -321,7 +310,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     }
     bus->goal = al_state;
     poll_states(bus);
-    keep_reference(bus);
+    soem_keep_reference(bus);
     bool all = true; /* who is missing has left OP as well */
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
@@ -336,6 +325,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         bus->search_ns = now_ns + SEARCH_NS;
     }
     soem_watch_ring(bus, now_ns);
+    soem_watch_clocks(bus, now_ns);
     if (now_ns >= bus->links_ns) {
         poll_links(bus);
         bus->links_ns = now_ns + LINKS_NS;

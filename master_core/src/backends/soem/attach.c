@@ -12,7 +12,9 @@
 /** What one process hands to the next. Both have the same SOEM, or it is refused. */
 struct description {
     uint32_t slave_bytes, slave_count;
-    uint32_t dc_station;
+    uint32_t dc_station, dc_every;
+    bool dc_narrow;
+    uint64_t dc_base, dc_seen;
     char redundant[SOEM_NAME_BYTES];
     ec_slavet slaves[]; /**< slave_count and one */
 };
@@ -36,7 +38,12 @@ fsn_status soem_describe(void *context, struct fsn_bus_attachment *attachment) {
     }
     d->slave_bytes = sizeof(ec_slavet);
     d->slave_count = (uint32_t)slaves;
-    d->dc_station = atomic_load(&bus->frames.wire.dc_station);
+    const struct fsn_wire *wire = &bus->frames.wire;
+    d->dc_station = atomic_load(&wire->dc_station);
+    d->dc_every = wire->dc_every;
+    d->dc_narrow = wire->dc_narrow;
+    d->dc_base = atomic_load(&wire->dc_base);
+    d->dc_seen = atomic_load(&wire->dc_seen);
     memcpy(d->redundant, bus->redundant, sizeof d->redundant);
     memcpy(d->slaves, bus->slaves, (slaves + 1) * sizeof(ec_slavet));
     free(bus->described);
@@ -108,6 +115,10 @@ fsn_status soem_restore(struct fsn_soem *bus, struct fsn_fault *fault) {
     }
     bus->slave_count = (int)d->slave_count;
     bus->dc_station = (uint16_t)d->dc_station;
+    bus->dc_every = d->dc_every;
+    bus->dc_narrow = d->dc_narrow;
+    bus->dc_base = d->dc_base;
+    bus->dc_seen = d->dc_seen;
     memcpy(bus->slaves, d->slaves, (d->slave_count + 1) * sizeof(ec_slavet));
     soem_drain(bus);
     if (ecx_BRD(bus->context.port, 0, ECT_REG_TYPE, sizeof found, &found, EC_TIMEOUTSAFE) !=

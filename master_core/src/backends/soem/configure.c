@@ -163,43 +163,6 @@ fsn_status soem_compare_layout(struct fsn_soem *bus, struct node *node) {
     return FSN_E_BUS_MAPPING;
 }
 
-/** A SubDevice that came back has a clock of its own again: its offset is set after the reference
- *  clock; its delay is that of before. */
-static void set_clock(struct fsn_soem *bus, const struct node *node) {
-    const ec_slavet *s = &bus->slaves[node->slave];
-    const uint16_t reference = atomic_load(&bus->frames.wire.dc_station);
-    uint8_t local[8] = {0};
-    uint8_t common[8] = {0};
-    if (!s->hasdc || reference == 0 || reference == s->configadr ||
-        ecx_FPRD(bus->context.port, s->configadr, ECT_REG_DCSYSTIME, 8, local, EC_TIMEOUTRET) !=
-            1 ||
-        ecx_FPRD(bus->context.port, reference, ECT_REG_DCSYSTIME, 8, common, EC_TIMEOUTRET) != 1) {
-        return;
-    }
-    uint64_t before, target;
-    memcpy(&before, local, 8);
-    memcpy(&target, common, 8);
-    int64 offset = 0;
-    (void)ecx_FPRD(bus->context.port, s->configadr, ECT_REG_DCSYSOFFSET, 8, &offset, EC_TIMEOUTRET);
-    offset = htoell((int64)((uint64_t)etohll(offset) + target - before));
-    const int32 delay = htoel(s->pdelay);
-    (void)ecx_FPWR(bus->context.port, s->configadr, ECT_REG_DCSYSOFFSET, 8, &offset, EC_TIMEOUTRET);
-    (void)ecx_FPWR(bus->context.port, s->configadr, ECT_REG_DCSYSDELAY, 4,
-                   (void *)(uintptr_t)&delay, EC_TIMEOUTRET);
-}
-
-static void start_sync(struct fsn_soem *bus, const struct node *node) {
-    const uint32 cycle = (uint32)bus->cycle_ns;
-    if (node->known.info.assign_activate == 0 || !bus->slaves[node->slave].hasdc) {
-        return;
-    }
-    if ((node->known.info.assign_activate & 0x0400) != 0) {
-        ecx_dcsync01(&bus->context, node->slave, TRUE, cycle, 0, 0);
-    } else {
-        ecx_dcsync0(&bus->context, node->slave, TRUE, cycle, 0);
-    }
-}
-
 fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
     typedef fsn_status (*step)(struct fsn_soem *, struct node *);
     static const step steps[] = {write_sdos, soem_check_pdos, check_address, write_layout};
@@ -213,10 +176,12 @@ fsn_status soem_configure(struct fsn_soem *bus, struct node *node) {
         }
     }
     ecx_eeprom2pdi(&bus->context, node->slave);
-    if (bus->goal != 0) {
-        set_clock(bus, node); /* at the start all clocks were set together */
+    /* At the start all clocks were set together. */
+    fsn_status clocked = bus->goal != 0 ? soem_set_clock(bus, node) : FSN_OK;
+    clocked = clocked != FSN_OK ? clocked : soem_start_sync(bus, node);
+    if (clocked != FSN_OK) {
+        return clocked;
     }
-    start_sync(bus, node);
     node->configured = true;
     soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
     return FSN_OK;

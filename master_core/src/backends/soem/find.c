@@ -210,6 +210,7 @@ static void take_back(struct fsn_soem *bus, uint16_t slave) {
     s->eep_pdi = 0;
     s->mbx_cnt = 0;
     bus->places[slave].quiet = 0;
+    bus->places[slave].unset = s->hasdc;
     if (bus->places[slave].node == SOEM_NO_NODE) {
         return;
     }

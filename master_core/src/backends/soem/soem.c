@@ -11,7 +11,7 @@
 
 #include "live/port.h"
 
-enum { LISTEN_NS = 60000000, MBX_COE = 0x04 };
+enum { LISTEN_NS = 60000000, MBX_COE = 0x04, WINDOW_NS = 1000 };
 
 /* -- helpers -------------------------------------------------------------------------------- */
 
@@ -85,6 +85,11 @@ static fsn_status soem_create(const struct fsn_live_options *options, void **out
     bus->cycle_ns = options->cycle_ns;
     bus->wait_ns = options->receive_wait_ns;
     bus->dc_every = options->dc_every;
+    bus->dc_host = options->dc_host;
+    bus->clocks.host = options->dc_host;
+    bus->clocks.shift_ns = (uint32_t)options->dc_shift_ns;
+    bus->clocks.window_ns =
+        (uint32_t)(options->dc_window_ns != 0 ? options->dc_window_ns : WINDOW_NS);
     bus->attach = options->attach;
     bus->sockets[0] = bus->sockets[1] = bus->foreign[0] = bus->foreign[1] = bus->lock = -1;
     bus->tag = fsn_port_tag(bus->interface);
@@ -183,27 +188,6 @@ fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault) {
     return status == FSN_OK ? fsn_port_lock(bus->interface, &bus->lock, fault) : status;
 }
 
-/** Who answers has a link, whatever its DL status said or a lost frame made of it: SOEM believes
- * it, and works out delays with a port that it never set. */
-static void believe_no_missing_link(struct fsn_soem *bus) {
-    for (int s = 1; s <= bus->slave_count; s++) {
-        ec_slavet *slave = &bus->slaves[s];
-        if (slave->activeports == 0) {
-            slave->activeports = 1; /* port 0, where frames come in */
-            slave->topology = 1;
-        }
-    }
-}
-
-/** Distributed clocks: delays and offsets; returns the station of the reference clock, 0 without.*/
-static uint16_t start_clocks(struct fsn_soem *bus) {
-    believe_no_missing_link(bus);
-    if (bus->dc_every == 0 || !ecx_configdc(&bus->context)) {
-        return 0;
-    }
-    return bus->slaves[bus->slaves[0].DCnext].configadr;
-}
-
 /** Sockets of the cycle. Before those of SOEM: the kernel gives a packet to the socket that came
  *  first last, and that one needs no copy of it. */
 static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
@@ -220,8 +204,11 @@ static fsn_status open_ports(struct fsn_soem *bus, struct fsn_fault *fault) {
 }
 
 static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
-    const fsn_status status = fsn_frames_create(
-        bus->all.plan, bus->attached ? bus->dc_station : start_clocks(bus), &bus->frames);
+    fsn_status status = bus->attached ? FSN_OK : soem_start_clocks(bus, fault);
+    if (status != FSN_OK) {
+        return status;
+    }
+    status = fsn_frames_create(bus->all.plan, bus->dc_station, bus->dc_host, &bus->frames);
     if (status != FSN_OK) {
         return fsn_refuse_all(fault, status,
                               "the process data does not fit the frames: at most 1466 bytes per "
@@ -236,6 +223,10 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
     bus->links_kept = false;
     wire->wait_ns = bus->wait_ns;
     wire->dc_every = bus->dc_every;
+    wire->dc_host = bus->dc_host;
+    wire->dc_narrow = bus->dc_narrow;
+    atomic_store(&wire->dc_base, bus->dc_base);
+    atomic_store(&wire->dc_seen, bus->dc_seen);
     memcpy(wire->sockets, bus->sockets, sizeof wire->sockets);
     return FSN_OK;
 }
@@ -252,6 +243,9 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
                             struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_soem *bus = context;
     bus->cycle_ns = fsn_live_cycle_ns(bus->cycle_ns, plan);
+    if (bus->clocks.shift_ns == 0) {
+        bus->clocks.shift_ns = (uint32_t)(bus->cycle_ns / 2);
+    }
     bus->nodes = fsn_nodes_create(&bus->all, plan, sizeof *bus->nodes);
     if (bus->nodes == NULL) {
         return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
@@ -273,6 +267,7 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
         return status;
     }
     *layout = fsn_image_layout(&bus->frames.image, bus->frames.bytes);
+    layout->dc_base_ns = bus->dc_host && bus->dc_station != 0 ? bus->dc_base : 0;
     return FSN_OK;
 }
 
@@ -316,6 +311,7 @@ const struct fsn_backend *fsn_backend_soem(void) {
         .poll = soem_poll,
         .state = soem_state,
         .ring = soem_ring,
+        .clocks = soem_clocks,
         .acyclic = &soem_acyclic,
         .describe = soem_describe,
         .discard = soem_discard,

@@ -30,6 +30,7 @@ struct place {
     uint16_t al_status; /**< as read last; 0: does not answer */
     uint16_t al_code;
     uint8_t quiet; /**< polls in a row without an answer */
+    bool unset;    /**< it was off: its clock shows another time */
     uint8_t had;   /**< ports with a link, bit by bit, when the ring was closed last */
 };
 
@@ -77,7 +78,14 @@ struct fsn_soem {
     const struct fsn_bus_attachment *attach; /**< until it is open; NULL: a bus that is started */
     bool attached;                           /**< another process started it */
     uint16_t dc_station;                     /**< of its reference clock, 0: none */
-    void *described;                         /**< as given out last */
+    bool dc_needed;                          /**< a SubDevice of the plan has SYNC0 */
+    bool dc_host;                            /**< its reference clock is set from here */
+    bool dc_narrow;                          /**< it may have 32 bits */
+    uint64_t dc_base;             /**< what it is ahead of CLOCK_MONOTONIC at the start */
+    uint64_t dc_seen;             /**< as the process before read it last; 0: there was none */
+    struct fsn_bus_clocks clocks; /**< as looked at last, under the lock */
+    uint64_t clocks_ns;           /**< when they are looked at again */
+    void *described;              /**< as given out last */
 };
 
 /** Notes what was found about a node; printf-like. */
@@ -114,6 +122,25 @@ bool soem_read_surely(struct fsn_soem *bus, uint16_t slave, uint16_t address, vo
                       uint16_t size_bytes);
 /** SOEM's number of the SubDevice that the plan means; 0: nothing stands there (find.c). */
 uint16_t soem_slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_info *info);
+
+/* Distributed clocks (clocks.c). */
+
+/** Measures delays, sets all clocks after the first one, and distributes its time until they show
+ *  it; without SYNC0 in the plan only where it was requested. Sets `dc_station`.
+ *  @retval FSN_E_BUS_CLOCK  a SubDevice with SYNC0 has no clock, or it cannot be set. */
+fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault);
+/** The first SubDevice with a clock that answers and shows the time is the reference, should the
+ *  present one be lost; where all were off, the first of them is given the time. */
+void soem_keep_reference(struct fsn_soem *bus);
+/** Sets the clock of a SubDevice that came back, and waits until it shows the time.
+ *  @retval FSN_E_BUS_CLOCK  it has SYNC0 and does not; `seen` of the node says more. */
+fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node);
+/** Starts SYNC0 as the plan says.   @retval FSN_E_BUS_CLOCK  it cannot be started. */
+fsn_status soem_start_sync(struct fsn_soem *bus, struct node *node);
+/** Reads how far all clocks are apart, when it is time. */
+void soem_watch_clocks(struct fsn_soem *bus, uint64_t now_ns);
+/** clocks() of fsn_bus_ops. */
+bool soem_clocks(void *context, struct fsn_bus_clocks *clocks);
 
 /* Process data of one SubDevice against the plan (pdo.c). */
 fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);

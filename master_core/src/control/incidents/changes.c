@@ -220,6 +220,27 @@ static void poll_ring(struct fsn_changes *changes, uint64_t now_ns) {
     changes->ring = ring;
 }
 
+static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
+    struct fsn_bus_clocks clocks;
+    if (fsn_core_clocks(changes->view->core, &clocks) != FSN_OK ||
+        clocks.state == changes->clocks) {
+        return;
+    }
+    const bool first = changes->clocks == FSN_CLOCKS_UNKNOWN;
+    struct fsn_json *json = fsn_event_begin(changes->events, "clocks", now_ns);
+    fsn_report_clocks_keys(&clocks, json);
+    if (clocks.state == FSN_CLOCKS_APART) {
+        fsn_event_send(changes->events, FSN_LOG_WARNING,
+                       "the clocks are apart: %.159s; the window is %" PRIu32 " ns", clocks.place,
+                       clocks.window_ns);
+    } else {
+        fsn_event_send(changes->events, FSN_LOG_INFO,
+                       "the clocks are synchronous%s: all within %" PRIu32 " ns of %.63s",
+                       first ? "" : " again", clocks.worst_ns, clocks.reference);
+    }
+    changes->clocks = clocks.state;
+}
+
 static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *incidents,
                             uint64_t now_ns) {
     if (now_ns - changes->polled_ns < POLL_MS * UINT64_C(1000000)) {
@@ -227,6 +248,7 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
     }
     changes->polled_ns = now_ns;
     poll_ring(changes, now_ns); /* before the SubDevices beside the gap */
+    poll_clocks(changes, now_ns);
     const uint32_t count = fsn_plan_subdevice_count(changes->view->plan);
     uint32_t lost = 0;
     uint32_t back = 0;

@@ -18,6 +18,7 @@ struct fsn_changes {
     uint64_t foreign_reported_ns;
     uint64_t wkc_reported_ns, polled_ns;
     struct fsn_bus_ring ring; /**< as reported last */
+    uint8_t clocks;           /**< enum fsn_clocks, as reported last */
     uint64_t cycle;           /**< the last one that was polled */
 };
 

@@ -80,6 +80,7 @@ void fsn_incident_head(struct fsn_incidents *in, struct fsn_json *json) {
     put_trigger(json, &in->pending);
     fsn_report_last_cycle(view, json);
     fsn_report_ring(view, json);
+    fsn_report_clocks(view, json);
     fsn_json_key(json, "layout");
     if (view->core == NULL) {
         fsn_json_null(json);

@@ -11,6 +11,9 @@ void fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_json *json);
 /** The ring, or null where the bus is no ring or is stopped; its keys alone. */
 void fsn_report_ring(struct fsn_bus_view *view, struct fsn_json *json);
 void fsn_report_ring_keys(const struct fsn_bus_ring *ring, struct fsn_json *json);
+/** The distributed clocks, or null where none are in use or the bus is stopped; its keys alone. */
+void fsn_report_clocks(struct fsn_bus_view *view, struct fsn_json *json);
+void fsn_report_clocks_keys(const struct fsn_bus_clocks *clocks, struct fsn_json *json);
 void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json);
 
 /** Fingerprint of the loaded plan, with the version of the engine and the cycle that is used. */

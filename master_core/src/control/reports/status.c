@@ -61,6 +61,31 @@ void fsn_report_ring(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_close(json, '}');
 }
 
+void fsn_report_clocks_keys(const struct fsn_bus_clocks *clocks, struct fsn_json *json) {
+    fsn_json_put_text(json, "state", fsn_clocks_text(clocks->state));
+    fsn_json_put_text(json, "set_by", clocks->host ? "host" : "bus");
+    fsn_json_put_text(json, "reference", clocks->reference);
+    fsn_json_put_u64(json, "subdevices", clocks->subdevices);
+    fsn_json_put_u64(json, "outside", clocks->outside);
+    fsn_json_put_u64(json, "leaves", clocks->leaves);
+    fsn_json_put_u64(json, "window_ns", clocks->window_ns);
+    fsn_json_put_u64(json, "worst_ns", clocks->worst_ns);
+    fsn_json_put_u64(json, "shift_ns", clocks->shift_ns);
+    fsn_json_put_u64(json, "lead_ns", clocks->lead_ns);
+    fsn_json_put_text(json, "place", clocks->place);
+}
+
+void fsn_report_clocks(struct fsn_bus_view *view, struct fsn_json *json) {
+    struct fsn_bus_clocks clocks;
+    if (view->core == NULL || fsn_core_clocks(view->core, &clocks) != FSN_OK) {
+        fsn_json_put_text_or_null(json, "clocks", NULL);
+        return;
+    }
+    fsn_json_put_open(json, "clocks", '{');
+    fsn_report_clocks_keys(&clocks, json);
+    fsn_json_close(json, '}');
+}
+
 /** How many connections have shown their parameters, and how many others than the plan has. */
 static void put_parameters(struct fsn_bus_view *view, struct fsn_json *json, bool taken) {
     uint32_t observed = 0;
@@ -193,6 +218,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     put_buses(view, &status, json);
     short_subdevices(view, json);
     fsn_report_ring(view, json);
+    fsn_report_clocks(view, json);
     put_standby(&status, json);
     fsn_json_put_u64(json, "clients", clients);
 }

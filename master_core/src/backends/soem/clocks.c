@@ -1,0 +1,419 @@
+/** Distributed clocks: set at the start, watched while the bus runs, set again for who returns. */
+#define _POSIX_C_SOURCE 200809L
+
+#include "backends/soem/soem.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+enum {
+    REG_FEATURES = 0x0008,
+    FEATURE_WIDE = 0x08, /**< its clock has 64 bits */
+    REG_LOOP = 0x0930,   /**< writing it begins the mean difference anew */
+    LOOP_DEFAULT = 0x1000,
+    READING_BYTES = 6,   /**< 0x092C, and 0x0930 behind it, which is not zero */
+    BATCH = 100,         /**< frames with the time between two looks at the differences */
+    MOST_FRAMES = 15000, /**< of one try; so many compensate a quartz */
+    TRIES = 3,
+    SYNC_DELAY_NS = 100000000, /**< until the first pulse, while the start is written */
+    WATCH_NS = 100000000,
+    SETTLE_NS = 5000000,
+    SETTLE_LOOKS = 100,
+    NOBODY = 0xFFFE, /**< station while no clock shows the time: then the time goes on from here */
+};
+
+static const uint64_t try_ns = 2000000000u;
+
+static uint64_t clock_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
+}
+
+static struct node *node_at(const struct fsn_soem *bus, uint16_t slave) {
+    const int node = bus->places[slave].node;
+    return node == SOEM_NO_NODE ? NULL : &bus->nodes[node];
+}
+
+static const char *name_of(const struct fsn_soem *bus, uint16_t slave) {
+    const struct node *node = node_at(bus, slave);
+    return node != NULL ? node->known.info.name : bus->slaves[slave].name;
+}
+
+static uint16_t reference(const struct fsn_soem *bus) {
+    const uint16_t station = atomic_load(&bus->frames.wire.dc_station);
+    uint16_t slave = 1;
+    while (slave <= bus->slave_count && bus->slaves[slave].configadr != station) {
+        slave++;
+    }
+    return slave <= bus->slave_count ? slave : 0;
+}
+
+/* -- differences ---------------------------------------------------------------------------- */
+
+/** Those with SYNC0 count; where there is none, all of the plan that have a clock. */
+static bool counts(const struct fsn_soem *bus, uint16_t slave, uint16_t of) {
+    const struct node *node = node_at(bus, slave);
+    return node != NULL && slave != of && bus->slaves[slave].hasdc &&
+           (!bus->dc_needed || node->known.info.assign_activate != 0);
+}
+
+/** Reads how far clocks are from the reference.
+ *  @param[in] running  only who is in SAFEOP or OP.
+ *  @return the SubDevice that is furthest away or does not answer; 0: all are in the window. */
+static uint16_t look(struct fsn_soem *bus, uint16_t of, bool running, struct fsn_bus_clocks *c) {
+    uint16_t worst = 0;
+    c->subdevices = c->outside = c->worst_ns = 0;
+    for (uint16_t first = 1; first <= bus->slave_count; first = (uint16_t)(first + SOEM_AT_ONCE)) {
+        uint8_t values[SOEM_AT_ONCE][READING_BYTES];
+        const int left = bus->slave_count - first + 1;
+        const uint16_t count = (uint16_t)(left < SOEM_AT_ONCE ? left : SOEM_AT_ONCE);
+        soem_read_each(bus, first, count, ECT_REG_DCSYSDIFF, READING_BYTES, values);
+        for (uint16_t i = 0; i < count; i++) {
+            const uint16_t slave = (uint16_t)(first + i);
+            const bool answers = fsn_get16(values[i] + 4) != 0;
+            if (!counts(bus, slave, of) ||
+                (running && ((bus->places[slave].al_status & 0x0F) < FSN_AL_SAFEOP || !answers))) {
+                continue;
+            }
+            /* Which sign the highest bit means is not the same in all controllers. */
+            const uint32_t apart = answers ? fsn_get32(values[i]) & INT32_MAX : INT32_MAX;
+            c->subdevices++;
+            c->outside += apart > c->window_ns;
+            if (apart > c->worst_ns) {
+                c->worst_ns = apart;
+                worst = slave;
+            }
+        }
+    }
+    return c->outside > 0 ? worst : 0;
+}
+
+/* -- start ---------------------------------------------------------------------------------- */
+
+/** Reads the reference clock: what it is ahead of CLOCK_MONOTONIC. */
+static bool read_base(struct fsn_soem *bus, uint16_t station) {
+    for (int tries = 0; tries < TRIES; tries++) {
+        uint64_t time = 0;
+        const uint64_t before = clock_ns();
+        if (ecx_FPRD(bus->context.port, station, ECT_REG_DCSYSTIME, sizeof time, &time,
+                     EC_TIMEOUTRET) == 1) {
+            bus->dc_base = etohll(time) - (before + (clock_ns() - before) / 2);
+            return true;
+        }
+    }
+    return false;
+}
+
+/** Distributes the time until all show it. Returns who does not; 0: all do. */
+static uint16_t compensate(struct fsn_soem *bus, uint16_t of) {
+    const uint16_t station = bus->slaves[of].configadr;
+    const uint64_t end_ns = clock_ns() + try_ns;
+    struct fsn_bus_clocks seen = bus->clocks;
+    uint16_t loop = htoes(LOOP_DEFAULT);
+    uint16_t worst = of;
+    soem_drain(bus);
+    (void)ecx_BWR(bus->context.port, 0, REG_LOOP, sizeof loop, &loop, EC_TIMEOUTRET3);
+    for (int frame = 0; frame < MOST_FRAMES && worst != 0 && clock_ns() < end_ns; frame++) {
+        uint64_t time = 0;
+        (void)ecx_FRMW(bus->context.port, station, ECT_REG_DCSYSTIME, sizeof time, &time,
+                       EC_TIMEOUTRET);
+        if (frame % BATCH == BATCH - 1) {
+            worst = look(bus, of, false, &seen);
+        }
+    }
+    bus->clocks.worst_ns = seen.worst_ns;
+    return worst;
+}
+
+/** Who answers has a link, whatever its DL status said or a lost frame made of it: SOEM believes
+ * it, and works out delays with a port that it never set. */
+static void believe_no_missing_link(struct fsn_soem *bus) {
+    for (int s = 1; s <= bus->slave_count; s++) {
+        ec_slavet *slave = &bus->slaves[s];
+        if (slave->activeports == 0) {
+            slave->activeports = 1; /* port 0, where frames come in */
+            slave->topology = 1;
+        }
+    }
+}
+
+static fsn_status refuse(struct fsn_soem *bus, uint16_t slave, struct fsn_fault *fault,
+                         const char *why) {
+    struct node *node = node_at(bus, slave);
+    if (node == NULL) { /* the reference, which the plan need not name */
+        return fsn_refuse_all(fault, FSN_E_BUS_CLOCK, "the reference clock does not answer");
+    }
+    soem_note(bus, node, FSN_FOUND_CLOCK, "%s", why);
+    return fsn_node_refuse(fault, FSN_E_BUS_CLOCK, &node->known);
+}
+
+/** Whether the plan needs clocks, and each SubDevice that does has one. */
+static fsn_status need(struct fsn_soem *bus, struct fsn_fault *fault) {
+    fsn_status status = FSN_OK;
+    bus->dc_needed = false;
+    for (uint32_t n = 0; n < bus->all.count; n++) {
+        const struct node *node = &bus->nodes[n];
+        if (node->known.info.assign_activate == 0) {
+            continue;
+        }
+        bus->dc_needed = true;
+        if (!bus->slaves[node->slave].hasdc && status == FSN_OK) {
+            status = refuse(bus, node->slave, fault,
+                            "the plan starts SYNC0 (assign_activate), and it has no distributed "
+                            "clock");
+        }
+    }
+    if (bus->dc_every == 0 && bus->dc_needed) {
+        bus->dc_every = 1;
+    }
+    return status;
+}
+
+/** How wide the clocks are that can become the reference. */
+static void read_width(struct fsn_soem *bus) {
+    bus->dc_narrow = false;
+    for (uint16_t s = 1; s <= bus->slave_count; s++) {
+        uint16_t features = 0;
+        if (bus->slaves[s].hasdc && soem_read_surely(bus, s, REG_FEATURES, &features, 2)) {
+            bus->dc_narrow = bus->dc_narrow || (etohs(features) & FEATURE_WIDE) == 0;
+        }
+    }
+}
+
+fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault) {
+    believe_no_missing_link(bus);
+    bus->dc_station = 0;
+    const fsn_status status = need(bus, fault);
+    if (status != FSN_OK || bus->dc_every == 0) {
+        return status;
+    }
+    uint16_t worst = 0;
+    for (int tries = 0; tries < TRIES; tries++) {
+        soem_drain(bus);
+        if (!ecx_configdc(&bus->context)) {
+            return FSN_OK; /* nobody has a clock, and nobody needs one */
+        }
+        const uint16_t of = bus->slaves[0].DCnext;
+        worst = compensate(bus, of);
+        if (worst == 0 || !bus->dc_needed) {
+            bus->dc_station = bus->slaves[of].configadr;
+            read_width(bus);
+            return read_base(bus, bus->dc_station) ? FSN_OK : refuse(bus, of, fault, "no answer");
+        }
+    }
+    char why[FSN_DETAIL_BYTES];
+    snprintf(why, sizeof why, "its clock is %u ns from the reference clock (%.40s) after %d tries",
+             (unsigned)bus->clocks.worst_ns, name_of(bus, bus->slaves[0].DCnext), TRIES);
+    return refuse(bus, worst, fault, why);
+}
+
+/* -- one SubDevice -------------------------------------------------------------------------- */
+
+/** Reads both system times and the offset with one frame, whose way is known: nothing else comes in
+ *  between. */
+static bool read_both(struct fsn_soem *bus, uint16_t station, uint16_t of, uint64_t values[3]) {
+    const struct {
+        uint16_t station, address;
+    } reads[3] = {
+        {of, ECT_REG_DCSYSTIME}, {station, ECT_REG_DCSYSTIME}, {station, ECT_REG_DCSYSOFFSET}};
+    ecx_portt *port = bus->context.port;
+    uint16 places[3] = {EC_HEADERSIZE};
+    bool whole = true;
+    soem_drain(bus);
+    const uint8 index = ecx_getindex(port);
+    memset(values, 0, 3 * sizeof *values);
+    ecx_setupdatagram(port, &port->txbuf[index], EC_CMD_FPRD, index, reads[0].station,
+                      reads[0].address, sizeof *values, values);
+    for (int i = 1; i < 3; i++) {
+        places[i] = ecx_adddatagram(port, &port->txbuf[index], EC_CMD_FPRD, index, i < 2,
+                                    reads[i].station, reads[i].address, sizeof *values, values + i);
+    }
+    if (ecx_srconfirm(port, index, EC_TIMEOUTRET3) < 0) {
+        whole = false;
+    }
+    for (int i = 0; whole && i < 3; i++) {
+        const uint8 *data = port->rxbuf[index] + places[i];
+        whole = fsn_get16(data + sizeof *values) == 1;
+        values[i] = fsn_get32(data) | (uint64_t)fsn_get32(data + 4) << 32;
+    }
+    ecx_setbufstat(port, index, EC_BUF_EMPTY);
+    return whole;
+}
+
+/** Waits until the control loop of a clock has brought it into the window. */
+static bool settles(struct fsn_soem *bus, const struct node *node) {
+    for (int looks = 0; looks < SETTLE_LOOKS; looks++) {
+        uint8_t value[READING_BYTES];
+        static const struct timespec pause = {.tv_nsec = SETTLE_NS};
+        nanosleep(&pause, NULL);
+        soem_read_each(bus, node->slave, 1, ECT_REG_DCSYSDIFF, sizeof value, value);
+        if (fsn_get16(value + 4) != 0 && (fsn_get32(value) & INT32_MAX) <= bus->clocks.window_ns) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/** Writes offset and delay, and begins the mean difference anew. */
+static void write_offset(struct fsn_soem *bus, uint16_t slave, uint64_t offset_ns) {
+    const ec_slavet *s = &bus->slaves[slave];
+    uint64_t offset = htoell(offset_ns);
+    uint32_t delay = htoel((uint32_t)s->pdelay);
+    uint16_t loop = htoes(LOOP_DEFAULT);
+    bus->places[slave].unset = ecx_FPWR(bus->context.port, s->configadr, ECT_REG_DCSYSOFFSET,
+                                        sizeof offset, &offset, EC_TIMEOUTRET3) != 1 ||
+                               ecx_FPWR(bus->context.port, s->configadr, ECT_REG_DCSYSDELAY,
+                                        sizeof delay, &delay, EC_TIMEOUTRET3) != 1 ||
+                               ecx_FPWR(bus->context.port, s->configadr, REG_LOOP, sizeof loop,
+                                        &loop, EC_TIMEOUTRET3) != 1;
+}
+
+/** Sets a clock after the reference. */
+static void set_after(struct fsn_soem *bus, uint16_t slave, uint16_t of) {
+    const ec_slavet *s = &bus->slaves[slave];
+    uint64_t values[3];
+    if (read_both(bus, s->configadr, bus->slaves[of].configadr, values)) {
+        const int32 way_ns = s->pdelay - bus->slaves[of].pdelay;
+        write_offset(bus, slave, values[2] + values[0] + (uint64_t)(int64_t)way_ns - values[1]);
+    }
+}
+
+/** Sets a clock to the time that is expected here: nobody else knows it any more. */
+static void set_here(struct fsn_soem *bus, uint16_t slave) {
+    const uint16_t station = bus->slaves[slave].configadr;
+    uint64_t values[3];
+    const uint64_t before = clock_ns();
+    if (read_both(bus, station, station, values)) {
+        const uint64_t now = before + (clock_ns() - before) / 2;
+        const uint64_t base = atomic_load(&bus->frames.wire.dc_base);
+        write_offset(bus, slave, values[2] + base + now - values[1]);
+    }
+}
+
+/** The first SubDevice with a clock that answers, and that shows the time; 0: none. */
+static uint16_t first_clock(const struct fsn_soem *bus, bool set) {
+    for (uint16_t s = 1; s <= bus->slave_count; s++) {
+        const struct place *place = &bus->places[s];
+        if (bus->slaves[s].hasdc && place->al_status != 0 && !(set && place->unset)) {
+            return s;
+        }
+    }
+    return 0;
+}
+
+void soem_keep_reference(struct fsn_soem *bus) {
+    if (atomic_load(&bus->frames.wire.dc_station) == 0) {
+        return;
+    }
+    uint16_t found = first_clock(bus, true);
+    if (found == 0) {
+        found = first_clock(bus, false);
+        if (found != 0) {
+            set_here(bus, found);
+        }
+    }
+    atomic_store(&bus->frames.wire.dc_station, found != 0 ? bus->slaves[found].configadr : NOBODY);
+    for (uint16_t s = 1; s <= bus->slave_count && found != 0; s++) {
+        /* Those of the plan are set when they are configured. */
+        if (bus->places[s].unset && bus->places[s].al_status != 0 && node_at(bus, s) == NULL) {
+            set_after(bus, s, found);
+        }
+    }
+}
+
+fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node) {
+    const uint16_t of = reference(bus);
+    if (!bus->slaves[node->slave].hasdc || of == 0 || of == node->slave) {
+        return FSN_OK;
+    }
+    set_after(bus, node->slave, of);
+    if (node->known.info.assign_activate == 0 || settles(bus, node)) {
+        return FSN_OK;
+    }
+    soem_note(bus, node, FSN_FOUND_CLOCK, "it does not follow the reference clock (%.40s)",
+              name_of(bus, of));
+    return FSN_E_BUS_CLOCK;
+}
+
+/** Writes registers of the clock unit; false: not taken. */
+static bool put(struct fsn_soem *bus, uint16_t station, uint16_t address, const uint8_t *bytes,
+                uint16_t size) {
+    return ecx_FPWR(bus->context.port, station, address, size, (void *)(uintptr_t)bytes,
+                    EC_TIMEOUTRET3) == 1;
+}
+
+/** One try: the first pulse on a whole multiple of the cycle, as that of all others. */
+static bool start_pulses(struct fsn_soem *bus, const struct node *node) {
+    const uint16_t station = bus->slaves[node->slave].configadr;
+    const uint64_t cycle = bus->cycle_ns;
+    uint64_t now = 0;
+    uint8_t word[2] = {0};
+    uint8_t cycles[8] = {0}; /* SYNC0, then SYNC1 at the same time */
+    uint8_t start[8];
+    soem_drain(bus);
+    if (!put(bus, station, ECT_REG_DCCUC, word, sizeof word) ||
+        !soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &now, sizeof now)) {
+        return false;
+    }
+    const uint64_t first = ((etohll(now) + SYNC_DELAY_NS) / cycle + 1) * cycle;
+    fsn_put32(cycles, (uint32_t)cycle);
+    fsn_put64(start, first);
+    fsn_put16(word, node->known.info.assign_activate);
+    return put(bus, station, ECT_REG_DCCYCLE0, cycles, sizeof cycles) &&
+           put(bus, station, ECT_REG_DCSTART0, start, sizeof start) &&
+           put(bus, station, ECT_REG_DCCUC, word, sizeof word) &&
+           soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &now, sizeof now) &&
+           etohll(now) < first; /* else this machine was too slow, and it would never pulse */
+}
+
+fsn_status soem_start_sync(struct fsn_soem *bus, struct node *node) {
+    for (int tries = 0; tries < TRIES && node->known.info.assign_activate != 0; tries++) {
+        if (start_pulses(bus, node)) {
+            return FSN_OK;
+        }
+    }
+    if (node->known.info.assign_activate == 0) {
+        return FSN_OK;
+    }
+    soem_note(bus, node, FSN_FOUND_CLOCK,
+              "SYNC0 could not be started: its registers from 0x0980 "
+              "on are not taken in time");
+    return FSN_E_BUS_CLOCK;
+}
+
+/* -- watching ------------------------------------------------------------------------------- */
+
+void soem_watch_clocks(struct fsn_soem *bus, uint64_t now_ns) {
+    const uint16_t of = reference(bus);
+    if (of == 0 || now_ns < bus->clocks_ns) {
+        return;
+    }
+    bus->clocks_ns = now_ns + WATCH_NS;
+    struct fsn_bus_clocks c = bus->clocks; /* this thread alone writes it */
+    const uint16_t worst = look(bus, of, true, &c);
+    const uint64_t seen = atomic_load(&bus->frames.wire.dc_seen);
+    c.lead_ns = seen == 0 ? 0 : (uint32_t)(bus->cycle_ns - seen % bus->cycle_ns);
+    snprintf(c.reference, sizeof c.reference, "%.60s", name_of(bus, of));
+    c.place[0] = '\0';
+    if (worst != 0) {
+        c.leaves += c.state != FSN_CLOCKS_APART;
+        c.state = FSN_CLOCKS_APART;
+        snprintf(c.place, sizeof c.place, "%.60s is %u ns from %.60s", name_of(bus, worst),
+                 (unsigned)c.worst_ns, c.reference);
+    } else if (c.subdevices > 0) {
+        c.state = FSN_CLOCKS_SYNCHRONOUS;
+    }
+    pthread_mutex_lock(&bus->all.lock);
+    bus->clocks = c;
+    pthread_mutex_unlock(&bus->all.lock);
+}
+
+bool soem_clocks(void *context, struct fsn_bus_clocks *clocks) {
+    struct fsn_soem *bus = context;
+    pthread_mutex_lock(&bus->all.lock);
+    *clocks = bus->clocks;
+    pthread_mutex_unlock(&bus->all.lock);
+    return atomic_load(&bus->frames.wire.dc_station) != 0;
+}

@@ -1,0 +1,158 @@
+/** Distributed clocks of the SOEM backend: set, followed, watched; on the emulated segment, whose
+ *  devices leave OP where SYNC0 cannot be used. Skipped (77) like test_soem. */
+#define _GNU_SOURCE
+
+#include <string.h>
+
+#include "soem_rig.h"
+
+enum { SKIPPED = 77, CYCLE = 1000000 };
+
+static struct fsn_bus_clocks clocks(struct rig *rig) {
+    struct fsn_bus_clocks clocks;
+    CHECK(fsn_core_clocks(rig->core, &clocks) == FSN_OK);
+    return clocks;
+}
+
+static struct fsn_bus_clocks clocks_become(struct rig *rig, uint8_t state) {
+    for (int i = 0; i < PATIENCE_MS / 2; i++) {
+        fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
+        const struct fsn_bus_clocks c = clocks(rig);
+        if (c.state == state && (state != FSN_CLOCKS_SYNCHRONOUS || c.subdevices == 3)) {
+            return c;
+        }
+        pause_ms(2);
+    }
+    fprintf(stderr, "the clocks are %s: %s\n", fsn_clocks_text(clocks(rig).state),
+            clocks(rig).place);
+    exit(1);
+}
+
+/** Half of all frames of the next cycles come near their place before SYNC0. */
+static void frames_come_in_phase(struct rig *rig) {
+    const struct fsn_statistics before = statistics(rig);
+    struct fsn_histogram since = {0};
+    while (since.count < 300) {
+        fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
+        pause_ms(2);
+        since = statistics(rig).dc_offset;
+        since.count -= before.dc_offset.count;
+    }
+    for (uint32_t i = 0; i < FSN_BUCKETS; i++) {
+        since.bucket[i] -= before.dc_offset.bucket[i];
+    }
+    CHECK(fsn_histogram_percentile(&since, 500000) < CYCLE / 8);
+}
+
+/** The plan alone switches clocks on; all stay in OP, in either direction, and so does who returns.
+ */
+static void clocks_are_set_and_followed(void) {
+    for (int host = 0; host < 2; host++) {
+        struct rig *rig = set_up_with_sync();
+        rig->live.dc_host = host;
+        rig->live.dc_shift_ns = host ? 300000 : 0;
+        bring_up_from(rig);
+        const struct fsn_bus_clocks c = clocks_become(rig, FSN_CLOCKS_SYNCHRONOUS);
+        CHECK(c.worst_ns <= 1000 && c.window_ns == 1000 && c.outside == 0 && c.host == host);
+        CHECK(strcmp(c.reference, "s0") == 0 && c.place[0] == '\0');
+        CHECK(c.shift_ns == (host ? 300000 : CYCLE / 2) && c.lead_ns <= CYCLE);
+        frames_come_in_phase(rig);
+        fsn_segment_power_cycle(rig->segment, 2);
+        poll_until_all_in_op(rig);
+        (void)clocks_become(rig, FSN_CLOCKS_SYNCHRONOUS);
+        for (uint32_t n = 0; n < SUBDEVICES; n++) {
+            CHECK(look(rig, n).found == FSN_FOUND_RIGHT);
+        }
+        tear_down(rig);
+    }
+}
+
+/** The reference is switched off and on, then all are: the time goes on, and nobody else leaves OP
+ *  because of it. */
+static void the_time_survives_its_reference(void) {
+    struct rig *rig = bring_up_from(set_up_with_sync());
+    (void)clocks_become(rig, FSN_CLOCKS_SYNCHRONOUS);
+    const uint64_t apart_before = statistics(rig).dc_time_ns - statistics(rig).now_ns;
+    fsn_segment_power_cycle(rig->segment, 0);
+    poll_until_all_in_op(rig);
+    (void)clocks_become(rig, FSN_CLOCKS_SYNCHRONOUS);
+    frames_come_in_phase(rig);
+    for (uint32_t n = 0; n < SUBDEVICES; n++) {
+        fsn_segment_set_present(rig->segment, n, false);
+    }
+    poll_until(rig, 0, 0);
+    for (uint32_t n = 0; n < SUBDEVICES; n++) {
+        fsn_segment_set_present(rig->segment, n, true);
+    }
+    poll_until_all_in_op(rig);
+    (void)clocks_become(rig, FSN_CLOCKS_SYNCHRONOUS);
+    frames_come_in_phase(rig);
+    const int64_t moved =
+        (int64_t)(statistics(rig).dc_time_ns - statistics(rig).now_ns - apart_before);
+    CHECK(moved < 100 * CYCLE && moved > -100 * CYCLE); /* their own clocks begin elsewhere */
+    tear_down(rig);
+}
+
+/** A clock that goes its own way is named; when its device is back it is in time again. */
+static void who_leaves_the_window_is_named(void) {
+    struct rig *rig = bring_up_from(set_up_with_sync());
+    const struct fsn_segment_clock other = {.offset_ns = 12345678, .forward_ns = 300};
+    const uint32_t leaves = clocks_become(rig, FSN_CLOCKS_SYNCHRONOUS).leaves;
+    CHECK(fsn_segment_set_clock(rig->segment, 3, &other) == FSN_OK);
+    const struct fsn_bus_clocks c = clocks_become(rig, FSN_CLOCKS_APART);
+    CHECK(c.leaves == leaves + 1 && c.outside >= 1 && c.worst_ns > 1000);
+    CHECK(strncmp(c.place, "s3 is ", 6) == 0 && strstr(c.place, " ns from s0") != NULL);
+    fsn_segment_power_cycle(rig->segment, 3);
+    poll_until(rig, 3, FSN_AL_OP);
+    CHECK(clocks_become(rig, FSN_CLOCKS_SYNCHRONOUS).leaves >= c.leaves);
+    tear_down(rig);
+}
+
+/** Without a clock there is no SYNC0; a broken one follows nobody. Both are refused by
+ *  name, before anything is in OP. */
+static void clocks_that_cannot_be_set_are_refused(void) {
+    const struct fsn_segment_clock none = {.absent = true, .forward_ns = 300};
+    const struct fsn_segment_clock deaf = {.deaf = true, .drift_ppb = 40000, .forward_ns = 300};
+    struct rig *rig = set_up_with_sync();
+    CHECK(fsn_segment_set_clock(rig->segment, 2, &none) == FSN_OK);
+    fsn_status status = open_bus(rig);
+    for (int tries = 0; status != FSN_E_BUS_CLOCK; tries++) { /* frames were late */
+        CHECK(status != FSN_OK && tries < TRIES);
+        close_bus(rig);
+        status = open_bus(rig);
+    }
+    CHECK(rig->fault.section == 1 && rig->fault.copy_index == 2);
+    CHECK(strstr(rig->fault.detail, "no distributed clock") != NULL);
+    close_bus(rig);
+    CHECK(fsn_segment_set_clock(rig->segment, 2, &deaf) == FSN_OK);
+    do {
+        status = open_bus(rig);
+    } while (status != FSN_E_BUS_CLOCK && status != FSN_OK);
+    CHECK(status == FSN_E_BUS_CLOCK && rig->fault.copy_index == 2);
+    CHECK(strstr(rig->fault.detail, " ns from the reference clock (s0)") != NULL);
+    tear_down(rig);
+}
+
+/** Where nobody starts SYNC0 clocks are off unless they are requested. */
+static void without_sync0_clocks_are_off(void) {
+    struct rig *rig = set_up();
+    rig->live.dc_every = 0;
+    bring_up_from(rig);
+    struct fsn_bus_clocks c;
+    CHECK(fsn_core_clocks(rig->core, &c) == FSN_E_STATE);
+    CHECK(fsn_core_clocks(NULL, &c) == FSN_E_ARG && fsn_core_clocks(rig->core, NULL) == FSN_E_ARG);
+    CHECK(statistics(rig).dc_time_ns == 0);
+    tear_down(rig);
+}
+
+int main(void) {
+    if (!make_network()) {
+        return SKIPPED;
+    }
+    clocks_are_set_and_followed();
+    the_time_survives_its_reference();
+    who_leaves_the_window_is_named();
+    clocks_that_cannot_be_set_are_refused();
+    without_sync0_clocks_are_off();
+    return 0;
+}
