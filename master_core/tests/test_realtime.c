@@ -369,6 +369,12 @@ static int connect_raw(void) {
     return fd;
 }
 
+/** The outputs are mapped. */
+static void begin_raw(int fd) {
+    int fds[2];
+    CHECK(strstr(request(fd, "realtime begin\n", fds), "\"begun\":true") != NULL);
+}
+
 static void refused(const char *line, const char *text) {
     int fds[2];
     const int fd = connect_raw();
@@ -409,6 +415,12 @@ static void who_does_not_fit_is_refused(void) {
     refused("realtime 2 any 3\n", "the client has layout 2 of the shared memory, fsn-master 1");
     refused("realtime x any 3\n", "the client has layout x");
     refused("realtime 1 any\n", "wrong number of words");
+    refused("realtime begin\n", "this client has no outputs in the cycle");
+    const int sealer = connect_raw();
+    CHECK(strstr(request(sealer, "realtime 1 any 3 lamp\n", fds), "\"outputs\":1") != NULL);
+    CHECK(fcntl(fds[1], F_ADD_SEALS, F_SEAL_SEAL) == 0 && close(fds[0]) == 0 && close(fds[1]) == 0);
+    CHECK(strstr(request(sealer, "realtime begin\n", fds), "cannot be sealed") != NULL);
+    close(sealer);
     const int fd = connect_raw();
     CHECK(strstr(request(fd, "set lamp=1\n", fds), "\"set\":1") != NULL);
     CHECK(strstr(request(fd, "realtime 1 any 3\n", fds), "writes outputs with set") != NULL);
@@ -416,6 +428,7 @@ static void who_does_not_fit_is_refused(void) {
     const int second = connect_raw();
     CHECK(strstr(request(second, "realtime 1 any 3\n", fds), "\"outputs\":0") != NULL);
     CHECK(fds[0] >= 0 && fds[1] == -1 && close(fds[0]) == 0);
+    begin_raw(second); /* it has begun already */
     CHECK(strstr(request(second, "realtime 1 any 3\n", fds), "in the cycle already") != NULL);
     CHECK(strstr(request(second, "set lamp=1\n", fds), "is in the cycle, and writes") != NULL);
     const char *status = request(second, "status\n", fds);
@@ -662,6 +675,13 @@ static void whatever_a_client_writes(void) {
     CHECK(fcntl(fds[1], F_ADD_SEALS, F_SEAL_WRITE) != 0);
     uint64_t *out = mmap(NULL, (size_t)out_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fds[1], 0);
     CHECK(out != MAP_FAILED);
+    CHECK(fallocate(fds[1], FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0, out_bytes) == 0);
+    begin_raw(fd);
+    /* Who takes pages out of them now would have the cycle wait for it. */
+    CHECK(fallocate(fds[1], FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0, out_bytes) != 0);
+    CHECK(madvise(out, (size_t)out_bytes, MADV_REMOVE) != 0 && pwrite(fds[1], "x", 1, 0) < 0);
+    CHECK(mmap(NULL, (size_t)out_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fds[1], 0) ==
+          MAP_FAILED);
     struct fsn_shared_outputs *head = (void *)out;
     uint64_t state = 1;
     unsigned taken = 0;
@@ -671,9 +691,6 @@ static void whatever_a_client_writes(void) {
         }
         if (i % 2 == 0) { /* so that some of it counts */
             atomic_store(&head->sent.begun, atomic_load(&head->sent.whole));
-        }
-        if (i % 500 == 0) {
-            CHECK(fallocate(fds[1], FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0, out_bytes) == 0);
         }
         uint8_t frames[2 * (MAIN_BYTES + SUB_BYTES)];
         CHECK(fsn_realtime_set(other, 3, i) == FSN_OK);
@@ -720,6 +737,10 @@ static void a_set_is_whole(void) {
     struct fsn_shared_outputs *head =
         mmap(NULL, (size_t)out_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fds[1], 0);
     CHECK(head != MAP_FAILED);
+    atomic_store(&head->sent.whole, 1);
+    cycle();
+    CHECK(sent(0) == 7); /* it has not begun */
+    begin_raw(fd);
     atomic_store(&head->sent.begun, 3); /* the set of 1 is being overwritten */
     atomic_store(&head->sent.whole, 1);
     cycle();

@@ -254,6 +254,22 @@ static int connect_to(const struct fsn_realtime_options *options) {
     return fd;
 }
 
+/** Sends a line and reads the answer; `fault` says what is wrong with it. */
+static fsn_status ask(const struct fsn_realtime_options *options, int fd, const char *line,
+                      size_t len_bytes, struct answer *answer, struct fsn_realtime_fault *fault) {
+    if (send(fd, line, len_bytes, MSG_NOSIGNAL) != (ssize_t)len_bytes) {
+        return refuse(fault, FSN_E_SYS, options->socket, strerror(errno));
+    }
+    const int error = read_line(fd, answer);
+    if (error != 0) {
+        errno = error;
+        return refuse(fault, error == ETIMEDOUT ? FSN_E_BUSY : FSN_E_SYS, options->socket,
+                      error == ETIMEDOUT ? "fsn-master has not answered in time" : strerror(error));
+    }
+    return strncmp(answer->line, "{\"ok\":true", 10) == 0 ? FSN_OK
+                                                          : read_refusal(answer->line, fault);
+}
+
 static fsn_status request(const struct fsn_realtime_options *options, int fd, struct answer *answer,
                           struct fsn_realtime_fault *fault) {
     char line[LINE_BYTES + 8];
@@ -263,19 +279,7 @@ static fsn_status request(const struct fsn_realtime_options *options, int fd, st
             fault, FSN_E_ARG, "outputs",
             "a name is missing, or the names are too long for one request; end some in *");
     }
-    if (send(fd, line, used, MSG_NOSIGNAL) != (ssize_t)used) {
-        return refuse(fault, FSN_E_SYS, options->socket, strerror(errno));
-    }
-    const int error = read_line(fd, answer);
-    if (error != 0) {
-        errno = error;
-        return refuse(fault, error == ETIMEDOUT ? FSN_E_BUSY : FSN_E_SYS, options->socket,
-                      error == ETIMEDOUT ? "fsn-master has not answered in time" : strerror(error));
-    }
-    if (strncmp(answer->line, "{\"ok\":true", 10) != 0) {
-        return read_refusal(answer->line, fault);
-    }
-    return FSN_OK;
+    return ask(options, fd, line, used, answer, fault);
 }
 
 /** Maps what came with an answer, and closes its descriptors. */
@@ -295,12 +299,16 @@ static fsn_status open_client(const struct fsn_realtime_options *options,
     if (realtime->fd < 0) {
         return refuse(fault, FSN_E_SYS, options->socket, strerror(errno));
     }
+    const bool writes = options->output_count > 0;
     const fsn_status status = request(options, realtime->fd, &answer, fault);
-    if (!take_memory(realtime, &answer, options->output_count > 0) && status == FSN_OK) {
+    if (!take_memory(realtime, &answer, writes) && status == FSN_OK) {
         return refuse(fault, FSN_E_NOMEM, "fsn_realtime_open",
                       "the memory of fsn-master cannot be mapped");
     }
-    return status;
+    static const char begin[] = "realtime begin\n";
+    return status != FSN_OK || !writes
+               ? status
+               : ask(options, realtime->fd, begin, sizeof begin - 1, &answer, fault);
 }
 
 fsn_status fsn_realtime_open(const struct fsn_realtime_options *options, struct fsn_realtime **out,

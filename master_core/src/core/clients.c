@@ -34,8 +34,7 @@ static int make_file(const char *name, size_t size_bytes, int seals, void **at) 
         /* Every page is there before the cycle touches it. */
         *at = mmap(NULL, size_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd, 0);
     }
-    if (*at == MAP_FAILED ||
-        fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL | seals) != 0) {
+    if (*at == MAP_FAILED || fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | seals) != 0) {
         const int error = errno;
         if (*at != MAP_FAILED) {
             munmap(*at, size_bytes);
@@ -91,7 +90,7 @@ static fsn_status make_inputs(struct fsn_core *core) {
     if (clients->inputs != NULL) {
         return FSN_OK;
     }
-    core->inputs_fd = make_file("fsn-inputs", size_bytes, F_SEAL_FUTURE_WRITE, &at);
+    core->inputs_fd = make_file("fsn-inputs", size_bytes, F_SEAL_FUTURE_WRITE | F_SEAL_SEAL, &at);
     if (core->inputs_fd < 0) {
         return FSN_E_SYS;
     }
@@ -124,6 +123,9 @@ static size_t outputs_bytes(uint32_t count) {
 static void clear_place(struct fsn_core *core, uint32_t n) {
     struct fsn_core_place *place = &core->places[n];
     if (place->outputs != NULL) {
+        if (place->fd >= 0) {
+            close(place->fd);
+        }
         munmap(place->outputs, outputs_bytes(core->rt.clients.client[n].count));
     }
     free(place->symbols);
@@ -132,7 +134,7 @@ static void clear_place(struct fsn_core *core, uint32_t n) {
     core->rt.clients.client[n] = (struct fsn_rt_client){0};
 }
 
-/** Makes the file for the outputs of a client; returns its descriptor. */
+/** Makes the file for the outputs of a client; returns a descriptor for the client. */
 static int make_outputs(struct fsn_core *core, const struct fsn_core_client *wanted, uint32_t n) {
     struct fsn_core_place *place = &core->places[n];
     void *at;
@@ -142,6 +144,7 @@ static int make_outputs(struct fsn_core *core, const struct fsn_core_client *wan
     }
     struct fsn_shared_outputs *outputs = at;
     place->outputs = outputs;
+    place->fd = fd;
     outputs->magic = FSN_SHARED_MAGIC;
     outputs->layout = FSN_SHARED_LAYOUT;
     outputs->size_bytes = outputs_bytes(wanted->count);
@@ -153,7 +156,7 @@ static int make_outputs(struct fsn_core *core, const struct fsn_core_client *wan
     outputs->misses = wanted->misses;
     memcpy((uint8_t *)at + outputs->symbols_at, place->symbols,
            wanted->count * sizeof *place->symbols);
-    return fd;
+    return fcntl(fd, F_DUPFD_CLOEXEC, 0);
 }
 
 /** Fills what the cycle looks at; nobody writes it after this. */
@@ -227,6 +230,11 @@ static fsn_status check_wanted(const struct fsn_core *core, const struct fsn_cor
     return FSN_OK;
 }
 
+/** All that the cycle looks at is there. */
+static void let_in(struct fsn_core *core, uint32_t n) {
+    atomic_fetch_or_explicit(&core->rt.clients.present, 1u << n, memory_order_release);
+}
+
 fsn_status fsn_core_client_open(struct fsn_core *core, const struct fsn_core_client *wanted,
                                 uint32_t *number, int fds[FSN_CLIENT_FDS]) {
     fds[0] = fds[1] = -1;
@@ -252,8 +260,37 @@ fsn_status fsn_core_client_open(struct fsn_core *core, const struct fsn_core_cli
         return status;
     }
     set_up(core, wanted, n);
-    atomic_fetch_or_explicit(&core->rt.clients.present, 1u << n, memory_order_release);
     *number = n;
+    if (wanted->count == 0) {
+        let_in(core, n);
+    }
+    return FSN_OK;
+}
+
+/** Pages that the client took out before the seal come back here, not in the cycle. */
+static void touch(const struct fsn_shared_outputs *outputs, size_t size_bytes) {
+    enum { STEP_BYTES = 1024 }; /* no page is smaller */
+    const volatile uint8_t *at = (const volatile uint8_t *)outputs;
+    for (size_t i = 0; i < size_bytes; i += STEP_BYTES) {
+        (void)at[i];
+    }
+}
+
+fsn_status fsn_core_client_begin(struct fsn_core *core, uint32_t n) {
+    struct fsn_core_place *place = &core->places[n];
+    if (place->outputs == NULL || place->fd < 0) {
+        return FSN_OK; /* it has none, or has begun */
+    }
+    (void)fcntl(place->fd, F_ADD_SEALS, F_SEAL_FUTURE_WRITE | F_SEAL_SEAL);
+    const int seals = fcntl(place->fd, F_GET_SEALS);
+    close(place->fd);
+    place->fd = -1;
+    if (seals < 0 || (seals & F_SEAL_FUTURE_WRITE) == 0) {
+        errno = EPERM; /* it was the client that has sealed the seals */
+        return FSN_E_SYS;
+    }
+    touch(place->outputs, outputs_bytes(core->rt.clients.client[n].count));
+    let_in(core, n);
     return FSN_OK;
 }
 

@@ -21,8 +21,9 @@ struct fsn_core_client_seen {
     uint64_t on_time, late, missed, torn;
 };
 
-/** Lets a client into the cycle. Its outputs must be set to their stop values before, by
- *  fsn_core_set_outputs(): they have these until it sends some, and again when it is late or gone.
+/** Makes the memory of a client. One that only reads is in the cycle at once. Its outputs must be
+ * set to their stop values before, by fsn_core_set_outputs(): they have these until it sends some,
+ * and again when it is late or gone.
  *  @param[out] place  its number, for the functions below.
  *  @param[out] fds    inputs, sealed against writing, and outputs (-1: it has none); the caller
  *                     closes them.
@@ -33,6 +34,13 @@ struct fsn_core_client_seen {
  *  Context: control thread. Allocates; never delays the cyclic thread. */
 fsn_status fsn_core_client_open(struct fsn_core *core, const struct fsn_core_client *wanted,
                                 uint32_t *place, int fds[FSN_CLIENT_FDS]);
+
+/** Lets a client with outputs into the cycle, once it has mapped them: they are sealed now, so that
+ *  nobody can map them for writing any more, write them by a call, or take pages out of them, for
+ *  which the cycle would have to wait.
+ *  @retval FSN_E_SYS  the client has kept the file from being sealed, or the kernel is too old.
+ *  Context: control thread. */
+fsn_status fsn_core_client_begin(struct fsn_core *core, uint32_t place);
 
 /** Takes a client out of the cycle: from the next one on its outputs have what
  *  fsn_core_set_outputs() set.   Context: control thread. */

@@ -13,6 +13,7 @@ struct fsn_core_place {
     bool used, closed;
     uint64_t closed_after; /**< cycle that was the last one then: the next may still read it */
     struct fsn_shared_outputs *outputs; /**< mapped; NULL: it has none */
+    int fd;                             /**< of the outputs, until they are sealed; else -1 */
     uint32_t *symbols;
     uint64_t *values;
 };

@@ -133,6 +133,7 @@ static void leave_cycle(struct fsn_services *services, struct fsn_client *client
     if (client->place != 0) {
         fsn_core_client_close(services->view.core, client->place - 1);
         client->place = 0;
+        client->begun = false;
     }
 }
 

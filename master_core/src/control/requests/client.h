@@ -45,10 +45,11 @@ struct fsn_client {
     size_t long_bytes;   /**< of a long answer in `out`, which may be that much longer */
     struct fsn_json out; /**< replies and events not yet written, `sent` bytes of it gone */
     size_t sent;
-    uint32_t place;           /**< number in the cycle + 1; 0: it is none of its clients */
+    uint32_t place;           /**< number in the cycle + 1; 0: none */
     int pass[FSN_CLIENT_FDS]; /**< descriptors that go with byte `pass_at` of `out` */
     size_t pass_at;
     unsigned passes; /**< how many; 0: none */
+    bool begun;      /**< it is in the cycle; else its lease runs */
 };
 
 /** Appends bytes for a client; it is to be dropped when it has left too much unread. */

@@ -141,7 +141,33 @@ static fsn_status refuse_open(struct fsn_request *request, fsn_status status) {
                            "no memory to share: %s", strerror(errno));
 }
 
+/** The client has mapped its outputs. */
+static fsn_status begin(struct fsn_request *request) {
+    struct fsn_client *client = request->client;
+    if (client->place == 0) {
+        return fsn_request_refuse(request, FSN_E_STATE, "realtime LAYOUT PLAN MISSES NAME… first",
+                                  "this client has no outputs in the cycle");
+    }
+    if (fsn_core_client_begin(request->services->view.core, client->place - 1) != FSN_OK) {
+        fsn_client_take_back(request->services, client, "refused");
+        return fsn_request_refuse(request, FSN_E_SYS,
+                                  "map the outputs, and leave their seals alone",
+                                  "the outputs cannot be sealed");
+    }
+    client->begun = true;
+    fsn_json_put_bool(request->json, "begun", true);
+    return FSN_OK;
+}
+
 fsn_status fsn_answer_realtime(struct fsn_request *request) {
+    if (request->count == 1 && strcmp(request->argument[0], "begin") == 0) {
+        return begin(request);
+    }
+    if (request->count < 3) {
+        return fsn_request_refuse(request, FSN_E_ARG,
+                                  "realtime LAYOUT PLAN|any MISSES [NAME…], then realtime begin",
+                                  "wrong number of words");
+    }
     struct fsn_client *client = request->client;
     struct fsn_bus_view *view = &request->services->view;
     struct wanted wanted = {0};
@@ -164,6 +190,7 @@ fsn_status fsn_answer_realtime(struct fsn_request *request) {
     }
     request->fds = wanted.count > 0 ? 2 : 1;
     client->place = place + 1;
+    client->begun = wanted.count == 0;
     fsn_json_put_u64(request->json, "layout", FSN_SHARED_LAYOUT);
     fsn_json_put_text(request->json, "plan_sha256", view->sha256);
     fsn_json_put_u64(request->json, "misses", wanted.misses);

@@ -207,9 +207,9 @@ static const struct entry requests[] = {
     {"watch", FSN_OBSERVER, 1, FSN_WORDS, fsn_answer_watch, READS,
      "watch N|off [--image|--typed] [NAME…]: every N-th cycle as a line of JSON; NAME may end in "
      "*"},
-    {"realtime", FSN_OPERATOR, 3, FSN_WORDS, fsn_answer_realtime, CHANGES,
-     "realtime LAYOUT PLAN|any MISSES [NAME…]: inputs and own outputs in shared memory, cycle by "
-     "cycle"},
+    {"realtime", FSN_OPERATOR, 1, FSN_WORDS, fsn_answer_realtime, CHANGES,
+     "realtime LAYOUT PLAN|any MISSES [NAME…], then realtime begin: inputs and own outputs in "
+     "shared memory"},
     {"start", FSN_MAINTAINER, 0, 0, of_program, CHANGES,
      "start: opens the bus and brings it to OP"},
     {"stop", FSN_MAINTAINER, 0, 0, of_program, CHANGES,

@@ -89,6 +89,7 @@ void fsn_control_attach(struct fsn_control *control, struct fsn_core *core) {
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) { /* cycles count anew */
         control->client[i].stream.next = fsn_core_last_cycle(services->view.core) + 1;
         control->client[i].place = 0;
+        control->client[i].begun = false;
     }
 }
 

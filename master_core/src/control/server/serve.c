@@ -306,7 +306,7 @@ static void serve_clients(struct fsn_control *control, const struct pollfd *fds,
  * read yet. */
 static bool is_silent(const struct fsn_control *control, const struct fsn_client *client) {
     const uint64_t lease_ns = client->lease_ms * UINT64_C(1000000);
-    return client->lease_ms != 0 && !client->more && client->job == NULL && client->place == 0 &&
+    return client->lease_ms != 0 && !client->more && client->job == NULL && !client->begun &&
            control->polled_ns > client->heard_ns &&
            control->polled_ns - client->heard_ns > lease_ns;
 }
