@@ -201,6 +201,7 @@ class RealTime:
         return CycleCounts(**{f.name: int(getattr(found, f.name)) for f in fields(CycleCounts)})
 
     def __getitem__(self, name: str) -> bool | int | float:
+        """Return a value of the cycle that was waited for, with factor and offset."""
         symbol, pointer = self.symbols[name], self._here()
         if symbol.kind == "bool":
             return bool(self._lib.fsn_realtime_get(pointer, symbol.number))
@@ -210,6 +211,12 @@ class RealTime:
         return raw - (raw >> symbol.bits - 1 << symbol.bits) if symbol.kind == "signed" else raw
 
     def __setitem__(self, name: str, value: float) -> None:
+        """Note an output for `send`.
+
+        Raises:
+            ControlRefused: It is not an output of this client.
+            ValueError: The value is outside the range of its type.
+        """
         symbol, lib, pointer = self.symbols[name], self._lib, self._here()
         whole = isinstance(value, int) and not symbol.scaled and symbol.kind != "real"
         if whole:

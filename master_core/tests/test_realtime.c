@@ -337,6 +337,35 @@ static void on_time_late_and_gone(void) {
     tear_down();
 }
 
+/** When the next cycle begins: a client that sends until then is in time. */
+static void the_next_cycle_is_announced(void) {
+    set_up();
+    struct fsn_realtime *client = open_client(0, 0, NULL);
+    struct fsn_rt *rt = &rig.on.core->rt;
+    struct fsn_realtime_cycle seen;
+    const struct {
+        uint64_t late_ns, left_out;
+        bool free_run, follow_dc;
+        uint64_t next_ns; /**< after its start */
+    } cases[] = {{0, 0, false, false, 1000000},
+                 {300, 0, false, false, 999700},
+                 {1000300, 1, false, false, 999700},
+                 {300, 0, false, true, 989700},
+                 {0, 0, true, false, 0}};
+    rt->cycle_ns = 1000000;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        rt->late_ns = cases[i].late_ns;
+        rt->left_out = cases[i].left_out;
+        rt->free_run = cases[i].free_run;
+        rt->follow_dc = cases[i].follow_dc;
+        cycle();
+        CHECK(fsn_realtime_wait(client, WAIT_NS, &seen) == FSN_OK);
+        CHECK(seen.next_ns - seen.now_ns == cases[i].next_ns);
+    }
+    close_client(client, 0);
+    tear_down();
+}
+
 /** Sends a line and returns what came, with the descriptors; -1: none. */
 static const char *request(int fd, const char *line, int fds[2]) {
     static char text[65536];
@@ -803,6 +832,7 @@ int main(void) {
     descriptors_go_with_their_reply();
     values_of_every_kind();
     on_time_late_and_gone();
+    the_next_cycle_is_announced();
     who_does_not_fit_is_refused();
     whatever_a_client_writes();
     a_set_is_whole();

@@ -311,6 +311,44 @@ def ring(network, _other):
     }
 
 
+def in_the_cycle(network, other):
+    """A loop of our own runs in the cycle, while a SubDevice goes and comes back."""
+    mode = "drive_1.0x6060:00"
+    emulator = Emulator(network)
+    running = Running(network)
+    last = running.in_data().subdevices[-1].name
+    seen = {}
+    with running.client.realtime(mode, misses=1000) as realtime:
+
+        def turns(until):
+            for _ in range(20_000):
+                cycle = realtime.wait(PATIENCE_S)
+                realtime[mode] = cycle.cycle % 100
+                realtime.send()
+                if until(cycle):
+                    return True
+            return False
+
+        def complete(cycle):
+            return cycle.expected_wkc == cycle.actual_wkc
+
+        first = realtime.wait(PATIENCE_S).cycle
+        seen["begins"] = turns(lambda cycle: cycle.cycle > first + 300)
+        emulator.do(f"break {last}")
+        seen["breaks"] = turns(lambda cycle: not complete(cycle))
+        emulator.do(f"heal {last}")
+        seen["heals"] = turns(complete)
+        sent = realtime[mode]
+        seen["sent"] = 0 <= sent < 100
+        counts = realtime.counts()
+        seen |= {"on_time": counts.on_time, "late": counts.late, "missed": counts.missed}
+    wait_for("Data", running.in_data)
+    wait_for("its stop value", lambda: running.client.get(mode).values[mode] == 8)
+    running.end(signal.SIGINT)
+    emulator.end()
+    return seen
+
+
 def kill_tool(network, other):
     """fsoe-net is killed: fsn-master cycles on, its socket is usable, and ends when asked."""
     emulator = Emulator(network)
@@ -433,6 +471,7 @@ CASES = {
         swapped_at_start,
         wrong,
         unplug,
+        in_the_cycle,
         incident,
         ring,
         kill_tool,

@@ -169,6 +169,12 @@ FIRST = "ek1914 (ring position 0, port 0)"
 LAST = "between el1918 (ring position 1, port 1) and near2"
 
 
+def test_a_loop_in_the_cycle_goes_on_while_a_subdevice_is_lost(tmp_path):
+    seen = on_the_wire("in_the_cycle", ROBOT, tmp=tmp_path)
+    assert [seen[step] for step in ("begins", "breaks", "heals", "sent")] == [True] * 4
+    assert seen["on_time"] > 100
+
+
 @pytest.mark.shows("R3")
 def test_each_gap_of_a_ring_is_named(tmp_path):
     """Open at the start, each cable, each interface: in status, events, and the last incident."""

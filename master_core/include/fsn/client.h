@@ -66,9 +66,10 @@ struct fsn_realtime_symbol {
 
 /** One cycle. */
 struct fsn_realtime_cycle {
-    uint64_t cycle;   /**< its number; 1 is the first since the bus was opened */
-    uint64_t now_ns;  /**< its start, CLOCK_MONOTONIC */
-    uint64_t next_ns; /**< planned start of the next one: outputs sent until then leave with it */
+    uint64_t cycle;  /**< its number; 1 is the first since the bus was opened */
+    uint64_t now_ns; /**< its start, CLOCK_MONOTONIC */
+    uint64_t
+        next_ns; /**< next one starts then at the earliest: outputs sent until then leave with it */
     uint64_t dc_time_ns; /**< DC reference clock as last seen; 0 without one */
     uint64_t skipped;    /**< cycles that this client has not seen since the one before */
     uint64_t overruns;   /**< cycles that the master has left out so far */

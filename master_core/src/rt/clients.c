@@ -72,6 +72,15 @@ void fsn_rt_clients_write(struct fsn_rt *rt) {
     }
 }
 
+/** When the next cycle begins at the earliest: a reference clock may steer it a little. */
+static uint64_t next_ns(const struct fsn_rt *rt) {
+    if (rt->free_run) {
+        return rt->statistics.now_ns;
+    }
+    const uint64_t steered_ns = rt->follow_dc ? rt->cycle_ns / FSN_RT_STEERED : 0;
+    return rt->statistics.now_ns - rt->late_ns + (rt->left_out + 1) * rt->cycle_ns - steered_ns;
+}
+
 void fsn_rt_clients_show(struct fsn_rt *rt, uint64_t work_ns) {
     const struct fsn_statistics *s = &rt->statistics;
     if (atomic_load_explicit(&rt->clients.present, memory_order_acquire) == 0) {
@@ -80,8 +89,7 @@ void fsn_rt_clients_show(struct fsn_rt *rt, uint64_t work_ns) {
     struct fsn_shared_inputs *inputs = rt->clients.inputs;
     const struct fsn_shared_cycle cycle = {.cycle = s->cycles,
                                            .now_ns = s->now_ns,
-                                           .next_ns = s->now_ns - rt->late_ns +
-                                                      (rt->left_out + 1) * rt->cycle_ns,
+                                           .next_ns = next_ns(rt),
                                            .dc_time_ns = s->dc_time_ns,
                                            .work_ns = work_ns,
                                            .overruns = s->overruns,

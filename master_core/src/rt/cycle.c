@@ -135,7 +135,7 @@ static uint64_t steer(struct fsn_rt *rt, uint64_t next_ns) {
         return next_ns;
     }
     const int64_t distance = dc_distance(rt, rt->input.dc_time_ns - late_ns);
-    const int64_t most = (int64_t)rt->cycle_ns / 100;
+    const int64_t most = (int64_t)rt->cycle_ns / FSN_RT_STEERED;
     fsn_rt_count(&rt->statistics.dc_offset, (uint64_t)(distance < 0 ? -distance : distance));
     if (!rt->follow_dc) {
         return next_ns;

@@ -11,8 +11,9 @@
 #include "rt/triple.h"
 
 enum {
-    FSN_RT_EVENTS = 256, /**< slots of the event ring, a power of two */
-    FSN_RT_PICTURES = 2, /**< pictures that the cycle shows in turn */
+    FSN_RT_EVENTS = 256,  /**< slots of the event ring, a power of two */
+    FSN_RT_PICTURES = 2,  /**< pictures that the cycle shows in turn */
+    FSN_RT_STEERED = 100, /**< a reference clock moves a cycle by this part of it at most */
 };
 
 /** One merged copy, absolute bytes in the image. */

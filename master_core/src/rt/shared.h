@@ -41,7 +41,7 @@ struct fsn_shared_symbol {
 struct fsn_shared_cycle {
     uint64_t cycle;      /**< its number */
     uint64_t now_ns;     /**< its start, monotonic */
-    uint64_t next_ns;    /**< planned start of the next one */
+    uint64_t next_ns;    /**< earliest start of the next one */
     uint64_t dc_time_ns; /**< DC reference clock as last seen; 0 without one */
     uint64_t work_ns;    /**< from its start until its frames were sent; 0 where it is not known */
     uint64_t overruns;   /**< cycles left out so far */
