@@ -125,14 +125,16 @@ FSN_API FSN_MUST_USE fsn_status fsn_realtime_wait(struct fsn_realtime *realtime,
                                                   struct fsn_realtime_cycle *cycle);
 
 /** Raw value in the cycle that was waited for, zero-extended; 0 of no symbol.
- *  Context: RT-safe: no allocation, lock or system call, as all functions below. */
+ *  Context: thread of the client. RT-safe: no allocation, lock or system call. */
 FSN_API uint64_t fsn_realtime_get(const struct fsn_realtime *realtime, int32_t symbol);
 
-/** The same as a number, with sign, factor and offset. */
+/** The same as a number, with sign, factor and offset.
+ *  Context: RT-safe. */
 FSN_API double fsn_realtime_value(const struct fsn_realtime *realtime, int32_t symbol);
 
 /** Notes the raw value of an output for fsn_realtime_send(); its low bits count.
- *  @retval FSN_E_CLOSED  not an output of this client. */
+ *  @retval FSN_E_CLOSED  not an output of this client.
+ *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_set(struct fsn_realtime *realtime, int32_t symbol,
                                                  uint64_t raw);
 
@@ -140,24 +142,29 @@ FSN_API FSN_MUST_USE fsn_status fsn_realtime_set(struct fsn_realtime *realtime, 
  *  nearest whole number.
  *  @retval FSN_E_CLOSED  not an output of this client.
  *  @retval FSN_E_ARG     outside the range of its type, or no number; the output keeps its value.
- */
+ *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_set_value(struct fsn_realtime *realtime,
                                                        int32_t symbol, double value);
 
 /** Sends all outputs of this client together, as they were noted last; of those never noted the
- *  stop values. They answer the cycle that was waited for. */
+ *  stop values. They answer the cycle that was waited for.
+ *  Context: RT-safe. */
 FSN_API void fsn_realtime_send(struct fsn_realtime *realtime);
 
-/** What the master has counted. Of a client without outputs all is 0. */
+/** What the master has counted. Of a client without outputs all is 0.
+ *  Context: RT-safe. */
 FSN_API struct fsn_realtime_counts fsn_realtime_counts(const struct fsn_realtime *realtime);
 
-/** The process image in the cycle that was waited for: inputs as received, outputs as sent. */
+/** The process image in the cycle that was waited for: inputs as received, outputs as sent.
+ *  Context: RT-safe. */
 FSN_API const uint8_t *fsn_realtime_image(const struct fsn_realtime *realtime);
 
-/** Its length, bytes. */
+/** Its length, bytes.
+ *  Context: any. */
 FSN_API uint32_t fsn_realtime_image_bytes(const struct fsn_realtime *realtime);
 
-/** Bus cycle of the plan, nanoseconds. */
+/** Bus cycle of the plan, nanoseconds.
+ *  Context: any. */
 FSN_API uint64_t fsn_realtime_cycle_ns(const struct fsn_realtime *realtime);
 
 #ifdef __cplusplus

@@ -21,6 +21,7 @@
 #include "rt/words.h"
 
 enum { LINE_BYTES = 8192, FDS = 2, DEFAULT_TIMEOUT_MS = 5000 };
+enum { LOOK_AFTER = 256 }; /**< sleeps for one cycle, before somebody asks whether any will come */
 
 struct fsn_realtime {
     int fd; /**< of the socket: while it is open, the outputs are ours */
@@ -451,8 +452,8 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
     const struct fsn_shared_inputs *inputs = realtime->inputs;
     const uint64_t before = realtime->cycle.cycle;
     uint64_t now_ns = clock_ns();
-    const uint64_t until_ns = now_ns + timeout_ns;
-    for (;; now_ns = clock_ns()) {
+    const uint64_t until_ns = timeout_ns < UINT64_MAX - now_ns ? now_ns + timeout_ns : UINT64_MAX;
+    for (uint32_t sleeps = 1;; sleeps++, now_ns = clock_ns()) {
         const uint32_t whole = atomic_load_explicit(&inputs->shown.whole, memory_order_acquire);
         if (whole != realtime->taken && take(realtime, whole)) {
             break;
@@ -460,8 +461,12 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
         if (atomic_load_explicit(&inputs->open, memory_order_relaxed) == 0) {
             return FSN_E_STATE;
         }
-        if (now_ns >= until_ns) {
-            return has_ended(realtime) ? FSN_E_STATE : FSN_E_BUSY;
+        const bool over = now_ns >= until_ns;
+        if ((over || sleeps % LOOK_AFTER == 0) && has_ended(realtime)) {
+            return FSN_E_STATE;
+        }
+        if (over) {
+            return FSN_E_BUSY;
         }
         sleep_for_next(realtime, now_ns, until_ns);
     }
