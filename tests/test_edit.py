@@ -101,3 +101,21 @@ def test_a_text_with_a_byte_order_mark_is_kept_as_text(network, tmp_path):
     edit.document["name"] = "y"
     edit.save()
     assert path.read_text("utf-8-sig") == "version: 1\nname: y\n"
+
+
+def test_lines_without_a_change_keep_their_layout(network):
+    """Also where a writer of YAML would lay them out in another way."""
+    path = Path("network.yaml")
+    given = path.read_text("utf-8").replace("address: 14, ", "address:   14 , ")
+    given = given.replace("required:", "required :").replace("\n", "\r\n")
+    path.write_bytes(given.encode())
+    edit = fsoe_net.load(path).edit()
+    assert edit.text == given
+    edit.document["nets"][0]["connections"].append({"main": "el1918", "sub": "ek1914"})
+    changed = edit.text
+    assert changed.count("\r\n") == changed.count("\n") == given.count("\n") + 2
+    assert [line for line in changed.splitlines() if line not in given.splitlines()] == [
+        "      - main: el1918",
+        "        sub: ek1914",
+    ]
+    assert "address:   14 , " in changed and "required :" in changed

@@ -6,6 +6,7 @@ import difflib
 import hashlib
 import io
 from collections.abc import Callable
+from difflib import SequenceMatcher
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.errors import InputError
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from fsoe_net.project.network import Network
 
-__all__ = ["NetworkEdit"]
+__all__ = ["NetworkEdit", "edited_text"]
 
 
 class NetworkEdit:
@@ -42,33 +43,20 @@ class NetworkEdit:
         out = Collector()
         if parse_yaml(data, path, out) is None:
             raise InputError(f"{path} cannot be edited", out.diagnostics)
-        from ruamel.yaml.error import YAMLError
-
         self.path = path
         self._load_again = load_again
         self._before = data.decode("utf-8-sig")
         self._sha256 = source.sha256
-        try:
-            self.document = _like(self._before).load(self._before)
-        except (YAMLError, ValueError) as exc:
-            raise InputError(f"{path} cannot be edited: {exc}") from exc
+        self.document = _loaded(self._before, path)
 
     @property
     def text(self) -> str:
-        """The file as it would be.
+        """The file as it would be: lines without a change stay as they are.
 
         Raises:
             ValueError: Something in `document` is nothing that YAML can hold.
         """
-        from ruamel.yaml.error import YAMLError
-
-        stream = io.StringIO()
-        try:
-            # A new one each time: after an error, one writes nothing more and does not say so.
-            _like(self._before).dump(self.document, stream)
-        except YAMLError as exc:
-            raise ValueError(f"{self.path} cannot be written: {exc}") from exc
-        return stream.getvalue()
+        return _written(self.document, self._before, self.path)
 
     def diff(self) -> str:
         """Return the change as a unified diff; empty when there is none."""
@@ -93,6 +81,76 @@ class NetworkEdit:
         write_whole(self.path, text, overwrite=True)
         self._before, self._sha256 = text.decode("utf-8"), hashlib.sha256(text).hexdigest()
         return self._load_again()
+
+
+def edited_text(text: str, change: Callable[[Any], None], *, path: str) -> str:
+    """Return a text of YAML with a change of what it says; lines without a change stay.
+
+    Args:
+        text: The text.
+        change: Changes its maps and lists (`dict`, `list`) in place.
+        path: What messages call it.
+
+    Raises:
+        InputError: The text cannot be read.
+        ValueError: The change brings something that YAML cannot hold.
+    """
+    document = _loaded(text, path)
+    change(document)
+    return _written(document, text, path)
+
+
+def _loaded(text: str, path: str) -> Any:
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        # The reader takes the ends of other systems for a part of comments.
+        return _like(text).load(text.replace("\r\n", "\n"))
+    except (YAMLError, ValueError) as exc:
+        raise InputError(f"{path} cannot be edited: {exc}") from exc
+
+
+def _written(document: Any, before: str, path: str) -> str:
+    return _with_lines_kept(
+        before, _dumped(_loaded(before, path), before, path), _dumped(document, before, path)
+    )
+
+
+def _dumped(document: Any, like: str, path: str) -> str:
+    from ruamel.yaml.error import YAMLError
+
+    stream = io.StringIO()
+    try:
+        # A new one each time: after an error, one writes nothing more and does not say so.
+        _like(like).dump(document, stream)
+    except YAMLError as exc:
+        raise ValueError(f"{path} cannot be written: {exc}") from exc
+    return stream.getvalue()
+
+
+def _with_lines_kept(before: str, laid_out: str, after: str) -> str:
+    """Return a text after a change in which only lines that the change touched are new.
+
+    Args:
+        before: The text as a person laid it out.
+        laid_out: The same as the writer lays it out, which has other spaces in it.
+        after: The changed text as the writer lays it out.
+    """
+    if after == laid_out:
+        return before
+    own, plain, new = (text.splitlines(keepends=True) for text in (before, laid_out, after))
+    if len(own) != len(plain):  # a line that the writer folds in another way
+        return after
+    end = "\r\n" if own and own[0].endswith("\r\n") else "\n"
+    lines: list[str] = []
+    for kind, begin, stop, first, last in SequenceMatcher(
+        None, plain, new, autojunk=False
+    ).get_opcodes():
+        if kind == "equal":
+            lines += own[begin:stop]
+        else:
+            lines += [line.rstrip("\r\n") + end for line in new[first:last]]
+    return "".join(lines)
 
 
 def _like(text: str) -> YAML:
