@@ -118,4 +118,5 @@ def test_lines_without_a_change_keep_their_layout(network):
         "      - main: el1918",
         "        sub: ek1914",
     ]
-    assert "address:   14 , " in changed and "required :" in changed
+    assert "address:   14 , " in changed
+    assert "required :" in changed

@@ -20,6 +20,7 @@ _GROUPS = {
     "Find mistakes": {
         "check": "Check files of a network, alone, with other files or a live bus.",
         "explain": "Say what a finding means and how to fix it.",
+        "studio": "See and edit a network in a browser.",
         "plan": "Compile a network to a copy plan, or show a plan.",
     },
     "From the files you have": {

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from fsoe_net.project.network import Network
 
-__all__ = ["NetworkEdit", "edited_text"]
+__all__ = ["NetworkEdit", "edited_text", "with_lines_kept"]
 
 
 class NetworkEdit:
@@ -111,7 +111,7 @@ def _loaded(text: str, path: str) -> Any:
 
 
 def _written(document: Any, before: str, path: str) -> str:
-    return _with_lines_kept(
+    return with_lines_kept(
         before, _dumped(_loaded(before, path), before, path), _dumped(document, before, path)
     )
 
@@ -128,7 +128,7 @@ def _dumped(document: Any, like: str, path: str) -> str:
     return stream.getvalue()
 
 
-def _with_lines_kept(before: str, laid_out: str, after: str) -> str:
+def with_lines_kept(before: str, laid_out: str, after: str) -> str:
     """Return a text after a change in which only lines that the change touched are new.
 
     Args:

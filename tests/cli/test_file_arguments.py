@@ -71,6 +71,7 @@ ELSEWHERE = {
     ("report", "signers"),
     ("report", "revoked"),
     ("accept", "attach"),
+    ("studio", "path"),  # tests of studio; it opens what can be edited, whatever is wrong in it
 }
 
 

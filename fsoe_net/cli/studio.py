@@ -1,0 +1,77 @@
+"""``fsoe-net studio``: the network in a browser."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import webbrowser
+
+import click
+
+from fsoe_net.cli.inputs import reference_options
+from fsoe_net.cli.options import FILE
+from fsoe_net.cli.terminal import echo
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.formats.own.options import LoadOptions
+
+__all__ = ["command"]
+
+_NETWORK = "network.yaml"
+
+_EPILOG = """\b
+Examples:
+  fsoe-net studio                        # network.yaml of this folder
+  fsoe-net studio examples/estop
+  fsoe-net studio network.yaml --port 8765 --no-browser
+
+From another machine: ssh -L 8765:127.0.0.1:8765 HOST, then the printed address in the browser here.
+
+Exit codes: 0 ended by Ctrl-C, 1 a file that cannot be used, 2 wrong use, 3 a port or a package is
+missing."""
+
+
+def _network_file(path: str | None) -> str:
+    name = path or _NETWORK
+    if os.path.isdir(name):
+        return os.path.join(name, _NETWORK)
+    if path is None and not os.path.isfile(name):
+        raise click.UsageError(
+            f"name the network file; there is no {_NETWORK} in this folder. "
+            "`fsoe-net init` proposes one from the files that you have"
+        )
+    return name
+
+
+@click.command("studio", epilog=_EPILOG)
+@click.argument("path", required=False, type=FILE)
+@reference_options
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    help="Port of 127.0.0.1; by itself a free one.",
+)
+@click.option("--no-browser", is_flag=True, help="Print the address; open no browser.")
+def command(path: str | None, loading: LoadOptions, port: int, no_browser: bool) -> None:
+    """See and edit a network in a browser: the bus, its connections, what is wrong, the file.
+
+    PATH: a network file, or its folder. The page is for one person at one browser of this machine;
+    the printed address counts once. Nothing is written before you press Save, and nothing is sent
+    to a bus.
+    """
+    name = _network_file(path)
+    try:
+        from fsoe_net.studio.server import Studio
+    except ImportError as exc:
+        raise EnvironmentFault(
+            f"studio needs {exc.name}, which is not installed; pip install 'fsoe-net[studio]'"
+        ) from exc
+    from fsoe_net.studio.workspace import Workspace
+
+    studio = Studio(Workspace(name, loading), port=port)
+    echo(f"{name}: open {studio.url}")
+    echo("Ctrl-C ends it; only what was saved is in the file")
+    if not no_browser:
+        webbrowser.open(studio.url)
+    with contextlib.suppress(KeyboardInterrupt):  # how people end it
+        studio.run()

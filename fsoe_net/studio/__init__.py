@@ -1,0 +1,1 @@
+"""The network in a browser: the same library behind it as behind the commands."""

@@ -1,0 +1,24 @@
+// Preact without a build step: templates are strings that htm reads.
+import { h } from "./vendor/preact.js";
+import htm from "./vendor/htm.js";
+
+export const html = htm.bind(h);
+
+/** @type {Record<string, [string, string]>} Shape and word of a severity: never colour alone. */
+export const SEVERITIES = { error: ["✖", "error"], warning: ["▲", "warning"], info: ["●", "note"] };
+
+/** @type {Record<string, string>} */
+export const ROLES = {
+  main: "MainInstance",
+  sub: "SubInstance",
+  both: "Main- and SubInstance",
+  "": "no FSoE connection",
+};
+
+/**
+ * The worst severity of some findings.
+ * @param {import("./types").Finding[]} findings
+ */
+export function worst(findings) {
+  return ["error", "warning", "info"].find((s) => findings.some((f) => f.severity === s)) ?? "";
+}

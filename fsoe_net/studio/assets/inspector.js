@@ -1,0 +1,97 @@
+// What is selected, with the values that a person sets.
+import { useEffect, useState } from "./vendor/hooks.js";
+import { html, ROLES } from "./html.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").Fact} Fact */
+
+/** @type {Record<Fact, [string, string]>} */
+const FACTS = {
+  address: ["FSoE address", "as it is set at the device"],
+  connection_id: ["ConnID", "as in the safety project; never twice in a network"],
+  watchdog_ms: ["FSoE watchdog, ms", "as in the safety project; its limits: fsoe-net timing"],
+};
+
+/** @param {any} props */
+export function Inspector({ state, selected, act, choose }) {
+  const chosen = selected;
+  const connection = chosen && "connection" in chosen ? state.connections[chosen.connection] : null;
+  const sub =
+    chosen && "subdevice" in chosen
+      ? state.subdevices.find((/** @type {any} */ s) => s.name === chosen.subdevice)
+      : null;
+  return html`<section class="inspector" aria-label="Selected">
+    ${connection
+      ? html`<${OfConnection} state=${state} connection=${connection}
+          number=${chosen.connection} act=${act} choose=${choose} />`
+      : sub
+        ? html`<${OfSubDevice} sub=${sub} act=${act} />`
+        : html`<p class="help">Select a SubDevice or a connection.</p>`}
+  </section>`;
+}
+
+/** @param {any} props */
+function OfConnection({ state, connection, number, act, choose }) {
+  const change = (/** @type {object} */ body) => act("change", { ...body, connection: number });
+  return html`
+    <h2>${connection.main} → ${connection.sub}</h2>
+    <p>
+      Net ${connection.net}; ${connection.to_sub_bytes} bytes to the SubInstance,
+      ${" "}${connection.to_main_bytes} back, each bus cycle.
+    </p>
+    ${connection.unconfirmed !== null &&
+    html`<p class="open">
+      <b>Not confirmed.</b> ${connection.unconfirmed}
+      <button onClick=${() => change({ change: "confirm" })}>
+        I have compared it with the safety project
+      </button>
+    </p>`}
+    ${Object.keys(FACTS).map(
+      (key) => html`<${Field} key=${`${number} ${key}`} label=${FACTS[/** @type {Fact} */ (key)][0]}
+        help=${FACTS[/** @type {Fact} */ (key)][1]} value=${connection[key]} most=${state.limits[key]}
+        proposed=${state.proposals[key]}
+        set=${(/** @type {number | null} */ value) => change({ change: "set", key, value })} />`,
+    )}
+    <button class="danger" onClick=${() => {
+      change({ change: "disconnect" });
+      choose(null);
+    }}>Remove this connection</button>
+  `;
+}
+
+/** @param {any} props */
+function OfSubDevice({ sub, act }) {
+  return html`
+    <h2>${sub.name}</h2>
+    <p>${ROLES[sub.role]}. ${sub.identity}.<br />${sub.device}</p>
+    <${Field} key=${sub.name} label="Position" value=${sub.position} most=${65535}
+      help=${sub.alias ? `counted from the SubDevice with alias ${sub.alias}` : "on the bus, from 0"}
+      set=${(/** @type {number | null} */ position) =>
+        position !== null && act("change", { change: "place", subdevice: sub.name, position })} />
+  `;
+}
+
+/** @param {any} props */
+function Field({ label, help, value, most, proposed, set }) {
+  const [typed, setTyped] = useState(value ?? "");
+  useEffect(() => setTyped(value ?? ""), [value]);
+  const send = () => {
+    const text = String(typed).trim();
+    const number = Number(text);
+    if (text === "" && value !== null) set(null);
+    else if (text !== "" && Number.isInteger(number) && number >= 0 && number <= most) {
+      if (number !== value) set(number);
+    } else setTyped(value ?? "");
+  };
+  const id = `field-${label.replace(/\W+/g, "-")}`;
+  return html`<div class="field">
+    <label for=${id}>${label}</label>
+    <input id=${id} aria-describedby=${`${id}-help`} inputmode="numeric" value=${typed}
+      placeholder="not stated"
+      onInput=${(/** @type {any} */ event) => setTyped(event.target.value)} onBlur=${send}
+      onKeyDown=${(/** @type {KeyboardEvent} */ event) => event.key === "Enter" && send()} />
+    ${value === null && proposed !== undefined &&
+    html`<button type="button" onClick=${() => set(proposed)}>${proposed}: next free</button>`}
+    <small id=${`${id}-help`}>${help}</small>
+  </div>`;
+}

@@ -1,0 +1,85 @@
+// What the server says, see fsoe_net/studio/document.py.
+
+export interface Pair {
+  slot: number;
+  /** Bytes of the frame of the device to the MainDevice; 0 without one. */
+  sends_bytes: number;
+  /** Bytes of the frame that the device takes; 0 without one. */
+  takes_bytes: number;
+  matched: boolean;
+  /** Number of the connection that uses it. */
+  connection: number | null;
+}
+
+export interface SubDevice {
+  name: string;
+  position: number;
+  alias: number;
+  bus: number;
+  line: number;
+  role: "main" | "sub" | "both" | "";
+  device: string;
+  identity: string;
+  pairs: Pair[];
+}
+
+export type Fact = "address" | "connection_id" | "watchdog_ms";
+
+export interface Connection {
+  name: string;
+  net: string;
+  main: string;
+  sub: string;
+  slot: number | null;
+  sub_slot: number | null;
+  address: number | null;
+  connection_id: number | null;
+  watchdog_ms: number | null;
+  unconfirmed: string | null;
+  to_sub_bytes: number;
+  to_main_bytes: number;
+  line: number;
+}
+
+export interface Finding {
+  code: string;
+  severity: "error" | "warning" | "info";
+  message: string;
+  hint: string;
+  file: string;
+  line: number;
+  column: number;
+  own: boolean;
+  fixable: boolean;
+  subdevices: string[];
+  connections: number[];
+  related: { message: string; line: number; place: string }[];
+}
+
+export interface State {
+  error: string;
+  version: number;
+  path: string;
+  name: string;
+  text: string;
+  saved: boolean;
+  outside: boolean;
+  can_undo: boolean;
+  can_redo: boolean;
+  is_network: boolean;
+  buses: string[];
+  subdevices: SubDevice[];
+  connections: Connection[];
+  limits: Record<Fact, number>;
+  proposals: Partial<Record<Fact, number>>;
+  findings: Finding[];
+}
+
+/** What is selected: a SubDevice by its name, or a connection by its number. */
+export type Selected = { subdevice: string } | { connection: number } | null;
+
+/** One end of a connection. */
+export interface Port {
+  subdevice: string;
+  pair: Pair;
+}

@@ -1,0 +1,196 @@
+"""What a person changes in the drawing, as changes of the network file.
+
+Each is a map with a word that says which: ``connect``, ``disconnect``, ``confirm``, ``set`` of a
+connection, ``place`` of a SubDevice. What it names is looked up in the network of the text it was
+made on. FSoE addresses, connection IDs and watchdogs belong to the safety project: a person types
+them, nothing here chooses one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fsoe_net.errors import InputError
+from fsoe_net.model.bus import Located
+from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.project.check import Checked
+
+__all__ = ["DRAWN", "FACTS", "change_of"]
+
+FACTS = {"address": 65535, "connection_id": 65535, "watchdog_ms": 65534}
+"""Numbers of a connection that the page sets, with the largest: ETG.5100, 16 bits each."""
+
+DRAWN = "drawn in studio: compare it with the safety project"
+"""Why a connection that was drawn is not confirmed."""
+
+Change = Callable[[Any], None]
+
+
+def change_of(request: Mapping[str, object], checked: Checked) -> Change:
+    """Return what a request changes in the maps and lists of the file.
+
+    Args:
+        request: From the page; anything may be in it.
+        checked: The network it was made on.
+
+    Raises:
+        InputError: It cannot be made; says why and what to do.
+    """
+    if checked.resolution is None:
+        raise InputError("the text is no network at present: correct it first")
+    make = _MAKERS.get(str(request.get("change")))
+    if make is None:
+        raise InputError(f"there is no change {str(request.get('change'))!r}")
+    return make(request, checked.resolution)
+
+
+def _number(request: Mapping[str, object], key: str, most: int) -> int:
+    value = request.get(key)
+    if type(value) is not int or not 0 <= value <= most:
+        raise InputError(f"{key} is a number from 0 to {most}, not {value!r}")
+    return value
+
+
+def _name(request: Mapping[str, object], key: str, resolution: Resolution) -> str:
+    name = request.get(key)
+    if not isinstance(name, str) or name not in resolution.numbers:
+        raise InputError(f"{key}: no SubDevice has the name {name!r}")
+    return name
+
+
+def _connection(request: Mapping[str, object], resolution: Resolution) -> Connection:
+    rows = resolution.connections
+    number = _number(request, "connection", max(len(rows) - 1, 0))
+    if number >= len(rows):
+        raise InputError("there is no such connection")
+    return rows[number]
+
+
+def _here(rows: Any, part: Located) -> Any:
+    """Return the item of a list of the file that a part of the network was read from.
+
+    Raises:
+        InputError: It stands in another file, or is shared by an anchor.
+    """
+    for row in rows or ():
+        place = getattr(row, "lc", None)
+        if place is not None and (place.line + 1, place.col + 1) == (
+            part.span.line,
+            part.span.column,
+        ):
+            return row
+    raise InputError(f"{part.span}: this part cannot be changed here; change it in the text")
+
+
+def _net_in(document: Any, connection: Connection) -> Any:
+    return _here(document["nets"], connection.net)
+
+
+def _facts_in(document: Any, connection: Connection) -> Any:
+    """Return the map of a connection in the file, made where its net only has transfers."""
+    net = _net_in(document, connection)
+    if connection.facts is not None:
+        return _here(net["connections"], connection.facts)
+    facts: dict[str, object] = {"main": connection.main.name, "sub": connection.sub.name}
+    facts |= _slots(connection.slot, connection.sub_slot)
+    net.setdefault("connections", []).append(facts)
+    return net["connections"][-1]
+
+
+def _slots(slot: int | None, sub_slot: int | None) -> dict[str, object]:
+    """Return the keys that say which frames are meant; the first ones need no words."""
+    return {key: n for key, n in (("slot", slot), ("sub_slot", sub_slot)) if n}
+
+
+def _set(request: Mapping[str, object], resolution: Resolution) -> Change:
+    key = request.get("key")
+    if not isinstance(key, str) or key not in FACTS:
+        raise InputError(f"{key!r} is nothing that is set here; {', '.join(FACTS)} are")
+    connection = _connection(request, resolution)
+    value = None if request.get("value") is None else _number(request, "value", FACTS[key])
+
+    def change(document: Any) -> None:
+        facts = _facts_in(document, connection)
+        if value is not None:
+            facts[key] = value
+        else:
+            facts.pop(key, None)
+
+    return change
+
+
+def _confirm(request: Mapping[str, object], resolution: Resolution) -> Change:
+    connection = _connection(request, resolution)
+    if connection.stated.unconfirmed is None:
+        raise InputError("this connection is confirmed already")
+    return lambda document: _facts_in(document, connection).pop("unconfirmed", None)
+
+
+def _disconnect(request: Mapping[str, object], resolution: Resolution) -> Change:
+    connection = _connection(request, resolution)
+
+    def change(document: Any) -> None:
+        net = _net_in(document, connection)
+        parts: list[tuple[str, Located]] = []
+        if connection.facts is not None:
+            parts.append(("connections", connection.facts))
+        for way in (connection.to_sub, connection.to_main):
+            if not way.made:
+                parts.append(("transfers", way.transfer))
+        for key, part in parts:
+            net[key].remove(_here(net[key], part))
+            if not net[key]:
+                del net[key]
+        if not net.get("transfers") and not net.get("connections"):
+            document["nets"].remove(net)
+
+    return change
+
+
+def _connect(request: Mapping[str, object], resolution: Resolution) -> Change:
+    main, sub = (_name(request, key, resolution) for key in ("main", "sub"))
+    slots = {key: _number(request, key, 65535) for key in ("slot", "sub_slot")}
+    if main == sub:
+        raise InputError(f"{main} cannot be connected with itself")
+    own = [net for net in resolution.network.nets if net.safety_master == main]
+
+    def change(document: Any) -> None:
+        facts: dict[str, object] = {"main": main, "sub": sub}
+        facts |= _slots(**slots)
+        facts["unconfirmed"] = DRAWN
+        if own:
+            net = _here(document["nets"], own[0])
+        else:
+            nets = document.setdefault("nets", [])
+            nets.append({"name": _free_name(main, nets), "safety_master": main})
+            net = nets[-1]
+        net.setdefault("connections", []).append(facts)
+
+    return change
+
+
+def _free_name(main: str, nets: Any) -> str:
+    taken = {net.get("name") for net in nets}
+    names = [main, *(f"{main}_{n}" for n in range(2, len(taken) + 3))]
+    return next(name for name in names if name not in taken)
+
+
+def _place(request: Mapping[str, object], resolution: Resolution) -> Change:
+    number = resolution.numbers[_name(request, "subdevice", resolution)]
+    subdevice = resolution.network.subdevices[number]
+    position = _number(request, "position", 65535)
+
+    def change(document: Any) -> None:
+        _here(document["subdevices"], subdevice)["position"] = position
+
+    return change
+
+
+_MAKERS: dict[str, Callable[[Mapping[str, object], Resolution], Change]] = {
+    "confirm": _confirm,
+    "connect": _connect,
+    "disconnect": _disconnect,
+    "place": _place,
+    "set": _set,
+}

@@ -1,0 +1,189 @@
+"""What the page shows of a network: parts with their places in the text, slots, findings."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+
+from fsoe_net.diag.diagnostic import Diagnostic, Span
+from fsoe_net.diag.printable import printable
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.layout import FramePair
+from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.studio.changes import FACTS
+from fsoe_net.studio.workspace import Workspace
+
+__all__ = ["state_of"]
+
+Row = dict[str, object]
+
+
+def state_of(workspace: Workspace) -> Row:
+    """Return what the page shows, as plain JSON values; see ``assets/types.d.ts`` for its shape.
+
+    Args:
+        workspace: The file that is being edited.
+    """
+    checked = workspace.checked
+    resolution = checked.resolution
+    subdevices: list[Row] = []
+    connections: list[Row] = []
+    proposals: Row = {}
+    if resolution is not None:
+        used = _used(resolution)
+        subdevices = [_subdevice(s, used, resolution) for s in resolution.network.subdevices]
+        connections = [_connection(row, workspace.path) for row in resolution.connections]
+        proposals = {key: _next_free(key, resolution) for key in ("address", "connection_id")}
+    parts = _Parts(workspace.path, resolution)
+    return {
+        "version": workspace.version,
+        "path": workspace.path,
+        "name": "" if resolution is None else resolution.network.name,
+        "text": workspace.text.replace("\r\n", "\n"),
+        "saved": workspace.is_saved,
+        "outside": workspace.outside,
+        "can_undo": workspace.can_undo,
+        "can_redo": workspace.can_redo,
+        "is_network": resolution is not None,
+        "buses": [] if resolution is None else [bus.name for bus in resolution.network.buses],
+        "subdevices": subdevices,
+        "connections": connections,
+        "limits": FACTS,
+        "proposals": proposals,
+        "findings": [_finding(row, parts, workspace.path) for row in checked.diagnostics],
+    }
+
+
+def _used(resolution: Resolution) -> dict[tuple[str, int], int]:
+    """Return the number of the connection that uses a pair of frames, by SubDevice and slot."""
+    found: dict[tuple[str, int], int] = {}
+    for number, row in enumerate(resolution.connections):
+        for end, slot in ((row.main, row.slot), (row.sub, row.sub_slot)):
+            if slot is not None:
+                found[end.name, slot] = number
+    return found
+
+
+def _subdevice(sub: SubDevice, used: dict[tuple[str, int], int], resolution: Resolution) -> Row:
+    pairs: Sequence[FramePair] = () if sub.layout is None else sub.layout.frame_pairs
+    is_main = any(net.safety_master == sub.name for net in resolution.network.nets)
+    is_sub = any(row.sub is sub for row in resolution.connections)
+    device = sub.device
+    return {
+        "name": sub.name,
+        "position": sub.position,
+        "alias": sub.alias,
+        "bus": sub.master_id,
+        "line": sub.span.line,
+        "role": "both" if is_main and is_sub else "main" if is_main else "sub" if is_sub else "",
+        "device": "" if device is None else device.path,
+        "identity": ""
+        if device is None
+        else f"vendor 0x{device.vendor_id:08x}, product 0x{device.product_code:08x}",
+        "pairs": [
+            {
+                "slot": pair.slot,
+                "sends_bytes": pair.sent_bytes,
+                "takes_bytes": 0 if pair.takes is None else pair.takes.frame_bytes,
+                "matched": pair.matched,
+                "connection": used.get((sub.name, pair.slot)),
+            }
+            for pair in pairs
+        ],
+    }
+
+
+def _connection(row: Connection, path: str) -> Row:
+    facts = row.stated
+    return {
+        "name": row.name,
+        "net": row.net.name,
+        "main": row.main.name,
+        "sub": row.sub.name,
+        "slot": row.slot,
+        "sub_slot": row.sub_slot,
+        "address": facts.address,
+        "connection_id": facts.connection_id,
+        "watchdog_ms": facts.watchdog_ms,
+        "unconfirmed": facts.unconfirmed,
+        "to_sub_bytes": row.to_sub.transfer.size_bytes,
+        "to_main_bytes": row.to_main.transfer.size_bytes,
+        "line": _own_line((row.facts or row.to_sub.transfer).span, path),
+    }
+
+
+def _own_line(span: Span, path: str) -> int:
+    return span.line if span.file == path else 0
+
+
+def _next_free(key: str, resolution: Resolution) -> int:
+    """Return the lowest number that no connection has: a proposal, and never set by itself."""
+    taken = {getattr(row.stated, key) for row in resolution.connections}
+    return next(number for number in range(1, len(taken) + 2) if number not in taken)
+
+
+class _Parts:
+    """Finds the SubDevice or connection that a finding belongs to, by its place."""
+
+    def __init__(self, path: str, resolution: Resolution | None) -> None:
+        self._starts: list[tuple[int, int, str, str]] = []
+        self._devices: dict[str, list[str]] = {}
+        if resolution is None:
+            return
+        network = resolution.network
+        for sub in network.subdevices:
+            self._add(sub.span, path, "subdevice", sub.name)
+            if sub.device is not None:
+                self._devices.setdefault(sub.device.path, []).append(sub.name)
+        for net in network.nets:
+            self._add(net.span, path, "", "")
+        for function in network.safety_functions:
+            self._add(function.span, path, "", "")
+        for number, row in enumerate(resolution.connections):
+            for located in (row.facts, row.to_sub.transfer, row.to_main.transfer):
+                if located is not None:
+                    self._add(located.span, path, "connection", str(number))
+        self._starts.sort()
+
+    def _add(self, span: Span, path: str, kind: str, name: str) -> None:
+        if span.file == path and span.line:
+            self._starts.append((span.line, span.column, kind, name))
+
+    def at(self, span: Span) -> tuple[list[str], list[int]]:
+        """Return the names of SubDevices and the numbers of connections at a place."""
+        if span.file in self._devices:
+            return self._devices[span.file], []
+        place = bisect_right(self._starts, (span.line, span.column, "~", ""))
+        if not place or not span.line:
+            return [], []
+        _, _, kind, name = self._starts[place - 1]
+        return [name] if kind == "subdevice" else [], [int(name)] if kind == "connection" else []
+
+
+def _finding(row: Diagnostic, parts: _Parts, path: str) -> Row:
+    subdevices, connections = parts.at(row.span) if row.span.file else ([], [])
+    return {
+        "code": row.code,
+        "severity": row.level.value,
+        "message": printable(row.message),
+        "hint": printable(row.hint),
+        "file": printable(row.span.file),
+        "line": row.span.line,
+        "column": row.span.column,
+        "own": row.span.file == path,
+        "fixable": bool(row.edits) and _all_in(path, (edit.span for edit in row.edits)),
+        "subdevices": subdevices,
+        "connections": connections,
+        "related": [
+            {
+                "message": printable(other.message),
+                "line": _own_line(other.span, path),
+                "place": printable(str(other.span)),
+            }
+            for other in row.related
+        ],
+    }
+
+
+def _all_in(path: str, spans: Iterable[Span]) -> bool:
+    return all(span.file == path for span in spans)

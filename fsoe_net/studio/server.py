@@ -1,0 +1,184 @@
+"""The server behind the page: one person, one file, this machine."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import socket
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from fsoe_net.errors import EnvironmentFault, FsnError, InputError
+from fsoe_net.studio.document import state_of
+from fsoe_net.studio.guard import Guard
+from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
+
+__all__ = ["Studio"]
+
+_ASSETS = Path(__file__).parent / "assets"
+_BODY_LIMIT = 2 * MAX_TEXT_BYTES + 4096  # JSON writes some characters as two
+_LOOK_EVERY_S = 0.5
+_EVENTS_S = 1.0  # of silence, after which a stream says that it is there, and looks for the end
+
+Body = dict[str, object]
+Act = Callable[[Workspace, int, Body], None]
+
+
+def _text(body: Body) -> str:
+    text = body.get("text")
+    if not isinstance(text, str):
+        raise InputError("text is missing")
+    return text
+
+
+def _finding(body: Body) -> int:
+    number = body.get("finding")
+    if type(number) is not int:
+        raise InputError("finding is a number")
+    return number
+
+
+_ACTS: dict[str, Act] = {
+    "text": lambda workspace, version, body: workspace.replace(version, _text(body)),
+    "change": lambda workspace, version, body: workspace.change(version, body),
+    "fix": lambda workspace, version, body: workspace.fix(version, _finding(body)),
+    "undo": lambda workspace, version, _: workspace.undo(version),
+    "redo": lambda workspace, version, _: workspace.redo(version),
+    "save": lambda workspace, version, _: workspace.save(version),
+    "take": lambda workspace, version, _: workspace.take_file(version),
+}
+
+
+class Studio:
+    """A server for one file; it listens on 127.0.0.1 as soon as it is made.
+
+    Args:
+        workspace: The file.
+        port: To listen on; 0: any free one.
+
+    Attributes:
+        url: Opens the page, once.
+
+    Raises:
+        EnvironmentFault: The port is taken, or not allowed.
+    """
+
+    def __init__(self, workspace: Workspace, *, port: int = 0) -> None:
+        self._workspace = workspace
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._socket.bind(("127.0.0.1", port))
+            self._socket.listen()
+        except OSError as exc:
+            self._socket.close()
+            raise EnvironmentFault(
+                f"port {port} of this machine cannot be used: {exc.strerror}; give another --port"
+            ) from exc
+        port = self._socket.getsockname()[1]
+        app = Starlette(
+            routes=[
+                Route("/", self._page),
+                Route("/api/state", self._state),
+                Route("/api/events", self._events),
+                Route("/api/{act}", self._act, methods=["POST"]),
+                Mount("/assets", StaticFiles(directory=_ASSETS)),
+            ],
+            lifespan=self._watching,
+        )
+        guard = Guard(app, port=port, body_limit=_BODY_LIMIT)
+        self.url = f"http://127.0.0.1:{port}/?token={guard.token()}"
+        self._changed = asyncio.Condition()
+        config = uvicorn.Config(
+            guard,
+            log_level="critical",
+            access_log=False,
+            server_header=False,
+            timeout_graceful_shutdown=3,
+            lifespan="on",
+            ws="none",
+        )
+        self._server = uvicorn.Server(config)
+
+    def run(self) -> None:
+        """Serve until `stop`, SIGINT or SIGTERM."""
+        self._server.run(sockets=[self._socket])
+
+    def stop(self) -> None:
+        """End `run`; from any thread."""
+        self._server.should_exit = True
+
+    async def _page(self, _: Request) -> Response:
+        return FileResponse(_ASSETS / "index.html")
+
+    async def _state(self, _: Request) -> Response:
+        return await self._answer()
+
+    async def _act(self, request: Request) -> Response:
+        act = _ACTS.get(request.path_params["act"])
+        if act is None:
+            return JSONResponse({"error": "there is no such request"}, 404)
+        try:
+            body = await request.json()
+        except (ValueError, UnicodeDecodeError, RecursionError):
+            return JSONResponse({"error": "the request is no JSON"}, 400)
+        version = body.get("version") if isinstance(body, dict) else None
+        if type(version) is not int:
+            return JSONResponse({"error": "the request names no version"}, 400)
+        try:
+            await run_in_threadpool(act, self._workspace, version, body)
+        except Behind:
+            text = "something else has changed meanwhile; look at it, and do it again"
+            return await self._answer(error=text, status=409)
+        except (FsnError, ValueError) as exc:
+            return await self._answer(error=str(exc), status=422)
+        await self._tell()
+        return await self._answer()
+
+    async def _answer(self, *, error: str = "", status: int = 200) -> Response:
+        state = await run_in_threadpool(state_of, self._workspace)
+        return JSONResponse({"error": error, **state}, status)
+
+    async def _events(self, _: Request) -> Response:
+        """Say each new version, so that a second tab follows."""
+
+        async def versions() -> AsyncIterator[str]:
+            told = 0
+            while not self._server.should_exit:
+                if told != self._workspace.version:
+                    told = self._workspace.version
+                    yield f"data: {json.dumps(told)}\n\n"
+                try:
+                    async with self._changed:
+                        await asyncio.wait_for(self._changed.wait(), _EVENTS_S)
+                except TimeoutError:
+                    yield ": still there\n\n"
+
+        return StreamingResponse(versions(), media_type="text/event-stream")
+
+    async def _tell(self) -> None:
+        async with self._changed:
+            self._changed.notify_all()
+
+    @contextlib.asynccontextmanager
+    async def _watching(self, _: Starlette) -> AsyncIterator[None]:
+        task = asyncio.create_task(self._watch())
+        try:
+            yield
+        finally:
+            task.cancel()
+
+    async def _watch(self) -> None:
+        while True:
+            await asyncio.sleep(_LOOK_EVERY_S)
+            if await run_in_threadpool(self._workspace.look):
+                await self._tell()

@@ -1,0 +1,277 @@
+"""A network file that people edit in a browser: its text, what is found in it, undo and redo.
+
+The text is the only state. Whatever the page changes is a change of the text, so that the file
+stays the user's: comments and the order of keys stay, and nothing is written before ``save``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fsoe_net.errors import InputError
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.patch import patch_yaml
+from fsoe_net.formats.shared.files import read_source, read_unchanged, replaced_files
+from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.model.network import SourceFile
+from fsoe_net.project.check import Checked, check_files
+from fsoe_net.project.edit import edited_text, with_lines_kept
+from fsoe_net.studio.changes import change_of
+
+__all__ = ["MAX_TEXT_BYTES", "Behind", "Workspace"]
+
+MAX_TEXT_BYTES = 4 * 1024 * 1024
+"""Of a text that is edited in the page; the commands take larger files."""
+
+_MOST_STEPS = 200  # of undo
+_MOST_KEPT_BYTES = 64 * 1024 * 1024  # of all steps together
+
+
+class Behind(Exception):
+    """The page has sent a change of a text that is not the present one any more."""
+
+
+@dataclass(slots=True)
+class _Steps:
+    """Earlier texts, or later ones; the oldest go first."""
+
+    texts: list[str] = field(default_factory=list)
+
+    def add(self, text: str) -> None:
+        self.texts.append(text)
+        while len(self.texts) > 1 and (
+            len(self.texts) > _MOST_STEPS or sum(map(len, self.texts)) > _MOST_KEPT_BYTES
+        ):
+            del self.texts[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _OnDisk:
+    """The file as it was read or written last: its text, the hash of its bytes, its mark."""
+
+    text: str
+    sha256: str
+    mark: bytes
+
+
+class Workspace:
+    """One network file being edited; every method may be called from any thread.
+
+    Attributes:
+        path: The file.
+        version: Counts the changes of what is shown: a change names the version it was made on.
+        text: The text as it is in the page.
+        outside: Whether somebody else has changed the file since it was read or written here.
+        checked: The network of the text, with everything found in it.
+
+    Raises:
+        InputError: The file cannot be read, is no text, or has more than ``MAX_TEXT_BYTES``.
+    """
+
+    def __init__(self, path: str, loading: LoadOptions | None = None) -> None:
+        self.path = path
+        self._loading = loading
+        self._lock = threading.RLock()
+        self._undo, self._redo = _Steps(), _Steps()
+        self.version = 1
+        self.outside = False
+        self._file = _read(path)
+        self._signature: tuple[tuple[str, int, int], ...] = ()
+        self.text = self._file.text
+        self.checked = self._check()
+
+    @property
+    def is_saved(self) -> bool:
+        """Whether the file has this text."""
+        return self.text == self._file.text
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to take back."""
+        return bool(self._undo.texts)
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether a step was taken back."""
+        return bool(self._redo.texts)
+
+    def replace(self, version: int, text: str) -> None:
+        """Take a text as a person has typed it.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+            InputError: It is too long.
+        """
+        with self._lock:
+            self._expect(version)
+            _limit(text)
+            if "\r" in self.text:  # a browser knows one end of lines
+                text = with_lines_kept(self.text, self.text.replace("\r\n", "\n"), text)
+            self._set(text)
+
+    def change(self, version: int, request: Mapping[str, object]) -> None:
+        """Make a change of the network; see `fsoe_net.studio.changes`.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+            InputError: There is no such change, or the text is no YAML.
+        """
+        with self._lock:
+            self._expect(version)
+            change = change_of(request, self.checked)
+            self._set(edited_text(self.text, change, path=self.path))
+
+    def fix(self, version: int, number: int) -> None:
+        """Follow the hint of a finding that leaves one way.
+
+        Args:
+            version: Of the text.
+            number: Of the finding, from 0.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+            InputError: The finding has no such hint, or it is about another file.
+        """
+        with self._lock:
+            self._expect(version)
+            rows = self.checked.diagnostics
+            edits = rows[number].edits if 0 <= number < len(rows) else ()
+            data, made = patch_yaml(self.text.encode("utf-8"), self.path, edits)
+            if not edits or made != set(edits):
+                raise InputError("this finding has no hint that the page could follow")
+            self._set(data.decode("utf-8"))
+
+    def undo(self, version: int) -> None:
+        """Take the last step back; nothing where there is none. Raises as `replace`."""
+        self._step(version, self._undo, self._redo)
+
+    def redo(self, version: int) -> None:
+        """Make the step again that was taken back last. Raises as `replace`."""
+        self._step(version, self._redo, self._undo)
+
+    def save(self, version: int) -> None:
+        """Write the file, whole or not at all; also a network that has errors.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+            InputError: Somebody else has changed the file: `take_file` shows theirs.
+            EnvironmentFault: It cannot be written; what was there is unchanged.
+        """
+        with self._lock:
+            self._expect(version)
+            step = "take the file's text, and yours comes back with undo"
+            read_unchanged(self.path, self._file.sha256, next_step=step)
+            mark = self._file.mark
+            data = mark + self.text.encode("utf-8")
+            write_whole(self.path, data, overwrite=True)
+            sha256 = hashlib.sha256(data).hexdigest()
+            self._file = _OnDisk(text=self.text, sha256=sha256, mark=mark)
+            self.outside = False
+            self._signature = self._signed()
+            self.version += 1
+
+    def take_file(self, version: int) -> None:
+        """Take the text that is in the file now; the one before comes back with `undo`.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+            InputError: The file cannot be read.
+        """
+        with self._lock:
+            self._expect(version)
+            self._file = _read(self.path)
+            self.outside = False
+            self._set(self._file.text)
+
+    def look(self) -> bool:
+        """Look whether a file has changed on the disk; return whether the page has to know.
+
+        The network file of a text without changes is read again; every other file counts at once.
+        """
+        with self._lock:
+            if self._signature == self._signed():
+                return False
+            self._signature = self._signed()
+            found = None
+            try:
+                found = _read(self.path)
+            except InputError:
+                self.outside = True
+            else:
+                self.outside = found.sha256 != self._file.sha256
+            if self.outside and self.is_saved and found is not None:
+                self._file, self.outside = found, False
+                self._set(found.text)
+            else:
+                self._renew()
+            return True
+
+    def _step(self, version: int, back: _Steps, forth: _Steps) -> None:
+        with self._lock:
+            self._expect(version)
+            if back.texts:
+                forth.add(self.text)
+                self.text = back.texts.pop()
+                self._renew()
+
+    def _expect(self, version: int) -> None:
+        if version != self.version:
+            raise Behind
+
+    def _set(self, text: str) -> None:
+        _limit(text)
+        if text == self.text:
+            self.version += 1
+            return
+        self._undo.add(self.text)
+        self._redo.texts.clear()
+        self.text = text
+        self._renew()
+
+    def _renew(self) -> None:
+        self.checked = self._check()
+        self.version += 1
+
+    def _check(self) -> Checked:
+        data = self.text.encode("utf-8")
+        with replaced_files({self.path: data}):
+            checked = check_files([self.path], self._loading, compared=True)
+        network = checked.network
+        self._sources: tuple[SourceFile, ...] = () if network is None else network.sources
+        self._signature = self._signed()
+        return checked
+
+    def _signed(self) -> tuple[tuple[str, int, int], ...]:
+        paths = dict.fromkeys([self.path, *(source.path for source in self._sources)])
+        return tuple(_state(path) for path in paths)
+
+
+def _limit(text: str) -> None:
+    try:
+        size = len(text.encode("utf-8"))
+    except UnicodeEncodeError as exc:
+        raise InputError("the text has half a character in it, which no file can hold") from exc
+    if size > MAX_TEXT_BYTES:
+        raise InputError(f"the text has more than {MAX_TEXT_BYTES >> 20} MiB")
+
+
+def _state(path: str) -> tuple[str, int, int]:
+    try:
+        found = os.stat(path)
+    except OSError:
+        return path, -1, -1
+    return path, found.st_mtime_ns, found.st_size
+
+
+def _read(path: str) -> _OnDisk:
+    source, data = read_source(path, most=MAX_TEXT_BYTES)
+    mark = b"\xef\xbb\xbf" if data.startswith(b"\xef\xbb\xbf") else b""
+    try:
+        text = data[len(mark) :].decode("utf-8")
+    except UnicodeDecodeError as exc:
+        raise InputError(f"{path} is no text in UTF-8, which a network file is: {exc}") from exc
+    return _OnDisk(text=text, sha256=source.sha256, mark=mark)

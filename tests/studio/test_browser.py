@@ -1,0 +1,181 @@
+"""The page in a real browser, used by mouse and by keyboard."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from studio.browser import ARGUMENTS, CHROMIUM, REQUIRED, needed
+from studio.server_rig import running
+
+playwright = needed("playwright.sync_api", "browser")
+axe = needed("axe_playwright_python.sync_playwright", "browser")
+
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None and not REQUIRED, reason="needs Chromium (package chromium of Debian)"
+)
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    shutil.copytree(EXAMPLES / "el6910", tmp_path / "cell")
+    return tmp_path / "cell" / "network.yaml"
+
+
+@pytest.fixture
+def page(chromium: Any, cell: Path) -> Iterator[Any]:
+    """The page of the cell; a word of the browser's console, or another host, fails the test."""
+    with running(cell) as studio:
+        context = chromium.new_context(viewport={"width": 1400, "height": 900})
+        page = context.new_page()
+        said: list[str] = []
+        asked: list[str] = []
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto(studio.url)
+        page.wait_for_selector(".card")
+        yield page
+        context.close()
+    assert said == []
+    assert {url.split("/")[2] for url in asked} == {studio.url.split("/")[2]}
+
+
+def _verdict(page: Any, text: str) -> None:
+    page.wait_for_function(
+        "text => document.querySelector('.verdict').textContent.includes(text)", arg=text
+    )
+
+
+def _holds(page: Any, text: str) -> None:
+    """Wait until the text pane has a text in it."""
+    page.wait_for_function(
+        "text => document.querySelector('textarea').value.includes(text)", arg=text
+    )
+
+
+def _connection(page: Any, sub: str) -> Any:
+    return page.get_by_role("button", name=f"to {sub}", exact=False)
+
+
+def test_a_connection_is_removed_drawn_confirmed_and_saved(page: Any, cell: Path) -> None:
+    before = cell.read_text("utf-8")
+    _connection(page, "drive_2").focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Remove this connection").click()
+    _verdict(page, "not saved")
+    assert page.locator(".line").count() == 3
+    page.locator('[data-port="el6910/3"]').drag_to(page.locator('[data-port="drive_2/0"]'))
+    _verdict(page, "has errors")
+    page.get_by_role("button", name="I have compared it with the safety project").click()
+    for label, value in (("FSoE address", "202"), ("ConnID", "4"), ("FSoE watchdog, ms", "100")):
+        field = page.get_by_role("textbox", name=label)
+        field.fill(value)
+        field.press("Enter")
+    _holds(page, "watchdog_ms: 100\n")
+    page.keyboard.press("Control+s")
+    _verdict(page, "· saved")
+    saved = cell.read_text("utf-8")
+    assert saved != before
+    for line in ("address: 202", "connection_id: 4", "watchdog_ms: 100", "slot: 3"):
+        assert line in saved
+    while page.get_by_role("button", name="Undo").is_enabled():
+        with page.expect_response("**/api/undo"):
+            page.get_by_role("button", name="Undo").click()
+        page.wait_for_timeout(50)
+    assert page.locator("textarea").input_value() == before
+
+
+def test_only_what_fits_lights_up_and_the_reason_is_shown(page: Any) -> None:
+    for sub in ("drive_2", "el1904"):
+        _connection(page, sub).focus()
+        page.keyboard.press("Enter")
+        with page.expect_response("**/api/change"):
+            page.get_by_role("button", name="Remove this connection").click()
+    port = page.get_by_label("el6910, slot 3,")
+    port.focus()
+    page.keyboard.press("Enter")
+    assert page.locator(".port.fits").get_attribute("data-port") == "drive_2/0"
+    assert (
+        "sends 11 bytes, 6 are taken there" in page.locator(".card", has_text="el1904").inner_text()
+    )
+    assert "in use already" in page.locator(".card", has_text="el2904").inner_text()
+    page.keyboard.press("Escape")
+    assert page.locator(".port.fits").count() == 0
+    port.focus()
+    page.keyboard.press("Enter")
+    page.get_by_label("drive_2, slot 0,").focus()
+    page.keyboard.press("Enter")  # keyboard alone connects
+    page.wait_for_selector(".line.open")
+
+
+def test_text_and_drawing_follow_each_other(page: Any) -> None:
+    area = page.locator("textarea")
+    text = area.input_value()
+    area.fill(text.replace("el2904, position: 3", "el2904, position: 33"))
+    page.wait_for_selector("text=position 33")
+    area.fill(text.replace("subdevices:", "subdevices"))
+    page.wait_for_selector("text=The text is no network at present")
+    assert page.locator(".card").count() == 5  # the last network stays in sight
+    area.fill(text.replace("size: 6", "size: 5", 1))
+    finding = page.locator(".findings li.error").first
+    finding.wait_for()
+    finding.locator(".message").click()
+    selected = page.evaluate("[document.activeElement.tagName, getSelection().toString()]")
+    assert selected[0] == "TEXTAREA"
+    page.get_by_role("button", name="Do what the hint says").first.click()
+    _verdict(page, "no errors")
+    assert area.input_value() == text
+
+
+def test_two_tabs_and_a_file_that_changes(page: Any, cell: Path) -> None:
+    second = page.context.new_page()
+    second.goto(page.url)
+    second.wait_for_selector(".card")
+    page.bring_to_front()
+    area = page.locator("textarea")
+    area.fill(area.input_value() + "# one\n")
+    _holds(second, "# one\n")
+    cell.write_text(cell.read_text("utf-8") + "# theirs\n", "utf-8")
+    page.wait_for_selector("text=Somebody has changed the file on the disk")
+    page.get_by_role("button", name="Take the file").click()
+    _holds(page, "# theirs\n")
+    page.get_by_role("button", name="Undo").click()
+    _holds(page, "# one\n")
+
+
+def test_hostile_names_are_text(page: Any) -> None:
+    area = page.locator("textarea")
+    evil = "<img src=x onerror=alert(1)>"
+    area.fill(area.input_value().replace("name: robot-cell", f'name: "{evil}"'))
+    page.wait_for_function("text => document.body.innerText.includes(text)", arg=evil)
+    assert page.locator("img").count() == 0
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_follows_wcag(page: Any, scheme: str) -> None:
+    """WCAG 2.2, level AA, as far as a program can tell; with everything in sight."""
+    page.emulate_media(color_scheme=scheme)
+    area = page.locator("textarea")
+    area.fill(area.input_value().replace("size: 6", "size: 5", 1))
+    page.locator(".findings li.error").first.wait_for()
+    _connection(page, "drive_2").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".field")
+    page.get_by_role("button", name="Undo").wait_for()
+    levels = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+    found = axe.Axe().run(page, options={"runOnly": levels}).response["violations"]
+    assert [(row["id"], [node["html"] for node in row["nodes"]]) for row in found] == []

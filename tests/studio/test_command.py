@@ -1,0 +1,66 @@
+"""``fsoe-net studio`` as a person starts and ends it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli.tool import fsn
+from studio.server_rig import Browser
+from tied import tied
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_it_prints_an_address_and_ends_quietly(end: signal.Signals) -> None:
+    command = tied(sys.executable, "-m", "fsoe_net.cli", "studio", ".", "--no-browser")
+    with subprocess.Popen(
+        command, cwd=EXAMPLES / "estop", stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        first = process.stdout.readline()
+        assert first.startswith("./network.yaml: open http://127.0.0.1:")
+        assert "only what was saved is in the file" in process.stdout.readline()
+        browser = Browser(first.split()[-1])
+        browser.enter()
+        assert browser.ask("/api/state")[0] == 200
+        with browser.events() as told:  # a page that is open is in nobody's way
+            assert told.readline() == b"data: 1\n"
+            process.send_signal(end)
+            rest, wrong = process.communicate()
+    assert (rest, wrong) == ("", "")
+    assert process.returncode in ((0,) if end == signal.SIGINT else (0, -signal.SIGTERM))
+
+
+def test_without_a_network_it_names_the_next_step(tmp_path: Path) -> None:
+    done = fsn("studio", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "`fsoe-net init` proposes one from the files that you have" in done.stderr
+    for name in (".", "nothing.yaml"):
+        done = fsn("studio", name, cwd=tmp_path)
+        assert done.returncode == 1
+        assert "error[FSN101]: cannot read" in done.stderr
+    (tmp_path / "network.yaml").write_bytes(b"\xff")
+    done = fsn("studio", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "network.yaml is no text in UTF-8" in done.stderr
+
+
+def test_a_missing_package_is_named_with_what_installs_it(tmp_path: Path) -> None:
+    (tmp_path / "starlette.py").write_text("raise ImportError(name='starlette')")
+    env = dict(os.environ, PYTHONPATH=str(tmp_path))
+    done = subprocess.run(
+        [sys.executable, "-m", "fsoe_net.cli", "studio", str(EXAMPLES / "estop")],
+        env=env,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 3
+    assert "studio needs starlette, which is not installed; pip install 'fsoe-net[studio]'" in (
+        done.stderr
+    )

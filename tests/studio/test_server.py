@@ -1,0 +1,177 @@
+"""One browser comes in, by an address that counts once; everything else stays outside."""
+
+from __future__ import annotations
+
+import shutil
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from studio.server_rig import Browser, Studio, running
+
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Workspace
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
+    return tmp_path / "estop" / "network.yaml"
+
+
+@pytest.fixture
+def studio(path: Path) -> Iterator[Studio]:
+    with running(path) as studio:
+        yield studio
+
+
+@pytest.fixture
+def browser(studio: Studio) -> Browser:
+    browser = Browser(studio.url)
+    browser.enter()
+    return browser
+
+
+def test_the_address_counts_once(studio: Studio) -> None:
+    first, second = Browser(studio.url), Browser(studio.url)
+    status, headers, body = first.ask("/")
+    assert status == 403
+    assert b"open the address that fsoe-net studio printed" in body
+    assert first.ask("/?token=wrong")[0] == 403
+    status, headers, _ = first.ask(first.first)
+    assert status == 303
+    assert headers["Location"] == "/"
+    cookie = headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=strict" in cookie
+    assert "Path=/" in cookie
+    first.cookie = cookie.partition(";")[0]
+    assert first.ask("/")[0] == 200
+    status, _, body = second.ask(second.first)
+    assert status == 403
+    assert b"was used already" in body
+    assert second.ask("/api/state")[0] == 403
+    second.cookie = first.cookie[:-1] + "x"
+    assert second.ask("/api/state")[0] == 403
+    second.cookie = "\u00e4=\u00fc"
+    assert second.ask("/api/state")[0] == 403
+
+
+def test_every_answer_forbids_what_the_page_does_not_need(browser: Browser) -> None:
+    for where in ("/", "/api/state", "/assets/app.js", "/assets/nothing", "/?token=x"):
+        _, headers, _ = browser.ask(where)
+        policy = headers["Content-Security-Policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Referrer-Policy"] == "no-referrer"
+        assert headers["Access-Control-Allow-Origin"] is None
+        assert headers["Server"] is None
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:80", "127.0.0.1", "", "127.0.0.1:1", "[::1]:80"]
+)
+def test_another_name_for_this_machine_is_refused(browser: Browser, host: str) -> None:
+    """A page of another site can let its own name point here (DNS rebinding)."""
+    assert browser.ask("/api/state", Host=host)[0] == 403
+    assert browser.ask("/api/state", Host="LOCALHOST:" + browser.host.partition(":")[2])[0] == 200
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "https://{}", "http://{}.evil.example", "http://a@b"]
+)
+def test_other_pages_can_neither_read_nor_write(browser: Browser, origin: str) -> None:
+    origin = origin.format(browser.host)
+    assert browser.ask("/api/state", Origin=origin)[0] == 403
+    assert browser.post("text", {"version": 1, "text": ""}, Origin=origin)[0] == 403
+
+
+def test_a_write_has_a_header_that_no_form_sends(browser: Browser, path: Path) -> None:
+    body = {"version": 1, "text": "evil"}
+    assert browser.post("text", body, X_Fsoe_Net=None)[0] == 403
+    assert browser.post("text", body, X_Fsoe_Net="2")[0] == 403
+    assert browser.post("text", body, Origin=None)[0] == 403
+    browser.cookie = ""
+    assert browser.post("text", body)[0] == 403
+    assert "evil" not in path.read_text("utf-8")
+
+
+def test_what_is_too_long_is_refused_before_it_is_read(browser: Browser) -> None:
+    status, answer = browser.post("text", {"version": 1, "text": "#" * (MAX_TEXT_BYTES + 1)})
+    assert status == 422
+    assert "more than 4 MiB" in str(answer["error"])
+    status, answer = browser.post("text", {"version": 1, "text": "#" * 10_000_000})
+    assert status == 413
+    own = {"Origin": f"http://{browser.host}", "X_Fsoe_Net": "1"}
+    for length in ("-1", "1e9", ""):
+        assert browser.ask("/api/undo", "POST", **own, Content_Length=length)[0] in (400, 413)
+    assert browser.ask("/api/state")[0] == 200
+
+
+def test_odd_requests_are_answered(browser: Browser) -> None:
+    own = {"Origin": f"http://{browser.host}", "X_Fsoe_Net": "1"}
+    deep = b"[" * 100_000
+    for body in (b"", b"{", b"\xff", b"[]", b"1", b'{"version": "1"}', b"{}", deep):
+        assert browser.ask("/api/undo", "POST", body, **own)[0] == 400
+    assert browser.post("erase", {"version": 1})[0] == 404
+    assert browser.post("text", {"version": 1, "text": "\ud800"})[0] == 422
+    for act in ("text", "fix", "change"):
+        assert browser.post(act, {"version": 1})[0] == 422
+    assert browser.ask("/assets/../server.py")[0] in (404, 403)
+    assert browser.ask("/assets/%2e%2e/server.py")[0] == 404
+    assert browser.ask("/api/state", "DELETE", **own, Content_Length="0")[0] == 405
+
+
+def test_a_change_is_answered_with_what_is_there_then(browser: Browser, path: Path) -> None:
+    change = {"change": "set", "connection": 0, "key": "watchdog_ms", "value": 150}
+    status, state = browser.post("change", {"version": 1, **change})
+    assert status == 200
+    assert state["error"] == ""
+    assert state["saved"] is False
+    status, late = browser.post("undo", {"version": 1})
+    assert status == 409
+    assert late["version"] == state["version"]
+    assert "look at it, and do it again" in late["error"]
+    status, saved = browser.post("save", {"version": state["version"]})
+    assert status == 200
+    assert saved["saved"] is True
+    assert "watchdog_ms: 150" in path.read_text("utf-8")
+
+
+def test_a_second_tab_hears_of_a_change(browser: Browser) -> None:
+    with browser.events() as told:
+        _until(told, b"data: 1")
+        browser.post("text", {"version": 1, "text": "x"})
+        _until(told, b"data: 2")
+
+
+def _until(stream, text: bytes) -> None:
+    for line in stream:
+        if line.strip() == text:
+            return
+    pytest.fail(f"the stream ended before {text!r}")
+
+
+def test_names_from_files_are_text(tmp_path: Path) -> None:
+    path = tmp_path / "network.yaml"
+    path.write_text("version: 1\nname: '<script>alert(1)</script>'\nsubdevices: \x1b[2J\n", "utf-8")
+    with running(path) as studio:
+        browser = Browser(studio.url)
+        browser.enter()
+        _, headers, body = browser.ask("/api/state")
+    assert headers["Content-Type"] == "application/json"
+    assert b"\\u001b" in body
+    assert b"\x1b" not in body
+
+
+def test_a_port_that_is_taken_is_named(path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(EnvironmentFault, match=f"port {port} .* give another --port"):
+            Studio(Workspace(str(path)), port=port)

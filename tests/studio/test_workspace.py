@@ -1,0 +1,331 @@
+"""What a person does in the page is done to the text, step by step, and nothing gets lost."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fsoe_net.errors import InputError
+from fsoe_net.studio.changes import DRAWN, _here, change_of
+from fsoe_net.studio.document import state_of
+from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+
+
+@pytest.fixture
+def estop(tmp_path: Path) -> Workspace:
+    shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
+    return Workspace(str(tmp_path / "estop" / "network.yaml"))
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Workspace:
+    shutil.copytree(EXAMPLES / "el6910", tmp_path / "cell")
+    return Workspace(str(tmp_path / "cell" / "network.yaml"))
+
+
+def _codes(workspace: Workspace) -> list[str]:
+    return [d.code for d in workspace.checked.diagnostics]
+
+
+def test_steps_go_back_and_forth_and_are_written_when_asked(estop: Workspace) -> None:
+    path, before = Path(estop.path), estop.text
+    estop.replace(estop.version, before.replace("0x6080", "0x6081"))
+    assert not estop.is_saved
+    assert estop.can_undo
+    assert not estop.can_redo
+    assert any(d.level.value == "error" for d in estop.checked.diagnostics)
+    assert path.read_text("utf-8") == before
+    estop.undo(estop.version)
+    assert estop.text == before
+    assert estop.is_saved
+    assert estop.can_redo
+    estop.redo(estop.version)
+    wrong = estop.text
+    estop.save(estop.version)  # also with errors: it is the user's file
+    assert path.read_text("utf-8") == wrong
+    assert estop.is_saved
+    estop.undo(estop.version)
+    estop.replace(estop.version, before + "# mine\n")
+    assert not estop.can_redo
+    version = estop.version
+    estop.replace(version, estop.text)
+    assert estop.version == version + 1  # told, and no step
+    estop.undo(estop.version)
+    estop.undo(estop.version)
+    assert estop.text == before
+    assert not estop.can_undo
+    estop.undo(estop.version)
+
+
+def test_a_change_of_an_older_text_is_refused(estop: Workspace) -> None:
+    version = estop.version
+    estop.replace(version, estop.text + "#\n")
+    text = estop.text
+    for late in (
+        lambda: estop.replace(version, ""),
+        lambda: estop.change(version, {"change": "confirm", "connection": 0}),
+        lambda: estop.fix(version, 0),
+        lambda: estop.undo(version),
+        lambda: estop.save(version),
+        lambda: estop.take_file(version),
+    ):
+        with pytest.raises(Behind):
+            late()
+    assert estop.text == text
+
+
+def test_a_file_that_somebody_else_changes_is_never_overwritten(estop: Workspace) -> None:
+    path = Path(estop.path)
+    theirs = estop.text.replace("estop", "theirs", 1)
+    assert not estop.look()
+    path.write_text(theirs, "utf-8")
+    assert estop.look()
+    assert not estop.look()
+    assert estop.text == theirs
+    assert not estop.outside
+    estop.replace(estop.version, theirs + "# mine\n")
+    path.write_text(theirs + "# theirs\n", "utf-8")
+    assert estop.look()
+    assert estop.outside
+    with pytest.raises(InputError, match=r"has changed since it was read; take the file's text"):
+        estop.save(estop.version)
+    estop.take_file(estop.version)
+    assert estop.text == theirs + "# theirs\n"
+    assert estop.is_saved
+    assert not estop.outside
+    estop.undo(estop.version)
+    assert estop.text == theirs + "# mine\n"
+    estop.save(estop.version)
+    assert path.read_text("utf-8") == theirs + "# mine\n"
+    path.unlink()
+    assert estop.look()
+    assert estop.outside
+    with pytest.raises(InputError, match="cannot be read"):
+        estop.take_file(estop.version)
+    assert estop.text == theirs + "# mine\n"
+
+
+def test_a_device_file_that_changes_is_checked_again(estop: Workspace) -> None:
+    device = Path(estop.path).parent / "devices" / "ek1914.yaml"
+    device.write_text(device.read_text("utf-8").replace("0x6000", "0x6123"), "utf-8")
+    assert estop.look()
+    assert estop.is_saved
+    assert not estop.outside
+    assert any(code.startswith("FSN2") for code in _codes(estop))
+
+
+@pytest.mark.parametrize("data", [b"\xff\xfe", b"a" * (MAX_TEXT_BYTES + 1)])
+def test_what_is_no_text_is_refused(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "network.yaml"
+    path.write_bytes(data)
+    with pytest.raises(InputError):
+        Workspace(str(path))
+
+
+def test_marks_and_line_ends_stay(estop: Workspace) -> None:
+    path = Path(estop.path)
+    data = b"\xef\xbb\xbf" + estop.text.replace("\n", "\r\n").encode()
+    path.write_bytes(data)
+    again = Workspace(estop.path)
+    again.change(
+        again.version, {"change": "set", "connection": 0, "key": "watchdog_ms", "value": 150}
+    )
+    again.save(again.version)
+    assert path.read_bytes() == data.replace(b"watchdog_ms: 100", b"watchdog_ms: 150")
+    assert not again.look()
+    shown = state_of(again)["text"]
+    assert "\r" not in shown
+    again.replace(again.version, shown.replace("name: estop", "name: mine"))
+    again.save(again.version)
+    expected = data.replace(b"watchdog_ms: 100", b"watchdog_ms: 150")
+    assert path.read_bytes() == expected.replace(b"name: estop", b"name: mine")
+
+
+def test_too_long_a_text_is_refused_and_nothing_lost(estop: Workspace) -> None:
+    before = estop.text
+    with pytest.raises(InputError, match="more than 4 MiB"):
+        estop.replace(estop.version, "#" * (MAX_TEXT_BYTES + 1))
+    assert estop.text == before
+    assert not estop.can_undo
+
+
+def test_values_are_set_where_they_stand(estop: Workspace) -> None:
+    before = estop.text
+    for key, value in (("address", 15), ("connection_id", 7), ("watchdog_ms", 120)):
+        request = {"change": "set", "connection": 0, "key": key, "value": value}
+        estop.change(estop.version, request)
+    expected = before.replace(
+        "address: 14, connection_id: 1, watchdog_ms: 100",
+        "address: 15, connection_id: 7, watchdog_ms: 120",
+    )
+    assert estop.text == expected
+    estop.change(estop.version, {"change": "set", "connection": 0, "key": "address", "value": None})
+    assert estop.text == expected.replace("address: 15, ", "")
+    estop.change(estop.version, {"change": "place", "subdevice": "ek1914", "position": 9})
+    assert "{name: ek1914, position: 9, config" in estop.text
+
+
+def test_a_connection_goes_and_comes_back(cell: Workspace) -> None:
+    before = cell.text
+    numbers = {c.sub.name: n for n, c in enumerate(cell.checked.resolution.connections)}
+    cell.change(cell.version, {"change": "disconnect", "connection": numbers["drive_2"]})
+    assert [c.sub.name for c in cell.checked.resolution.connections] == [
+        "el1904",
+        "el2904",
+        "drive_1",
+    ]
+    gone = set(before.splitlines()) - set(cell.text.splitlines())
+    assert all("drive_2" in line or "size" in line or "el6910" in line for line in gone)
+    ends = {"main": "el6910", "slot": 3, "sub": "drive_2", "sub_slot": 0}
+    cell.change(cell.version, {"change": "connect", **ends})
+    last = cell.checked.resolution.connections[-1]
+    assert (last.sub.name, last.slot, last.stated.unconfirmed) == ("drive_2", 3, DRAWN)
+    assert "FSN234" in _codes(cell)  # a person has to compare it first
+    number = len(cell.checked.resolution.connections) - 1
+    cell.change(cell.version, {"change": "confirm", "connection": number})
+    assert "FSN234" not in _codes(cell)
+    while cell.can_undo:
+        cell.undo(cell.version)
+    assert cell.text == before
+
+
+def test_a_network_without_nets_gets_one(estop: Workspace) -> None:
+    estop.change(estop.version, {"change": "disconnect", "connection": 0})
+    assert estop.checked.network is not None
+    assert estop.checked.network.nets == ()
+    ends = {"main": "el1918", "slot": 0, "sub": "ek1914", "sub_slot": 0}
+    estop.change(estop.version, {"change": "connect", **ends})
+    (net,) = estop.checked.network.nets
+    assert (net.name, net.safety_master) == ("el1918", "el1918")
+    (connection,) = estop.checked.resolution.connections
+    assert connection.sub.name == "ek1914"
+
+
+@pytest.mark.parametrize(
+    ("request_", "text"),
+    [
+        ({}, "there is no change 'None'"),
+        ({"change": "erase"}, "there is no change 'erase'"),
+        ({"change": "set", "connection": 0, "key": "main", "value": 1}, "is nothing that is set"),
+        ({"change": "set", "connection": 0, "key": [], "value": 1}, "is nothing that is set"),
+        ({"change": "set", "connection": 1, "key": "address", "value": 1}, "a number from 0 to 0"),
+        ({"change": "set", "connection": True, "key": "address"}, "a number from 0 to 0"),
+        ({"change": "set", "connection": 0, "key": "address", "value": 65536}, "from 0 to 65535"),
+        ({"change": "set", "connection": 0, "key": "address", "value": "1"}, "from 0 to 65535"),
+        ({"change": "confirm", "connection": 0}, "is confirmed already"),
+        ({"change": "connect", "main": "el1918", "sub": "?"}, "sub: no SubDevice has the name"),
+        ({"change": "connect", "main": {}, "sub": "ek1914"}, "main: no SubDevice has the name"),
+        (
+            {"change": "connect", "main": "el1918", "sub": "el1918", "slot": 0, "sub_slot": 0},
+            "cannot be connected with itself",
+        ),
+        ({"change": "connect", "main": "el1918", "sub": "ek1914", "slot": -1}, "slot is a number"),
+        ({"change": "place", "subdevice": "ek1914", "position": 1.5}, "position is a number"),
+    ],
+)
+def test_a_request_that_cannot_be_made_says_why(
+    estop: Workspace, request_: dict[str, object], text: str
+) -> None:
+    before = estop.text
+    with pytest.raises(InputError, match=text):
+        estop.change(estop.version, request_)
+    assert estop.text == before
+
+
+def test_an_item_that_an_anchor_shares_is_changed_where_it_stands(estop: Workspace) -> None:
+    item = "{name: ek1914, position: 0, config: devices/ek1914.yaml}"
+    estop.replace(estop.version, f"x: &shared {item}\n" + estop.text.replace(item, "*shared"))
+    estop.change(estop.version, {"change": "place", "subdevice": "ek1914", "position": 2})
+    assert estop.text.startswith("x: &shared {name: ek1914, position: 2, config")
+
+
+def test_a_part_that_is_not_in_the_file_is_left_to_the_text(estop: Workspace) -> None:
+    (sub, _) = estop.checked.resolution.network.subdevices
+    with pytest.raises(InputError, match="8:5: this part cannot be changed here; change it in"):
+        _here([{"name": "ek1914"}], sub)
+
+
+def test_a_text_that_is_no_network_is_kept_and_said(estop: Workspace) -> None:
+    estop.replace(estop.version, "nets: [")
+    assert estop.checked.resolution is None
+    with pytest.raises(InputError, match="the text is no network at present"):
+        estop.change(estop.version, {"change": "place", "subdevice": "ek1914", "position": 2})
+    shown = state_of(estop)
+    assert shown["is_network"] is False
+    assert shown["subdevices"] == []
+    assert shown["findings"]
+    estop.save(estop.version)
+    assert Path(estop.path).read_text("utf-8") == "nets: ["
+
+
+def test_a_hint_with_one_way_is_followed(tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    workspace = Workspace(str(tmp_path / "examples" / "broken" / "04_size.yaml"))
+    rows = state_of(workspace)["findings"]
+    fixable = [n for n, row in enumerate(rows) if row["fixable"]]
+    assert fixable
+    with pytest.raises(InputError, match="no hint that the page could follow"):
+        workspace.fix(workspace.version, len(rows))
+    workspace.fix(workspace.version, fixable[0])
+    assert rows[fixable[0]]["message"] not in [
+        row["message"] for row in state_of(workspace)["findings"]
+    ]
+    assert workspace.can_undo
+    assert not workspace.is_saved
+
+
+@pytest.mark.parametrize("name", sorted(p.name for p in (EXAMPLES / "broken").glob("*.yaml")))
+def test_each_finding_is_shown_at_its_part(tmp_path: Path, name: str) -> None:
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    shown = state_of(Workspace(str(tmp_path / "examples" / "broken" / name)))
+    rows = shown["findings"]
+    assert rows
+    for row in rows:
+        assert all(n < len(shown["connections"]) for n in row["connections"])
+        assert set(row["subdevices"]) <= {sub["name"] for sub in shown["subdevices"]}
+
+
+def test_the_state_shows_slots_and_proposals(cell: Workspace) -> None:
+    shown = state_of(cell)
+    logic = shown["subdevices"][0]
+    assert (logic["name"], logic["role"], logic["line"]) == ("el6910", "main", 8)
+    assert [pair["connection"] for pair in logic["pairs"]] == [0, 1, 2, 3]
+    assert [(p["sends_bytes"], p["takes_bytes"]) for p in logic["pairs"]] == [
+        (6, 6),
+        (6, 6),
+        (11, 31),
+        (11, 31),
+    ]
+    assert shown["proposals"] == {"address": 1, "connection_id": 5}
+    assert (
+        shown["connections"][0]["line"]
+        == cell.text.split("sub: el1904, address")[0].count("\n") + 1
+    )
+
+
+_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-5, 70000) | st.floats(allow_nan=False) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=4,
+)
+_KEYS = st.sampled_from(
+    ["change", "connection", "key", "value", "main", "sub", "slot", "sub_slot", "subdevice"]
+)
+_WORDS = st.sampled_from(
+    ["set", "connect", "disconnect", "confirm", "place", "el1918", "ek1914", "address", 0, 1]
+)
+
+
+@given(st.dictionaries(_KEYS, _WORDS | _VALUES, max_size=6))
+def test_no_request_breaks_anything(request_: dict[str, object]) -> None:
+    workspace = Workspace(str(EXAMPLES / "estop" / "network.yaml"))
+    try:
+        change_of(request_, workspace.checked)
+        workspace.change(workspace.version, request_)
+    except InputError:
+        assert not workspace.can_undo
