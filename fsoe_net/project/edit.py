@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from fsoe_net.project.network import Network
 
-__all__ = ["NetworkEdit", "edited_text", "with_lines_kept"]
+__all__ = ["EditedText", "NetworkEdit", "with_lines_kept"]
 
 
 class NetworkEdit:
@@ -45,9 +45,9 @@ class NetworkEdit:
             raise InputError(f"{path} cannot be edited", out.diagnostics)
         self.path = path
         self._load_again = load_again
-        self._before = data.decode("utf-8-sig")
         self._sha256 = source.sha256
-        self.document = _loaded(self._before, path)
+        self._edited = EditedText(data.decode("utf-8-sig"), path)
+        self.document = self._edited.document
 
     @property
     def text(self) -> str:
@@ -56,11 +56,11 @@ class NetworkEdit:
         Raises:
             ValueError: Something in `document` is nothing that YAML can hold.
         """
-        return _written(self.document, self._before, self.path)
+        return self._edited.text
 
     def diff(self) -> str:
         """Return the change as a unified diff; empty when there is none."""
-        before, after = self._before.splitlines(), self.text.splitlines()
+        before, after = self._edited.before.splitlines(), self.text.splitlines()
         lines = difflib.unified_diff(before, after, self.path, f"{self.path}, edited", lineterm="")
         return "".join(f"{line}\n" for line in lines)
 
@@ -79,53 +79,67 @@ class NetworkEdit:
         text = self.text.encode("utf-8")
         read_unchanged(self.path, self._sha256, next_step="edit it again")
         write_whole(self.path, text, overwrite=True)
-        self._before, self._sha256 = text.decode("utf-8"), hashlib.sha256(text).hexdigest()
+        self._edited.settle()
+        self._sha256 = hashlib.sha256(text).hexdigest()
         return self._load_again()
 
 
-def edited_text(text: str, change: Callable[[Any], None], *, path: str) -> str:
-    """Return a text of YAML with a change of what it says; lines without a change stay.
+class EditedText:
+    """A text of YAML whose maps and lists a program changes; lines without a change stay.
 
     Args:
         text: The text.
-        change: Changes its maps and lists (`dict`, `list`) in place.
         path: What messages call it.
+
+    Attributes:
+        before: The text.
+        document: Its maps and lists, as `dict` and `list`, to be changed in place.
 
     Raises:
         InputError: The text cannot be read.
-        ValueError: The change brings something that YAML cannot hold.
     """
-    document = _loaded(text, path)
-    change(document)
-    return _written(document, text, path)
 
+    document: Any
 
-def _loaded(text: str, path: str) -> Any:
-    from ruamel.yaml.error import YAMLError
+    def __init__(self, text: str, path: str) -> None:
+        from ruamel.yaml.error import YAMLError
+        from ruamel.yaml.util import load_yaml_guess_indent
 
-    try:
-        # The reader takes the ends of other systems for a part of comments.
-        return _like(text).load(text.replace("\r\n", "\n"))
-    except (YAMLError, ValueError) as exc:
-        raise InputError(f"{path} cannot be edited: {exc}") from exc
+        self.before, self._path = text, path
+        try:
+            # The reader takes the ends of other systems for a part of comments.
+            self.document, indent, offset = load_yaml_guess_indent(
+                text.replace("\r\n", "\n"), yaml=_yaml()
+            )
+        except (YAMLError, ValueError, IndexError) as exc:  # the last: of odd lines of dashes
+            raise InputError(f"{path} cannot be edited: {exc}") from exc
+        self._indent = (4 if indent is None else indent, 2 if offset is None else offset)
+        self._laid_out = self._dumped()
 
+    @property
+    def text(self) -> str:
+        """The text as it would be.
 
-def _written(document: Any, before: str, path: str) -> str:
-    return with_lines_kept(
-        before, _dumped(_loaded(before, path), before, path), _dumped(document, before, path)
-    )
+        Raises:
+            ValueError: Something in `document` is nothing that YAML can hold.
+        """
+        return with_lines_kept(self.before, self._laid_out, self._dumped())
 
+    def settle(self) -> None:
+        """Count further changes from the text as it is now."""
+        self.before, self._laid_out = self.text, self._dumped()
 
-def _dumped(document: Any, like: str, path: str) -> str:
-    from ruamel.yaml.error import YAMLError
+    def _dumped(self) -> str:
+        from ruamel.yaml.error import YAMLError
 
-    stream = io.StringIO()
-    try:
-        # A new one each time: after an error, one writes nothing more and does not say so.
-        _like(like).dump(document, stream)
-    except YAMLError as exc:
-        raise ValueError(f"{path} cannot be written: {exc}") from exc
-    return stream.getvalue()
+        stream = io.StringIO()
+        yaml = _yaml()  # a new one: after an error, one writes nothing more and does not say so
+        yaml.indent(mapping=2, sequence=self._indent[0], offset=self._indent[1])
+        try:
+            yaml.dump(self.document, stream)
+        except YAMLError as exc:
+            raise ValueError(f"{self._path} cannot be written: {exc}") from exc
+        return stream.getvalue()
 
 
 def with_lines_kept(before: str, laid_out: str, after: str) -> str:
@@ -153,20 +167,13 @@ def with_lines_kept(before: str, laid_out: str, after: str) -> str:
     return "".join(lines)
 
 
-def _like(text: str) -> YAML:
-    """Return a reader and writer that keeps the layout of a text."""
+def _yaml() -> YAML:
+    """Return a reader and writer that keeps quotes, long lines and nulls as they are."""
     from ruamel.yaml import YAML
-    from ruamel.yaml.util import load_yaml_guess_indent
 
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = 1_000_000
-    _, indent, offset = load_yaml_guess_indent(text)
-    yaml.indent(
-        mapping=2,
-        sequence=4 if indent is None else indent,
-        offset=2 if offset is None else offset,
-    )
     yaml.representer.add_representer(
         type(None),
         lambda representer, _: representer.represent_scalar("tag:yaml.org,2002:null", "null"),

@@ -19,7 +19,7 @@ from fsoe_net.formats.shared.files import read_source, read_unchanged, replaced_
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.model.network import SourceFile
 from fsoe_net.project.check import Checked, check_files
-from fsoe_net.project.edit import edited_text, with_lines_kept
+from fsoe_net.project.edit import EditedText, with_lines_kept
 from fsoe_net.studio.changes import change_of
 
 __all__ = ["MAX_TEXT_BYTES", "Behind", "Workspace"]
@@ -123,7 +123,9 @@ class Workspace:
         with self._lock:
             self._expect(version)
             change = change_of(request, self.checked)
-            self._set(edited_text(self.text, change, path=self.path))
+            edited = EditedText(self.text, self.path)
+            change(edited.document)
+            self._set(edited.text)
 
     def fix(self, version: int, number: int) -> None:
         """Follow the hint of a finding that leaves one way.
