@@ -64,6 +64,7 @@ def bus_document(view: BusView) -> Document:
         parts += not_in_op(view.snapshot.subdevices)
         parts += _worn(view.snapshot.subdevices)
         parts += _buses(view.status)
+        parts += [words(c.text) for c in (view.status.in_cycle if view.status else ())]
         parts += _timing(view.snapshot.cycle.statistics)
     return Document(title=_title(view), lead=tuple(parts))
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 
@@ -148,6 +149,17 @@ class CycleClient:
     late: int
     missed: int
     torn: int
+
+    @property
+    def text(self) -> str:
+        """In words, a line."""
+        if not self.outputs:
+            return f"client {self.client} reads in the cycle"
+        return (
+            f"client {self.client} in the cycle: {self.state}, {counted(self.outputs, 'output')}; "
+            f"sent {self.on_time} times in time, {self.late} late; "
+            f"{counted(self.missed, 'cycle')} without, {self.misses} in a row allowed"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -157,6 +157,16 @@ def test_a_bus_that_does_not_come_up(master, rig, monkeypatch):
     assert rig.do("state")[2:] == ["the intervention log is not written: No space left on device"]
     monkeypatch.setitem(STATUS, "interventions", None)
     assert len(rig.do("state")) == 2
+    counts = {"on_time": 9, "late": 1, "missed": 2, "torn": 0}
+    reads = {"client": 3, "outputs": 0, "misses": 0, "state": "reads"} | counts
+    writes = {"client": 4, "outputs": 2, "misses": 5, "state": "runs"} | counts
+    monkeypatch.setitem(STATUS, "in_cycle", [reads, writes])
+    assert rig.do("state")[2:] == [
+        "client 3 reads in the cycle",
+        "client 4 in the cycle: runs, 2 outputs; sent 9 times in time, 1 late; 2 cycles without, "
+        "5 in a row allowed",
+    ]
+    monkeypatch.delitem(STATUS, "in_cycle")
 
 
 def test_a_bus_that_comes_up_already_is_only_waited_for(master, rig):

@@ -43,6 +43,8 @@ def monitor(master, *words):
 
 
 def test_once_shows_what_is_known(master):
+    client = {"client": 4, "outputs": 1, "misses": 5, "state": "late", "torn": 0}
+    master.in_cycle = [client | {"on_time": 9, "late": 1, "missed": 2}]
     done = monitor(master, "--once")
     assert (done.returncode, done.stderr) == (0, "")
     for text in (
@@ -52,6 +54,7 @@ def test_once_shows_what_is_known(master):
         "90 % of 100 ms",
         "wake-up latency",
         "1000 cycles, 0 with incomplete working counter",
+        "client 4 in the cycle: late, 1 output; sent 9 times in time, 1 late; 2 cycles without",
     ):
         assert text in done.stdout
     assert "not known" not in done.stdout

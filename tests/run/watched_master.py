@@ -47,6 +47,7 @@ class WatchedMaster:
     def __init__(self, path):
         self.path = path
         self.state = "running"
+        self.in_cycle = []
         self.wire = {"outside": 6, "gaps": 0, "to_sub": direction(), "to_main": direction()}
         self.subdevices = [subdevice("logic"), subdevice("drive")]
         self.layout = {"image_bytes": 6, "sms": [], "datagrams": [], "copies": []}
@@ -106,6 +107,7 @@ class WatchedMaster:
             "expected_wkc": 6, "actual_wkc": 6, "realtime": True, "locked": True,
             "subdevices": {"planned": 2, "in_op": 2, "missing": 0},
             "interventions": {"entry": 33, "hash": "ab" * 32, "error": None},
+            "in_cycle": self.in_cycle,
         }  # fmt: skip
 
     def _snapshot(self):

@@ -101,6 +101,8 @@ def _state_of_bus(room: Room) -> None:
         room.out(status.fault)
     if status.interventions is not None and status.interventions.fault:
         room.out(f"the intervention log is not written: {status.interventions.fault}")
+    for client in status.in_cycle:
+        room.out(client.text)
     for row in rows:
         if row.known and not row.in_op:
             room.out("  ".join(part for part in _device(row) if part))
