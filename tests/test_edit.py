@@ -7,6 +7,7 @@ import pytest
 from run.support import EXAMPLES, ROOT
 
 import fsoe_net
+from fsoe_net.project.edit import EditedText
 
 FILES = sorted(
     p for p in [*EXAMPLES.rglob("*.yaml"), *(ROOT / "tests/diagnostics/base").rglob("*.yaml")]
@@ -120,3 +121,13 @@ def test_lines_without_a_change_keep_their_layout(network):
     ]
     assert "address:   14 , " in changed
     assert "required :" in changed
+
+
+@pytest.mark.parametrize("text", ["a:\n-\n", "a: 1\n- b\n---\n", "a:\n- - 1\n"])
+def test_odd_lines_are_read_or_refused(text):
+    try:
+        edited = EditedText(text, "x.yaml")
+    except fsoe_net.InputError as exc:
+        assert "x.yaml cannot be edited" in str(exc)  # noqa: PT017 - either is right
+    else:
+        assert edited.text == text

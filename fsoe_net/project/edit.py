@@ -106,12 +106,14 @@ class EditedText:
         from ruamel.yaml.util import load_yaml_guess_indent
 
         self.before, self._path = text, path
+        given = text.replace("\r\n", "\n")  # the reader takes "\r" for a part of comments
+        indent = offset = None
         try:
-            # The reader takes the ends of other systems for a part of comments.
-            self.document, indent, offset = load_yaml_guess_indent(
-                text.replace("\r\n", "\n"), yaml=_yaml()
-            )
-        except (YAMLError, ValueError, IndexError) as exc:  # the last: of odd lines of dashes
+            try:
+                self.document, indent, offset = load_yaml_guess_indent(given, yaml=_yaml())
+            except IndexError:  # the guess stumbles over lines of dashes only
+                self.document = _yaml().load(given)
+        except (YAMLError, ValueError) as exc:
             raise InputError(f"{path} cannot be edited: {exc}") from exc
         self._indent = (4 if indent is None else indent, 2 if offset is None else offset)
         self._laid_out = self._dumped()
