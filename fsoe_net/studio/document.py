@@ -9,9 +9,12 @@ from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.diag.printable import printable
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.layout import FramePair
-from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.project.check import library_of
 from fsoe_net.studio.changes import FACTS
 from fsoe_net.studio.workspace import Workspace
+from fsoe_net.timing.budget import make_budget
+from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
 __all__ = ["state_of"]
 
@@ -32,7 +35,8 @@ def state_of(workspace: Workspace) -> Row:
     if resolution is not None:
         used = _used(resolution)
         subdevices = [_subdevice(s, used, resolution) for s in resolution.network.subdevices]
-        connections = [_connection(row, workspace.path) for row in resolution.connections]
+        budget = make_budget(resolution, library_of(resolution.network))
+        connections = [_connection(row, workspace.path) for row in budget.connections]
         proposals = {key: _next_free(key, resolution) for key in ("address", "connection_id")}
     parts = _Parts(workspace.path, resolution)
     return {
@@ -93,8 +97,8 @@ def _subdevice(sub: SubDevice, used: dict[tuple[str, int], int], resolution: Res
     }
 
 
-def _connection(row: Connection, path: str) -> Row:
-    facts = row.stated
+def _connection(budget: WatchdogBudget, path: str) -> Row:
+    row, facts = budget.connection, budget.connection.stated
     return {
         "name": row.name,
         "net": row.net.name,
@@ -105,11 +109,17 @@ def _connection(row: Connection, path: str) -> Row:
         "address": facts.address,
         "connection_id": facts.connection_id,
         "watchdog_ms": facts.watchdog_ms,
+        "least_ms": _ms(budget.least),
+        "greatest_ms": _ms(budget.greatest),
         "unconfirmed": facts.unconfirmed,
         "to_sub_bytes": row.to_sub.transfer.size_bytes,
         "to_main_bytes": row.to_main.transfer.size_bytes,
         "line": _own_line((row.facts or row.to_sub.transfer).span, path),
     }
+
+
+def _ms(limit: Limit | None) -> float | None:
+    return None if limit is None else round(limit.ms, 1)
 
 
 def _own_line(span: Span, path: str) -> int:

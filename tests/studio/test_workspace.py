@@ -290,6 +290,15 @@ def test_each_finding_is_shown_at_its_part(tmp_path: Path, name: str) -> None:
         assert set(row["subdevices"]) <= {sub["name"] for sub in shown["subdevices"]}
 
 
+def test_the_state_shows_what_the_timing_budget_allows(estop: Workspace) -> None:
+    (row,) = state_of(estop)["connections"]
+    assert (row["least_ms"], row["greatest_ms"]) == (24.0, 114.0)  # as `fsoe-net timing` prints
+    text = estop.text.partition("# Figures of an example")[0]
+    estop.replace(estop.version, text)
+    (row,) = state_of(estop)["connections"]
+    assert row["greatest_ms"] is None
+
+
 def test_the_state_shows_slots_and_proposals(cell: Workspace) -> None:
     shown = state_of(cell)
     logic = shown["subdevices"][0]

@@ -9,8 +9,19 @@ import { html, ROLES } from "./html.js";
 const FACTS = {
   address: ["FSoE address", "as it is set at the device"],
   connection_id: ["ConnID", "as in the safety project; never twice in a network"],
-  watchdog_ms: ["FSoE watchdog, ms", "as in the safety project; its limits: fsoe-net timing"],
+  watchdog_ms: ["FSoE watchdog, ms", "as in the safety project"],
 };
+
+/**
+ * What the timing budget says of the watchdog.
+ * @param {import("./types").Connection} connection
+ */
+function limits({ least_ms: least, greatest_ms: greatest }) {
+  if (least === null && greatest === null) return "; the timing budget sets no limits";
+  const from = least === null ? "" : ` at least ${least} ms`;
+  const to = greatest === null ? "" : ` at most ${greatest} ms`;
+  return `; by the timing budget${from}${from && to ? "," : ""}${to}`;
+}
 
 /** @param {any} props */
 export function Inspector({ state, selected, act, choose }) {
@@ -48,7 +59,8 @@ function OfConnection({ state, connection, number, act, choose }) {
     </p>`}
     ${Object.keys(FACTS).map(
       (key) => html`<${Field} key=${`${number} ${key}`} label=${FACTS[/** @type {Fact} */ (key)][0]}
-        help=${FACTS[/** @type {Fact} */ (key)][1]} value=${connection[key]} most=${state.limits[key]}
+        help=${FACTS[/** @type {Fact} */ (key)][1] + (key === "watchdog_ms" ? limits(connection) : "")}
+        value=${connection[key]} most=${state.limits[key]}
         proposed=${state.proposals[key]}
         set=${(/** @type {number | null} */ value) => change({ change: "set", key, value })} />`,
     )}

@@ -35,6 +35,9 @@ export interface Connection {
   address: number | null;
   connection_id: number | null;
   watchdog_ms: number | null;
+  /** Limits of the FSoE watchdog by the timing budget; null: nothing asks, or times are missing. */
+  least_ms: number | null;
+  greatest_ms: number | null;
   unconfirmed: string | null;
   to_sub_bytes: number;
   to_main_bytes: number;
