@@ -65,6 +65,7 @@ def bus_document(view: BusView) -> Document:
         parts += _worn(view.snapshot.subdevices)
         parts += _buses(view.status)
         parts += [words(c.text) for c in (view.status.in_cycle if view.status else ())]
+        parts += _groups(view.status)
         parts += _timing(view.snapshot.cycle.statistics)
     return Document(title=_title(view), lead=tuple(parts))
 
@@ -78,6 +79,14 @@ def _buses(status: Status | None) -> list[Part]:
         )
         for b in (status.buses if status is not None else ())
     ]
+
+
+def _groups(status: Status | None) -> list[Part]:
+    found: list[Part] = []
+    for g in status.groups if status is not None else ():
+        text = f"group {g.name}" + (f" at {g.place}" if g.place else "") + f": {g.state}"
+        found.append(words(Verdict(f"{text}, {g.detail}", Level.ERROR) if g.detail else text))
+    return found
 
 
 def _timing(s: Statistics) -> list[Part]:

@@ -106,10 +106,10 @@ def state_verdict(word: str) -> Verdict:
 
 
 def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[Paragraph]:
-    """Return a line for every SubDevice that is not in OP, with what is known about it."""
+    """Return a line for every SubDevice that should be in OP and is not, with what is known."""
     lines = []
     for s in subdevices:
-        if s.in_op:
+        if s.in_op or (s.is_absent and not s.detail):
             continue
         code = f", AL status code 0x{s.al_code:04x}" if s.al_code else ""
         text = s.detail or s.found or "nothing is known about it"

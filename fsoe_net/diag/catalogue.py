@@ -87,6 +87,9 @@ FSN161 error   entry in a test protocol cannot be taken
 FSN162 error   acceptance record does not hold together
 FSN163 error   author and verifier of an acceptance record are one person
 FSN164 error   buses are not possible
+FSN165 error   groups are not possible
+FSN166 error   what is there needs what may be absent
+FSN167 warning output keeps the last value of a group that is absent
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output

@@ -135,6 +135,7 @@ class EmulatedDevice:
     logic: SafetyLogic = field(default_factory=SafetyLogic)
     logic_inputs: list[tuple[Port, str]] = field(default_factory=list)
     logic_outputs: list[tuple[Port, str]] = field(default_factory=list)
+    away: set[str] = field(default_factory=set)  # connections that the logic does not ask for
     _unpublished: set[int] = field(default_factory=set)
 
     def set_input(self, sm: int, bit: int, bits: int, value: int) -> None:
@@ -172,8 +173,9 @@ class EmulatedDevice:
         mains = [p for p in self.ports if p.is_main]
         if not mains:
             return
-        good = all(p.instance.state is State.DATA and p.instance.data_valid for p in mains)
-        good = good and all(port.received(name) for port, name in self.logic_inputs)
+        due = [p for p in mains if p.setup.connection.name not in self.away]
+        good = all(p.instance.state is State.DATA and p.instance.data_valid for p in due)
+        good = good and all(p.received(name) for p, name in self.logic_inputs if p in due)
         on = self.logic.update(good)
         for port in mains:
             port.safe[:] = bytes(len(port.safe))

@@ -24,9 +24,14 @@ def describe(network: NetworkConfig) -> Description:
     """Return what a network says, with a copy for each of its transfers.
 
     Raises:
-        InputError: It has several buses, a SubDevice has no device description, a transfer does
-            not resolve, or a connection is unconfirmed or means no frames.
+        InputError: It has several buses or groups, a SubDevice has no device description, a
+            transfer does not resolve, or a connection is unconfirmed or means no frames.
     """
+    if network.groups:
+        raise InputError(
+            f"{network.at('groups')}: this network has groups that may be absent, and no other "
+            "format holds them; write a network file for each combination"
+        )
     if network.buses:
         raise InputError(
             f"{network.at('buses')}: this network has {len(network.buses)} buses, and no other "

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+import itertools
+from dataclasses import dataclass, field
 
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.safety import SafetyFunction
 
+MOST_COMBINATIONS = 64
+"""Of groups: more are not listed."""
+
 __all__ = [
+    "MOST_COMBINATIONS",
     "Bus",
     "ConnectionFacts",
     "Endpoint",
+    "Group",
     "Net",
     "NetworkConfig",
     "SourceFile",
@@ -100,6 +107,20 @@ class Bus(Located):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Group(Located):
+    """SubDevices that may be absent, by name, in the order in which they stand on the bus.
+
+    The first is found by its alias. Groups of one ``place`` are alternatives, never there together;
+    empty where there are none. ``places``: where each name is written.
+    """
+
+    name: str
+    place: str = ""
+    subdevices: tuple[str, ...] = ()
+    places: tuple[Span, ...] = field(default=(), compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SourceFile:
     """One file that was read: path as shown to the user and SHA-256 of its bytes (hex)."""
 
@@ -116,6 +137,7 @@ class NetworkConfig(Located):
     be declared in a file that was not given, so unknown names are no mistakes. ``project`` heads
     reports; empty when not stated. ``buses``: two at least, numbered by ``master_id`` of the
     SubDevices, or none where the file has one bus; ``cycle_ns`` is that of the first, which leads.
+    ``groups``: SubDevices that may be absent; all others are always there.
     """
 
     name: str
@@ -127,6 +149,27 @@ class NetworkConfig(Located):
     sources: tuple[SourceFile, ...] = ()
     partial: bool = False
     buses: tuple[Bus, ...] = ()
+    groups: tuple[Group, ...] = ()
+
+    def group_of(self, subdevice: str) -> Group | None:
+        """Return the group that a SubDevice is in; ``None``: it is always there."""
+        return next((g for g in self.groups if subdevice in g.subdevices), None)
+
+    def combinations(self) -> tuple[tuple[str, ...], ...]:
+        """Return which groups may be there together: of each place one or none, others or not.
+
+        At most `MOST_COMBINATIONS`, the one with nothing first; empty without groups.
+        """
+        if not self.groups:
+            return ()
+        places: dict[str, list[str]] = {}
+        for group in self.groups:
+            places.setdefault(f"place {group.place}" if group.place else group.name, []).append(
+                group.name
+            )
+        rows = itertools.product(*(["", *names] for names in places.values()))
+        found = (tuple(filter(None, row)) for row in rows)
+        return tuple(itertools.islice(found, MOST_COMBINATIONS))
 
     def has_way(self, source: SubDevice, destination: SubDevice) -> bool:
         """Whether one program moves frames between them: of several masters none does."""

@@ -27,6 +27,7 @@ class StepKind(enum.Enum):
     """What a step tries."""
 
     START_UP = "start_up"
+    COMBINATION = "combination"
     TRIGGER = "trigger"
     LOSS = "loss"
     FAULT = "fault"

@@ -23,6 +23,8 @@ class Action(enum.Enum):
     LOCAL_RESET = "local_reset"
     OUTPUT = "output"
     FSOE_ADDRESS = "fsoe_address"
+    PLUG = "plug"
+    PULL = "pull"
     # On an emulated segment only:
     CUT = "cut"
     SPLICE = "splice"
@@ -55,6 +57,8 @@ _ON_SEGMENT = frozenset(Action) - {
     Action.LOCAL_RESET,
     Action.OUTPUT,
     Action.FSOE_ADDRESS,
+    Action.PLUG,
+    Action.PULL,
 }
 
 

@@ -22,7 +22,11 @@ from fsoe_net.fsoe.parameters import NOT_OBSERVED, STATED_PARAMETERS, FsoeParame
 from fsoe_net.fsoe.pdu import is_frame_length
 from fsoe_net.observe.json_object import JsonObject
 
+ABSENT = "absent, as it may be"
+"""What is found of a SubDevice whose group is absent (``fsn_found_text()``)."""
+
 __all__ = [
+    "ABSENT",
     "BusSnapshot",
     "Layout",
     "LayoutCopy",
@@ -76,6 +80,11 @@ class SubDeviceSnapshot:
     def in_op(self) -> bool:
         """Whether it is in OP without an error."""
         return self.al == "OP"
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether it is of a group that is absent, which is no fault."""
+        return self.found == ABSENT
 
     @property
     def answers(self) -> bool:

@@ -22,13 +22,21 @@ from fsoe_net.plan.model import (
     PlanConnection,
     PlanCopy,
     PlanEntry,
+    PlanGroup,
     PlanPdo,
     PlanSdo,
     PlanSubDevice,
     PlanSymbol,
     PlanSyncManager,
 )
-from fsoe_net.plan.records import BUS_RECORD, HASH_BYTES, RECORDS, STRING_BYTES, Record
+from fsoe_net.plan.records import (
+    BUS_RECORD,
+    GROUP_RECORD,
+    HASH_BYTES,
+    RECORDS,
+    STRING_BYTES,
+    Record,
+)
 
 __all__ = ["MAGIC", "decode_plan", "encode_plan"]
 
@@ -37,17 +45,19 @@ MAJOR = 1
 SECTIONS = 10
 SECTIONS_WITH_SAFETY = 11  # the last holds the hash of the safety functions
 SECTIONS_WITH_BUSES = 12
+SECTIONS_WITH_GROUPS = 13
 
 _HEADER = struct.Struct("<8sHHIIIII")
 _ROW = struct.Struct("<IIII")
 _CRC_OFFSET = 16
 
-_FORMS = {(0, SECTIONS), (1, SECTIONS_WITH_SAFETY), (2, SECTIONS_WITH_BUSES)}
+_FORMS = {(n - SECTIONS, n) for n in range(SECTIONS, SECTIONS_WITH_GROUPS + 1)}
 _SIZES = (
     *(record.layout.size for record in RECORDS),
     STRING_BYTES,
     HASH_BYTES,
     BUS_RECORD.layout.size,
+    GROUP_RECORD.layout.size,
 )
 _ROW_TYPES = (
     PlanSubDevice,
@@ -86,11 +96,14 @@ def encode_plan(plan: Plan) -> bytes:
     strings = _Strings()
     sections = _encode_sections(plan, strings)
     buses = b"".join(_packed(BUS_RECORD, plan.buses, strings))
+    groups = b"".join(_packed(GROUP_RECORD, plan.groups, strings))
     sections.append((bytes(strings.data), STRING_BYTES))
-    if plan.safety_sha256 or buses:
+    if plan.safety_sha256 or buses or groups:
         sections.append((bytes.fromhex(plan.safety_sha256), HASH_BYTES))
-    if buses:
+    if buses or groups:
         sections.append((buses, BUS_RECORD.layout.size))
+    if groups:
+        sections.append((groups, GROUP_RECORD.layout.size))
     minor = len(sections) - SECTIONS
     offset = _HEADER.size + len(sections) * _ROW.size
     table, body = bytearray(), bytearray()
@@ -176,11 +189,13 @@ def decode_plan(data: bytes) -> Plan:
     """
     sections, cycle_ns = _open(data)
     reader = _Reader(data, sections)
-    names = [field.name for field in fields(Plan)][1:-2]  # between cycle and hash: the tables
+    names = [field.name for field in fields(Plan)][1:-3]  # between cycle and hash: the tables
     rows = map(reader.rows, RECORDS, _ROW_TYPES)
     tables = dict(zip(names, rows, strict=True))
-    if len(sections) == SECTIONS_WITH_BUSES:
+    if len(sections) >= SECTIONS_WITH_BUSES:
         tables["buses"] = reader.rows(BUS_RECORD, PlanBus)
+    if len(sections) == SECTIONS_WITH_GROUPS:
+        tables["groups"] = reader.rows(GROUP_RECORD, PlanGroup)
     plan = Plan(cycle_ns=cycle_ns, safety_sha256=reader.safety_sha256(), **tables)
     _references(plan)
     return plan
@@ -199,7 +214,7 @@ def _open(data: bytes) -> tuple[list[tuple[int, int]], int]:
     if crc != zlib.crc32(data[:_CRC_OFFSET] + bytes(4) + data[_CRC_OFFSET + 4 :]):
         raise PlanFormatError("CRC-32 does not fit: the file was changed; compile it again")
     if (minor, count) not in _FORMS or reserved:
-        raise PlanFormatError("section table is damaged, or of a newer format than 1.2")
+        raise PlanFormatError("section table is damaged, or of a newer format than 1.3")
     return _section_table(data, count), cycle_ns
 
 
@@ -236,6 +251,8 @@ def _newer_sections(sections: list[tuple[int, int]]) -> None:
         raise PlanFormatError("a plan has one hash of safety functions")
     if count == SECTIONS_WITH_BUSES and sections[-1][1] < 2:
         raise PlanFormatError("a plan with buses has two of them at least")
+    if count == SECTIONS_WITH_GROUPS and (sections[-2][1] or not sections[-1][1]):
+        raise PlanFormatError("a plan with groups has one bus, and a group at least")
 
 
 class _Reader:
@@ -339,6 +356,11 @@ def _references(plan: Plan) -> None:
         _need(end, bus.first_subdevice + 1, f"bus {number}: SubDevice")
         end = bus.first_subdevice + bus.subdevice_count
         _need(end, subs + 1, f"bus {number}: SubDevice")
+    end = 0
+    for number, group in enumerate(plan.groups):
+        _need(end, group.first_subdevice + 1, f"group {number}: SubDevice")
+        end = group.first_subdevice + group.subdevice_count
+        _need(end, subs + 1, f"group {number}: SubDevice")
     for number, row in enumerate(plan.connections):
         _need(max(row.main, row.sub), subs, f"connection {number}: SubDevice")
         _need(max(row.copy_to_sub, row.copy_to_main), copies, f"connection {number}: copy")

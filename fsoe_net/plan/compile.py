@@ -26,6 +26,7 @@ from fsoe_net.plan.model import (
     PlanConnection,
     PlanCopy,
     PlanEntry,
+    PlanGroup,
     PlanPdo,
     PlanSdo,
     PlanSubDevice,
@@ -130,7 +131,22 @@ class _Compiler:
             connections=self._connections(numbers),
             safety_sha256=safety_sha256(network.safety_functions),
             buses=self._buses(),
+            groups=self._groups(),
         )
+
+    def _groups(self) -> tuple[PlanGroup, ...]:
+        network = self.resolution.network
+        numbers = {sub.name: n for n, sub in enumerate(network.subdevices)}
+        rows = (
+            PlanGroup(
+                name=group.name,
+                place=group.place,
+                first_subdevice=numbers[group.subdevices[0]],
+                subdevice_count=len(group.subdevices),
+            )
+            for group in network.groups
+        )
+        return tuple(sorted(rows, key=lambda row: row.first_subdevice))
 
     def _buses(self) -> tuple[PlanBus, ...]:
         network = self.resolution.network

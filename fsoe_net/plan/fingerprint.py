@@ -193,6 +193,11 @@ def _devices(plan: Plan) -> Iterator[str]:
             f"bus {number} cycle_ns={bus.cycle_ns} first={bus.first_subdevice}"
             f" devices={bus.subdevice_count} name={_word(bus.name)}"
         )
+    for number, group in enumerate(plan.groups):
+        yield (
+            f"group {number} first={group.first_subdevice} devices={group.subdevice_count}"
+            f" name={_word(group.name)} place={_word(group.place)}"
+        )
     for number, s in enumerate(plan.subdevices):
         yield (
             f"device {number} alias={s.alias} position={s.position}"

@@ -25,6 +25,7 @@ __all__ = [
     "PlanConnection",
     "PlanCopy",
     "PlanEntry",
+    "PlanGroup",
     "PlanPdo",
     "PlanSdo",
     "PlanSubDevice",
@@ -201,6 +202,19 @@ class PlanBus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class PlanGroup:
+    """SubDevices that may be absent, one behind the other; groups of one place are never together.
+
+    ``place`` is empty where it has no alternatives.
+    """
+
+    name: str
+    place: str
+    first_subdevice: int
+    subdevice_count: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
     """All records of a plan, in file order.
 
@@ -220,10 +234,13 @@ class Plan:
     connections: tuple[PlanConnection, ...]
     safety_sha256: str = ""
     buses: tuple[PlanBus, ...] = ()
+    groups: tuple[PlanGroup, ...] = ()
 
     @property
     def format(self) -> str:
         """Version of the plan format that it needs."""
+        if self.groups:
+            return "1.3"
         if self.buses:
             return "1.2"
         return "1.1" if self.safety_sha256 else "1.0"
@@ -232,6 +249,17 @@ class Plan:
         """Return the number of the bus of a SubDevice."""
         ends = (b.first_subdevice + b.subdevice_count for b in self.buses)
         return next((number for number, end in enumerate(ends) if subdevice < end), 0)
+
+    def group_number(self, subdevice: int) -> int | None:
+        """Return the number of the group of a SubDevice; ``None``: it is always there."""
+        for number, group in enumerate(self.groups):
+            if 0 <= subdevice - group.first_subdevice < group.subdevice_count:
+                return number
+        return None
+
+    def is_first_choice(self, group: PlanGroup) -> bool:
+        """Return whether an emulation starts with it: the first of its place, or without one."""
+        return not group.place or group == next(g for g in self.groups if g.place == group.place)
 
     def to_bytes(self) -> bytes:
         """Return the bytes of the `.fsnplan` file; equal plans give equal bytes."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-__all__ = ["BUS_RECORD", "HASH_BYTES", "RECORDS", "STRING_BYTES", "Field", "Record"]
+__all__ = ["BUS_RECORD", "GROUP_RECORD", "HASH_BYTES", "RECORDS", "STRING_BYTES", "Field", "Record"]
 
 STRING_BYTES = 1
 HASH_BYTES = 32
@@ -176,6 +176,13 @@ _BUS = """
     u32    first_subdevice first SubDevice
     u32    subdevice_count number of SubDevices
 """
+# Of format 1.3 only.
+_GROUP = """
+    string name            name, unique
+    string place           where alternatives stand; empty: it has none
+    u32    first_subdevice first SubDevice, which is found by its alias
+    u32    subdevice_count number of SubDevices, one behind the other
+"""
 RECORDS = (
     _record(1, "subdevice", _SUBDEVICE),
     _record(2, "sm", _SYNC_MANAGER),
@@ -188,3 +195,4 @@ RECORDS = (
     _record(9, "connection", _CONNECTION),
 )
 BUS_RECORD = _record(12, "bus", _BUS)
+GROUP_RECORD = _record(13, "group", _GROUP)

@@ -55,6 +55,13 @@ def plan_document(plan: Plan) -> Document:
             )
             for bus in plan.buses
         ),
+        *(
+            words(
+                f"group {group.name}: {counted(group.subdevice_count, 'SubDevice')} that may be "
+                + (f"absent, at {group.place}" if group.place else "absent")
+            )
+            for group in plan.groups
+        ),
         words(f"fingerprint {fingerprint.short} ({fingerprint.whole})"),
         words(f"SHA-256 {hashlib.sha256(plan.to_bytes()).hexdigest()}"),
     ]

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from fsoe_net.diag.words import counted, listed
 from fsoe_net.document.model import (
     BLANK,
+    Bullets,
     Cell,
     Column,
     Heading,
@@ -31,7 +32,7 @@ from fsoe_net.fsoe.crc import sra_crc
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.library import Library
-from fsoe_net.model.network import Bus
+from fsoe_net.model.network import MOST_COMBINATIONS, Bus, NetworkConfig
 from fsoe_net.model.protocol import DeviceEntry
 from fsoe_net.model.resolve import Connection
 from fsoe_net.model.scan import ScannedSubDevice
@@ -81,6 +82,7 @@ def architecture(inputs: ReportInputs) -> ReportSection:
         shown = list(network.subdevices)
     entries = _entries(inputs, mains, subs)
     parts += [Heading("SubDevices"), _subdevices(shown, inputs, mains, subs)]
+    parts += _groups(network)
     points = []
     for key, word in _READ.items():
         names = [e.subdevice for e in entries if key in e.blank()]
@@ -90,6 +92,35 @@ def architecture(inputs: ReportInputs) -> ReportSection:
     return ReportSection(
         key="architecture", title="Architecture", parts=tuple(parts), points=tuple(points)
     )
+
+
+def _groups(network: NetworkConfig) -> list[Part]:
+    """Return who may be absent, and which of them may be there together."""
+    if not network.groups:
+        return []
+    rows = tuple(
+        (
+            cell(strong(g.name)),
+            cell(g.place or muted("no alternatives")),
+            cell(", ".join(g.subdevices)),
+        )
+        for g in network.groups
+    )
+    found = network.combinations()
+    more = "; further ones are not listed" if len(found) == MOST_COMBINATIONS else ""
+    return [
+        Heading("Groups that may be absent"),
+        Table(
+            name="groups",
+            columns=(Column("Group"), Column("Place"), Column("SubDevices")),
+            rows=rows,
+            remark="Groups of one place are never there together. While one is absent, its "
+            "connections are not in Data, and that is no fault.",
+        ),
+        Heading("Combinations"),
+        Bullets(tuple((Text(", ".join(names) or "none of them"),) for names in found)),
+        *([Paragraph((Text(f"The first {len(found)}{more}."),))] if more else []),
+    ]
 
 
 def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[DeviceEntry]:

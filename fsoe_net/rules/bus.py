@@ -26,7 +26,8 @@ def check_bus(ctx: Context) -> None:
         there = places.setdefault(place, sub)
         if there is not sub and not (same_name and there is first):
             _place_twice(ctx, sub, there)
-        if sub.alias and sub.device is not None and sub.device.sdos:
+        is_group = ctx.resolution.network.group_of(sub.name) is not None
+        if sub.alias and not is_group and sub.device is not None and sub.device.sdos:
             ctx.add(
                 "FSN417",
                 sub.at("alias"),

@@ -12,6 +12,7 @@ from fsoe_net.rules.devices import check_devices
 from fsoe_net.rules.ends import check_ends
 from fsoe_net.rules.frames import check_frames
 from fsoe_net.rules.fsoe import check_fsoe
+from fsoe_net.rules.groups import check_groups
 from fsoe_net.rules.nets import check_nets
 from fsoe_net.rules.runtime import Runtime, check_runtime
 
@@ -30,6 +31,7 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     # Order matters: a mistake in one place is named there, and not again by the rules behind it.
     check_devices(ctx)
     check_bus(ctx)
+    check_groups(ctx)
     check_connections(ctx)
     check_ends(ctx)
     check_frames(ctx)

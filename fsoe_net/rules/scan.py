@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from fsoe_net.diag.diagnostic import (
     Diagnostic,
@@ -31,7 +32,8 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
         resolution: The network, resolved.
         scan: What is on the bus.
     """
-    network, out = resolution.network, FindingList()
+    network, scan = _present(resolution.network, scan)
+    out = FindingList()
     addresses = {
         fact.sub: fact.address
         for net in network.nets
@@ -56,6 +58,24 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
     answering = {name: there for name, there in found.items() if not there.is_silent}
     check_fsoe_values(out, network, answering)
     return sort_diagnostics(out.diagnostics)
+
+
+def _present(network: NetworkConfig, scan: Scan) -> tuple[NetworkConfig, Scan]:
+    """Leave out the groups whose alias is not on the bus: they may be absent."""
+    here = {there.alias for there in scan.subdevices if not there.is_silent}
+    aliases = {sub.name: sub.alias for sub in network.subdevices}
+    absent = {
+        name
+        for group in network.groups
+        for name in group.subdevices
+        if aliases.get(group.subdevices[0]) not in here
+    }
+    if not absent:
+        return network, scan
+    found = (t for t in scan.subdevices if not (t.is_silent and t.planned in absent))
+    rows = tuple(replace(there, position=place) for place, there in enumerate(found))
+    left = tuple(sub for sub in network.subdevices if sub.name not in absent)
+    return replace(network, subdevices=left), replace(scan, subdevices=rows)
 
 
 def _place(sub: SubDevice) -> Span:

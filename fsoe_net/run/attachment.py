@@ -73,11 +73,14 @@ class BusView:
 
     @property
     def good(self) -> bool:
-        """Whether now every connection is in Data and every SubDevice in OP."""
+        """Whether now every connection is in Data and every SubDevice in OP, or may be absent."""
         if not self.current or self.snapshot is None:
             return False
-        in_data = all(is_data(c.result.state) for c in self.connections)
-        return in_data and all(s.in_op for s in self.snapshot.subdevices if s.known)
+        rows = self.snapshot.subdevices
+        absent = {s.name for s in rows if s.is_absent}
+        results = [c.result for c in self.connections]
+        in_data = all(is_data(c.state) or {c.main, c.sub} & absent for c in results)
+        return in_data and all(s.in_op or s.is_absent for s in rows if s.known)
 
     def to_json(self) -> dict[str, object]:
         """Return the view as ``fsoe-net monitor`` writes it (``docs/reference/json-output.md``)."""

@@ -48,6 +48,8 @@ class BusEvents:
             self._connection(event, at_ns)
         elif kind == "subdevice":
             self.log(str(event["subdevice"]), _subdevice_text(event), at_ns=at_ns)
+        elif kind == "group":
+            self.log(str(event["group"]), str(event.get("text", "")), at_ns=at_ns)
         elif kind == "bus":
             pass  # its SubDevices say the same, and in which state each is
         elif kind == "lost":

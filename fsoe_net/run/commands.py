@@ -150,6 +150,8 @@ def _sdo_abort(words: Sequence[str], span: Span) -> ScenarioStep:
 _FORMS = {
     "break": _Form("SUBDEVICE", _target(Action.BREAK)),
     "heal": _Form("SUBDEVICE", _target(Action.HEAL)),
+    "plug": _Form("GROUP", _target(Action.PLUG)),
+    "pull": _Form("GROUP", _target(Action.PULL)),
     "power-cycle": _Form("SUBDEVICE", _target(Action.POWER_CYCLE)),
     "local-reset": _Form("CONNECTION", _target(Action.LOCAL_RESET)),
     "press": _Form("", _button(Action.PRESS)),

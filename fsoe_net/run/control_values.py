@@ -20,6 +20,7 @@ __all__ = [
     "BusStatus",
     "ClocksStatus",
     "CycleClient",
+    "GroupStatus",
     "HistoryMessage",
     "RingStatus",
     "ScanReply",
@@ -163,6 +164,20 @@ class CycleClient:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GroupStatus:
+    """SubDevices that may be absent. ``place``: of its alternatives, empty without any.
+
+    ``state``: ``absent``, ``wrong`` (something stands there that is not taken in), ``coming`` (not
+    all of it is in OP), ``there``; empty while the bus is not open. ``detail``: what is wrong.
+    """
+
+    name: str
+    place: str
+    state: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
@@ -172,7 +187,8 @@ class Status:
     where no process follows, ``interventions`` without an intervention log, ``cpu`` when the cyclic
     thread may run on any.
     ``buses`` is empty where there is one bus; of several, counts outside it are of all together,
-    in cycles of the first. ``in_cycle``: clients that share memory with the cycle.
+    in cycles of the first. ``in_cycle``: clients that share memory with the cycle. ``absent``
+    SubDevices are of ``groups``, and not ``missing``.
     """
 
     state: BusState
@@ -208,6 +224,8 @@ class Status:
     missing: int
     buses: tuple[BusStatus, ...] = ()
     in_cycle: tuple[CycleClient, ...] = ()
+    absent: int = 0
+    groups: tuple[GroupStatus, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -324,6 +342,8 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     row["version"] = "" if reported is None else str(reported["version"])
     row["buses"] = tuple(map(_bus_status, reply.get("buses", ())))
     row["in_cycle"] = tuple(CycleClient(**client) for client in reply.get("in_cycle", ()))
+    row["absent"] = int(reply["subdevices"].get("absent", 0))
+    row["groups"] = tuple(map(_group_status, reply.get("groups", ())))
     return Status(**{f.name: row[f.name] for f in fields(Status)})
 
 
@@ -340,6 +360,10 @@ def _ring(row: Mapping[str, Any]) -> RingStatus:
 def _bus_status(row: Mapping[str, Any]) -> BusStatus:
     values = {**row, "interface": row["interface"] or ""}
     return BusStatus(**{f.name: values[f.name] for f in fields(BusStatus)})
+
+
+def _group_status(row: Mapping[str, Any]) -> GroupStatus:
+    return GroupStatus(**{f.name: str(row[f.name] or "") for f in fields(GroupStatus)})
 
 
 def _log_status(row: Mapping[str, Any] | None) -> LogStatus | None:

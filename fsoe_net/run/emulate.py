@@ -119,7 +119,7 @@ class SegmentSession(ScenarioRun):
         engine.finish(duration_ns)
         verdicts = engine.verdicts()
         connections = self.connections()
-        in_data = all(map(is_data, connections.values()))
+        in_data = all(is_data(connections[name]) for name in connections if self.is_due(name))
         return EmulateResult(
             duration_ms=duration_ns / 1e6,
             states=self.states(),

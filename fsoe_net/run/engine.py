@@ -37,6 +37,8 @@ class Engine:
         scenario: Steps and expectations, or ``None``: then reset is pressed once when all
             connections are in Data.
         set_present: Unplugs a SubDevice by name or plugs it in.
+        plug: Plugs a group in by name, or pulls it.
+        is_due: Whether a connection can be in Data: its ends are not of a group that is absent.
         set_output: Sets a standard output by symbol name.
         set_input: Sets a standard input by symbol name.
         on_bus: Does what a step means for the bus itself.
@@ -48,6 +50,8 @@ class Engine:
         scenario: Scenario | None,
         *,
         set_present: Callable[[str, bool], None],
+        plug: Callable[[str, bool], None],
+        is_due: Callable[[str], bool],
         set_output: Callable[[str, int], None],
         set_input: Callable[[str, int], None],
         on_bus: Callable[[ScenarioStep], None],
@@ -60,6 +64,8 @@ class Engine:
         self.last_reset: dict[str, int] = {}
         self._scenario = scenario
         self._set_present = set_present
+        self._plug = plug
+        self._is_due = is_due
         self._set_output = set_output
         self._set_input = set_input
         self._on_bus = on_bus
@@ -102,8 +108,10 @@ class Engine:
                     self._set_input(name, value)
         elif step.action in (Action.PRESS, Action.RELEASE):
             self._press(step.action is Action.PRESS)
-        elif step.action in (Action.BREAK, Action.HEAL):
-            self._set_present(step.target, step.action is Action.HEAL)
+        elif step.action in (Action.BREAK, Action.HEAL, Action.PLUG, Action.PULL):
+            is_group = step.action in (Action.PLUG, Action.PULL)
+            change = self._plug if is_group else self._set_present
+            change(step.target, step.action in (Action.HEAL, Action.PLUG))
         elif step.action is Action.POWER_CYCLE:
             self.network.devices[step.target].power_cycle()
             self._on_bus(step)
@@ -128,7 +136,7 @@ class Engine:
             self._press(False)
             self._auto_release_ns = None
         times = self.time_to_data_ns
-        settled = len(times) == len(self.network.mains) and (
+        settled = all(n in times for n in self.network.mains if self._is_due(n)) and (
             now_ns >= max(times.values(), default=0) + _AUTO_PRESS_NS
         )
         if not self._auto_pressed and settled:
@@ -184,7 +192,8 @@ class Engine:
     def _mismatch(self, expectation: Expectation) -> str:
         """Return what was seen instead, or an empty text."""
         most = math.inf if expectation.max_resets is None else expectation.max_resets
-        names = [expectation.connection] if expectation.connection else list(self.network.mains)
+        due = filter(self._is_due, self.network.mains)
+        names = [expectation.connection] if expectation.connection else list(due)
         for name in names:
             state = state_word(self.network.mains[name], self.network.subs[name])
             if not _agrees(expectation.state, state):

@@ -167,7 +167,7 @@ class IncidentRecorder:
             self._note(
                 "subdevice",
                 now_ns,
-                "warning" if gone else "info",
+                "warning" if gone and name not in self._session.away else "info",
                 f"SubDevice {name}: {before} -> {after}",
                 subdevice=name,
                 before=before,
@@ -181,7 +181,8 @@ class IncidentRecorder:
         if event.before is event.after:
             self._parameters(event, name)
             return
-        left = event.before.in_data and not event.after.in_data
+        due = self._session.is_due(name)
+        left = event.before.in_data and not event.after.in_data and due
         keys: dict[str, Any] = {
             "connection": name,
             "before": event.before.text,

@@ -220,9 +220,17 @@ def _facts(connection: Connection) -> PlannedConnection:
 def _all_in_data(
     connections: Sequence[ConnectionResult], subdevices: Sequence[SubDeviceSnapshot]
 ) -> bool:
-    """Return whether all are in Data; the last frame of a SubDevice that is gone does not count."""
+    """Return whether all are in Data; the last frame of a SubDevice that is gone does not count.
+
+    Nor do connections of groups that are absent.
+    """
     away = {s.name for s in subdevices if s.known and not s.in_op}
-    return all(is_data(c.state) and not {c.main, c.sub} & away for c in connections)
+    absent = {s.name for s in subdevices if s.is_absent}
+    due = [{c.main, c.sub} for c in connections if not is_data(c.state)]
+    ends = [{c.main, c.sub} for c in connections]
+    return all(both & absent for both in due) and all(
+        both & absent or not both & away for both in ends
+    )
 
 
 def run_on_bus(

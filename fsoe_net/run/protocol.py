@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
+from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.protocol import DeviceEntry, Protocol, ProtocolStep, StepKind
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safety import ElementKind, SafetyFunction
 from fsoe_net.plan.fingerprint import short_code
 
-__all__ = ["compare_protocol", "connections_of", "keep_machine", "make_protocol"]
+__all__ = [
+    "compare_protocol",
+    "connection_is_due",
+    "connections_of",
+    "keep_machine",
+    "make_protocol",
+]
 
 _BACK = "`fsoe-net test-protocol … -o` this file puts it back, and keeps what is filled in"
 
@@ -29,6 +36,7 @@ def make_protocol(resolution: Resolution, plan_bytes: bytes, *, fingerprint: str
     """
     network = resolution.network
     steps = [_start_up(connection) for connection in resolution.connections]
+    steps += [_combination(resolution, present) for present in network.combinations()]
     steps += [_trigger(function) for function in network.safety_functions]
     names = dict.fromkeys(sub.name for sub in network.subdevices)
     steps += [_loss(name, connections_of(resolution, name)) for name in names]
@@ -67,6 +75,29 @@ def _start_up(connection: Connection) -> ProtocolStep:
         what="Switch on everything and wait; press nothing.",
         expected=f"{connection.name} reaches state Data; no output is on before a reset.",
     )
+
+
+def _combination(resolution: Resolution, present: Sequence[str]) -> ProtocolStep:
+    network = resolution.network
+    absent = [g.name for g in network.groups if g.name not in present]
+    due = [c.name for c in resolution.connections if connection_is_due(c, network, present)]
+    there = ", ".join(present) or "no group"
+    without = f", without {', '.join(absent)}" if absent else ""
+    return ProtocolStep(
+        id=f"combination {'+'.join(present) or 'none'}",
+        kind=StepKind.COMBINATION,
+        subject="+".join(present),
+        what=f"With the area guarded, plug in {there}{without} while everything else runs; press "
+        "nothing.",
+        expected=f"{', '.join(due) or 'No connection'} reaches or keeps Data; no other connection "
+        "does, and no output comes on before a reset.",
+    )
+
+
+def connection_is_due(c: Connection, network: NetworkConfig, present: Collection[str]) -> bool:
+    """Return whether both ends of a connection are there with these groups."""
+    groups = (network.group_of(c.main.name), network.group_of(c.sub.name))
+    return all(group is None or group.name in present for group in groups)
 
 
 def _trigger(function: SafetyFunction) -> ProtocolStep:

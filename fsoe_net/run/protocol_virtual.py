@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 
 from fsoe_net.diag.diagnostic import Span
@@ -14,6 +14,7 @@ from fsoe_net.model.safety import ElementKind, SafetyFunction
 from fsoe_net.model.scenario import Action, Scenario, ScenarioStep
 from fsoe_net.run.campaign import campaign_links, run_campaign
 from fsoe_net.run.engine import state_word
+from fsoe_net.run.protocol import connection_is_due
 from fsoe_net.run.result import is_data
 from fsoe_net.run.session import Session, counted_session_ids
 
@@ -65,14 +66,16 @@ class _Emulation:
         self._resolution = resolution
         self._plan_bytes = plan_bytes
         self._faults = faults
-        first = self._session(())
+        self._prelude: tuple[ScenarioStep, ...] = ()
         self._early = False
-        names = first.network.mains.keys()
-        for _now in _cycles(first, _PATIENCE_NS):
-            self._early = self._early or bool(_on(first, first.network.safe_outputs))
-            if first.engine.time_to_data_ns.keys() == names:
-                break
-        self._to_data_ns = dict(first.engine.time_to_data_ns)
+        self._to_data_ns: dict[str, int] = {}
+        first = self._session(())
+        self._start(first)
+        for connection in resolution.connections:
+            if connection.name not in self._to_data_ns and not first.is_due(connection.name):
+                self._plug_for({connection.main.name, connection.sub.name})
+                self._start(self._session(()))
+        self._prelude = ()
         self._cycle_ns = first.cycle_ns
         settled = max(self._to_data_ns.values(), default=0) + _SETTLE_NS
         self._act_ns = settled // self._cycle_ns * self._cycle_ns + 4 * _SETTLE_NS
@@ -82,8 +85,53 @@ class _Emulation:
         )
         self._watchdog_ns = max(s.watchdog_ms for s in first.network.setups) * _MS
 
+    def _start(self, session: Session) -> None:
+        """Run until all connections whose ends are there have reached Data."""
+        due = {name for name in session.network.mains if session.is_due(name)}
+        for _now in _cycles(session, _PATIENCE_NS):
+            self._early = self._early or bool(_on(session, session.network.safe_outputs))
+            if due <= session.engine.time_to_data_ns.keys():
+                break
+        self._to_data_ns = session.engine.time_to_data_ns | self._to_data_ns
+
+    def _plug_for(self, names: Collection[str]) -> None:
+        """Begin every session with the groups of these SubDevices, and without their rivals."""
+        groups = self._resolution.network.groups
+        wanted = [g for g in groups if set(names) & set(g.subdevices)]
+        places = {g.place for g in wanted if g.place}
+        rivals = [g for g in groups if g.place in places and g not in wanted]
+        self._prelude = (
+            *(_step(0, Action.PULL, g.name) for g in rivals),
+            *(_step(0, Action.PLUG, g.name) for g in wanted),
+        )
+
+    def _combination(self, step: ProtocolStep) -> StepResult:
+        present = [name for name in step.subject.split("+") if name]
+        network = self._resolution.network
+        self._prelude = tuple(
+            _step(0, Action.PLUG if g.name in present else Action.PULL, g.name)
+            for g in network.groups
+        )
+        session = self._session(())
+        rows = self._resolution.connections
+        due = {c.name for c in rows if connection_is_due(c, network, present)}
+        for _now in _cycles(session, self._act_ns):
+            pass
+        ends = session.network
+        in_data = {n for n, main in ends.mains.items() if is_data(state_word(main, ends.subs[n]))}
+        return StepResult(
+            outcome=StepOutcome.AS_EXPECTED if in_data == due else StepOutcome.NOT_AS_EXPECTED,
+            remark=f"{len(in_data)} of {counted(len(due), 'connection')} in Data",
+        )
+
     def seen(self, step: ProtocolStep) -> StepResult:
         """Try one step."""
+        if step.kind is StepKind.COMBINATION:
+            return self._combination(step)
+        functions = {f.name: f for f in self._resolution.network.safety_functions}
+        function = functions.get(step.subject) if step.kind is StepKind.TRIGGER else None
+        parts = {e.sub for e in function.elements if e.sub} if function else set()
+        self._plug_for({step.subject} | parts)
         if step.kind is StepKind.START_UP:
             return self._start_up(step)
         if step.kind is StepKind.FAULT:
@@ -92,12 +140,11 @@ class _Emulation:
             return _not_run("not all connections reached Data")
         if step.kind is StepKind.LOSS:
             return self._loss(step)
-        functions = {f.name: f for f in self._resolution.network.safety_functions}
         return self._trigger(step, functions[step.subject])
 
     def _session(self, steps: Iterable[ScenarioStep]) -> Session:
         scenario = Scenario(
-            span=Span("test protocol"), path="", duration_ns=None, steps=tuple(steps)
+            span=Span("test protocol"), path="", duration_ns=None, steps=(*self._prelude, *steps)
         )
         return Session(
             self._resolution, self._plan_bytes, scenario, session_ids=counted_session_ids()

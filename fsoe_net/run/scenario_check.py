@@ -36,6 +36,7 @@ class ScenarioNames:
     devices: frozenset[str]
     connections: frozenset[str]
     subs: frozenset[str]
+    groups: frozenset[str]
     segment: bool
     """Whether the bus is an emulated segment, with cables and mailboxes."""
 
@@ -51,6 +52,7 @@ class ScenarioNames:
             devices=frozenset(network.devices),
             connections=frozenset(network.mains),
             subs=frozenset(p.setup.connection.sub.name for p in network.subs.values()),
+            groups=frozenset(g.name for g in plan.groups),
             segment=segment,
         )
 
@@ -117,6 +119,8 @@ class _Check:
             self.values(step.values, names.outputs, "standard output", step)
         elif step.action in (Action.BREAK, Action.HEAL):
             self.known(step.target, names.subdevices, "SubDevice", span)
+        elif step.action in (Action.PLUG, Action.PULL):
+            self.known(step.target, names.groups, "group", span)
         elif step.action is Action.POWER_CYCLE:
             self.known(step.target, names.devices, "SubDevice with process data", span)
         elif step.action is Action.LOCAL_RESET:

@@ -82,6 +82,13 @@ class ScenarioRun(abc.ABC):
             self.network.choose_logic(LogicChoice())
         self._engine: Engine | None = None
         self._ports: dict[str, _Port] = {}
+        self.away = {
+            self.plan.subdevice_names[group.first_subdevice + number]
+            for group in self.records.groups
+            if not self.records.is_first_choice(group)
+            for number in range(group.subdevice_count)
+        }
+        self._tell_logic()
         bus = self._open()
         for sub in self.records.subdevices:
             numbers = range(sub.first_sm, sub.first_sm + sub.sm_count)
@@ -135,6 +142,8 @@ class ScenarioRun(abc.ABC):
                 self.network,
                 self.scenario,
                 set_present=self._set_present,
+                plug=self._plug,
+                is_due=self.is_due,
                 set_output=self._set_output,
                 set_input=self._set_input,
                 on_bus=self._on_bus,
@@ -144,6 +153,27 @@ class ScenarioRun(abc.ABC):
     @abc.abstractmethod
     def _set_present(self, name: str, present: bool) -> None:
         """Unplug a SubDevice or plug it in."""
+
+    def is_due(self, connection: str) -> bool:
+        """Return whether both ends of a connection are there, or must be."""
+        setup = self.network.subs[connection].setup.connection
+        return not {setup.main.name, setup.sub.name} & self.away
+
+    def _plug(self, name: str, present: bool) -> None:
+        group = next(g for g in self.records.groups if g.name == name)
+        for number in range(group.subdevice_count):
+            member = self.plan.subdevice_names[group.first_subdevice + number]
+            self._set_present(member, present)
+            if present and member in self.network.devices:
+                self.network.devices[member].power_cycle()
+            (self.away.discard if present else self.away.add)(member)
+        self._tell_logic()
+
+    def _tell_logic(self) -> None:
+        """Safety logic asks nothing of a connection whose other end is absent by design."""
+        away = {name for name in self.network.mains if not self.is_due(name)}
+        for device in self.network.masters:
+            device.away = away
 
     @abc.abstractmethod
     def _set_output(self, name: str, value: int) -> None:

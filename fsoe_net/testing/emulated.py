@@ -45,8 +45,9 @@ class EmulatedNetwork:
 
     @property
     def in_data(self) -> bool:
-        """Whether every connection is in Data."""
-        return all(is_data(row.state) for row in self.connections.values())
+        """Whether every connection is in Data whose ends are there."""
+        rows = self.connections
+        return all(is_data(rows[name].state) for name in rows if self._session.is_due(name))
 
     def advance(self, seconds: float) -> None:
         """Let bus cycles pass, one at least."""

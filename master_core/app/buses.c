@@ -120,6 +120,16 @@ static int check_interfaces(void) {
     return -1;
 }
 
+int buses_check_groups(const struct options *o, const struct fsn_plan *plan) {
+    if (fsn_plan_group_count(plan) == 0 || (o->redundant == NULL && !o->take_over && !o->standby)) {
+        return -1;
+    }
+    return options_wrong(o->redundant != NULL ? "--redundant"
+                         : o->standby         ? "--standby"
+                                              : "--take-over",
+                         NULL, "the plan has groups that may be absent");
+}
+
 int buses_choose(struct options *options, const struct fsn_plan *plan,
                  const struct fsn_backend **backend) {
     const uint32_t count = fsn_plan_bus_count(plan);

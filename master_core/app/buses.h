@@ -11,4 +11,7 @@
 int buses_choose(struct options *options, const struct fsn_plan *plan,
                  const struct fsn_backend **backend);
 
+/** Refuses options that a plan with groups does not go with; -1: none is given. */
+int buses_check_groups(const struct options *options, const struct fsn_plan *plan);
+
 #endif

@@ -234,6 +234,9 @@ static int run(struct options *options, const struct words *words) {
     if (code == -1) {
         code = check_plan(plan, options);
     }
+    if (code == -1) {
+        code = buses_check_groups(options, plan);
+    }
     const bool second = options->take_over || options->standby;
     if (code == -1 && second) {
         code = former_find(&former, options, plan, backend);

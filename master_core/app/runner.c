@@ -113,7 +113,8 @@ static void tell_findings(const struct runner *runner) {
     for (uint32_t n = 0; runner->has_found && n < fsn_plan_subdevice_count(runner->plan); n++) {
         struct fsn_subdevice_info info;
         const struct fsn_bus_subdevice *seen = &runner->found[n];
-        if (seen->found > FSN_FOUND_RIGHT && fsn_plan_subdevice(runner->plan, n, &info) == FSN_OK) {
+        if (seen->found > FSN_FOUND_RIGHT && seen->found != FSN_FOUND_ABSENT &&
+            fsn_plan_subdevice(runner->plan, n, &info) == FSN_OK) {
             log_line(FSN_LOG_WARNING, "SubDevice %.80s: %s%s%s", info.name,
                      fsn_found_text(seen->found), seen->detail[0] != 0 ? ": " : "", seen->detail);
         }

@@ -5,9 +5,10 @@
 #include <string.h>
 #include <sys/prctl.h>
 
-enum { SECTIONS = 10, MOST_SECTIONS = 12 };
+enum { SECTIONS = 10, WITH_BUSES = 12, MOST_SECTIONS = 13 };
 
-static const uint32_t record_bytes[MOST_SECTIONS] = {48, 24, 16, 12, 16, 44, 16, 32, 40, 1, 32, 16};
+static const uint32_t record_bytes[MOST_SECTIONS] = {48, 24, 16, 12, 16, 44, 16,
+                                                     32, 40, 1,  32, 16, 16};
 
 /** A test that waits for long ends with the program that runs it. */
 __attribute__((constructor)) static void end_with_parent(void) {
@@ -250,15 +251,37 @@ static void buses(struct buffer *b, const struct build *n) {
     }
 }
 
+static void groups(struct buffer *b, const struct build *n) {
+    for (uint32_t i = 0; i < n->group_count; i++) {
+        put(b, 1, 4);
+        put(b, n->groups[i].has_place, 4);
+        put(b, n->groups[i].first_subdevice, 4);
+        put(b, n->groups[i].subdevice_count, 4);
+    }
+}
+
+/** The SubDevices of groups have an alias. */
+static void set_aliases(uint8_t *first, const struct build *n) {
+    for (uint32_t i = 0; i < n->group_count; i++) {
+        const struct build_group *g = &n->groups[i];
+        for (uint32_t m = 0; m < g->subdevice_count; m++) {
+            uint8_t *record = first + (size_t)record_bytes[0] * (g->first_subdevice + m);
+            poke(record + 4, 0x0500u + g->first_subdevice + (m << 16));
+        }
+    }
+}
+
 uint8_t *build_plan(const struct build *n, size_t *len_bytes) {
     struct order *order = sorted(n);
     struct buffer b = {0};
     size_t start[MOST_SECTIONS + 1];
-    const int sections = n->bus_count > 0 ? MOST_SECTIONS : SECTIONS;
+    const int sections = n->group_count > 0 ? MOST_SECTIONS
+                         : n->bus_count > 0 ? WITH_BUSES
+                                            : SECTIONS;
     put(&b, 0, 8);
     memcpy(b.bytes, "FSNPLAN", 8);
     put(&b, 1, 2);
-    put(&b, n->bus_count > 0 ? 2 : 0, 2);
+    put(&b, (uint64_t)(sections - SECTIONS), 2);
     put(&b, 0, 8);
     put(&b, n->cycle_ns, 4);
     put(&b, (uint64_t)sections, 4);
@@ -302,11 +325,15 @@ uint8_t *build_plan(const struct build *n, size_t *len_bytes) {
         case 11:
             buses(&b, n);
             break;
+        case 12:
+            groups(&b, n);
+            break;
         default:
             break;
         }
     }
     start[sections] = b.len;
+    set_aliases(b.bytes + start[0], n);
     for (int s = 0; s < sections; s++) {
         uint8_t *row = b.bytes + 32 + 16 * s;
         poke(row, (uint32_t)s + 1);

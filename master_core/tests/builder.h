@@ -46,6 +46,12 @@ struct build_bus {
     uint32_t cycle_ns, first_subdevice, subdevice_count;
 };
 
+/** SubDevices that may be absent, found by the alias 0x0500 and the number of the first. */
+struct build_group {
+    uint32_t first_subdevice, subdevice_count;
+    uint32_t has_place; /**< 1: all such groups have the same place */
+};
+
 /** A network of `count` SubDevices, each with one output and one input sync manager. */
 struct build {
     uint32_t subdevices;
@@ -58,6 +64,8 @@ struct build {
     uint32_t symbol_count, block_count, sdo_count; /**< all SDOs belong to the last SubDevice */
     const struct build_bus *buses;
     uint32_t bus_count; /**< more than 0: format 1.2 */
+    const struct build_group *groups;
+    uint32_t group_count; /**< more than 0: format 1.3 */
 };
 
 /** Returns plan bytes to be freed by the caller; copies are sorted by destination here. */

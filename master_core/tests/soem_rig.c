@@ -63,31 +63,34 @@ static void add_sync(uint8_t *bytes, size_t len) {
     build_fix_crc(bytes, len);
 }
 
-static struct rig *make(const char *second, bool sync) {
+struct rig *set_up_plans(const char *second, uint8_t *bytes, const uint8_t *of_segment,
+                         size_t len) {
     struct rig *rig = calloc(1, sizeof *rig);
     CHECK(rig != NULL);
-    size_t len;
-    rig->bytes = build(&len);
-    if (sync) {
-        add_sync(rig->bytes, len);
-    }
-    CHECK(fsn_plan_load(rig->bytes, len, &rig->plan, NULL) == FSN_OK);
-    CHECK(fsn_plan_load(rig->bytes, len, &rig->plan_of_segment, NULL) == FSN_OK);
+    rig->bytes = bytes;
+    CHECK(fsn_plan_load(bytes, len, &rig->plan, NULL) == FSN_OK);
+    CHECK(fsn_plan_load(of_segment, len, &rig->plan_of_segment, NULL) == FSN_OK);
     CHECK(fsn_segment_create(rig->plan_of_segment, &rig->segment) == FSN_OK);
     const struct fsn_segment_link_options options = {.interface = "far", .interface2 = second};
     CHECK(fsn_segment_link(rig->segment, &options, NULL) == FSN_OK);
-    rig->live = (struct fsn_live_options){.interface = "near",
-                                          .redundant = second != NULL ? "near2" : NULL,
-                                          .dc_every = sync ? 0 : 5};
+    rig->live = (struct fsn_live_options){
+        .interface = "near", .redundant = second != NULL ? "near2" : NULL, .dc_every = 5};
     return rig;
 }
 
 struct rig *set_up_with(const char *second) {
-    return make(second, false);
+    size_t len;
+    uint8_t *bytes = build(&len);
+    return set_up_plans(second, bytes, bytes, len);
 }
 
 struct rig *set_up_with_sync(void) {
-    return make(NULL, true);
+    size_t len;
+    uint8_t *bytes = build(&len);
+    add_sync(bytes, len);
+    struct rig *rig = set_up_plans(NULL, bytes, bytes, len);
+    rig->live.dc_every = 0;
+    return rig;
 }
 
 struct rig *set_up(void) {

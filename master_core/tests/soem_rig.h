@@ -31,6 +31,8 @@ uint8_t *build(size_t *len);
 struct rig *set_up_with(const char *second);
 /** The subs start SYNC0, and clocks are on for that alone. */
 struct rig *set_up_with_sync(void);
+/** With plans of the test's own: one for the bus, one of the same length for the segment. */
+struct rig *set_up_plans(const char *second, uint8_t *bytes, const uint8_t *of_segment, size_t len);
 struct rig *set_up(void);
 /** Opens the bus once. */
 fsn_status open_bus(struct rig *rig);

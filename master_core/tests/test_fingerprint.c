@@ -138,7 +138,7 @@ static void format_1_1_is_read(void) {
     bytes[10] = 0;
     build_fix_crc(bytes, len);
     CHECK(load(bytes, len, NULL) == FSN_E_PLAN_SECTION);
-    bytes[10] = 3;
+    bytes[10] = 4;
     build_fix_crc(bytes, len);
     struct fsn_fault fault;
     CHECK(load(bytes, len, &fault) == FSN_E_PLAN_VERSION);

@@ -52,6 +52,26 @@ static void bus_is_refused(void) {
     tear_down(rig);
 }
 
+static void groups_are_refused(void) {
+    static const struct build_sm sm[2][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}};
+    static const struct build_copy pair[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}};
+    static const struct build_group group = {1, 1, 0};
+    const struct build build = {.subdevices = 2,
+                                .sm = sm,
+                                .copies = pair,
+                                .pairs = 1,
+                                .cycle_ns = 1000000,
+                                .groups = &group,
+                                .group_count = 1};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    struct rig *rig = set_up();
+    fsn_plan_free(rig->plan);
+    CHECK(fsn_plan_load(bytes, len, &rig->plan, NULL) == FSN_OK);
+    free(bytes);
+    refuses(rig, FSN_E_ARG, "");
+}
+
 static void other_devices_are_refused(void) {
     struct rig *rig = set_up();
     fake.device[1].info.product_code = 0x99;
@@ -322,6 +342,7 @@ int main(void) {
     options_are_checked();
     bus_is_refused();
     other_devices_are_refused();
+    groups_are_refused();
     mappings_are_checked();
     sdos_are_written();
     return 0;

@@ -190,6 +190,8 @@ def test_what_only_an_emulated_segment_does():
         "local_reset",
         "output",
         "fsoe_address",
+        "plug",
+        "pull",
     }
 
 

@@ -214,7 +214,8 @@ def test_what_a_step_does_to_a_segment(
 def test_what_a_step_may_name_on_a_segment(action: Action, more: dict[str, Any], text: str):
     names = ScenarioNames(
         safe_inputs={}, safe_outputs={}, inputs={}, outputs={}, subdevices=frozenset("a"),
-        devices=frozenset(), connections=frozenset(), subs=frozenset(), segment=True,
+        devices=frozenset(), connections=frozenset(), groups=frozenset(),
+        subs=frozenset(), segment=True,
     )  # fmt: skip
     found = check_step(ScenarioStep(span=HERE, at_ns=0, action=action, **more), names)
     assert "".join(d.message for d in found) == text

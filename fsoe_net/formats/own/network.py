@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.formats.own.buses import buses_from_yaml, check_subdevices, cycle_from_yaml
+from fsoe_net.formats.own.groups import groups_from_yaml
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import (
@@ -215,7 +216,12 @@ class _Assembly:
             safety_functions=safety_functions_from_yaml(root, self.out),
             project=root.text("project") or "",
         )
-        return replace(network, fields=root.places(), buses=tuple(b.bus for b in buses))
+        return replace(
+            network,
+            fields=root.places(),
+            buses=tuple(b.bus for b in buses),
+            groups=groups_from_yaml(root, self.out),
+        )
 
     def _on_buses(self, rows: Sequence[Sequence[MapNode]]) -> list[SubDevice]:
         """Read what stands outside of buses, which are on the first, then on each bus."""

@@ -70,7 +70,8 @@ enum {
     X(ADDRESS, 5, "another FSoE address")                                                          \
     X(SDO, 6, "refused a start-up SDO")                                                            \
     X(STATE, 7, "refused a state")                                                                 \
-    X(CLOCK, 8, "its clock cannot be set")
+    X(CLOCK, 8, "its clock cannot be set")                                                         \
+    X(ABSENT, 9, "absent, as it may be")
 
 enum fsn_found {
 #define FSN_FOUND_ENUM(name, value, text) FSN_FOUND_##name = (value),
@@ -194,7 +195,7 @@ struct fsn_bus_ops {
      *  state, sees which ones are lost and brings back those that return. To be called again and
      *  again, from one thread that is not the cyclic one; a step may take as long as an SDO.
      *  Returns whether every SubDevice of the plan is in that state; one that does not answer is
-     *  not in OP, and has left it. NULL: a bus without states. */
+     *  not in OP, and has left it. Groups may be absent. NULL: a bus without states. */
     bool (*poll)(void *bus, uint8_t al_state, uint64_t now_ns);
     /** What is known about a SubDevice of the plan; any thread but the cyclic one. With poll(). */
     fsn_status (*state)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);

@@ -88,6 +88,14 @@ struct fsn_bus_info {
     uint32_t first_subdevice, subdevice_count;
 };
 
+/** SubDevices that may be absent: they follow each other in the plan and on the bus, behind the
+ *  first, which has an alias. */
+struct fsn_group_info {
+    const char *name;
+    const char *place; /**< groups of one place are never there together; empty: no place */
+    uint32_t first_subdevice, subdevice_count;
+};
+
 /** Copies and proves a plan.
  *  @param[in]  bytes       file content; not needed after the call.
  *  @param[in]  len_bytes   its length.
@@ -161,6 +169,10 @@ FSN_API FSN_MUST_USE fsn_status fsn_plan_bus(const struct fsn_plan *plan, uint32
 /** Number of the bus that a SubDevice of the plan is on. Context: any thread. */
 FSN_API uint32_t fsn_plan_bus_of(const struct fsn_plan *plan, uint32_t subdevice);
 
+/** Number of the group that a SubDevice of the plan is in; FSN_NONE: it is always there.
+ *  Context: any thread. */
+FSN_API uint32_t fsn_plan_group_of(const struct fsn_plan *plan, uint32_t subdevice);
+
 /** Makes the plan of one bus: its SubDevices alone, with what is copied between them. Their numbers
  *  begin at 0; so do those of sync managers, symbols, copies and connections.
  *  @param[out] part  to be freed by fsn_plan_free(); NULL on refusal. Of a plan of one bus it is
@@ -177,6 +189,7 @@ FSN_API uint32_t fsn_plan_symbol_count(const struct fsn_plan *plan);
 FSN_API uint32_t fsn_plan_block_count(const struct fsn_plan *plan);
 FSN_API uint32_t fsn_plan_copy_count(const struct fsn_plan *plan);
 FSN_API uint32_t fsn_plan_connection_count(const struct fsn_plan *plan);
+FSN_API uint32_t fsn_plan_group_count(const struct fsn_plan *plan);
 
 /** Decode one record.
  *  @retval FSN_E_ARG  no record of that number.
@@ -193,6 +206,8 @@ FSN_API FSN_MUST_USE fsn_status fsn_plan_copy(const struct fsn_plan *plan, uint3
                                               struct fsn_copy_info *info);
 FSN_API FSN_MUST_USE fsn_status fsn_plan_connection(const struct fsn_plan *plan, uint32_t number,
                                                     struct fsn_connection_info *info);
+FSN_API FSN_MUST_USE fsn_status fsn_plan_group(const struct fsn_plan *plan, uint32_t number,
+                                               struct fsn_group_info *info);
 
 #ifdef __cplusplus
 }

@@ -29,7 +29,8 @@ struct fsn_segment_counts {
 };
 
 /** Builds the SubDevices of a plan, in ring order, all switched on and in INIT. Positions that the
- *  plan leaves free are couplers without process data.
+ *  plan leaves free are couplers without process data. Groups stand behind all others, as on a
+ *  junction: without them frames go on. Of the groups of one place the first is plugged in.
  *  @param[in]  plan     held until the segment is freed.
  *  @param[out] segment  to be freed by fsn_segment_free(); NULL on refusal.
  *  @retval FSN_E_ARG    plan or segment is missing.
@@ -89,8 +90,8 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_write_inputs(struct fsn_segment *seg
 FSN_API uint8_t fsn_segment_al_status(struct fsn_segment *segment, uint32_t position,
                                       uint16_t *code);
 
-/** Unplugs the SubDevice at a ring position, with all behind it, or plugs it in again: it then
- *  starts as after power-on. No effect at a position that does not exist.
+/** Unplugs the SubDevice at a ring position, with all behind it unless it is of a group, or plugs
+ * it in again: it then starts as after power-on. No effect at a position that does not exist.
  *  Context: any thread. Locks. */
 FSN_API void fsn_segment_set_present(struct fsn_segment *segment, uint32_t position, bool present);
 

@@ -31,6 +31,7 @@ struct fsn_emulated {
     struct mailbox *boxes; /**< one per sync manager; size 0 without a place */
     uint32_t box_count;
     atomic_bool *present; /**< per SubDevice */
+    bool *optional;       /**< per SubDevice: it is in a group, and may be absent */
     uint32_t subdevice_count;
     uint8_t *storage;
     uint8_t *image;
@@ -74,7 +75,8 @@ static bool allocate(struct fsn_emulated *bus) {
     bus->boxes = calloc(sms, sizeof *bus->boxes);
     bus->wkc = calloc(sms, sizeof *bus->wkc);
     bus->present = calloc(subs, sizeof *bus->present);
-    if (bus->boxes == NULL || bus->wkc == NULL || bus->present == NULL ||
+    bus->optional = calloc(subs, sizeof *bus->optional);
+    if (bus->boxes == NULL || bus->wkc == NULL || bus->present == NULL || bus->optional == NULL ||
         fsn_image_create(bus->plan, FSN_MAX_DATAGRAM_BYTES, &bus->layout) != FSN_OK) {
         return false;
     }
@@ -94,7 +96,8 @@ static void fill(struct fsn_emulated *bus) {
         fsn_triple_init(&box->triple);
     }
     for (uint32_t sub = 0; sub < bus->subdevice_count; sub++) {
-        atomic_init(&bus->present[sub], true);
+        atomic_init(&bus->present[sub], fsn_plan_is_first_choice(bus->plan, sub));
+        bus->optional[sub] = fsn_plan_group_of(bus->plan, sub) != FSN_NONE;
     }
     for (uint32_t sm = 0; sm < bus->box_count; sm++) {
         bus->wkc[sm] = (uint8_t)fsn_image_wkc(bus->plan, &bus->layout, sm);
@@ -172,6 +175,7 @@ void fsn_emulated_free(struct fsn_emulated *bus) {
     free(bus->wkc);
     fsn_image_free(&bus->layout);
     free((void *)bus->present);
+    free(bus->optional);
     free(bus->storage);
     free(bus->image);
     fsn_plan_free((struct fsn_plan *)bus->plan);
@@ -229,7 +233,11 @@ static void emulated_receive(void *context, struct fsn_bus_input *input) {
         }
         if (!is_present(bus, box)) {
             /* The input bytes of an absent SubDevice stay as they are, whole. */
-            input->sm_stale[sm] = box->direction == FSN_INPUT;
+            const bool optional = bus->optional[box->subdevice];
+            input->sm_stale[sm] = box->direction == FSN_INPUT && !optional;
+            if (optional) {
+                input->wkc[bus->layout.sm_datagram[sm]].expected -= bus->wkc[sm];
+            }
             continue;
         }
         input->wkc[bus->layout.sm_datagram[sm]].actual += bus->wkc[sm];

@@ -70,12 +70,37 @@ static bool list_inputs(const struct fsn_plan *plan, struct fsn_frames *frames) 
             wire->inputs[count++] = (struct fsn_wire_input){
                 .sm = sm,
                 .subdevice = info.subdevice,
+                .group = fsn_plan_group_of(plan, info.subdevice),
                 .image_byte = frames->image.sm_base[sm],
                 .frame_byte = FSN_WIRE_DATA + frames->image.sm_base[sm] - frame->image_byte,
                 .size_bytes = info.size_bytes,
             };
         }
         frame->input_count = count - frame->first_input;
+    }
+    return true;
+}
+
+/** What each group adds to the working counter of each datagram. */
+static bool list_groups(const struct fsn_plan *plan, struct fsn_frames *frames) {
+    struct fsn_wire *wire = &frames->wire;
+    const uint32_t count = fsn_plan_group_count(plan);
+    const uint32_t datagrams = frames->image.datagram_count;
+    wire->groups = fsn_calloc_prefaulted((size_t)count + 1, sizeof *wire->groups);
+    frames->group_wkc = fsn_calloc_prefaulted((size_t)count * datagrams + 1, sizeof(uint32_t));
+    if (wire->groups == NULL || frames->group_wkc == NULL) {
+        return false;
+    }
+    wire->group_count = count;
+    for (uint32_t g = 0; g < count; g++) {
+        wire->groups[g].wkc = frames->group_wkc + (size_t)g * datagrams;
+    }
+    for (uint32_t sm = 0; sm < plan->count[FSN_SEC_SM]; sm++) {
+        const uint32_t group = fsn_plan_group_of(plan, fsn_known_sm(plan, sm).subdevice);
+        if (group != FSN_NONE) {
+            wire->groups[group].wkc[frames->image.sm_datagram[sm]] +=
+                fsn_image_wkc(plan, &frames->image, sm);
+        }
     }
     return true;
 }
@@ -131,7 +156,7 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station, b
         return FSN_E_BUS_IMAGE;
     }
     frames->storage = fsn_calloc_prefaulted(wire->frame_count, (size_t)3 * FSN_WIRE_MOST);
-    if (frames->storage == NULL || !list_inputs(plan, frames)) {
+    if (frames->storage == NULL || !list_inputs(plan, frames) || !list_groups(plan, frames)) {
         return FSN_E_NOMEM;
     }
     for (uint32_t f = 0; f < wire->frame_count; f++) {
@@ -160,6 +185,8 @@ void fsn_frames_free(struct fsn_frames *frames) {
     free(frames->storage);
     free(wire->frames);
     free(wire->inputs);
+    free(wire->groups);
+    free(frames->group_wkc);
     free((void *)wire->answers);
     free(frames->bytes);
     fsn_image_free(&frames->image);

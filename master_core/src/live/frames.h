@@ -9,8 +9,9 @@
 struct fsn_frames {
     struct fsn_wire wire; /**< sockets are -1, wait_ns and dc_every 0 until the caller sets them */
     struct fsn_image image;
-    uint8_t *bytes;   /**< process image */
-    uint8_t *storage; /**< what the frames point to: as sent, and both replies */
+    uint8_t *bytes;      /**< process image */
+    uint32_t *group_wkc; /**< of the groups of the wire */
+    uint8_t *storage;    /**< what the frames point to: as sent, and both replies */
 };
 
 /** Builds image and frames; logical addresses are offsets in the image.

@@ -72,6 +72,15 @@ static void devices(struct text *text) {
         put_word(text, r.name);
         put(text, "\n");
     }
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_GROUP]; n++) {
+        const struct fsn_group_record r = fsn_read_group(plan, n);
+        put(text, "group %" PRIu32 " first=%" PRIu32 " devices=%" PRIu32 " name=", n,
+            r.first_subdevice, r.subdevice_count);
+        put_word(text, r.name);
+        put(text, " place=");
+        put_word(text, r.place);
+        put(text, "\n");
+    }
     for (uint32_t n = 0; n < plan->count[FSN_SEC_SUBDEVICE]; n++) {
         const struct fsn_subdevice_record r = fsn_read_subdevice(plan, n);
         put(text,

@@ -5,7 +5,7 @@
 
 static const uint8_t magic[8] = {'F', 'S', 'N', 'P', 'L', 'A', 'N', 0};
 
-const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_BUSES + 1] = {
+const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_GROUPS + 1] = {
 #define FSN_BYTES(name, number, size_bytes) [number] = (size_bytes),
     FSN_SECTION_TABLE(FSN_BYTES)
 #undef FSN_BYTES
@@ -59,12 +59,12 @@ static fsn_status check_header(const uint8_t *b, size_t len, struct fsn_fault *f
         return fsn_refuse(fault, FSN_E_PLAN_CRC, 0, FSN_FAULT_NO_RECORD, 16, NULL);
     }
     const uint32_t minor = fsn_get16(b + 10);
-    if (minor > 2) {
+    if (minor > FSN_SECTIONS_WITH_GROUPS - FSN_SECTIONS) {
         return fsn_refuse(fault, FSN_E_PLAN_VERSION, 0, FSN_FAULT_NO_RECORD, 10, NULL);
     }
     if (fsn_get32(b + 24) != FSN_SECTIONS + minor) {
         return fsn_refuse(fault, FSN_E_PLAN_SECTION, 0, FSN_FAULT_NO_RECORD, 24,
-                          "the number of sections is not 10, 11 or 12 (format 1.0, 1.1, 1.2)");
+                          "the number of sections is not 10 to 13 (format 1.0 to 1.3)");
     }
     if (len < FSN_HEADER_BYTES + fsn_get32(b + 24) * FSN_ROW_BYTES) {
         return fsn_refuse_all(fault, FSN_E_PLAN_LENGTH, "shorter than header and section table");
@@ -91,9 +91,14 @@ static fsn_status check_gap(const struct fsn_plan *plan, uint32_t section, uint6
 /** Sections of newer formats are there for a reason. */
 static bool is_count_ok(const struct fsn_plan *plan, uint32_t section, uint32_t count) {
     if (section == FSN_SEC_SAFETY) {
-        return count == 1 || (count == 0 && plan->sections == FSN_SECTIONS_WITH_BUSES);
+        return count == 1 || (count == 0 && plan->sections >= FSN_SECTIONS_WITH_BUSES);
     }
-    return section != FSN_SEC_BUS || count > 1;
+    if (section == FSN_SEC_GROUP) {
+        return count > 0;
+    }
+    /* A group may be on the one bus only. */
+    return section != FSN_SEC_BUS ||
+           (plan->sections == FSN_SECTIONS_WITH_GROUPS ? count == 0 : count > 1);
 }
 
 /** Sections follow each other in order, without gaps but zero bytes up to a multiple of 4. */
@@ -220,7 +225,45 @@ FSN_COUNT(symbol, SYMBOL)
 FSN_COUNT(block, BLOCK)
 FSN_COUNT(copy, COPY)
 FSN_COUNT(connection, CONNECTION)
+FSN_COUNT(group, GROUP)
 #undef FSN_COUNT
+
+fsn_status fsn_plan_group(const struct fsn_plan *plan, uint32_t number,
+                          struct fsn_group_info *info) {
+    if (number >= plan->count[FSN_SEC_GROUP]) {
+        return FSN_E_ARG;
+    }
+    const struct fsn_group_record r = fsn_read_group(plan, number);
+    *info = (struct fsn_group_info){.name = fsn_string(plan, r.name),
+                                    .place = fsn_string(plan, r.place),
+                                    .first_subdevice = r.first_subdevice,
+                                    .subdevice_count = r.subdevice_count};
+    return FSN_OK;
+}
+
+uint32_t fsn_plan_group_of(const struct fsn_plan *plan, uint32_t subdevice) {
+    for (uint32_t n = 0; n < plan->count[FSN_SEC_GROUP]; n++) {
+        const struct fsn_group_record r = fsn_read_group(plan, n);
+        if (subdevice >= r.first_subdevice && subdevice - r.first_subdevice < r.subdevice_count) {
+            return n;
+        }
+    }
+    return FSN_NONE;
+}
+
+bool fsn_plan_is_first_choice(const struct fsn_plan *plan, uint32_t subdevice) {
+    const uint32_t group = fsn_plan_group_of(plan, subdevice);
+    if (group == FSN_NONE) {
+        return true;
+    }
+    const char *place = fsn_string(plan, fsn_read_group(plan, group).place);
+    for (uint32_t n = 0; n < group && *place != 0; n++) {
+        if (strcmp(fsn_string(plan, fsn_read_group(plan, n).place), place) == 0) {
+            return false;
+        }
+    }
+    return true;
+}
 
 fsn_status fsn_plan_subdevice(const struct fsn_plan *plan, uint32_t number,
                               struct fsn_subdevice_info *info) {

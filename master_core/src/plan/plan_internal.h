@@ -16,6 +16,7 @@ enum {
     FSN_SECTIONS = 10,             /**< of format 1.0 */
     FSN_SECTIONS_WITH_SAFETY = 11, /**< of format 1.1 */
     FSN_SECTIONS_WITH_BUSES = 12,  /**< of format 1.2 */
+    FSN_SECTIONS_WITH_GROUPS = 13, /**< of format 1.3 */
 };
 
 enum fsn_section {
@@ -31,13 +32,13 @@ struct fsn_plan {
     uint8_t *bytes;
     uint32_t len_bytes;
     uint32_t cycle_ns;
-    uint32_t sections;                            /**< 10 to 12 */
-    uint32_t offset[FSN_SECTIONS_WITH_BUSES + 1]; /**< by section number; [0] unused */
-    uint32_t count[FSN_SECTIONS_WITH_BUSES + 1];  /**< 0 of sections that it does not have */
+    uint32_t sections;                             /**< 10 to 13 */
+    uint32_t offset[FSN_SECTIONS_WITH_GROUPS + 1]; /**< by section number; [0] unused */
+    uint32_t count[FSN_SECTIONS_WITH_GROUPS + 1];  /**< 0 of sections that it does not have */
 };
 
 /** Size of one record of a section, bytes. */
-extern const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_BUSES + 1];
+extern const uint32_t fsn_record_bytes[FSN_SECTIONS_WITH_GROUPS + 1];
 
 /** First byte of a record; the caller has checked the number. */
 static inline const uint8_t *fsn_record(const struct fsn_plan *plan, uint32_t section,
@@ -80,6 +81,7 @@ FSN_RECORD(block, BLOCK)
 FSN_RECORD(copy, COPY)
 FSN_RECORD(connection, CONNECTION)
 FSN_RECORD(bus, BUS)
+FSN_RECORD(group, GROUP)
 #undef FSN_RECORD
 
 /* What a record says, for callers who know that there is one of this number. */
@@ -96,6 +98,7 @@ FSN_KNOWN(sm)
 FSN_KNOWN(symbol)
 FSN_KNOWN(copy)
 FSN_KNOWN(connection)
+FSN_KNOWN(group)
 #undef FSN_KNOWN
 
 /** What a plan states of the parameters of a connection. */
@@ -179,6 +182,10 @@ void fsn_sha256(const void *bytes, size_t len_bytes, uint8_t digest[FSN_SHA256_B
 
 /** Checksum of the first seven words of an SII: CRC-8 with polynomial 0x07 from 0xFF on. */
 uint8_t fsn_eeprom_checksum(const uint8_t bytes[14]);
+
+/** Whether a SubDevice is there in an emulation at first: of the groups of one place only the first
+ *  is. */
+bool fsn_plan_is_first_choice(const struct fsn_plan *plan, uint32_t subdevice);
 
 /** Takes a further hold of a plan; fsn_plan_free() lets go. */
 void fsn_plan_hold(const struct fsn_plan *plan);

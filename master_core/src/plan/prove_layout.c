@@ -237,10 +237,49 @@ static fsn_status prove_buses(const struct fsn_plan *plan, struct fsn_fault *fau
     return FSN_OK;
 }
 
+/** Whether the SubDevices of a group are found by the alias of the first, one behind the other. */
+static bool is_found_by_alias(const struct fsn_plan *plan, const struct fsn_group_record *group) {
+    const uint16_t alias = fsn_read_subdevice(plan, group->first_subdevice).alias;
+    for (uint32_t n = 0; n < group->subdevice_count; n++) {
+        const struct fsn_subdevice_record r = fsn_read_subdevice(plan, group->first_subdevice + n);
+        if (alias == 0 || r.alias != alias || r.position != n || r.assign_activate != 0) {
+            return false;
+        }
+    }
+    return true;
+}
+
+/** Groups rise, with SubDevices between them that are always there. */
+static fsn_status prove_groups(const struct fsn_plan *plan, struct fsn_fault *fault) {
+    uint32_t end = 0;
+    struct fsn_at at = {plan, fault, FSN_SEC_GROUP, 0};
+    for (; at.number < plan->count[FSN_SEC_GROUP]; at.number++) {
+        const struct fsn_group_record r = fsn_read_group(plan, at.number);
+        if (!fsn_string_ok(plan, r.name) || *fsn_string(plan, r.name) == 0 ||
+            !fsn_string_ok(plan, r.place)) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(group, name),
+                                 "the group has no name, or a text outside the strings");
+        }
+        const uint32_t count = plan->count[FSN_SEC_SUBDEVICE];
+        if (r.first_subdevice < end || r.first_subdevice > count || r.subdevice_count == 0 ||
+            r.subdevice_count > count - r.first_subdevice) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(group, first_subdevice),
+                                 "SubDevices of the group do not exist, or are in another");
+        }
+        if (!is_found_by_alias(plan, &r)) {
+            return fsn_refuse_at(&at, FSN_E_PLAN_VALUE, FSN_AT(group, first_subdevice),
+                                 "the group has no alias of its own, its SubDevices do not follow "
+                                 "each other, or one has distributed clocks");
+        }
+        end = r.first_subdevice + r.subdevice_count;
+    }
+    return FSN_OK;
+}
+
 fsn_status fsn_prove_layout(const struct fsn_plan *plan, struct fsn_fault *fault) {
     typedef fsn_status (*proof)(const struct fsn_plan *, struct fsn_fault *);
-    static const proof proofs[] = {prove_strings, prove_subdevices, prove_buses, prove_sdos,
-                                   prove_sms};
+    static const proof proofs[] = {prove_strings, prove_subdevices, prove_buses,
+                                   prove_groups,  prove_sdos,       prove_sms};
     fsn_status status = FSN_OK;
     for (size_t i = 0; i < sizeof proofs / sizeof proofs[0] && status == FSN_OK; i++) {
         status = proofs[i](plan, fault);

@@ -15,7 +15,8 @@
     X(CONNECTION, 9, 40)                                                                           \
     X(STRINGS, 10, 1)                                                                              \
     X(SAFETY, 11, 32)                                                                              \
-    X(BUS, 12, 16)
+    X(BUS, 12, 16)                                                                                 \
+    X(GROUP, 13, 16)
 
 /* SubDevice: type, name, first byte. */
 #define FSN_SUBDEVICE_FIELDS(X)                                                                    \
@@ -127,5 +128,12 @@
     X(bus, u32, cycle_ns, 4)                                                                       \
     X(bus, u32, first_subdevice, 8)                                                                \
     X(bus, u32, subdevice_count, 12)
+
+/* Group: type, name, first byte. */
+#define FSN_GROUP_FIELDS(X)                                                                        \
+    X(group, u32, name, 0)                                                                         \
+    X(group, u32, place, 4)                                                                        \
+    X(group, u32, first_subdevice, 8)                                                              \
+    X(group, u32, subdevice_count, 12)
 
 #endif

@@ -305,18 +305,50 @@ static void read_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame,
     }
 }
 
+/** Working counter that a frame which is back should have. A group that comes answers as soon as
+ * its sync managers are set up, and one that goes is away before the acyclic side knows. */
+static uint32_t expected_of(struct fsn_wire *wire, uint32_t number, uint32_t counter) {
+    const uint32_t most = wire->frames[number].expected;
+    uint32_t least = most;
+    for (uint32_t g = 0; g < wire->group_count; g++) {
+        struct fsn_wire_group *group = &wire->groups[g];
+        if (atomic_load_explicit(&group->there, memory_order_relaxed) != FSN_WIRE_THERE) {
+            least -= group->wkc[number];
+        }
+    }
+    for (uint32_t g = 0; g < wire->group_count; g++) {
+        struct fsn_wire_group *group = &wire->groups[g];
+        const uint32_t own = group->wkc[number];
+        if (own == 0 ||
+            atomic_load_explicit(&group->there, memory_order_relaxed) != FSN_WIRE_THERE) {
+            continue;
+        }
+        group->missed = counter + own == least ? group->missed + 1 : 0;
+        if (group->missed > 0 && group->missed <= wire->group_patience) {
+            return counter;
+        }
+    }
+    return counter >= least && counter <= most ? counter : least;
+}
+
 static void judge(struct fsn_wire *wire, uint32_t number, struct fsn_bus_input *input) {
     struct fsn_wire_frame *frame = &wire->frames[number];
     const bool back = frame->back[0] || frame->back[1];
     const uint32_t counter = counter_of(frame);
     input->lost_frames += !back;
     if (number < wire->datagram_count) {
-        input->wkc[number].expected = frame->expected;
+        input->wkc[number].expected =
+            wire->group_count == 0 || !back ? frame->expected : expected_of(wire, number, counter);
         input->wkc[number].actual = counter;
     }
     for (uint32_t i = frame->first_input; i < frame->first_input + frame->input_count; i++) {
         const struct fsn_wire_input *in = &wire->inputs[i];
         move_input(wire, frame, in);
+        if (in->group != FSN_NONE &&
+            atomic_load_explicit(&wire->groups[in->group].there, memory_order_relaxed) ==
+                FSN_WIRE_ABSENT) {
+            continue; /* that it is absent says so */
+        }
         /* Nobody answered: all are old. Somebody is missing: the acyclic side knows who. */
         input->sm_stale[in->sm] =
             counter == 0 ||

@@ -35,7 +35,18 @@ enum {
 /** An input sync manager inside a frame. */
 struct fsn_wire_input {
     uint32_t sm, subdevice;
+    uint32_t group; /**< that its SubDevice is in; FSN_NONE: it is always there */
     uint32_t image_byte, frame_byte, size_bytes;
+};
+
+/** Whether a group of SubDevices that may be absent takes part. */
+enum { FSN_WIRE_ABSENT, FSN_WIRE_COMING, FSN_WIRE_THERE };
+
+struct fsn_wire_group {
+    uint32_t *wkc; /**< per datagram: what it adds to the working counter */
+    /** Written by the acyclic side. One that comes may answer, in any part. */
+    _Atomic uint8_t there;
+    uint32_t missed; /**< frames in a row that came back without it while it was there */
 };
 
 struct fsn_wire_frame {
@@ -58,6 +69,11 @@ struct fsn_wire {
     struct fsn_wire_input *inputs;
     /** Per SubDevice: 1 while the acyclic side sees it exchange process data. */
     _Atomic uint8_t *answers;
+    struct fsn_wire_group *groups;
+    uint32_t group_count;
+    /** So many frames may come back without a group before that is an error: by then the acyclic
+     *  side knows whether it has gone. */
+    uint32_t group_patience;
     uint32_t run;   /**< marks the frames of this run */
     uint32_t cycle; /**< number of the last frames sent; 0: none yet */
     uint32_t dc_every, dc_left;

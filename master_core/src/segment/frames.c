@@ -20,11 +20,15 @@ static struct esc *esc_at(struct fsn_segment *s, uint32_t place) {
     return &s->escs[s->order[place]];
 }
 
+static bool is_there(const struct fsn_segment *s, uint32_t place) {
+    return s->present[s->order[place]];
+}
+
 /** How long a frame takes past some places. */
 static uint64_t way_ns(struct fsn_segment *s, uint32_t first, uint32_t end) {
     uint64_t sum = 0;
     for (uint32_t place = first; place < end; place++) {
-        sum += esc_at(s, place)->clock.forward_ns;
+        sum += is_there(s, place) ? esc_at(s, place)->clock.forward_ns : 0;
     }
     return sum;
 }
@@ -34,8 +38,10 @@ static void latch(struct fsn_segment *s, const struct span *span) {
     uint64_t arrival = span->now_ns;
     for (uint32_t place = span->first; place < span->end; place++) {
         struct esc *esc = esc_at(s, place);
-        esc_latch_times(esc, arrival, turns + (turns - arrival));
-        arrival += esc->clock.forward_ns;
+        if (is_there(s, place)) {
+            esc_latch_times(esc, arrival, turns + (turns - arrival));
+            arrival += esc->clock.forward_ns;
+        }
     }
 }
 
@@ -67,9 +73,11 @@ static bool pass_datagram(struct fsn_segment *s, const struct span *span, uint8_
     uint64_t arrival = span->now_ns;
     for (uint32_t place = span->first; place < span->end; place++) {
         struct esc *esc = esc_at(s, place);
-        esc->now_ns = arrival;
-        arrival += esc->clock.forward_ns;
-        esc_pass(esc, &d);
+        if (is_there(s, place)) {
+            esc->now_ns = arrival;
+            arrival += esc->clock.forward_ns;
+            esc_pass(esc, &d);
+        }
     }
     if (latches_times(&d)) {
         latch(s, span);

@@ -14,19 +14,21 @@ enum {
 /* -- building ------------------------------------------------------------------------------- */
 
 /** Ring positions: a SubDevice without alias has a position of its own; one with an alias stands
- *  as many places behind the SubDevice that carries it, and that one takes the next free place. */
+ *  as many places behind the SubDevice that carries it, and that one takes the next free place.
+ *  Groups that may be absent stand behind all others, one behind the other. */
 static uint32_t place_subdevices(struct fsn_segment *s) {
     const uint32_t subdevices = fsn_plan_subdevice_count(s->plan);
     uint8_t taken[MAX_POSITIONS] = {0};
     uint32_t count = 0;
-    for (unsigned with_alias = 0; with_alias < 2; with_alias++) {
+    for (unsigned turn = 0; turn < 3; turn++) {
         for (uint32_t i = 0; i < subdevices; i++) {
             const struct fsn_subdevice_info info = fsn_known_subdevice(s->plan, i);
-            if ((info.alias != 0) != (with_alias != 0)) {
+            const bool in_group = fsn_plan_group_of(s->plan, i) != FSN_NONE;
+            if (turn != (in_group ? 2u : info.alias != 0)) {
                 continue;
             }
             s->positions[i] = FSN_NONE;
-            uint32_t at = with_alias ? 0 : info.position;
+            uint32_t at = turn == 0 ? info.position : turn == 1 ? 0 : count;
             while (at < MAX_POSITIONS && taken[at] != 0) {
                 at++;
             }
@@ -53,6 +55,7 @@ static bool allocate(struct fsn_segment *s) {
     const size_t cables = (size_t)s->count + 1; /* one more than SubDevices, and never none */
     s->escs = calloc(cables, sizeof *s->escs);
     s->present = calloc(cables, sizeof *s->present);
+    s->optional = calloc(cables, sizeof *s->optional);
     s->order = calloc(cables, sizeof *s->order);
     s->cut = calloc(cables, sizeof *s->cut);
     s->wire = calloc(1, sizeof *s->wire);
@@ -62,8 +65,8 @@ static bool allocate(struct fsn_segment *s) {
         total += fsn_sm_bytes(s->plan, sm);
     }
     s->storage = calloc(total, 1);
-    return s->escs != NULL && s->present != NULL && s->order != NULL && s->cut != NULL &&
-           s->wire != NULL && s->siis != NULL && s->storage != NULL;
+    return s->escs != NULL && s->present != NULL && s->optional != NULL && s->order != NULL &&
+           s->cut != NULL && s->wire != NULL && s->siis != NULL && s->storage != NULL;
 }
 
 static void give_buffers(struct fsn_segment *s) {
@@ -90,6 +93,17 @@ static void init_lock(pthread_mutex_t *lock) {
     pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
     pthread_mutex_init(lock, &attributes);
     pthread_mutexattr_destroy(&attributes);
+}
+
+/** Of the groups of one place only the first is plugged in at first. */
+static void set_groups(struct fsn_segment *s) {
+    for (uint32_t i = 0; i < fsn_plan_subdevice_count(s->plan); i++) {
+        const uint32_t position = s->positions[i];
+        if (position != FSN_NONE && fsn_plan_group_of(s->plan, i) != FSN_NONE) {
+            s->optional[position] = true;
+            s->present[position] = fsn_plan_is_first_choice(s->plan, i);
+        }
+    }
 }
 
 fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segment) {
@@ -128,6 +142,7 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
         fsn_segment_free(s);
         return FSN_E_NOMEM;
     }
+    set_groups(s);
     segment_rewire(s);
     *segment = s;
     return FSN_OK;
@@ -148,6 +163,7 @@ void fsn_segment_free(struct fsn_segment *s) {
     }
     free(s->escs);
     free(s->present);
+    free(s->optional);
     free(s->order);
     free(s->cut);
     free(s->wire);

@@ -43,6 +43,7 @@ struct fsn_segment {
     struct fsn_plan *plan;
     struct esc *escs; /**< by position as planned */
     bool *present;    /**< likewise */
+    bool *optional;   /**< likewise: of a group; while it is absent frames go on past its place */
     uint32_t *order;  /**< place on the ring to position; the same unless devices were swapped */
     bool *cut;        /**< cable in front of a place; one more behind the last */
     uint32_t count;

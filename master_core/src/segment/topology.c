@@ -15,6 +15,11 @@ static bool is_powered(const struct fsn_segment *s, uint32_t place) {
     return s->present[s->order[place]];
 }
 
+/** A group hangs on a junction: without it the way is as if its place did not exist. */
+static bool is_passed(const struct fsn_segment *s, uint32_t place) {
+    return is_powered(s, place) || s->optional[s->order[place]];
+}
+
 /** Whether the cable in front of a place carries a link; the one behind the last place ends at the
  *  second port of the MainDevice. */
 static bool is_up(const struct fsn_segment *s, uint32_t cable) {
@@ -24,7 +29,22 @@ static bool is_up(const struct fsn_segment *s, uint32_t cable) {
         (is_last && (s->unplugged[1] || !s->ring))) {
         return false;
     }
-    return (is_first || is_powered(s, cable - 1)) && (is_last || is_powered(s, cable));
+    return (is_first || is_passed(s, cable - 1)) && (is_last || is_passed(s, cable));
+}
+
+/** Whether something is linked in front of a place, or behind it, whatever is absent between. */
+static bool is_linked(const struct fsn_segment *s, uint32_t place, bool behind) {
+    uint32_t cable = behind ? place + 1 : place;
+    while (is_up(s, cable)) {
+        if (cable == (behind ? s->count : 0)) {
+            return true;
+        }
+        if (is_powered(s, behind ? cable : cable - 1)) {
+            return true;
+        }
+        cable = behind ? cable + 1 : cable - 1;
+    }
+    return false;
 }
 
 /** DL status: link, open loop and signal of ports 0 and 1; 2 and 3 are closed. */
@@ -57,8 +77,8 @@ void segment_rewire(struct fsn_segment *s) {
     }
     s->closed = s->from_first == s->count && is_up(s, s->count);
     for (uint32_t place = 0; place < s->count; place++) {
-        const unsigned before = is_up(s, place) ? 1u : 0u;
-        const unsigned behind = is_up(s, place + 1) ? 2u : 0u;
+        const unsigned before = is_linked(s, place, false) ? 1u : 0u;
+        const unsigned behind = is_linked(s, place, true) ? 2u : 0u;
         struct esc *esc = &s->escs[s->order[place]];
         if (is_powered(s, place)) {
             show_ports(esc, (uint8_t)(before | behind));

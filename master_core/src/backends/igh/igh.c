@@ -201,6 +201,10 @@ static fsn_status open_steps(struct fsn_igh *bus, const struct fsn_plan *plan,
 static fsn_status igh_open(void *context, const struct fsn_plan *plan,
                            struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_igh *bus = context;
+    if (fsn_plan_group_count(plan) > 0) {
+        return fsn_refuse_all(fault, FSN_E_ARG,
+                              "groups of SubDevices that may be absent need --bus soem");
+    }
     bus->cycle_ns = fsn_live_cycle_ns(bus->cycle_ns, plan);
     const fsn_status status = open_steps(bus, plan, fault);
     if (status != FSN_OK) {

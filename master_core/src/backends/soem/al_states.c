@@ -81,15 +81,20 @@ static void lose(struct fsn_soem *bus, uint16_t slave) {
         node->configured = false; /* its clock goes its own way meanwhile: all anew below OP */
     }
     note_state(bus, node, 0, 0);
-    if (node->known.seen.found != FSN_FOUND_NOTHING &&
-        node->known.seen.found != FSN_FOUND_IDENTITY) {
+    if (node->group != FSN_NONE) {
+        node->taken_in = false; /* whoever answers next is identified first */
+    } else if (node->known.seen.found != FSN_FOUND_NOTHING &&
+               node->known.seen.found != FSN_FOUND_IDENTITY) {
         note_loss(bus, node);
     }
 }
 
 static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t code) {
     struct place *place = &bus->places[slave];
-    const bool answers = (status & STATE_BITS) != 0;
+    const bool is_unknown = place->node != SOEM_NO_NODE &&
+                            bus->nodes[place->node].group != FSN_NONE &&
+                            !bus->nodes[place->node].taken_in;
+    const bool answers = (status & STATE_BITS) != 0 && !is_unknown;
     if (place->node != SOEM_NO_NODE) {
         const struct node *node = &bus->nodes[place->node];
         atomic_store_explicit(&bus->frames.wire.answers[node->known.number],
@@ -310,18 +315,20 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     }
     bus->goal = al_state;
     poll_states(bus);
+    soem_watch_groups(bus);
     soem_keep_reference(bus);
     bool all = true; /* who is missing has left OP as well */
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
         if (bus->places[node->slave].al_status != 0) {
-            all = bring_to(bus, node, al_state, now_ns) && all;
+            const bool is_there = bring_to(bus, node, al_state, now_ns);
+            all = all && (is_there || (al_state == FSN_AL_OP && soem_is_excused(bus, node)));
         } else {
-            all = all && al_state != FSN_AL_OP;
+            all = all && (al_state != FSN_AL_OP || soem_is_excused(bus, node));
         }
     }
     if (is_anybody_lost(bus) && now_ns >= bus->search_ns) {
-        soem_search(bus);
+        (bus->group_count > 0 ? soem_search_groups : soem_search)(bus);
         bus->search_ns = now_ns + SEARCH_NS;
     }
     soem_watch_ring(bus, now_ns);

@@ -96,8 +96,11 @@ static fsn_status match(struct fsn_soem *bus, struct fsn_fault *fault) {
     fsn_status first = FSN_OK;
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
-        node->slave = soem_slave_of(bus, &node->known.info);
         fsn_status status = FSN_OK;
+        if (node->group != FSN_NONE) {
+            continue; /* it may come later */
+        }
+        node->slave = soem_slave_of(bus, &node->known.info);
         if (node->slave == 0) {
             soem_note(bus, node, FSN_FOUND_NOTHING, "alias %u, position %u: %d SubDevices answer",
                       node->known.info.alias, node->known.info.position, bus->slave_count);
@@ -138,6 +141,7 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
     if (found <= 0) {
         return nobody(bus, fault);
     }
+    soem_set_groups_apart(bus);
     for (int s = 0; s <= bus->slave_count; s++) {
         bus->places[s] = (struct place){.node = SOEM_NO_NODE, .had = bus->slaves[s].activeports};
     }
@@ -147,7 +151,7 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
     }
     for (uint32_t n = 0; n < bus->all.count; n++) {
         struct node *node = &bus->nodes[n];
-        if (!reach_preop(bus, node->slave)) {
+        if (node->group == FSN_NONE && !reach_preop(bus, node->slave)) {
             const ec_slavet *s = &bus->slaves[node->slave];
             node->known.seen.al_status = (uint8_t)s->state;
             node->known.seen.al_code = s->ALstatuscode;
@@ -165,21 +169,38 @@ fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault) {
             }
             return fsn_node_refuse(fault, FSN_E_BUS_STATE, &node->known);
         }
-        node->known.seen.al_status = FSN_AL_PREOP;
+        node->known.seen.al_status = node->group == FSN_NONE ? FSN_AL_PREOP : FSN_AL_NONE;
     }
     return FSN_OK;
 }
 
+fsn_status soem_identify(struct fsn_soem *bus, struct node *node, uint16_t at) {
+    return note_who_answers(bus, node, at, read_identity(bus, at));
+}
+
+void soem_describe_at(struct fsn_soem *bus, uint16_t at, uint16_t alias,
+                      char text[FSN_DETAIL_BYTES]) {
+    const struct identity found = read_identity(bus, at);
+    snprintf(text, FSN_DETAIL_BYTES,
+             "ring position %u: vendor 0x%08x product 0x%08x alias %u is of no group", at - 1u,
+             (unsigned)found.vendor, (unsigned)found.product, alias);
+}
+
 /* -- coming back ---------------------------------------------------------------------------- */
 
-/** Station address of what stands at a position; false when nothing answers there. */
-static bool station_at(struct fsn_soem *bus, uint16_t slave, uint16_t *station) {
-    uint16_t raw = 0;
+bool soem_station_at(struct fsn_soem *bus, uint16_t at, uint16_t *station, uint16_t *alias) {
+    uint16_t raw[2] = {0}; /* 0x0010, 0x0012 */
     soem_drain(bus);
-    const int counter = ecx_APRD(bus->context.port, position_address(slave), ECT_REG_STADR,
-                                 sizeof raw, &raw, EC_TIMEOUTRET);
-    *station = etohs(raw);
+    const int counter = ecx_APRD(bus->context.port, position_address(at), ECT_REG_STADR, sizeof raw,
+                                 raw, EC_TIMEOUTRET);
+    *station = etohs(raw[0]);
+    *alias = etohs(raw[1]);
     return counter == 1;
+}
+
+bool soem_set_station(struct fsn_soem *bus, uint16_t at, uint16_t station) {
+    return ecx_APWRw(bus->context.port, position_address(at), ECT_REG_STADR, htoes(station),
+                     EC_TIMEOUTRET3) == 1;
 }
 
 static bool is_known(const struct fsn_soem *bus, uint16_t station) {
@@ -193,31 +214,33 @@ static bool is_known(const struct fsn_soem *bus, uint16_t station) {
 
 /** Whether the device at a position, which has no station address, is the one that was there; what
  *  else stands there is noted and left alone. */
-static bool is_same_device(struct fsn_soem *bus, uint16_t slave) {
-    const struct identity found = read_identity(bus, slave);
+static bool is_same_device(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
+    const struct identity found = read_identity(bus, at);
     const int node = bus->places[slave].node;
     if (node != SOEM_NO_NODE) {
-        return note_who_answers(bus, &bus->nodes[node], slave, found) == FSN_OK;
+        return note_who_answers(bus, &bus->nodes[node], at, found) == FSN_OK;
     }
     const ec_slavet *s = &bus->slaves[slave];
     return found.vendor == s->eep_man && found.product == s->eep_id;
 }
 
-static void take_back(struct fsn_soem *bus, uint16_t slave) {
+bool soem_take_back(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
     ec_slavet *s = &bus->slaves[slave];
-    ecx_APWRw(bus->context.port, position_address(slave), ECT_REG_STADR, htoes(s->configadr),
-              EC_TIMEOUTRET3);
+    if (!is_same_device(bus, slave, at)) {
+        return false;
+    }
+    (void)soem_set_station(bus, at, s->configadr);
     s->eep_pdi = 0;
     s->mbx_cnt = 0;
     bus->places[slave].quiet = 0;
     bus->places[slave].unset = s->hasdc;
-    if (bus->places[slave].node == SOEM_NO_NODE) {
-        return;
+    if (bus->places[slave].node != SOEM_NO_NODE) {
+        struct node *node = &bus->nodes[bus->places[slave].node];
+        node->configured = false;
+        node->requested = 0;
+        node->known.retry_ns = 0;
     }
-    struct node *node = &bus->nodes[bus->places[slave].node];
-    node->configured = false;
-    node->requested = 0;
-    node->known.retry_ns = 0;
+    return true;
 }
 
 void soem_search(struct fsn_soem *bus) {
@@ -226,20 +249,18 @@ void soem_search(struct fsn_soem *bus) {
     bool before_is_right = true;
     for (uint16_t slave = 1; slave <= bus->slave_count; slave++) {
         uint16_t station;
+        uint16_t alias;
         if (bus->places[slave].al_status != 0) {
             before_is_right = true;
             continue;
         }
-        if (!before_is_right || !station_at(bus, slave, &station)) {
+        if (!before_is_right || !soem_station_at(bus, slave, &station, &alias)) {
             before_is_right = false;
             continue;
         }
         if (station == bus->slaves[slave].configadr) {
             continue;
         }
-        before_is_right = !is_known(bus, station) && is_same_device(bus, slave);
-        if (before_is_right) {
-            take_back(bus, slave);
-        }
+        before_is_right = !is_known(bus, station) && soem_take_back(bus, slave, slave);
     }
 }

@@ -126,6 +126,7 @@ static void soem_free(void *context) {
     soem_release(bus);
     fsn_nodes_free(&bus->all);
     free(bus->described);
+    free(bus->groups_of_plan);
     free(bus);
 }
 
@@ -231,12 +232,28 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
     return FSN_OK;
 }
 
-static fsn_status configure(void *bus, struct fsn_node *node) {
-    return soem_configure(bus, (struct node *)node);
+static fsn_status configure(void *bus, struct fsn_node *known) {
+    struct node *node = (struct node *)known;
+    return node->group == FSN_NONE ? soem_configure(bus, node) : FSN_OK;
 }
 
 static fsn_status compare(void *bus, struct fsn_node *node) {
     return soem_compare(bus, (struct node *)node);
+}
+
+/** Makes nodes and groups of the plan. */
+static fsn_status make_nodes(struct fsn_soem *bus, const struct fsn_plan *plan,
+                             struct fsn_fault *fault) {
+    bus->nodes = fsn_nodes_create(&bus->all, plan, sizeof *bus->nodes);
+    if (bus->nodes == NULL || !soem_make_groups(bus)) {
+        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
+    }
+    if (bus->group_count > 0 && (bus->attach != NULL || bus->redundant[0] != '\0')) {
+        return fsn_refuse_all(fault, FSN_E_ARG,
+                              "groups that may be absent go with one interface, and with a bus "
+                              "that is started");
+    }
+    return FSN_OK;
 }
 
 static fsn_status soem_open(void *context, const struct fsn_plan *plan,
@@ -246,18 +263,16 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
     if (bus->clocks.shift_ns == 0) {
         bus->clocks.shift_ns = (uint32_t)(bus->cycle_ns / 2);
     }
-    bus->nodes = fsn_nodes_create(&bus->all, plan, sizeof *bus->nodes);
-    if (bus->nodes == NULL) {
-        return fsn_refuse_all(fault, FSN_E_NOMEM, NULL);
-    }
     bus->attached = bus->attach != NULL;
-    fsn_status status = bus->attached ? FSN_OK : soem_take_interfaces(bus, fault);
+    fsn_status status = make_nodes(bus, plan, fault);
+    status = status != FSN_OK || bus->attached ? status : soem_take_interfaces(bus, fault);
     status = status != FSN_OK ? status : open_ports(bus, fault);
     status = status != FSN_OK ? status : soem_open_nic(bus, fault);
     status = status != FSN_OK ? status
              : bus->attached  ? soem_restore(bus, fault)
                               : soem_find(bus, fault);
     status = status != FSN_OK ? status : make_wire(bus, fault);
+    status = status != FSN_OK ? status : soem_place_groups(bus, fault);
     status = status != FSN_OK
                  ? status
                  : fsn_nodes_check(&bus->all, bus, bus->attached ? compare : configure, fault);

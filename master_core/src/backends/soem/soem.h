@@ -22,6 +22,15 @@ struct node {
     uint16_t slave;        /**< in SOEM's list, from 1; 0: nothing stands at its place */
     bool configured;       /**< since it was found last: SDOs, PDOs, SMs and FMMUs are written */
     uint8_t requested;     /**< AL state; 0: none */
+    uint32_t group;        /**< of the plan; FSN_NONE: it is always there */
+    bool taken_in;         /**< of a group: identified, since it came */
+};
+
+/** A group of the plan, as it was found last. */
+struct soem_group {
+    struct fsn_group_info info;
+    uint8_t found;                 /**< of its first SubDevice while it is absent */
+    char detail[FSN_DETAIL_BYTES]; /**< why it is not taken in, or who else is there */
 };
 
 /** Anything on the ring, in SOEM's order. */
@@ -86,6 +95,8 @@ struct fsn_soem {
     struct fsn_bus_clocks clocks; /**< as looked at last, under the lock */
     uint64_t clocks_ns;           /**< when they are looked at again */
     void *described;              /**< as given out last */
+    struct soem_group *groups_of_plan;
+    uint32_t group_count;
 };
 
 /** Notes what was found about a node; printf-like. */
@@ -95,9 +106,36 @@ struct fsn_soem {
 
 /** Scans the bus and finds every SubDevice of the plan at its place; refuses on any difference. */
 fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault);
+/** Compares who stands at a position, from 1, with a SubDevice of the plan; the node notes it. */
+fsn_status soem_identify(struct fsn_soem *bus, struct node *node, uint16_t at);
+/** Station address and alias of what stands at a position; false when nothing answers there. */
+bool soem_station_at(struct fsn_soem *bus, uint16_t at, uint16_t *station, uint16_t *alias);
+bool soem_set_station(struct fsn_soem *bus, uint16_t at, uint16_t station);
+/** Takes back the SubDevice that stands at a position when it is the one that was lost. */
+bool soem_take_back(struct fsn_soem *bus, uint16_t slave, uint16_t at);
+/** Says who stands at a position and is of no group. */
+void soem_describe_at(struct fsn_soem *bus, uint16_t at, uint16_t alias,
+                      char text[FSN_DETAIL_BYTES]);
 /** Looks for places that do not answer: gives them back their station address when the device
  *  that stands there now is the one that was there. */
 void soem_search(struct fsn_soem *bus);
+
+/* Groups of SubDevices that may be absent (groups.c). They stand in SOEM's list behind all others,
+ * whatever their place on the bus, and are taken in when they are found. */
+
+enum { SOEM_GROUP_GONE_NS = 100000000 /**< until then it is known who has gone */ };
+/** Room for the groups of the plan; false: no memory. */
+bool soem_make_groups(struct fsn_soem *bus);
+/** Takes what belongs to groups out of SOEM's list after its scan: positions count the others. */
+void soem_set_groups_apart(struct fsn_soem *bus);
+/** Gives each SubDevice of a group its number in SOEM's list. */
+fsn_status soem_place_groups(struct fsn_soem *bus, struct fsn_fault *fault);
+/** soem_search() of a plan with groups: also for groups that have come. */
+void soem_search_groups(struct fsn_soem *bus);
+/** After each poll of the states: who is there, and who has gone. */
+void soem_watch_groups(struct fsn_soem *bus);
+/** Whether it need not be in OP now: of a group that is absent, or has just come. */
+bool soem_is_excused(const struct fsn_soem *bus, const struct node *node);
 
 /* Configuring (configure.c). */
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "control/base/names.h"
+#include "control/reports/groups.h"
 #include "control/reports/parameters.h"
 #include "control/reports/reports.h"
 #include "plan/plan_internal.h"
@@ -74,9 +75,13 @@ static void connection_event(struct fsn_changes *changes, struct fsn_incidents *
         fsn_json_put_text(json, "reset_text", fsn_reset_text(event->reset_code));
         snprintf(cause, sizeof cause, ", by the %s: %s", by, fsn_reset_text(event->reset_code));
     }
-    const bool left = fsn_observed_is_data(event->before);
     const bool data = fsn_observed_is_data(event->after);
-    fsn_event_send(changes->events, connection_level(changes, event, left, data),
+    /* With a group that is pulled its connections end as well. */
+    const bool away = !data && (fsn_group_is_away(changes->view, info.main_subdevice) ||
+                                fsn_group_is_away(changes->view, info.sub_subdevice));
+    const bool left = fsn_observed_is_data(event->before) && !away;
+    fsn_event_send(changes->events,
+                   away ? FSN_LOG_DETAIL : connection_level(changes, event, left, data),
                    "connection %.120s: %s -> %s%s", info.name, fsn_observed_text(event->before),
                    fsn_observed_text(event->after), cause);
     fsn_incident_connection(incidents, event->connection, event->after);
@@ -121,6 +126,9 @@ static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_b
 static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before,
                                           const struct fsn_bus_subdevice *after) {
     const bool wrong = after->found != FSN_FOUND_RIGHT && after->found != FSN_FOUND_UNKNOWN;
+    if (after->found == FSN_FOUND_ABSENT || before->found == FSN_FOUND_ABSENT) {
+        return FSN_LOG_DETAIL; /* its group is reported as a whole */
+    }
     if (before->found == FSN_FOUND_UNKNOWN && !wrong && after->al_status == FSN_AL_NONE) {
         return FSN_LOG_DETAIL; /* at the start no AL state has been read yet */
     }
@@ -170,7 +178,8 @@ static void subdevice_event(struct fsn_changes *changes, uint32_t number,
     if (memcmp(before->link, after->link, sizeof after->link) != 0) {
         put_links(after, links, sizeof links);
     }
-    const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN;
+    const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN ||
+                      (after->found == FSN_FOUND_ABSENT && after->al_status != FSN_AL_NONE);
     const bool unread = fine && (before->al_status | after->al_status) == FSN_AL_NONE;
     const bool moved = before->al_status != after->al_status;
     fsn_event_send(changes->events, reported ? FSN_LOG_DETAIL : subdevice_level(before, after),
@@ -241,6 +250,41 @@ static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
     changes->clocks = clocks.state;
 }
 
+/** A group comes or goes, which is no fault; or what stands there is not taken in. */
+static void poll_groups(struct fsn_changes *changes, bool first, uint64_t now_ns) {
+    for (uint32_t n = 0; n < fsn_plan_group_count(changes->view->plan); n++) {
+        const struct fsn_group_info info = fsn_known_group(changes->view->plan, n);
+        struct fsn_seen_group *seen = &changes->group[n];
+        const enum fsn_group_state state =
+            fsn_group_state(changes->view->plan, n, changes->view->subdevice);
+        const char *detail = changes->view->subdevice[info.first_subdevice].detail;
+        const bool wrong = state == FSN_GROUP_WRONG;
+        if (!first && state == seen->state && (!wrong || strcmp(detail, seen->detail) == 0)) {
+            continue;
+        }
+        struct fsn_json *json = fsn_event_begin(changes->events, "group", now_ns);
+        fsn_json_put_text(json, "group", info.name);
+        fsn_json_put_text(json, "place", info.place);
+        fsn_json_put_text(json, "before", fsn_group_text(seen->state));
+        fsn_json_put_text(json, "after", fsn_group_text(state));
+        fsn_json_put_text(json, "detail", detail);
+        const bool came = state == FSN_GROUP_THERE && seen->state == FSN_GROUP_COMING;
+        char after[64] = "";
+        if (came) {
+            snprintf(after, sizeof after, ", %" PRIu64 " ms after it was found",
+                     (now_ns - seen->coming_ns) / 1000000);
+        }
+        fsn_event_send(changes->events, wrong ? FSN_LOG_WARNING : FSN_LOG_INFO,
+                       "group %.120s is %s%s%s%.150s", info.name,
+                       wrong ? "absent" : fsn_group_text(state), after,
+                       wrong ? ", something else is there: " : "", wrong ? detail : "");
+        seen->coming_ns =
+            state == FSN_GROUP_COMING && seen->state != FSN_GROUP_COMING ? now_ns : seen->coming_ns;
+        seen->state = (uint8_t)state;
+        memcpy(seen->detail, detail, sizeof seen->detail);
+    }
+}
+
 static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *incidents,
                             uint64_t now_ns) {
     if (now_ns - changes->polled_ns < POLL_MS * UINT64_C(1000000)) {
@@ -252,17 +296,22 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
     const uint32_t count = fsn_plan_subdevice_count(changes->view->plan);
     uint32_t lost = 0;
     uint32_t back = 0;
+    uint32_t always = 0;
     struct fsn_bus_subdevice after = {0};
     for (uint32_t i = 0; i < count; i++) {
         if (fsn_core_subdevice(changes->view->core, i, &after) != FSN_OK) {
             return; /* a bus without states */
         }
         const bool was = changes->view->subdevice[i].al_status != FSN_AL_NONE;
+        if (fsn_plan_group_of(changes->view->plan, i) != FSN_NONE) {
+            continue;
+        }
+        always++;
         lost += changes->view->subdevices_known && was && after.al_status == FSN_AL_NONE;
         back += changes->view->subdevices_known && !was && after.al_status != FSN_AL_NONE;
     }
     after.detail[FSN_DETAIL_BYTES - 1] = 0;
-    const bool reported = whole_bus(changes, count, lost, back, after.detail, now_ns);
+    const bool reported = whole_bus(changes, always, lost, back, after.detail, now_ns);
     for (uint32_t i = 0; fsn_core_subdevice(changes->view->core, i, &after) == FSN_OK; i++) {
         after.detail[FSN_DETAIL_BYTES - 1] = 0;
         const struct fsn_bus_subdevice before = changes->view->subdevice[i];
@@ -272,6 +321,7 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
             fsn_incident_subdevice(incidents, i, &after, now_ns);
         }
     }
+    poll_groups(changes, !changes->view->subdevices_known, now_ns);
     changes->view->subdevices_known = true;
 }
 
@@ -363,22 +413,28 @@ bool fsn_changes_init(struct fsn_changes *changes, struct fsn_bus_view *view,
                       struct fsn_events *events) {
     uint64_t *reset_reported_ns =
         calloc((size_t)fsn_plan_connection_count(view->plan) + 1, sizeof *reset_reported_ns);
+    struct fsn_seen_group *group =
+        calloc((size_t)fsn_plan_group_count(view->plan) + 1, sizeof *group);
     *changes = (struct fsn_changes){
-        .view = view, .events = events, .reset_reported_ns = reset_reported_ns};
-    return reset_reported_ns != NULL;
+        .view = view, .events = events, .reset_reported_ns = reset_reported_ns, .group = group};
+    return reset_reported_ns != NULL && group != NULL;
 }
 
 void fsn_changes_free(struct fsn_changes *changes) {
     free(changes->reset_reported_ns);
+    free(changes->group);
 }
 
 void fsn_changes_reset(struct fsn_changes *changes) {
     uint64_t *reset_reported_ns = changes->reset_reported_ns;
     memset(reset_reported_ns, 0,
            fsn_plan_connection_count(changes->view->plan) * sizeof *reset_reported_ns);
+    struct fsn_seen_group *group = changes->group;
+    memset(group, 0, fsn_plan_group_count(changes->view->plan) * sizeof *group);
     *changes = (struct fsn_changes){.view = changes->view,
                                     .events = changes->events,
                                     .reset_reported_ns = reset_reported_ns,
+                                    .group = group,
                                     .differed = changes->differed};
 }
 

@@ -4,6 +4,13 @@
 
 #include "control/incidents/incidents.h"
 
+/** A group as it was reported last. */
+struct fsn_seen_group {
+    uint8_t state; /**< enum fsn_group_state */
+    uint64_t coming_ns;
+    char detail[FSN_DETAIL_BYTES];
+};
+
 /** What the bus looked like at the last poll, beside the SubDevices in the view. */
 struct fsn_changes {
     struct fsn_bus_view *view;
@@ -17,9 +24,10 @@ struct fsn_changes {
     uint64_t foreign_frames;                                                /**< last reported */
     uint64_t foreign_reported_ns;
     uint64_t wkc_reported_ns, polled_ns;
-    struct fsn_bus_ring ring; /**< as reported last */
-    uint8_t clocks;           /**< enum fsn_clocks, as reported last */
-    uint64_t cycle;           /**< the last one that was polled */
+    struct fsn_seen_group *group; /**< of each group of the plan */
+    struct fsn_bus_ring ring;     /**< as reported last */
+    uint8_t clocks;               /**< enum fsn_clocks, as reported last */
+    uint64_t cycle;               /**< the last one that was polled */
 };
 
 /** @return false  out of memory. */

@@ -240,7 +240,7 @@ bool fsn_incident_begin(struct fsn_incidents *in, const struct fsn_trigger *t) {
 
 void fsn_incident_subdevice(struct fsn_incidents *in, uint32_t number,
                             const struct fsn_bus_subdevice *seen, uint64_t now_ns) {
-    const bool wrong = seen->found > FSN_FOUND_RIGHT;
+    const bool wrong = seen->found > FSN_FOUND_RIGHT && seen->found != FSN_FOUND_ABSENT;
     if (in == NULL || (!wrong && seen->al_status != FSN_AL_OP)) {
         return; /* it is brought further, or tried again: not decided yet */
     }

@@ -2,6 +2,7 @@
 #include "control/base/clock.h"
 #include "control/base/names.h"
 #include "control/base/value.h"
+#include "control/reports/groups.h"
 #include "control/reports/reports.h"
 #include "fsn/version.h"
 #include "plan/plan_internal.h"
@@ -30,16 +31,21 @@ void fsn_report_fingerprint(struct fsn_bus_view *view, struct fsn_json *json) {
 static void short_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
     uint32_t in_op = 0;
     uint32_t missing = 0;
+    uint32_t absent = 0;
     const uint32_t count = fsn_plan_subdevice_count(view->plan);
     struct fsn_bus_subdevice seen;
     for (uint32_t i = 0; fsn_core_subdevice(view->core, i, &seen) == FSN_OK; i++) {
         in_op += seen.al_status == FSN_AL_OP;
-        missing += seen.al_status == FSN_AL_NONE;
+        absent += seen.found == FSN_FOUND_ABSENT;
+        missing += seen.al_status == FSN_AL_NONE && seen.found != FSN_FOUND_ABSENT;
     }
     fsn_json_put_open(json, "subdevices", '{');
     fsn_json_put_u64(json, "planned", count);
     fsn_json_put_u64(json, "in_op", in_op);
     fsn_json_put_u64(json, "missing", missing);
+    if (fsn_plan_group_count(view->plan) > 0) {
+        fsn_json_put_u64(json, "absent", absent);
+    }
     fsn_json_close(json, '}');
 }
 
@@ -217,6 +223,7 @@ void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_j
     put_cycle(view, json);
     put_buses(view, &status, json);
     short_subdevices(view, json);
+    fsn_report_groups(view, json);
     fsn_report_ring(view, json);
     fsn_report_clocks(view, json);
     put_standby(&status, json);

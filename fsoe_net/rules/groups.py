@@ -1,0 +1,189 @@
+"""FSN165 … FSN167: groups of SubDevices that may be absent, and what is copied from and to them."""
+
+from __future__ import annotations
+
+from fsoe_net.diag.diagnostic import Related
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.network import Group, NetworkConfig, TransferKind
+from fsoe_net.rules.context import Context
+
+__all__ = ["check_groups"]
+
+
+def check_groups(ctx: Context) -> None:
+    """Check groups, and that nothing that is there needs what may be absent."""
+    network = ctx.resolution.network
+    if not network.groups:
+        return
+    names: dict[str, Group] = {}
+    owners: dict[str, Group] = {}
+    for group in network.groups:
+        _name(ctx, group, names)
+        _members(ctx, group, owners)
+        _order(ctx, group)
+    for sub in network.subdevices:
+        _foreign_alias(ctx, sub)
+    _connections(ctx)
+    _transfers(ctx)
+
+
+def _name(ctx: Context, group: Group, names: dict[str, Group]) -> None:
+    first = names.setdefault(group.name, group)
+    if first is not group and group.name:
+        ctx.add(
+            "FSN165",
+            group.at("name"),
+            f"two groups have the name {group.name!r}",
+            hint="give each group a name of its own",
+            related=(Related(span=first.at("name"), message="the first is here"),),
+        )
+
+
+def _members(ctx: Context, group: Group, owners: dict[str, Group]) -> None:
+    for name, span in zip(group.subdevices, group.places, strict=True):
+        if name not in ctx.names:
+            near = ctx.nearest_name(name)
+            hint = f"write {near}" if near else "add it to subdevices"
+            ctx.add("FSN165", span, f"group {group.name} names {name!r}, no SubDevice", hint=hint)
+            continue
+        owner = owners.setdefault(name, group)
+        if owner is not group or group.subdevices.count(name) > 1:
+            ctx.add(
+                "FSN165",
+                span,
+                f"{name} is named twice in groups; it is absent with one group only",
+                hint="name it in one group, once",
+                related=(Related(span=owner.span, message=f"group {owner.name}"),),
+            )
+
+
+def _subdevices(network: NetworkConfig, group: Group) -> list[tuple[int, SubDevice]]:
+    return [
+        (number, sub)
+        for name in group.subdevices
+        for number, sub in enumerate(network.subdevices)
+        if sub.name == name
+    ]
+
+
+def _order(ctx: Context, group: Group) -> None:
+    """The first is found by its alias, the others stand behind it, here and on the bus."""
+    rows = _subdevices(ctx.resolution.network, group)
+    if not rows or len(rows) != len(group.subdevices):
+        return  # named already
+    first_number, first = rows[0]
+    if not first.alias:
+        ctx.add(
+            "FSN165",
+            first.at("position"),
+            f"{first.name}, the first of group {group.name}, has no alias to find it by",
+            hint="give it an alias of its own and position: 0; `alias-write` of the control socket "
+            "stores it in the device",
+        )
+        return
+    for n, (number, sub) in enumerate(rows):
+        if (number, sub.alias, sub.position) != (first_number + n, first.alias, n):
+            ctx.add(
+                "FSN165",
+                sub.at("position" if "position" in sub.fields else "name"),
+                f"{sub.name} of group {group.name} is not number {n} behind alias {first.alias}; "
+                "the SubDevices of a group follow each other",
+                hint=f"write alias: {first.alias}, position: {n}, in the order of the group",
+                related=(Related(span=first.span, message="the first of the group"),),
+            )
+            return
+    for _, sub in rows:
+        if sub.device is not None and sub.device.assign_activate:
+            ctx.add(
+                "FSN165",
+                sub.span,
+                f"{sub.name} of group {group.name} has distributed clocks (assign_activate "
+                f"0x{sub.device.assign_activate:04x}); clocks are set at the start only",
+                hint="use a device file without assign_activate, or take it out of the group",
+            )
+
+
+def _foreign_alias(ctx: Context, sub: SubDevice) -> None:
+    network = ctx.resolution.network
+    own = network.group_of(sub.name)
+    for group in network.groups:
+        rows = _subdevices(network, group)
+        if group is own or not rows or not sub.alias or rows[0][1].alias != sub.alias:
+            continue
+        if own is not None and network.groups.index(own) < network.groups.index(group):
+            continue  # named at the other
+        ctx.add(
+            "FSN165",
+            sub.at("alias"),
+            f"{sub.name} has alias {sub.alias}, by which group {group.name} is found",
+            hint="give each group an alias that nothing else has",
+            related=(Related(span=rows[0][1].at("alias"), message=f"group {group.name}"),),
+        )
+        return
+
+
+def _never_together(one: Group | None, other: Group | None) -> bool:
+    return one is not None and other is not None and one is not other and _same(one, other)
+
+
+def _same(one: Group, other: Group) -> bool:
+    return bool(one.place) and one.place == other.place
+
+
+def _connections(ctx: Context) -> None:
+    network = ctx.resolution.network
+    for c in ctx.resolution.connections:
+        main, sub = network.group_of(c.main.name), network.group_of(c.sub.name)
+        if main is None or main is sub:
+            continue
+        span = c.facts.span if c.facts is not None else c.net.span
+        if _never_together(main, sub) and sub is not None:
+            ctx.add(
+                "FSN166",
+                span,
+                f"{c.name} joins the groups {main.name} and {sub.name}, which are never at "
+                f"{main.place} together",
+                hint="connect each with a MainInstance that is always there",
+                related=_both(main, sub),
+            )
+        else:
+            ctx.add(
+                "FSN166",
+                span,
+                f"the MainInstance of {c.name} is in group {main.name} and may be absent while "
+                f"{c.sub.name} is there",
+                hint="take the MainInstance out of the group, or put both into one group",
+                related=(Related(span=main.span, message=f"group {main.name}"),),
+            )
+
+
+def _transfers(ctx: Context) -> None:
+    network = ctx.resolution.network
+    for row in ctx.resolution.transfers:
+        source, destination = row.source.subdevice, row.destination.subdevice
+        if source is None or destination is None or row.transfer.kind is TransferKind.FSOE:
+            continue
+        one, other = network.group_of(source.name), network.group_of(destination.name)
+        if _never_together(one, other) and one is not None and other is not None:
+            ctx.add(
+                "FSN166",
+                row.transfer.span,
+                f"nothing is ever copied from {source.name} to {destination.name}: the groups "
+                f"{one.name} and {other.name} are never at {one.place} together",
+                hint="delete the transfer",
+                related=_both(one, other),
+            )
+        elif one is not None and one is not other:
+            ctx.add(
+                "FSN167",
+                row.transfer.span,
+                f"while group {one.name} is absent, {destination.name} keeps the last value of "
+                f"{source.name}",
+                hint="make sure that this value does no harm, or let a program with a lease write "
+                "the output",
+                related=(Related(span=one.span, message=f"group {one.name}"),),
+            )
+
+
+def _both(one: Group, other: Group) -> tuple[Related, ...]:
+    return tuple(Related(span=g.span, message=f"group {g.name}") for g in (one, other))

@@ -1,0 +1,28 @@
+/** Groups of SubDevices that may be absent, as far as they are there. */
+#ifndef FSN_CONTROL_GROUPS_H
+#define FSN_CONTROL_GROUPS_H
+
+#include "control/base/json.h"
+#include "control/reports/bus_view.h"
+
+enum fsn_group_state {
+    FSN_GROUP_ABSENT, /**< that is no fault */
+    FSN_GROUP_WRONG,  /**< absent, and something stands there that is not taken in */
+    FSN_GROUP_COMING, /**< not all of it is in OP */
+    FSN_GROUP_THERE,
+};
+
+/** State of a group by what is known of its SubDevices, as one array of the plan. */
+enum fsn_group_state fsn_group_state(const struct fsn_plan *plan, uint32_t group,
+                                     const struct fsn_bus_subdevice *subdevices);
+
+/** "absent", "wrong", "coming" or "there". */
+const char *fsn_group_text(enum fsn_group_state state);
+
+/** Whether a SubDevice is of a group that is absent now. */
+bool fsn_group_is_away(const struct fsn_bus_view *view, uint32_t subdevice);
+
+/** `groups` of the status; nothing of a plan without. */
+void fsn_report_groups(struct fsn_bus_view *view, struct fsn_json *json);
+
+#endif
