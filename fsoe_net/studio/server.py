@@ -20,6 +20,7 @@ from starlette.staticfiles import StaticFiles
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.guard import Guard
+from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
 
 __all__ = ["Studio"]
@@ -90,6 +91,7 @@ class Studio:
                 Route("/", self._page),
                 Route("/api/state", self._state),
                 Route("/api/events", self._events),
+                Route("/api/try", self._try, methods=["POST"]),
                 Route("/api/{act}", self._act, methods=["POST"]),
                 Mount("/assets", StaticFiles(directory=_ASSETS)),
             ],
@@ -97,7 +99,7 @@ class Studio:
         )
         guard = Guard(app, port=port, body_limit=_BODY_LIMIT)
         self.url = f"http://127.0.0.1:{port}/?token={guard.token()}"
-        self._changed = asyncio.Condition()
+        self._changed, self._trying = asyncio.Condition(), asyncio.Lock()
         config = uvicorn.Config(
             guard,
             log_level="critical",
@@ -143,6 +145,15 @@ class Studio:
             return await self._answer(error=str(exc), status=422)
         await self._tell()
         return await self._answer()
+
+    async def _try(self, _: Request) -> Response:
+        version, checked = self._workspace.version, self._workspace.checked
+        try:
+            async with self._trying:  # one at a time
+                tried = await run_in_threadpool(try_network, checked)
+        except FsnError as exc:
+            return JSONResponse({"error": str(exc)}, 422)
+        return JSONResponse({"error": "", "version": version, **tried})
 
     async def _answer(self, *, error: str = "", status: int = 200) -> Response:
         state = await run_in_threadpool(state_of, self._workspace)

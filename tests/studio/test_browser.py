@@ -157,6 +157,18 @@ def test_two_tabs_and_a_file_that_changes(page: Any, cell: Path) -> None:
     _holds(page, "# one\n")
 
 
+def test_it_is_tried_on_the_emulated_bus(page: Any) -> None:
+    page.get_by_role("button", name="Try it").click()
+    page.wait_for_selector("text=4 of 4 in Data")
+    area = page.locator("textarea")
+    text = area.input_value()
+    area.fill(text + "# more\n")
+    page.wait_for_selector("text=of an earlier text")
+    area.fill(text.replace("size: 6", "size: 5", 1))
+    _verdict(page, "has errors")
+    assert page.get_by_role("button", name="Try it").is_disabled()
+
+
 def test_hostile_names_are_text(page: Any) -> None:
     area = page.locator("textarea")
     evil = "<img src=x onerror=alert(1)>"
@@ -175,7 +187,10 @@ def test_it_follows_wcag(page: Any, scheme: str) -> None:
     _connection(page, "drive_2").focus()
     page.keyboard.press("Enter")
     page.wait_for_selector(".field")
-    page.get_by_role("button", name="Undo").wait_for()
+    page.get_by_role("button", name="Undo").click()
+    page.get_by_role("button", name="Redo").wait_for()
+    page.get_by_role("button", name="Try it").click()
+    page.locator("summary").click()
     levels = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
     found = axe.Axe().run(page, options={"runOnly": levels}).response["violations"]
     assert [(row["id"], [node["html"] for node in row["nodes"]]) for row in found] == []

@@ -142,6 +142,19 @@ def test_a_change_is_answered_with_what_is_there_then(browser: Browser, path: Pa
     assert "watchdog_ms: 150" in path.read_text("utf-8")
 
 
+def test_it_is_tried_on_the_emulated_bus(browser: Browser) -> None:
+    status, tried = browser.post("try", {})
+    assert status == 200
+    (row,) = tried["connections"]
+    assert (row["name"], row["in_data"], row["resets"]) == ("el1918-ek1914", True, 0)
+    assert tried["passed"] is True
+    assert {e["text"] for e in tried["events"]} >= {"MainInstance: Session"}
+    browser.post("text", {"version": 1, "text": "nets: ["})
+    status, refused = browser.post("try", {})
+    assert status == 422
+    assert str(refused["error"]).startswith("not tried: 1 error")
+
+
 def test_a_second_tab_hears_of_a_change(browser: Browser) -> None:
     with browser.events() as told:
         _until(told, b"data: 1")

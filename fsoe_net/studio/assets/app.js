@@ -7,6 +7,7 @@ import { html, worst } from "./html.js";
 import { Inspector } from "./inspector.js";
 import { GONE, listen, request, state as fetchState } from "./server.js";
 import { Text } from "./text.js";
+import { Trial } from "./trial.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").Selected} Selected */
@@ -102,6 +103,8 @@ function Page() {
       <aside>
         <${Inspector} state=${shown} selected=${selected} act=${act} choose=${choose} />
         <${Findings} findings=${state.findings} show=${show} act=${act} />
+        <${Trial} version=${state.version}
+          hasErrors=${!state.is_network || worst(state.findings) === "error"} />
       </aside>
       <${Text} state=${state} line=${line} act=${act}
         onCursor=${(/** @type {number} */ at) => setSelected(partAt(shown, at) ?? selected)} />

@@ -3,9 +3,8 @@
 /**
  * @param {string} act
  * @param {Record<string, unknown>} body
- * @returns {Promise<import("./types").State | { error: string }>}
  */
-export async function request(act, body) {
+async function post(act, body) {
   try {
     const answer = await fetch(`/api/${act}`, {
       method: "POST",
@@ -17,6 +16,16 @@ export async function request(act, body) {
     return { error: GONE };
   }
 }
+
+/**
+ * @param {string} act
+ * @param {Record<string, unknown>} body
+ * @returns {Promise<import("./types").State | { error: string }>}
+ */
+export const request = (act, body) => post(act, body);
+
+/** @returns {Promise<import("./types").Tried | { error: string }>} */
+export const tryIt = () => post("try", {});
 
 export const GONE = "fsoe-net studio does not answer; start it again, and open the address it prints";
 

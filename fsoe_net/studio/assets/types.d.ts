@@ -78,6 +78,24 @@ export interface State {
   findings: Finding[];
 }
 
+/** A try on the emulated bus, see fsoe_net/studio/trial.py. */
+export interface Tried {
+  error: string;
+  version: number;
+  passed: boolean;
+  duration_ms: number;
+  connections: {
+    name: string;
+    state: string;
+    in_data: boolean;
+    time_to_data_ms: number | null;
+    resets: number;
+    chosen: string[];
+  }[];
+  events: { time_ms: number; source: string; text: string }[];
+  events_left_out: number;
+}
+
 /** What is selected: a SubDevice by its name, or a connection by its number. */
 export type Selected = { subdevice: string } | { connection: number } | null;
 

@@ -1,0 +1,70 @@
+// A try of the network on the emulated bus: does it come up?
+import { useState } from "./vendor/hooks.js";
+import { html } from "./html.js";
+import { tryIt } from "./server.js";
+
+/** @typedef {import("./types").Tried} Tried */
+
+/** @param {{ version: number, hasErrors: boolean }} props */
+export function Trial({ version, hasErrors }) {
+  const [tried, setTried] = useState(/** @type {Tried | { error: string } | null} */ (null));
+  const [runs, setRuns] = useState(false);
+  const start = async () => {
+    setRuns(true);
+    setTried(await tryIt());
+    setRuns(false);
+  };
+  return html`<section class="trial" aria-label="Emulated bus">
+    <h2>Does it come up?</h2>
+    <p class="help">
+      One second on the emulated bus, in simulated time. Nothing is sent to a real one. It says nothing
+      about your devices, cables and safety project: those are tried at the machine.
+    </p>
+    <button disabled=${runs || hasErrors} onClick=${start}>
+      ${runs ? "Runs …" : hasErrors ? "Try it: correct the errors first" : "Try it"}
+    </button>
+    ${tried?.error && html`<p class="error" role="alert">${tried.error}</p>`}
+    ${tried && "events" in tried && html`<${Result} tried=${tried} isOld=${tried.version !== version} />`}
+  </section>`;
+}
+
+/** @param {{ tried: Tried, isOld: boolean }} props */
+function Result({ tried, isOld }) {
+  const up = tried.connections.filter((c) => c.in_data).length;
+  return html`
+    <p role="status">
+      <b>${tried.passed ? "✔" : "✖"} ${up} of ${tried.connections.length} in Data</b>
+      ${isOld && " – of an earlier text; try it again"}
+    </p>
+    <table>
+      <thead>
+        <tr><th scope="col">connection</th><th scope="col">state</th><th scope="col">Data after</th>
+          <th scope="col">resets</th></tr>
+      </thead>
+      <tbody>
+        ${tried.connections.map(
+          (c) => html`<tr key=${c.name}>
+            <th scope="row">${c.name}</th>
+            <td>${c.in_data ? "✔" : "✖"} ${c.state}</td>
+            <td>${c.time_to_data_ms === null ? "never" : `${c.time_to_data_ms} ms`}</td>
+            <td>${c.resets}</td>
+          </tr>`,
+        )}
+      </tbody>
+    </table>
+    ${tried.connections.some((c) => c.chosen.length) &&
+    html`<p class="help">
+      Chosen for this try, since the file does not state it: ${" "}
+      ${tried.connections.filter((c) => c.chosen.length).map((c) => `${c.name}: ${c.chosen.join(", ")}`).join("; ")}
+    </p>`}
+    <details>
+      <summary>What happened, in order (${tried.events.length})</summary>
+      <ol class="events" tabindex="0" aria-label="Events of the try">
+        ${tried.events.map(
+          (e, n) => html`<li key=${n}><code>${e.time_ms} ms</code> ${e.source}: ${e.text}</li>`,
+        )}
+      </ol>
+      ${tried.events_left_out > 0 && html`<p>${tried.events_left_out} more: fsoe-net run</p>`}
+    </details>
+  `;
+}

@@ -1,0 +1,54 @@
+"""A try of the network on the emulated bus, in simulated time: does it come up?"""
+
+from __future__ import annotations
+
+from fsoe_net.project.check import Checked, whole_network
+from fsoe_net.project.simulate import simulate
+from fsoe_net.run.result import ConnectionResult, is_data, state_text
+
+__all__ = ["TRIAL_MS", "try_network"]
+
+TRIAL_MS = 1000
+"""Simulated time of a try."""
+
+_MOST_EVENTS = 500
+
+Row = dict[str, object]
+
+
+def try_network(checked: Checked) -> Row:
+    """Run a network; nothing is sent to a bus.
+
+    Args:
+        checked: The network, with everything found in it.
+
+    Returns:
+        Plain JSON values: connections with how they ended, and what happened, in order.
+
+    Raises:
+        InputError: The network has errors, or moves nothing.
+        CoreMissing: The compiled part is not there.
+    """
+    resolution = whole_network(checked, "not tried")
+    run = simulate(resolution, duration_ns=TRIAL_MS * 1_000_000)
+    return {
+        "passed": run.passed,
+        "duration_ms": TRIAL_MS,
+        "connections": [_connection(row) for row in run.connections],
+        "events": [
+            {"time_ms": event.time_ms, "source": event.source, "text": event.text}
+            for event in run.events[:_MOST_EVENTS]
+        ],
+        "events_left_out": max(0, len(run.events) - _MOST_EVENTS),
+    }
+
+
+def _connection(row: ConnectionResult) -> Row:
+    return {
+        "name": row.name,
+        "state": state_text(row.state),
+        "in_data": is_data(row.state),
+        "time_to_data_ms": row.time_to_data_ms,
+        "resets": row.resets,
+        "chosen": list(row.chosen),
+    }
