@@ -7,7 +7,7 @@ import pytest
 from run.support import EXAMPLES, ROOT
 
 import fsoe_net
-from fsoe_net.project.edit import EditedText
+from fsoe_net.project.edit import EditedText, _yaml
 
 FILES = sorted(
     p for p in [*EXAMPLES.rglob("*.yaml"), *(ROOT / "tests/diagnostics/base").rglob("*.yaml")]
@@ -131,3 +131,19 @@ def test_odd_lines_are_read_or_refused(text):
         assert "x.yaml cannot be edited" in str(exc)  # noqa: PT017 - either is right
     else:
         assert edited.text == text
+
+
+def test_comments_stay_where_the_part_beside_them_goes(network):
+    """A writer takes the comment before a part for one behind the part above it."""
+    text = (
+        "a:\n  - b: 1   # of b\n\n# of c\nc: |\n  x\n  # no comment\nd:\n  - 1\n  # of 2\n  - 2\n"
+    )
+    edited = EditedText(text, "x.yaml")
+    del edited.document["a"]
+    assert edited.text == "\n# of c\nc: |\n  x\n  # no comment\nd:\n  - 1\n  # of 2\n  - 2\n"
+    edited = EditedText(edited.text.lstrip(), "x.yaml")
+    del edited.document["d"][0]
+    assert edited.text == "# of c\nc: |\n  x\n  # no comment\nd:\n  # of 2\n  - 2\n"
+    edited.document["c"] = "y"
+    assert edited.text.startswith("# of c\nc: ")
+    assert _yaml().load(edited.text) == {"c": "y", "d": [2]}

@@ -147,6 +147,8 @@ class EditedText:
 def with_lines_kept(before: str, laid_out: str, after: str) -> str:
     """Return a text after a change in which only lines that the change touched are new.
 
+    Comments before and behind a part stay when the part goes.
+
     Args:
         before: The text as a person laid it out.
         laid_out: The same as the writer lays it out, which has other spaces in it.
@@ -159,6 +161,7 @@ def with_lines_kept(before: str, laid_out: str, after: str) -> str:
         return after
     end = "\r\n" if own and own[0].endswith("\r\n") else "\n"
     lines: list[str] = []
+    lost: list[tuple[int, list[str]]] = []
     for kind, begin, stop, first, last in SequenceMatcher(
         None, plain, new, autojunk=False
     ).get_opcodes():
@@ -166,7 +169,30 @@ def with_lines_kept(before: str, laid_out: str, after: str) -> str:
             lines += own[begin:stop]
         else:
             lines += [line.rstrip("\r\n") + end for line in new[first:last]]
+            lost.append((len(lines), _comments_behind(own[begin:stop])))
+    # The writer takes the comment before a part for one behind the part above it.
+    for at, comments in reversed(lost):
+        with_comments = [*lines[:at], *comments, *lines[at:]]
+        if comments and _says(with_comments) == _says(lines):
+            lines = with_comments
     return "".join(lines)
+
+
+def _comments_behind(lines: list[str]) -> list[str]:
+    """Return the lines without a word of YAML at the end of a part that goes."""
+    words = [n for n, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"]
+    behind = lines[words[-1] + 1 :] if words else lines
+    return behind if any(line.strip() for line in behind) else []
+
+
+def _says(lines: list[str]) -> object:
+    """Return what lines say: one that looks like a comment may belong to a longer value."""
+    import yaml
+
+    try:
+        return yaml.load("".join(lines), getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - safe
+    except yaml.YAMLError:
+        return None
 
 
 def _yaml() -> YAML:

@@ -182,7 +182,9 @@ def _place(request: Mapping[str, object], resolution: Resolution) -> Change:
     position = _number(request, "position", 65535)
 
     def change(document: Any) -> None:
-        _here(document["subdevices"], subdevice)["position"] = position
+        lists = [document, *(document.get("buses") or ())]
+        rows = [row for part in lists for row in part.get("subdevices") or ()]
+        _here(rows, subdevice)["position"] = position
 
     return change
 
