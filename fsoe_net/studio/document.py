@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.diag.printable import printable
 from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.ends import ResolvedTransfer
 from fsoe_net.model.layout import FramePair
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.project.check import library_of
@@ -114,7 +115,22 @@ def _connection(budget: WatchdogBudget, path: str) -> Row:
         "unconfirmed": facts.unconfirmed,
         "to_sub_bytes": row.to_sub.transfer.size_bytes,
         "to_main_bytes": row.to_main.transfer.size_bytes,
+        "copies": [_copy(way) for way in (row.to_sub, row.to_main)],
         "line": _own_line((row.facts or row.to_sub.transfer).span, path),
+    }
+
+
+def _copy(way: ResolvedTransfer) -> Row:
+    """Return where the bytes of a frame are taken from, and where they are put."""
+    return {"size_bytes": way.transfer.size_bytes} | {
+        name: {
+            "subdevice": end.endpoint.module,
+            "entry": f"0x{end.endpoint.index:04x}:{end.endpoint.subindex:02x}",
+            "sm": None if end.sm is None else end.sm.sm.index,
+            "byte": None if end.placed is None else end.placed.bit_offset // 8,
+            "of_bytes": None if end.sm is None else (end.sm.bits + 7) // 8,
+        }
+        for name, end in (("source", way.source), ("destination", way.destination))
     }
 
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.errors import InputError
+from fsoe_net.plan.compile import compile_plan
 from fsoe_net.studio.changes import DRAWN, _here, change_of
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
@@ -297,6 +298,25 @@ def test_the_state_shows_what_the_timing_budget_allows(estop: Workspace) -> None
     estop.replace(estop.version, text)
     (row,) = state_of(estop)["connections"]
     assert row["greatest_ms"] is None
+
+
+def test_the_state_shows_both_copies_to_the_byte(cell: Workspace) -> None:
+    row = state_of(cell)["connections"][2]  # drive_1 in the third slot
+    to_sub, to_main = row["copies"]
+    assert (to_sub["size_bytes"], to_main["size_bytes"]) == (11, 31)
+    ends = [(copy["source"], copy["destination"]) for copy in (to_sub, to_main)]
+    assert [[e["subdevice"] for e in pair] for pair in ends] == [
+        ["el6910", "drive_1"],
+        ["drive_1", "el6910"],
+    ]
+    plan = compile_plan(cell.checked.resolution)
+    made = [c for c in plan.copies if c.bits == 8 * 11 and plan.connections[c.connection].sub == 3]
+    (copy,) = made
+    sms = [plan.sync_managers[n] for n in (copy.source_sm, copy.destination_sm)]
+    assert [(e["sm"], 8 * e["byte"]) for e in ends[0]] == [
+        (sms[0].index, copy.source_bit),
+        (sms[1].index, copy.destination_bit),
+    ]
 
 
 def test_the_state_shows_slots_and_proposals(cell: Workspace) -> None:

@@ -41,6 +41,34 @@ export function Inspector({ state, selected, act, choose }) {
   </section>`;
 }
 
+/**
+ * The two copies to the byte: where a frame lies in the process data of both ends.
+ * @param {{ copies: import("./types").Connection["copies"] }} props
+ */
+function Copies({ copies }) {
+  return html`<details class="copies">
+    <summary>Frames and copies, to the byte</summary>
+    ${copies.map(
+      (copy, n) => html`<h3>${n ? "back from" : "to"} the SubInstance</h3>
+        <${Bytes} way="inputs" end=${copy.source} size=${copy.size_bytes} />
+        <${Bytes} way="outputs" end=${copy.destination} size=${copy.size_bytes} />`,
+    )}
+  </details>`;
+}
+
+/** @param {{ way: string, end: import("./types").CopyEnd, size: number }} props */
+function Bytes({ way, end, size }) {
+  if (end.byte === null || end.of_bytes === null)
+    return html`<p>${end.subdevice}, ${end.entry}: its place is not known offline</p>`;
+  const first = end.byte;
+  const text = `${end.subdevice}, ${way}, sync manager ${end.sm}: bytes ${first} to ${first + size - 1} of ${end.of_bytes}`;
+  return html`<p>${text}, from ${end.entry}</p>
+    <svg viewBox=${`0 0 ${end.of_bytes} 1`} preserveAspectRatio="none" role="img" aria-label=${text}>
+      <rect class="all" width=${end.of_bytes} height="1" />
+      <rect class="frame" x=${first} width=${size} height="1" />
+    </svg>`;
+}
+
 /** @param {any} props */
 function OfConnection({ state, connection, number, act, choose }) {
   const change = (/** @type {object} */ body) => act("change", { ...body, connection: number });
@@ -64,6 +92,7 @@ function OfConnection({ state, connection, number, act, choose }) {
         proposed=${state.proposals[key]}
         set=${(/** @type {number | null} */ value) => change({ change: "set", key, value })} />`,
     )}
+    <${Copies} copies=${connection.copies} />
     <button class="danger" onClick=${() => {
       change({ change: "disconnect" });
       choose(null);

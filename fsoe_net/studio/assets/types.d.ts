@@ -41,7 +41,19 @@ export interface Connection {
   unconfirmed: string | null;
   to_sub_bytes: number;
   to_main_bytes: number;
+  /** To the SubInstance, back from it. */
+  copies: { size_bytes: number; source: CopyEnd; destination: CopyEnd }[];
   line: number;
+}
+
+/** Bytes of a frame in the process data of a SubDevice; null where that is not known offline. */
+export interface CopyEnd {
+  subdevice: string;
+  entry: string;
+  sm: number | null;
+  byte: number | null;
+  /** Bytes of the whole sync manager. */
+  of_bytes: number | null;
 }
 
 export interface Finding {
