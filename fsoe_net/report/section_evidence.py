@@ -304,6 +304,9 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     if s.interventions is not None:
         entry = Text(f"; intervention log up to entry {s.interventions.entry}, SHA-256 ")
         items += [entry, code(s.interventions.sha256 or "none")]
+    if s.standby is not None:
+        held = ", held: it takes nothing over" if s.standby.held else ""
+        items.append(Text(f"; a standby follows, process {s.standby.pid}{held}"))
     names = (*live.names, *("?",) * len(live.snapshot.cycle.connections))
     rows = tuple(
         (

@@ -19,6 +19,7 @@ from scans import scan_of
 
 from fsoe_net.core.snapshot import Histogram
 from fsoe_net.document.model import (
+    Paragraph,
     Picture,
     Table,
 )
@@ -45,6 +46,7 @@ from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.section_evidence import bus_evidence
 from fsoe_net.report.steps_to_repeat import _functions_over
 from fsoe_net.report.svg import _box, _byte_row, _free_line
+from fsoe_net.run.control_values import StandbyStatus
 
 # -- incidents -------------------------------------------------------------------------------------
 
@@ -218,6 +220,20 @@ def test_a_running_bus_that_is_emulated_is_no_evidence(tmp_path_factory: pytest.
         "identities and mappings were not read back: a scan.json has them",
     ]
     assert points(live=live, plan=None)[0] == "the running fsn-master has another plan"
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_standby_is_named(held: bool, tmp_path_factory: pytest.TempPathFactory):
+    master = WatchedMaster(tmp_path_factory.mktemp("m") / "s")
+    try:
+        live = ask_live(str(master.path))
+    finally:
+        master.close()
+    status = replace(live.status, standby=StandbyStatus(pid=4711, held=held))
+    parts = bus_evidence(inputs_of(TIMED, live=replace(live, status=status))).parts
+    said = str(next(p for p in parts if isinstance(p, Paragraph)))
+    follows = "; a standby follows, process 4711"
+    assert f"{follows}{', held: it takes nothing over' if held else ''}'" in said
 
 
 def test_a_scan_of_devices_in_error_without_fsoe(tmp_path: Path):
