@@ -73,13 +73,14 @@ def _subdevice(sub: SubDevice, used: dict[tuple[str, int], int], resolution: Res
     pairs: Sequence[FramePair] = () if sub.layout is None else sub.layout.frame_pairs
     is_main = any(net.safety_master == sub.name for net in resolution.network.nets)
     is_sub = any(row.sub is sub for row in resolution.connections)
-    device = sub.device
+    device, groups = sub.device, resolution.network.groups
     return {
         "name": sub.name,
         "position": sub.position,
         "alias": sub.alias,
         "bus": sub.master_id,
         "line": sub.span.line,
+        "group": next((g.name for g in groups if sub.name in g.subdevices), ""),
         "role": "both" if is_main and is_sub else "main" if is_main else "sub" if is_sub else "",
         "device": "" if device is None else device.path,
         "identity": ""

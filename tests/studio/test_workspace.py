@@ -300,6 +300,16 @@ def test_the_state_shows_what_the_timing_budget_allows(estop: Workspace) -> None
     assert row["greatest_ms"] is None
 
 
+def test_the_state_shows_what_may_be_absent() -> None:
+    shown = state_of(Workspace(str(EXAMPLES / "tool-exchange" / "network.yaml")))
+    assert {sub["name"]: sub["group"] for sub in shown["subdevices"]} == {
+        "el6910": "",
+        "el1904": "",
+        "valves": "gripper",
+        "spindle": "drill",
+    }
+
+
 def test_the_state_shows_both_copies_to_the_byte(cell: Workspace) -> None:
     row = state_of(cell)["connections"][2]  # drive_1 in the third slot
     to_sub, to_main = row["copies"]

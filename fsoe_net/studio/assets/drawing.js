@@ -152,7 +152,10 @@ function Card({ sub, state, from, setFrom, connect, selected, choose }) {
   return html`<div class="card ${sub.role || "none"} ${severity} ${chosen ? "chosen" : ""}">
     <button class="name" aria-pressed=${chosen} onClick=${() => choose({ subdevice: sub.name })}>
       <b>${sub.name}</b> <${Mark} severity=${severity} />
-      <small>${ROLES[sub.role]} · position ${sub.position}</small>
+      <small>
+        ${ROLES[sub.role]} · ${sub.alias ? `alias ${sub.alias} + ` : "position "}${sub.position}
+        ${sub.group && ` · may be absent: ${sub.group}`}
+      </small>
     </button>
     <ol class="ports">
       ${sub.pairs.map(
@@ -224,7 +227,7 @@ function Bus({ state, selected, choose }) {
               selected !== null && "subdevice" in selected && selected.subdevice === sub.name;
             const severity = worst(state.findings.filter((f) => f.subdevices.includes(sub.name)));
             return html`<li key=${sub.name}>
-              <button class="box ${sub.role || "none"} ${severity}" aria-pressed=${chosen}
+              <button class="box ${sub.role || "none"} ${severity} ${sub.group && "absent"}" aria-pressed=${chosen}
                 title=${`${sub.name}: ${ROLES[sub.role]}, ${sub.identity}`}
                 onClick=${() => choose({ subdevice: sub.name })}>
                 <span>${sub.position}</span> ${sub.name} <${Mark} severity=${severity} />

@@ -105,6 +105,7 @@ function OfSubDevice({ sub, act }) {
   return html`
     <h2>${sub.name}</h2>
     <p>${ROLES[sub.role]}. ${sub.identity}.<br />${sub.device}</p>
+    ${sub.group && html`<p>In group ${sub.group}: it may be absent.</p>`}
     <${Field} key=${sub.name} label="Position" value=${sub.position} most=${65535}
       help=${sub.alias ? `counted from the SubDevice with alias ${sub.alias}` : "on the bus, from 0"}
       set=${(/** @type {number | null} */ position) =>

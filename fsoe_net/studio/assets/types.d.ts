@@ -17,6 +17,8 @@ export interface SubDevice {
   alias: number;
   bus: number;
   line: number;
+  /** Of parts that may be absent; empty: it is always there. */
+  group: string;
   role: "main" | "sub" | "both" | "";
   device: string;
   identity: string;
