@@ -353,6 +353,7 @@ static void the_next_cycle_is_announced(void) {
                  {300, 0, false, true, 989700},
                  {0, 0, true, false, 0}};
     rt->cycle_ns = 1000000;
+    rt->statistics.overruns = 5;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         rt->late_ns = cases[i].late_ns;
         rt->left_out = cases[i].left_out;
@@ -360,9 +361,36 @@ static void the_next_cycle_is_announced(void) {
         rt->follow_dc = cases[i].follow_dc;
         cycle();
         CHECK(fsn_realtime_wait(client, WAIT_NS, &seen) == FSN_OK);
-        CHECK(seen.next_ns - seen.now_ns == cases[i].next_ns);
+        CHECK(seen.next_ns - seen.now_ns == cases[i].next_ns && seen.overruns == 5);
     }
     close_client(client, 0);
+    tear_down();
+}
+
+/** Each of several clients for itself, whichever of them waits, writes or goes. */
+static void several_at_once(void) {
+    static const char *const names[] = {"speed", "lamp", "odd"};
+    struct fsn_realtime *client[3];
+    set_up();
+    for (int i = 0; i < 3; i++) {
+        client[i] = open_client(1000, 1, &names[i]);
+    }
+    CHECK(fsn_realtime_set(client[2], 4, 9) == FSN_OK);
+    fsn_realtime_send(client[2]);
+    cycle(); /* those before it wait */
+    CHECK(sent(0) == 7 && sent(2) == 0 && sent(4) == 9);
+    CHECK(fsn_realtime_set(client[0], 0, 5) == FSN_OK);
+    CHECK(fsn_realtime_set(client[1], 2, 1) == FSN_OK);
+    fsn_realtime_send(client[0]);
+    fsn_realtime_send(client[1]);
+    cycle();
+    CHECK(sent(0) == 5 && sent(2) == 1 && sent(4) == 9);
+    CHECK(counts(client[2]).missed == 1 && counts(client[0]).missed == 0);
+    close_client(client[0], 2);
+    cycle(); /* its memory is there yet, and counts no more */
+    CHECK(sent(0) == 7 && sent(2) == 1 && sent(4) == 9);
+    fsn_realtime_close(client[1]);
+    close_client(client[2], 0);
     tear_down();
 }
 
@@ -777,8 +805,17 @@ static void a_set_is_whole(void) {
     atomic_store(&head->sent.begun, 2); /* 2 is being written: 1 is whole */
     cycle();
     CHECK(sent(0) == 0);
+    /* What is taken and what is not lies apart: half of a set changes nothing that is sent. */
+    _Atomic uint64_t *set = (void *)((uint8_t *)head + head->sets_at);
+    for (uint32_t number = 2; number < 6; number++) {
+        atomic_store(set + 3 * (number % 2) + 1, 100 + number);
+        atomic_store(&head->sent.whole, number);
+        atomic_store(&head->sent.begun, number % 2 == 0 ? number : number + 2);
+        cycle();
+        CHECK(sent(0) == (number < 4 ? 102 : 104));
+    }
     const char *status = request(fd, "status\n", (int[2]){0});
-    CHECK(strstr(status, "\"state\":\"runs\"") != NULL && strstr(status, "\"torn\":1}") != NULL);
+    CHECK(strstr(status, "\"state\":\"runs\"") != NULL && strstr(status, "\"torn\":3}") != NULL);
     munmap(head, (size_t)out_bytes);
     close(fds[0]);
     close(fds[1]);
@@ -833,6 +870,7 @@ int main(void) {
     values_of_every_kind();
     on_time_late_and_gone();
     the_next_cycle_is_announced();
+    several_at_once();
     who_does_not_fit_is_refused();
     whatever_a_client_writes();
     a_set_is_whole();

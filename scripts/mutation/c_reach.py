@@ -21,14 +21,14 @@ from .c_syntax import function_lines
 
 # Test programs by part; what is named nowhere counts for all.
 _PROGRAMS = {
-    "rt": "access copy cycle monitor outputs page_faults record rt snapshot wire "
+    "rt": "access copy cycle monitor outputs page_faults realtime record rt snapshot wire "
     "wire_time fuzz_wire",
     "plan-loader": "access activate acyclic copy fields fingerprint memory outputs plan "
     "plan_file rules texts fuzz_plan",
     "core": "access activate acyclic check cycle igh_open igh_cycle igh_objects memory "
-    "outputs plan plan_file record snapshot texts thread wire wire_time",
-    "control": "control incident jobs lease listen master memory replies server stream watch "
-    "fuzz_control",
+    "outputs plan plan_file realtime record snapshot texts thread wire wire_time",
+    "control": "control incident jobs lease listen master memory realtime replies "
+    "server stream watch fuzz_control",
     "live": "check igh_open igh_cycle igh_objects memory pdo port sdo wire wire_time soem "
     "soem_odd hostile_soem",
     "segment": "dialogue link memory segment segment_describe segment_faults",
