@@ -486,6 +486,18 @@ static void who_does_not_fit_is_refused(void) {
     CHECK(strstr(request(second, "realtime 1 any 3\n", fds), "\"outputs\":0") != NULL);
     CHECK(fds[0] >= 0 && fds[1] == -1 && close(fds[0]) == 0);
     begin_raw(second); /* it has begun already */
+    CHECK(strstr(request(second, "lease 1\n", fds), "\"lease_ms\":1") != NULL);
+    const int silent = connect_raw(); /* it never begins: its lease runs */
+    CHECK(strstr(request(silent, "lease 1\n", fds), "\"lease_ms\":1") != NULL);
+    CHECK(strstr(request(silent, "realtime 1 any 3 odd\n", fds), "\"outputs\":1") != NULL);
+    CHECK(close(fds[0]) == 0 && close(fds[1]) == 0);
+    static const char *const odd_one[] = {"odd"};
+    while (try_open(3, 1, odd_one, &client) == FSN_E_CLOSED) {
+        usleep(1000);
+    }
+    CHECK(client != NULL);
+    close(silent);
+    close_client(client, 2);
     CHECK(strstr(request(second, "realtime 1 any 3\n", fds), "in the cycle already") != NULL);
     CHECK(strstr(request(second, "set lamp=1\n", fds), "is in the cycle, and writes") != NULL);
     const char *status = request(second, "status\n", fds);
@@ -876,5 +888,8 @@ int main(void) {
     a_set_is_whole();
     a_stop_ends_it();
     CHECK(open_files() == files);
+    const long alive = heap_alive(); /* what libc keeps is kept by now */
+    several_at_once();
+    CHECK(heap_alive() == alive);
     return 0;
 }
