@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fsoe_net.model.resolve import Resolution
 from fsoe_net.project.check import Checked, whole_network
 from fsoe_net.project.simulate import simulate
 from fsoe_net.run.result import ConnectionResult, is_data, state_text
@@ -31,10 +32,11 @@ def try_network(checked: Checked) -> Row:
     """
     resolution = whole_network(checked, "not tried")
     run = simulate(resolution, duration_ns=TRIAL_MS * 1_000_000)
+    absent = _absent(resolution)
     return {
         "passed": run.passed,
         "duration_ms": TRIAL_MS,
-        "connections": [_connection(row) for row in run.connections],
+        "connections": [_connection(row, absent) for row in run.connections],
         "events": [
             {"time_ms": event.time_ms, "source": event.source, "text": event.text}
             for event in run.events[:_MOST_EVENTS]
@@ -43,10 +45,23 @@ def try_network(checked: Checked) -> Row:
     }
 
 
-def _connection(row: ConnectionResult) -> Row:
+def _absent(resolution: Resolution) -> dict[str, str]:
+    """Return the group of each SubDevice that the try leaves out: a place has one tool, the first."""
+    taken: set[str] = set()
+    found: dict[str, str] = {}
+    for group in resolution.network.groups:
+        if group.place in taken:
+            found |= dict.fromkeys(group.subdevices, group.name)
+        taken |= {group.place} - {""}
+    return found
+
+
+def _connection(row: ConnectionResult, absent: dict[str, str]) -> Row:
+    group = absent.get(row.main) or absent.get(row.sub)
     return {
         "name": row.name,
-        "state": state_text(row.state),
+        "state": f"absent: {group}" if group else state_text(row.state),
+        "absent": bool(group),
         "in_data": is_data(row.state),
         "time_to_data_ms": row.time_to_data_ms,
         "resets": row.resets,

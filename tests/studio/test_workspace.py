@@ -11,6 +11,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.studio.changes import DRAWN, _here, change_of
 from fsoe_net.studio.document import state_of
+from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
 
 ROOT = Path(__file__).parents[2]
@@ -308,6 +309,17 @@ def test_the_state_shows_what_may_be_absent() -> None:
         "valves": "gripper",
         "spindle": "drill",
     }
+
+
+def test_a_try_leaves_out_the_second_tool_of_a_place() -> None:
+    workspace = Workspace(str(EXAMPLES / "tool-exchange" / "network.yaml"))
+    tried = try_network(workspace.checked)
+    assert tried["passed"] is True
+    assert [(c["name"], c["state"], c["absent"]) for c in tried["connections"]] == [
+        ("el6910-el1904", "Data · ProcessData", False),
+        ("el6910-valves", "Data · ProcessData", False),
+        ("el6910-spindle", "absent: drill", True),
+    ]
 
 
 def test_the_state_shows_both_copies_to_the_byte(cell: Workspace) -> None:

@@ -30,10 +30,11 @@ export function Trial({ version, hasErrors }) {
 
 /** @param {{ tried: Tried, isOld: boolean }} props */
 function Result({ tried, isOld }) {
-  const up = tried.connections.filter((c) => c.in_data).length;
+  const there = tried.connections.filter((c) => !c.absent);
+  const up = there.filter((c) => c.in_data).length;
   return html`
     <p role="status">
-      <b>${tried.passed ? "✔" : "✖"} ${up} of ${tried.connections.length} in Data</b>
+      <b>${tried.passed ? "✔" : "✖"} ${up} of ${there.length} in Data</b>
       ${isOld && " – of an earlier text; try it again"}
     </p>
     <table>
@@ -45,9 +46,9 @@ function Result({ tried, isOld }) {
         ${tried.connections.map(
           (c) => html`<tr key=${c.name}>
             <th scope="row">${c.name}</th>
-            <td>${c.in_data ? "✔" : "✖"} ${c.state}</td>
-            <td>${c.time_to_data_ms === null ? "never" : `${c.time_to_data_ms} ms`}</td>
-            <td>${c.resets}</td>
+            <td>${c.absent ? "–" : c.in_data ? "✔" : "✖"} ${c.state}</td>
+            <td>${c.absent ? "–" : c.time_to_data_ms === null ? "never" : `${c.time_to_data_ms} ms`}</td>
+            <td>${c.absent ? "–" : c.resets}</td>
           </tr>`,
         )}
       </tbody>

@@ -101,6 +101,8 @@ export interface Tried {
   connections: {
     name: string;
     state: string;
+    /** Its group is left out: a place has one tool, the first. */
+    absent: boolean;
     in_data: boolean;
     time_to_data_ms: number | null;
     resets: number;
