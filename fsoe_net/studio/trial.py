@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import Checked, whole_network
 from fsoe_net.project.simulate import simulate
 from fsoe_net.run.result import ConnectionResult, is_data, state_text
@@ -32,7 +33,7 @@ def try_network(checked: Checked) -> Row:
     """
     resolution = whole_network(checked, "not tried")
     run = simulate(resolution, duration_ns=TRIAL_MS * 1_000_000)
-    absent = _absent(resolution)
+    absent = _absent(compile_plan(resolution))
     return {
         "passed": run.passed,
         "duration_ms": TRIAL_MS,
@@ -45,15 +46,14 @@ def try_network(checked: Checked) -> Row:
     }
 
 
-def _absent(resolution: Resolution) -> dict[str, str]:
-    """Return the group of each SubDevice that the try leaves out: a place has one tool, the first."""
-    taken: set[str] = set()
-    found: dict[str, str] = {}
-    for group in resolution.network.groups:
-        if group.place in taken:
-            found |= dict.fromkeys(group.subdevices, group.name)
-        taken |= {group.place} - {""}
-    return found
+def _absent(plan: Plan) -> dict[str, str]:
+    """Return the group of each SubDevice that an emulation leaves out."""
+    return {
+        sub.name: group.name
+        for group in plan.groups
+        if not plan.is_first_choice(group)
+        for sub in plan.subdevices[group.first_subdevice :][: group.subdevice_count]
+    }
 
 
 def _connection(row: ConnectionResult, absent: dict[str, str]) -> Row:
