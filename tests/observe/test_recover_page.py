@@ -33,4 +33,4 @@ def test_every_link_leads_somewhere() -> None:
         if target.startswith("#"):
             assert target[1:] in heads
         else:
-            assert (HOWTO / target).is_file()
+            assert (HOWTO / target.partition("#")[0]).is_file()
