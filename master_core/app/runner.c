@@ -88,9 +88,10 @@ static void sleep_ns(uint64_t ns) {
     clock_nanosleep(CLOCK_MONOTONIC, 0, &time, NULL);
 }
 
-/** Whether it may help to try again: nobody there yet, or not all. */
+/** Whether it may help to try again: nobody there yet, or not all, or frames were late. */
 static bool may_come(fsn_status status) {
-    return status == FSN_E_BUS_MISSING || status == FSN_E_BUS_SILENT || status == FSN_E_BUS_STATE;
+    return status == FSN_E_BUS_MISSING || status == FSN_E_BUS_SILENT || status == FSN_E_BUS_STATE ||
+           status == FSN_E_BUS_CLOCK;
 }
 
 /** Keeps what the bus knows about each SubDevice of the plan, before it is closed. */

@@ -85,6 +85,68 @@ static void the_time_comes_from_the_side_of_the_clock(void) {
     }
 }
 
+/** What is above 32 bits of a clock is counted here, over its end and back. */
+static void a_clock_of_32_bits_goes_on(void) {
+    static const struct {
+        uint32_t low;
+        uint64_t time;
+    } steps[] = {{0xFFFFFFF0, UINT64_C(0x5FFFFFFF0)},
+                 {0x10, UINT64_C(0x600000010)},
+                 {0xFFFFFFFF, UINT64_C(0x5FFFFFFFF)}};
+    struct rig *rig = set_up(1);
+    struct fsn_wire *wire = &rig->frames.wire;
+    const uint32_t dc = wire->frames[0].dc;
+    wire->dc_every = 1;
+    wire->dc_narrow = true;
+    atomic_store(&wire->dc_seen, UINT64_C(0x5FFFFFF00));
+    for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
+        rig->queued = 0;
+        fsn_wire_send(wire);
+        CHECK(hold(rig, 0));
+        fsn_put64(rig->queue[0] + dc + 10, steps[i].low);
+        rig->queue[0][dc + 18] = 1;
+        answer(rig, 0, 0);
+        take(rig);
+        CHECK(rig->input.dc_time_ns == steps[i].time &&
+              atomic_load(&wire->dc_seen) == steps[i].time);
+        CHECK(atomic_load(&wire->dc_base) == steps[i].time - wire->dc_sent_ns);
+    }
+    tear_down(rig);
+}
+
+/** A clock that is set from here gets four bytes of our time, right before it is distributed. */
+static void the_time_of_this_machine_goes_out(void) {
+    struct rig *rig = set_up(1);
+    struct fsn_wire *wire = &rig->frames.wire;
+    const struct fsn_plan *plan = rig->plan;
+    const int socket = wire->sockets[0];
+    fsn_frames_free(&rig->frames);
+    CHECK(fsn_frames_create(plan, 0x1001, true, &rig->frames) == FSN_OK);
+    wire->sockets[0] = socket;
+    wire->dc_every = 2;
+    wire->dc_host = true;
+    atomic_store(&wire->dc_base, UINT64_C(0x700000000));
+    const struct fsn_wire_frame *frame = &wire->frames[0];
+    CHECK(frame->dc == frame->dc_set + 16 && frame->len_bytes == frame->dc + 20);
+    for (unsigned cycle = 0; cycle < 3; cycle++) {
+        rig->queued = 0;
+        fsn_wire_send(wire);
+        CHECK(hold(rig, 0));
+        const uint8_t *set = rig->queue[0] + frame->dc_set;
+        const uint8_t *dc = rig->queue[0] + frame->dc;
+        CHECK(set[0] == (cycle == 1 ? 0 : 5) && dc[0] == (cycle == 1 ? 0 : 14));
+        CHECK(fsn_get16(set + 2) == 0x1001 && fsn_get16(set + 4) == 0x0910);
+        CHECK(fsn_get16(set + 6) == (0x8000 | 4) && set[1] == dc[1]);
+        CHECK(cycle == 1 || fsn_get64(dc + 10) == wire->dc_sent_ns + UINT64_C(0x700000000));
+        CHECK(memcmp(set + 10, dc + 10, 4) == 0);
+    }
+    rig->queue[0][frame->dc_set + 5] ^= 1; /* another register: not ours */
+    answer(rig, 0, 0);
+    take(rig);
+    CHECK(rig->input.lost_frames == 1);
+    tear_down(rig);
+}
+
 /** Both replies have inputs that are new: those of the first port count. */
 static void the_first_port_goes_first(void) {
     struct rig *rig = set_up(2);
@@ -238,6 +300,8 @@ int main(void) {
     replies_tell_their_time();
     reading_goes_on_and_ends();
     the_time_comes_from_the_side_of_the_clock();
+    a_clock_of_32_bits_goes_on();
+    the_time_of_this_machine_goes_out();
     the_first_port_goes_first();
     ring(false, false);
     ring(true, false);

@@ -14,6 +14,7 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 from incidents.rig import judged
@@ -154,12 +155,18 @@ def unplug(network, other):
     running = Running(network, "--format", "json")
     before = running.in_data()
     last = before.subdevices[-1].name
+
+    def synchronous():
+        found = running.client.status().clocks
+        return found.state == "synchronous" and found
+
+    clocks = wait_for("clocks", synchronous)
     emulator.do(f"break {last}")
     wait_for("its loss", lambda: not running.client.subdevices()[-1].in_op)
     wait_for("a Reset", lambda: not running.in_data())
     seen = running.end(signal.SIGINT)
     emulator.end()
-    return seen | {"last": last, "left": _is_running(running.pid)}
+    return seen | {"last": last, "left": _is_running(running.pid), "clocks": asdict(clocks)}
 
 
 def incident(network, other):

@@ -154,6 +154,12 @@ def test_an_unplugged_subdevice_is_named(tmp_path):
     assert gone["detail"]
     told = [e["text"] for e in found["events"] if e["source"] == seen["last"]]
     assert any(text.startswith("OP -> none") for text in told)
+    clocks = seen["clocks"]  # the drives of this cell start SYNC0
+    assert (clocks["set_by"], clocks["reference"]) == ("bus", "coupler")
+    assert (clocks["subdevices"], clocks["outside"]) == (2, 0)
+    assert clocks["worst_ns"] <= clocks["window_ns"] == 1000
+    said = [e["text"] for e in found["events"] if e["source"] == "bus"]
+    assert any(text.startswith("the clocks are synchronous: all within") for text in said)
 
 
 def test_an_incident_names_its_cause_and_holds_what_the_devices_tell(tmp_path):

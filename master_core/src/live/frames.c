@@ -107,7 +107,8 @@ static bool list_groups(const struct fsn_plan *plan, struct fsn_frames *frames) 
 
 /** Places the datagrams of the image, and which frame carries the DC time: the last one with room,
  *  else a further one. Returns its number, or the number of frames without DC. */
-static uint32_t place(struct fsn_frames *frames, bool with_dc) {
+static uint32_t place(struct fsn_frames *frames, bool with_dc, bool dc_host) {
+    const uint32_t dc_bytes = DC_DATAGRAM + (dc_host ? DC_SET_DATAGRAM : 0);
     struct fsn_wire *wire = &frames->wire;
     const struct fsn_image *image = &frames->image;
     uint32_t dc_frame = FSN_NONE;
@@ -120,7 +121,7 @@ static uint32_t place(struct fsn_frames *frames, bool with_dc) {
         /* An LRW without any data is no datagram a SubDevice controller knows. */
         frame->size_bytes = end > begin ? end - begin : 1;
         frame->expected = image->expected[d];
-        if (frame->size_bytes + DC_SET_DATAGRAM + DC_DATAGRAM <= FSN_WIRE_LRW_BYTES) {
+        if (frame->size_bytes + dc_bytes <= FSN_WIRE_LRW_BYTES) {
             dc_frame = d;
         }
     }
@@ -151,7 +152,7 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station, b
     wire->image = frames->bytes;
     wire->datagram_count = datagrams;
     atomic_init(&wire->dc_station, dc_station);
-    const uint32_t dc_frame = place(frames, dc_station != 0);
+    const uint32_t dc_frame = place(frames, dc_station != 0, dc_host);
     if (wire->frame_count > FSN_WIRE_FRAMES) {
         return FSN_E_BUS_IMAGE;
     }

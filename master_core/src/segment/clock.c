@@ -14,7 +14,6 @@ enum {
 
 /** Without the reference time for so long a device with SYNC0 gives up. */
 static const uint64_t served_most_ns = BILLION;
-static const uint32_t apart_most_ns = 100000;
 
 static int64_t bounded(int64_t value, int64_t most) {
     return value > most ? most : value < -most ? -most : value;
@@ -22,7 +21,7 @@ static int64_t bounded(int64_t value, int64_t most) {
 
 /** What a rate adds in a time; both may be large. */
 static int64_t drifted(uint64_t time_ns, int64_t ppb) {
-    return (int64_t)(time_ns / 1000) * ppb / (BILLION / 1000);
+    return (int64_t)(time_ns / BILLION) * ppb + (int64_t)(time_ns % BILLION) * ppb / BILLION;
 }
 
 /** Time since; 0 where a frame that was under way is newer. */
@@ -86,7 +85,7 @@ void esc_clock_compare(struct esc *esc, const uint8_t *time, uint16_t size_bytes
     const int64_t step = bounded(apart / 8, loop_ns / 10);
     c->phase_ns -= step;
     if (step == apart / 8 && loop_ns > 0) {
-        const int64_t more = bounded(apart * (BILLION / 256) / loop_ns, 2000);
+        const int64_t more = bounded(apart * (BILLION / 256) / (int64_t)passed_ns, 2000);
         c->rate_ppb = bounded(c->rate_ppb - more, MOST_PPB);
     }
     c->difference_ns += (apart - c->difference_ns) / FILTER;
@@ -110,8 +109,9 @@ uint16_t esc_clock_fault(const struct esc *esc) {
     if (!has_sync(esc)) {
         return 0;
     }
-    if (!c->served || since(esc, c->served_ns) > served_most_ns ||
-        c->difference_ns > apart_most_ns || c->difference_ns < -(int64_t)apart_most_ns) {
+    const int64_t most_ns = fsn_get32(esc->memory + REG_SYNC0_CYCLE) / 4;
+    if (!c->served || since(esc, c->served_ns) > served_most_ns || c->difference_ns > most_ns ||
+        c->difference_ns < -most_ns) {
         return AL_CODE_SYNC_FATAL;
     }
     return c->fires ? 0 : AL_CODE_NO_SYNC;

@@ -242,12 +242,17 @@ static bool read_both(struct fsn_soem *bus, uint16_t station, uint16_t of, uint6
     return whole;
 }
 
+static void pause_ns(uint64_t time_ns) {
+    const struct timespec pause = {.tv_sec = (time_t)(time_ns / 1000000000u),
+                                   .tv_nsec = (long)(time_ns % 1000000000u)};
+    nanosleep(&pause, NULL);
+}
+
 /** Waits until the control loop of a clock has brought it into the window. */
 static bool settles(struct fsn_soem *bus, const struct node *node) {
     for (int looks = 0; looks < SETTLE_LOOKS; looks++) {
         uint8_t value[READING_BYTES];
-        static const struct timespec pause = {.tv_nsec = SETTLE_NS};
-        nanosleep(&pause, NULL);
+        pause_ns(SETTLE_NS);
         soem_read_each(bus, node->slave, 1, ECT_REG_DCSYSDIFF, sizeof value, value);
         if (fsn_get16(value + 4) != 0 && (fsn_get32(value) & INT32_MAX) <= bus->clocks.window_ns) {
             return true;
@@ -303,6 +308,14 @@ static uint16_t first_clock(const struct fsn_soem *bus, bool set) {
     return 0;
 }
 
+void soem_forget_clock(struct fsn_soem *bus, uint16_t slave) {
+    const uint16_t station = bus->slaves[slave].configadr;
+    bus->places[slave].unset = bus->slaves[slave].hasdc;
+    if (atomic_load(&bus->frames.wire.dc_station) == station) {
+        atomic_store(&bus->frames.wire.dc_station, NOBODY);
+    }
+}
+
 void soem_keep_reference(struct fsn_soem *bus) {
     if (atomic_load(&bus->frames.wire.dc_station) == 0) {
         return;
@@ -314,7 +327,9 @@ void soem_keep_reference(struct fsn_soem *bus) {
             set_here(bus, found);
         }
     }
-    atomic_store(&bus->frames.wire.dc_station, found != 0 ? bus->slaves[found].configadr : NOBODY);
+    if (found != 0) {
+        atomic_store(&bus->frames.wire.dc_station, bus->slaves[found].configadr);
+    }
     for (uint16_t s = 1; s <= bus->slave_count && found != 0; s++) {
         /* Those of the plan are set when they are configured. */
         if (bus->places[s].unset && bus->places[s].al_status != 0 && node_at(bus, s) == NULL) {
@@ -325,11 +340,23 @@ void soem_keep_reference(struct fsn_soem *bus) {
 
 fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node) {
     const uint16_t of = reference(bus);
-    if (!bus->slaves[node->slave].hasdc || of == 0 || of == node->slave) {
+    if (!bus->slaves[node->slave].hasdc || of == 0) {
         return FSN_OK;
     }
-    set_after(bus, node->slave, of);
-    if (node->known.info.assign_activate == 0 || settles(bus, node)) {
+    if (of != node->slave) {
+        set_after(bus, node->slave, of);
+        /* Where it stands before the reference it is the next one: nobody before that gets its
+         * time. */
+        soem_keep_reference(bus);
+    }
+    if (node->known.info.assign_activate == 0) {
+        return FSN_OK;
+    }
+    if (reference(bus) == node->slave) {
+        pause_ns(3 * bus->cycle_ns * bus->dc_every); /* until it has given its time */
+        return FSN_OK;
+    }
+    if (settles(bus, node)) {
         return FSN_OK;
     }
     soem_note(bus, node, FSN_FOUND_CLOCK, "it does not follow the reference clock (%.40s)",

@@ -229,11 +229,11 @@ bool soem_take_back(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
     if (!is_same_device(bus, slave, at)) {
         return false;
     }
+    soem_forget_clock(bus, slave);
     (void)soem_set_station(bus, at, s->configadr);
     s->eep_pdi = 0;
     s->mbx_cnt = 0;
     bus->places[slave].quiet = 0;
-    bus->places[slave].unset = s->hasdc;
     if (bus->places[slave].node != SOEM_NO_NODE) {
         struct node *node = &bus->nodes[bus->places[slave].node];
         node->configured = false;

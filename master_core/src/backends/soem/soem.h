@@ -170,6 +170,8 @@ fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault);
 /** The first SubDevice with a clock that answers and shows the time is the reference, should the
  *  present one be lost; where all were off, the first of them is given the time. */
 void soem_keep_reference(struct fsn_soem *bus);
+/** It was off, and is about to answer again: nobody follows its clock until it is set. */
+void soem_forget_clock(struct fsn_soem *bus, uint16_t slave);
 /** Sets the clock of a SubDevice that came back, and waits until it shows the time.
  *  @retval FSN_E_BUS_CLOCK  it has SYNC0 and does not; `seen` of the node says more. */
 fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node);
