@@ -177,7 +177,6 @@ def test_a_header_is_read_back(wanted: Description, igh: bool):
 
 @settings(max_examples=60, deadline=None)
 @given(described_devices(sdos=False))
-@pytest.mark.uncounted
 def test_any_device_is_read_back(sub: DescribedSubDevice):
     one = Description(format="t", path="", subdevices=(replace(sub, position=3),))
     found = back(header(one, igh=True)).subdevices[0]

@@ -257,7 +257,6 @@ def test_an_sdo_value_the_driver_cannot_read_is_told():
 @pytest.mark.shows("R22")
 @settings(max_examples=60, deadline=None)
 @given(described_devices())
-@pytest.mark.uncounted
 def test_any_device_comes_back(sub: DescribedSubDevice):
     notes: list[str] = []
     text = write_slave_yaml(sub.device, "x", notes)

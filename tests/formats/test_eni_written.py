@@ -109,7 +109,6 @@ def descriptions(draw: st.DrawFn) -> Description:
 @pytest.mark.shows("R22")
 @settings(max_examples=25, deadline=None)
 @given(descriptions(), st.sampled_from([0, 10]))
-@pytest.mark.uncounted
 def test_what_is_written_is_read_back(given_: Description, header: int):
     out = Collector()
     found = load_eni(write_eni(given_, header_bytes=header).encode(), out)

@@ -305,7 +305,6 @@ def test_small_files_and_files_with_findings_are_not_kept(big):
 # -- as much as it can be -------------------------------------------------------------------------
 
 
-@pytest.mark.uncounted
 def test_slots_do_not_multiply_without_bound():
     slot = (
         '<Slot MinInstances="65535" MaxInstances="65535"><ModuleIdent Default="1">1</ModuleIdent>'

@@ -134,7 +134,6 @@ def test_hal_pins_are_named_once():
 
 @settings(max_examples=60, deadline=None)
 @given(described_devices())
-@pytest.mark.uncounted
 def test_any_device_comes_back(sub: DescribedSubDevice):
     one = Description(format="t", path="", subdevices=(replace(sub, position=7),))
     found = back(write_lcec(one)).subdevices[0]

@@ -272,7 +272,6 @@ def test_noise_around_xml(kind: str):
 
 
 @pytest.mark.parametrize("name", READERS)
-@pytest.mark.uncounted
 def test_text_that_is_cut_is_never_a_shorter_map(name: str):
     """Cut behind every character: named as a cut, or read as the very same SubDevices."""
     text, reader = READERS[name]

@@ -252,7 +252,6 @@ _TREES = st.recursive(
 
 @settings(max_examples=300, deadline=None)
 @given(tree=st.dictionaries(st.sampled_from(_KEYS), _TREES, max_size=6))
-@pytest.mark.uncounted
 def test_no_tree_of_known_keys_makes_it_raise(
     tmp_path_factory: pytest.TempPathFactory, tree: dict[str, object]
 ):

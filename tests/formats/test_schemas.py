@@ -57,7 +57,6 @@ def found_in(name: str, path: Path) -> list[Diagnostic]:
 @pytest.mark.parametrize(
     "name", ["network", "transfers", "slave", "scenario", "answers", "protocol"]
 )
-@pytest.mark.uncounted
 def test_what_a_schema_allows_is_refused_for_other_keys_only(name: str, tmp_path: Path):
     refused: list[tuple[str, str]] = []
     checked = 0
@@ -188,7 +187,6 @@ def changed(document: object, draw: st.DataObject) -> object:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.uncounted
 def test_structure_is_checked_as_a_validator_does(name: str):
     official = validator(name)
 

@@ -289,7 +289,6 @@ def test_entities_are_refused():
     assert [d.code for d in out.diagnostics] == ["FSN118"]
 
 
-@pytest.mark.uncounted
 def test_many_links_and_names_cost_no_more_than_their_number():
     boxes = tc.logic(1, tuple(range(1, tc.BIG))) + tc.terminal(2, "EL1904", 0x07703052)
     links = "".join(

@@ -77,7 +77,6 @@ MALFORMED = {
 
 @pytest.mark.shows("R7")
 @pytest.mark.parametrize("name", MALFORMED)
-@pytest.mark.uncounted
 def test_malformed_files_are_refused_at_the_place(name: str, tmp_path: Path):
     data, place, message, hint = MALFORMED[name]
     path = tmp_path / "r.urdf"
