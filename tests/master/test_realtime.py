@@ -6,6 +6,7 @@ import os
 import pwd
 import shutil
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -194,7 +195,11 @@ def test_the_example_in_c_and_c_plus_plus(
         subprocess.run([str(word) for word in command], check=True)
     name = client.symbols()[0].name
     run = [tmp_path / "a", client.path, name, MODE, "20"]
-    done = subprocess.run(list(map(str, run)), capture_output=True, text=True, check=False)
+    end = time.monotonic() + PATIENCE_S
+    taken_back = True
+    while taken_back and time.monotonic() < end:  # three cycles without a turn are a busy machine
+        done = subprocess.run(list(map(str, run)), capture_output=True, text=True, check=False)
+        taken_back = done.stderr == "follow: the outputs were taken back\n"
     assert (done.returncode, done.stderr) == (0, "")
     assert " outputs in time, " in done.stdout
     wrong = subprocess.run(
