@@ -1,31 +1,30 @@
-// The page: toolbar, drawing, what is selected, findings, text.
+// The page: the toolbar, and below it one of its views.
 import { render } from "./vendor/preact.js";
 import { useCallback, useEffect, useRef, useState } from "./vendor/hooks.js";
-import { Drawing } from "./drawing.js";
-import { Findings } from "./findings.js";
 import { html, worst } from "./html.js";
-import { Inspector } from "./inspector.js";
+import { Network } from "./network.js";
 import { GONE, listen, request, state as fetchState } from "./server.js";
-import { Text } from "./text.js";
-import { Trial } from "./trial.js";
 
 /** @typedef {import("./types").State} State */
-/** @typedef {import("./types").Selected} Selected */
+
+/** Views by the fragment of their address: name, component. @type {Record<string, [string, any]>} */
+const VIEWS = { network: ["Network", Network] };
+
+const viewOfAddress = () => {
+  const name = location.hash.slice(1);
+  return Object.hasOwn(VIEWS, name) ? name : "network";
+};
 
 function Page() {
   const [state, setState] = useState(/** @type {State | null} */ (null));
   const [error, setError] = useState("");
-  const [selected, setSelected] = useState(/** @type {Selected} */ (null));
-  const [line, setLine] = useState({ line: 0, column: 1, focus: false });
+  const [view, setView] = useState(viewOfAddress());
   const present = useRef(/** @type {State | null} */ (null));
-  /** What the drawing shows while the text is no network. */
-  const drawn = useRef(/** @type {State | null} */ (null));
 
   const take = useCallback((/** @type {State | { error: string }} */ answer) => {
     setError(answer.error);
     if ("version" in answer && answer.version >= (present.current?.version ?? 0)) {
       present.current = answer;
-      if (answer.is_network) drawn.current = answer;
       setState(answer);
     }
   }, []);
@@ -36,8 +35,6 @@ function Page() {
     const done = last.current.then(async () => {
       const answer = await request(name, { ...body, version: present.current?.version ?? 0 });
       take(answer);
-      if ("change" in body && body.change === "connect" && "version" in answer && !answer.error)
-        setSelected({ connection: drawnLast(answer) });
       return answer;
     });
     last.current = done;
@@ -71,44 +68,25 @@ function Page() {
   }, []);
 
   useEffect(() => {
+    const onAddress = () => setView(viewOfAddress());
+    addEventListener("hashchange", onAddress);
+    return () => removeEventListener("hashchange", onAddress);
+  }, []);
+
+  useEffect(() => {
     document.title = `${state?.saved === false ? "● " : ""}${state?.name || "fsoe-net"} – studio`;
   }, [state]);
 
   if (state === null) return html`<p class="wait" role="status">${error || "Loading …"}</p>`;
-  const shown = state.is_network ? state : (drawn.current ?? state);
-  const show = (/** @type {number} */ at, column = 1, focus = true) =>
-    at > 0 && setLine({ line: at, column, focus });
-  const choose = (/** @type {Selected} */ what) => {
-    setSelected(what);
-    const part = partOf(shown, what);
-    if (part) show(part.line, 1, false);
-  };
   return html`
-    <${Toolbar} state=${state} act=${act} />
+    <${Toolbar} state=${state} view=${view} act=${act} />
     ${error && html`<p class="error" role="alert">${error}</p>`}
     ${state.outside &&
     html`<p class="outside" role="alert">
       Somebody has changed the file on the disk. Nothing is overwritten: Save waits.
       <button onClick=${() => act("take")}>Take the file’s text (Undo brings mine back)</button>
     </p>`}
-    <main>
-      <section aria-label="Network" class="network">
-        ${!state.is_network &&
-        html`<p class="stale" role="status">
-          The text is no network at present; this is the last one. See the findings.
-        </p>`}
-        <${Drawing} state=${shown} stale=${!state.is_network} selected=${selected}
-          choose=${choose} act=${act} />
-      </section>
-      <aside>
-        <${Inspector} state=${shown} selected=${selected} act=${act} choose=${choose} />
-        <${Findings} findings=${state.findings} show=${show} act=${act} />
-        <${Trial} version=${state.version}
-          hasErrors=${!state.is_network || worst(state.findings) === "error"} />
-      </aside>
-      <${Text} state=${state} line=${line} act=${act}
-        onCursor=${(/** @type {number} */ at) => setSelected(partAt(shown, at) ?? selected)} />
-    </main>
+    <${VIEWS[view][1]} state=${state} act=${act} />
     <footer>
       Part of the black channel, not certified, never a safety function. This page changes files;
       it sends nothing to a bus.
@@ -116,40 +94,8 @@ function Page() {
   `;
 }
 
-/**
- * @param {State} state
- * @param {Selected} what
- */
-function partOf(state, what) {
-  if (what === null) return undefined;
-  if ("connection" in what) return state.connections[what.connection];
-  return state.subdevices.find((s) => s.name === what.subdevice);
-}
-
-/**
- * The connection that was drawn last: of those that are not confirmed the one furthest down.
- * @param {State} state
- */
-function drawnLast(state) {
-  const lines = state.connections.map((c) => (c.unconfirmed === null ? 0 : c.line));
-  return lines.indexOf(Math.max(...lines));
-}
-
-/**
- * The part that begins on a line.
- * @param {State} state
- * @param {number} line
- * @returns {Selected | undefined}
- */
-function partAt(state, line) {
-  const sub = state.subdevices.find((s) => s.line === line);
-  if (sub) return { subdevice: sub.name };
-  const number = state.connections.findIndex((c) => c.line === line);
-  return number >= 0 ? { connection: number } : undefined;
-}
-
-/** @param {{ state: State, act: (name: string) => void }} props */
-function Toolbar({ state, act }) {
+/** @param {{ state: State, view: string, act: (name: string) => void }} props */
+function Toolbar({ state, view, act }) {
   const verdict = {
     error: "has errors: it compiles to no plan",
     warning: "has warnings",
@@ -158,6 +104,12 @@ function Toolbar({ state, act }) {
   }[worst(state.findings)];
   return html`<header>
     <h1>${state.name || "fsoe-net studio"}</h1>
+    <nav aria-label="Views">
+      ${Object.entries(VIEWS).map(
+        ([key, [name]]) =>
+          html`<a key=${key} href=${`#${key}`} aria-current=${key === view ? "page" : undefined}>${name}</a>`,
+      )}
+    </nav>
     <span class="path">${state.path}</span>
     <span class="verdict ${worst(state.findings) || "good"}" role="status">
       ${state.is_network ? verdict : "no network yet"} · ${state.saved ? "saved" : "not saved"}

@@ -112,6 +112,9 @@ export interface Tried {
   events_left_out: number;
 }
 
+/** Sends a change of the text; answers with the state after it. */
+export type Act = (name: string, body?: object) => Promise<State | { error: string }>;
+
 /** What is selected: a SubDevice by its name, or a connection by its number. */
 export type Selected = { subdevice: string } | { connection: number } | null;
 

@@ -1,0 +1,91 @@
+// The network: drawing, what is selected, findings, text.
+import { useCallback, useRef, useState } from "./vendor/hooks.js";
+import { Drawing } from "./drawing.js";
+import { Findings } from "./findings.js";
+import { html, worst } from "./html.js";
+import { Inspector } from "./inspector.js";
+import { Text } from "./text.js";
+import { Trial } from "./trial.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").Selected} Selected */
+/** @typedef {import("./types").Act} Act */
+
+/** @param {{ state: State, act: Act }} props */
+export function Network({ state, act: request }) {
+  const [selected, setSelected] = useState(/** @type {Selected} */ (null));
+  const [line, setLine] = useState({ line: 0, column: 1, focus: false });
+  /** What the drawing shows while the text is no network. */
+  const drawn = useRef(state);
+  if (state.is_network) drawn.current = state;
+  const shown = drawn.current;
+
+  const act = useCallback(
+    /** @type {Act} */ async (name, body = {}) => {
+      const answer = await request(name, body);
+      if ("change" in body && body.change === "connect" && "version" in answer && !answer.error)
+        setSelected({ connection: drawnLast(answer) });
+      return answer;
+    },
+    [request],
+  );
+  const show = (/** @type {number} */ at, column = 1, focus = true) =>
+    at > 0 && setLine({ line: at, column, focus });
+  const choose = (/** @type {Selected} */ what) => {
+    setSelected(what);
+    const part = partOf(shown, what);
+    if (part) show(part.line, 1, false);
+  };
+  return html`
+    <main>
+      <section aria-label="Network" class="network">
+        ${!state.is_network &&
+        html`<p class="stale" role="status">
+          The text is no network at present; this is the last one. See the findings.
+        </p>`}
+        <${Drawing} state=${shown} stale=${!state.is_network} selected=${selected}
+          choose=${choose} act=${act} />
+      </section>
+      <aside>
+        <${Inspector} state=${shown} selected=${selected} act=${act} choose=${choose} />
+        <${Findings} findings=${state.findings} show=${show} act=${act} />
+        <${Trial} version=${state.version}
+          hasErrors=${!state.is_network || worst(state.findings) === "error"} />
+      </aside>
+      <${Text} state=${state} line=${line} act=${act}
+        onCursor=${(/** @type {number} */ at) => setSelected(partAt(shown, at) ?? selected)} />
+    </main>
+  `;
+}
+
+/**
+ * @param {State} state
+ * @param {Selected} what
+ */
+function partOf(state, what) {
+  if (what === null) return undefined;
+  if ("connection" in what) return state.connections[what.connection];
+  return state.subdevices.find((s) => s.name === what.subdevice);
+}
+
+/**
+ * The connection that was drawn last: of those that are not confirmed the one furthest down.
+ * @param {State} state
+ */
+function drawnLast(state) {
+  const lines = state.connections.map((c) => (c.unconfirmed === null ? 0 : c.line));
+  return lines.indexOf(Math.max(...lines));
+}
+
+/**
+ * The part that begins on a line.
+ * @param {State} state
+ * @param {number} line
+ * @returns {Selected | undefined}
+ */
+function partAt(state, line) {
+  const sub = state.subdevices.find((s) => s.line === line);
+  if (sub) return { subdevice: sub.name };
+  const number = state.connections.findIndex((c) => c.line === line);
+  return number >= 0 ? { connection: number } : undefined;
+}
