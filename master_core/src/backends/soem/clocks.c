@@ -14,6 +14,7 @@ enum {
     LOOP_DEFAULT = 0x1000,
     READING_BYTES = 6,   /**< 0x092C, and 0x0930 behind it, which is not zero */
     BATCH = 100,         /**< frames with the time between two looks at the differences */
+    STEADY = 10,         /**< looks in a row: a clock that nobody reaches may cross the window */
     MOST_FRAMES = 15000, /**< of one try; so many compensate a quartz */
     TRIES = 3,
     SYNC_DELAY_NS = 100000000, /**< until the first pulse, while the start is written */
@@ -113,18 +114,21 @@ static uint16_t compensate(struct fsn_soem *bus, uint16_t of) {
     struct fsn_bus_clocks seen = bus->clocks;
     uint16_t loop = htoes(LOOP_DEFAULT);
     uint16_t worst = of;
+    int steady = 0;
     soem_drain(bus);
     (void)ecx_BWR(bus->context.port, 0, REG_LOOP, sizeof loop, &loop, EC_TIMEOUTRET3);
-    for (int frame = 0; frame < MOST_FRAMES && worst != 0 && clock_ns() < end_ns; frame++) {
+    for (int frame = 0; frame < MOST_FRAMES && steady < STEADY && clock_ns() < end_ns; frame++) {
         uint64_t time = 0;
         (void)ecx_FRMW(bus->context.port, station, ECT_REG_DCSYSTIME, sizeof time, &time,
                        EC_TIMEOUTRET);
         if (frame % BATCH == BATCH - 1) {
-            worst = look(bus, of, false, &seen);
+            const uint16_t now = look(bus, of, false, &seen);
+            steady = now == 0 ? steady + 1 : 0;
+            worst = now != 0 ? now : worst;
         }
     }
     bus->clocks.worst_ns = seen.worst_ns;
-    return worst;
+    return steady == STEADY ? 0 : worst;
 }
 
 /** Who answers has a link, whatever its DL status said or a lost frame made of it: SOEM believes
@@ -325,6 +329,8 @@ void soem_keep_reference(struct fsn_soem *bus) {
         found = first_clock(bus, false);
         if (found != 0) {
             set_here(bus, found);
+            /* Not taken: its time is given to nobody, and it is set again. */
+            found = bus->places[found].unset ? 0 : found;
         }
     }
     if (found != 0) {
@@ -339,18 +345,26 @@ void soem_keep_reference(struct fsn_soem *bus) {
 }
 
 fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node) {
-    const uint16_t of = reference(bus);
-    if (!bus->slaves[node->slave].hasdc || of == 0) {
+    if (!bus->slaves[node->slave].hasdc || atomic_load(&bus->frames.wire.dc_station) == 0) {
         return FSN_OK;
     }
-    if (of != node->slave) {
+    const struct place *place = &bus->places[node->slave];
+    const uint16_t of = reference(bus);
+    for (int tries = 0; tries < TRIES && of != 0 && of != node->slave; tries++) {
         set_after(bus, node->slave, of);
-        /* Where it stands before the reference it is the next one: nobody before that gets its
-         * time. */
-        soem_keep_reference(bus);
+        if (!place->unset) {
+            /* Where it stands before the reference it is the next one: nobody before that gets its
+             * time. */
+            soem_keep_reference(bus);
+            break;
+        }
     }
     if (node->known.info.assign_activate == 0) {
         return FSN_OK;
+    }
+    if (of == 0 || place->unset) {
+        soem_note(bus, node, FSN_FOUND_CLOCK, "its clock could not be set; it is tried again");
+        return FSN_E_BUS_CLOCK;
     }
     if (reference(bus) == node->slave) {
         pause_ns(3 * bus->cycle_ns * bus->dc_every); /* until it has given its time */
