@@ -26,7 +26,7 @@ from fsoe_net.formats.own.schema import (
 )
 from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
-from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.files import Collector, is_there, read_bytes
 from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Device, SubDevice
@@ -272,7 +272,7 @@ class _Assembly:
         text = text.removeprefix("file://")
         folder = os.path.dirname(named_in)
         beside = os.path.normpath(os.path.join(folder, text)) if folder else text
-        if not os.path.exists(beside) and os.path.exists(text):
+        if not is_there(beside) and is_there(text):
             return text  # as the driver would find it from here
         return beside
 

@@ -21,6 +21,7 @@ from fsoe_net.model.network import SourceFile
 __all__ = [
     "STDIN",
     "Collector",
+    "is_there",
     "open_file",
     "read_bytes",
     "read_source",
@@ -58,6 +59,11 @@ def replaced_files(contents: Mapping[str, bytes]) -> Iterator[None]:
         yield
     finally:
         _REPLACED.reset(token)
+
+
+def is_there(path: str) -> bool:
+    """Whether readers find something under a path, see `replaced_files`."""
+    return path in _REPLACED.get() or os.path.exists(path)
 
 
 def open_file(path: str | os.PathLike[str], *, regular: bool = True) -> Stream:
