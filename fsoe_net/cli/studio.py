@@ -30,16 +30,12 @@ Exit codes: 0 ended by Ctrl-C, 1 a file that cannot be used, 2 wrong use, 3 a po
 missing."""
 
 
-def _network_file(path: str | None) -> str:
+def _network_file(path: str | None) -> tuple[str, bool]:
+    """Return the network file, and whether it may be one that is still to be made."""
     name = path or _NETWORK
     if os.path.isdir(name):
-        return os.path.join(name, _NETWORK)
-    if path is None and not os.path.isfile(name):
-        raise click.UsageError(
-            f"name the network file; there is no {_NETWORK} in this folder. "
-            "`fsoe-net init` proposes one from the files that you have"
-        )
-    return name
+        return os.path.join(name, _NETWORK), True
+    return name, path is None
 
 
 @click.command("studio", epilog=_EPILOG)
@@ -55,20 +51,22 @@ def _network_file(path: str | None) -> str:
 def command(path: str | None, loading: LoadOptions, port: int, no_browser: bool) -> None:
     """See and edit a network in a browser: the bus, its connections, what is wrong, the file.
 
-    PATH: a network file, or its folder. The page is for one person at one browser of this machine;
-    the printed address counts once. Nothing is written before you press Save, and nothing is sent
-    to a bus.
+    PATH: a network file, or its folder; in a folder without one a new network begins. The page is
+    for one person at one browser of this machine; the printed address counts once. Nothing is
+    written before you press Save, and nothing is sent to a bus.
     """
-    name = _network_file(path)
+    name, may_be_new = _network_file(path)
     try:
         from fsoe_net.studio.server import Studio
     except ImportError as exc:
         raise EnvironmentFault(
             f"studio needs {exc.name}, which is not installed; pip install 'fsoe-net[studio]'"
         ) from exc
+    from fsoe_net.studio.begin import empty_network
     from fsoe_net.studio.workspace import Workspace
 
-    studio = Studio(Workspace(name, loading), port=port)
+    new_text = empty_network(name) if may_be_new else None
+    studio = Studio(Workspace(name, loading, new_text=new_text), port=port)
     echo(f"{name}: open {studio.url}")
     echo("Ctrl-C ends it; only what was saved is in the file")
     if not no_browser:

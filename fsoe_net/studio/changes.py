@@ -1,9 +1,9 @@
 """What a person changes in the drawing, as changes of the network file.
 
 Each is a map with a word that says which: ``connect``, ``disconnect``, ``confirm``, ``set`` of a
-connection, ``place`` of a SubDevice. What it names is looked up in the network of the text it was
-made on. FSoE addresses, connection IDs and watchdogs belong to the safety project: a person types
-them, nothing here chooses one.
+connection; `fsoe_net.studio.subdevices` has those of SubDevices. What it names is looked up in the
+network of the text it was made on. FSoE addresses, connection IDs and watchdogs belong to the
+safety project: a person types them, nothing here chooses one.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fsoe_net.errors import InputError
-from fsoe_net.model.bus import Located
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.project.check import Checked
+from fsoe_net.studio.rows import Change, disconnected, list_in, name_of, net_of, number_of, row_of
+from fsoe_net.studio.subdevices import SUBDEVICE_CHANGES
 
 __all__ = ["DRAWN", "FACTS", "change_of"]
 
@@ -23,8 +24,6 @@ FACTS = {"address": 65535, "connection_id": 65535, "watchdog_ms": 65534}
 
 DRAWN = "drawn in studio: compare it with the safety project"
 """Why a connection that was drawn is not confirmed."""
-
-Change = Callable[[Any], None]
 
 
 def change_of(request: Mapping[str, object], checked: Checked) -> Change:
@@ -45,53 +44,19 @@ def change_of(request: Mapping[str, object], checked: Checked) -> Change:
     return make(request, checked.resolution)
 
 
-def _number(request: Mapping[str, object], key: str, most: int) -> int:
-    value = request.get(key)
-    if type(value) is not int or not 0 <= value <= most:
-        raise InputError(f"{key} is a number from 0 to {most}, not {value!r}")
-    return value
-
-
-def _name(request: Mapping[str, object], key: str, resolution: Resolution) -> str:
-    name = request.get(key)
-    if not isinstance(name, str) or name not in resolution.numbers:
-        raise InputError(f"{key}: no SubDevice has the name {name!r}")
-    return name
-
-
 def _connection(request: Mapping[str, object], resolution: Resolution) -> Connection:
     rows = resolution.connections
-    number = _number(request, "connection", max(len(rows) - 1, 0))
+    number = number_of(request, "connection", max(len(rows) - 1, 0))
     if number >= len(rows):
         raise InputError("there is no such connection")
     return rows[number]
 
 
-def _here(rows: Any, part: Located) -> Any:
-    """Return the item of a list of the file that a part of the network was read from.
-
-    Raises:
-        InputError: It stands in another file, or is shared by an anchor.
-    """
-    for row in rows or ():
-        place = getattr(row, "lc", None)
-        if place is not None and (place.line + 1, place.col + 1) == (
-            part.span.line,
-            part.span.column,
-        ):
-            return row
-    raise InputError(f"{part.span}: this part cannot be changed here; change it in the text")
-
-
-def _net_in(document: Any, connection: Connection) -> Any:
-    return _here(document["nets"], connection.net)
-
-
 def _facts_in(document: Any, connection: Connection) -> Any:
     """Return the map of a connection in the file, made where its net only has transfers."""
-    net = _net_in(document, connection)
+    net = net_of(document, connection)
     if connection.facts is not None:
-        return _here(net["connections"], connection.facts)
+        return row_of(net["connections"], connection.facts)
     facts: dict[str, object] = {"main": connection.main.name, "sub": connection.sub.name}
     facts |= _slots(connection.slot, connection.sub_slot)
     net.setdefault("connections", []).append(facts)
@@ -108,7 +73,7 @@ def _set(request: Mapping[str, object], resolution: Resolution) -> Change:
     if not isinstance(key, str) or key not in FACTS:
         raise InputError(f"{key!r} is nothing that is set here; {', '.join(FACTS)} are")
     connection = _connection(request, resolution)
-    value = None if request.get("value") is None else _number(request, "value", FACTS[key])
+    value = None if request.get("value") is None else number_of(request, "value", FACTS[key])
 
     def change(document: Any) -> None:
         facts = _facts_in(document, connection)
@@ -131,26 +96,14 @@ def _disconnect(request: Mapping[str, object], resolution: Resolution) -> Change
     connection = _connection(request, resolution)
 
     def change(document: Any) -> None:
-        net = _net_in(document, connection)
-        parts: list[tuple[str, Located]] = []
-        if connection.facts is not None:
-            parts.append(("connections", connection.facts))
-        for way in (connection.to_sub, connection.to_main):
-            if not way.made:
-                parts.append(("transfers", way.transfer))
-        for key, part in parts:
-            net[key].remove(_here(net[key], part))
-            if not net[key]:
-                del net[key]
-        if not net.get("transfers") and not net.get("connections"):
-            document["nets"].remove(net)
+        disconnected(document, connection)
 
     return change
 
 
 def _connect(request: Mapping[str, object], resolution: Resolution) -> Change:
-    main, sub = (_name(request, key, resolution) for key in ("main", "sub"))
-    slots = {key: _number(request, key, 65535) for key in ("slot", "sub_slot")}
+    main, sub = (name_of(request, key, resolution) for key in ("main", "sub"))
+    slots = {key: number_of(request, key, 65535) for key in ("slot", "sub_slot")}
     if main == sub:
         raise InputError(f"{main} cannot be connected with itself")
     own = [net for net in resolution.network.nets if net.safety_master == main]
@@ -160,9 +113,9 @@ def _connect(request: Mapping[str, object], resolution: Resolution) -> Change:
         facts |= _slots(**slots)
         facts["unconfirmed"] = DRAWN
         if own:
-            net = _here(document["nets"], own[0])
+            net = row_of(document["nets"], own[0])
         else:
-            nets = document.setdefault("nets", [])
+            nets = list_in(document, "nets")
             nets.append({"name": _free_name(main, nets), "safety_master": main})
             net = nets[-1]
         net.setdefault("connections", []).append(facts)
@@ -176,23 +129,10 @@ def _free_name(main: str, nets: Any) -> str:
     return next(name for name in names if name not in taken)
 
 
-def _place(request: Mapping[str, object], resolution: Resolution) -> Change:
-    number = resolution.numbers[_name(request, "subdevice", resolution)]
-    subdevice = resolution.network.subdevices[number]
-    position = _number(request, "position", 65535)
-
-    def change(document: Any) -> None:
-        lists = [document, *(document.get("buses") or ())]
-        rows = [row for part in lists for row in part.get("subdevices") or ()]
-        _here(rows, subdevice)["position"] = position
-
-    return change
-
-
 _MAKERS: dict[str, Callable[[Mapping[str, object], Resolution], Change]] = {
     "confirm": _confirm,
     "connect": _connect,
     "disconnect": _disconnect,
-    "place": _place,
     "set": _set,
+    **SUBDEVICE_CHANGES,
 }

@@ -7,9 +7,12 @@ from collections.abc import Iterable, Sequence
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.diag.printable import printable
-from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.ends import ResolvedTransfer
 from fsoe_net.model.layout import FramePair
+from fsoe_net.model.library import Library
+from fsoe_net.model.library_fill import library_role
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.project.check import library_of
 from fsoe_net.studio.changes import FACTS
@@ -34,9 +37,11 @@ def state_of(workspace: Workspace) -> Row:
     connections: list[Row] = []
     proposals: Row = {}
     if resolution is not None:
-        used = _used(resolution)
-        subdevices = [_subdevice(s, used, resolution) for s in resolution.network.subdevices]
-        budget = make_budget(resolution, library_of(resolution.network))
+        used, library = _used(resolution), library_of(resolution.network)
+        subdevices = [
+            _subdevice(s, used, resolution, library) for s in resolution.network.subdevices
+        ]
+        budget = make_budget(resolution, library)
         connections = [_connection(row, workspace.path) for row in budget.connections]
         proposals = {key: _next_free(key, resolution) for key in ("address", "connection_id")}
     parts = _Parts(workspace.path, resolution)
@@ -46,6 +51,8 @@ def state_of(workspace: Workspace) -> Row:
         "name": "" if resolution is None else resolution.network.name,
         "text": workspace.text.replace("\r\n", "\n"),
         "saved": workspace.is_saved,
+        "is_new": workspace.is_new,
+        "unwritten": list(workspace.unwritten),
         "outside": workspace.outside,
         "can_undo": workspace.can_undo,
         "can_redo": workspace.can_redo,
@@ -69,7 +76,9 @@ def _used(resolution: Resolution) -> dict[tuple[str, int], int]:
     return found
 
 
-def _subdevice(sub: SubDevice, used: dict[tuple[str, int], int], resolution: Resolution) -> Row:
+def _subdevice(
+    sub: SubDevice, used: dict[tuple[str, int], int], resolution: Resolution, library: Library
+) -> Row:
     pairs: Sequence[FramePair] = () if sub.layout is None else sub.layout.frame_pairs
     is_main = any(net.safety_master == sub.name for net in resolution.network.nets)
     is_sub = any(row.sub is sub for row in resolution.connections)
@@ -82,6 +91,7 @@ def _subdevice(sub: SubDevice, used: dict[tuple[str, int], int], resolution: Res
         "line": sub.span.line,
         "group": next((g.name for g in groups if sub.name in g.subdevices), ""),
         "role": "both" if is_main and is_sub else "main" if is_main else "sub" if is_sub else "",
+        "likely": "" if device is None else _likely_role(device, pairs, library),
         "device": "" if device is None else device.path,
         "identity": ""
         if device is None
@@ -97,6 +107,12 @@ def _subdevice(sub: SubDevice, used: dict[tuple[str, int], int], resolution: Res
             for pair in pairs
         ],
     }
+
+
+def _likely_role(device: Device, pairs: Sequence[FramePair], library: Library) -> str:
+    """Return the role that the device library knows for frames of these lengths."""
+    lengths = tuple((p.taken_bytes, p.sent_bytes) for p in pairs)
+    return library_role(DescribedSubDevice(device=device), lengths, library)
 
 
 def _connection(budget: WatchdogBudget, path: str) -> Row:

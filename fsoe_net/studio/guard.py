@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hmac
 import secrets
+from collections.abc import Mapping
 
 from starlette.datastructures import URL, Headers
 from starlette.requests import Request
@@ -50,11 +51,14 @@ class Guard:
         app: What is behind it.
         port: On which it is served.
         body_limit: Most bytes of a request.
+        limits: The same for some paths.
     """
 
-    def __init__(self, app: ASGIApp, *, port: int, body_limit: int) -> None:
+    def __init__(
+        self, app: ASGIApp, *, port: int, body_limit: int, limits: Mapping[str, int]
+    ) -> None:
         self._app = app
-        self._limit = body_limit
+        self._limit, self._limits = body_limit, dict(limits)
         self._hosts = {f"{name}:{port}" for name in _NAMES}
         self._cookie = f"fsoe_net_{port}"  # cookies do not know ports: two studios, two names
         self._session = secrets.token_urlsafe(32)
@@ -82,7 +86,7 @@ class Guard:
                 message["headers"] = [*message.get("headers", []), *own]
             await send(message)
 
-        await self._app(scope, self._limited(receive), send_guarded)
+        await self._app(scope, _limited(receive, self._most(request)), send_guarded)
 
     def _refusal(self, request: Request) -> Response | None:
         headers = request.headers
@@ -100,7 +104,7 @@ class Guard:
                 "open the address that fsoe-net studio printed; it counts once, in one browser"
             )
         if request.method not in ("GET", "HEAD"):
-            return self._refused_write(headers)
+            return self._refused_write(headers, self._most(request))
         return None
 
     def _let_in(self, given: str) -> Response:
@@ -111,11 +115,14 @@ class Guard:
         answer.set_cookie(self._cookie, self._session, httponly=True, samesite="strict", path="/")
         return answer
 
-    def _refused_write(self, headers: Headers) -> Response | None:
+    def _most(self, request: Request) -> int:
+        return self._limits.get(request.url.path, self._limit)
+
+    def _refused_write(self, headers: Headers, most: int) -> Response | None:
         if headers.get(WRITE_HEADER) != "1" or headers.get("origin") is None:
             return _no("a change comes from the page of fsoe-net studio only")
         length = headers.get("content-length", "")
-        if not length.isascii() or not length.isdigit() or int(length) > self._limit:
+        if not length.isascii() or not length.isdigit() or int(length) > most:
             return _no("the change is too long, or does not say how long it is", 413)
         return None
 
@@ -123,18 +130,19 @@ class Guard:
         url = URL(origin)
         return url.scheme == "http" and url.netloc.lower() in self._hosts
 
-    def _limited(self, receive: Receive) -> Receive:
-        got = 0
 
-        async def receive_limited() -> Message:
-            nonlocal got
-            message = await receive()
-            got += len(message.get("body", b""))
-            if got > self._limit:
-                return {"type": "http.disconnect"}
-            return message
+def _limited(receive: Receive, most: int) -> Receive:
+    got = 0
 
-        return receive_limited
+    async def receive_limited() -> Message:
+        nonlocal got
+        message = await receive()
+        got += len(message.get("body", b""))
+        if got > most:
+            return {"type": "http.disconnect"}
+        return message
+
+    return receive_limited
 
 
 def _no(text: str, status: int = 403) -> Response:

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import json
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 
 import uvicorn
@@ -19,7 +19,9 @@ from starlette.staticfiles import StaticFiles
 
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.studio.document import state_of
+from fsoe_net.studio.files import UPLOADS, file_routes
 from fsoe_net.studio.guard import Guard
+from fsoe_net.studio.shelf import MAX_UPLOAD_BYTES, Shelf
 from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
 
@@ -31,7 +33,7 @@ _LOOK_EVERY_S = 0.5
 _EVENTS_S = 1.0  # of silence, after which a stream says that it is there, and looks for the end
 
 Body = dict[str, object]
-Act = Callable[[Workspace, int, Body], None]
+Act = Callable[[Workspace, int, Body], Sequence[str] | None]
 
 
 def _text(body: Body) -> str:
@@ -75,6 +77,13 @@ class Studio:
 
     def __init__(self, workspace: Workspace, *, port: int = 0) -> None:
         self._workspace = workspace
+        self._shelf = Shelf()
+        self._acts: dict[str, Act] = {
+            **_ACTS,
+            "add": self._shelf.add,
+            "example": self._shelf.example,
+            "import": self._shelf.take,
+        }
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -92,12 +101,14 @@ class Studio:
                 Route("/api/state", self._state),
                 Route("/api/events", self._events),
                 Route("/api/try", self._try, methods=["POST"]),
+                *file_routes(workspace, self._shelf),
                 Route("/api/{act}", self._act, methods=["POST"]),
                 Mount("/assets", StaticFiles(directory=_ASSETS)),
             ],
             lifespan=self._watching,
         )
-        guard = Guard(app, port=port, body_limit=_BODY_LIMIT)
+        limits = {UPLOADS: MAX_UPLOAD_BYTES}
+        guard = Guard(app, port=port, body_limit=_BODY_LIMIT, limits=limits)
         self.url = f"http://127.0.0.1:{port}/?token={guard.token()}"
         self._changed, self._trying = asyncio.Condition(), asyncio.Lock()
         config = uvicorn.Config(
@@ -126,7 +137,7 @@ class Studio:
         return await self._answer()
 
     async def _act(self, request: Request) -> Response:
-        act = _ACTS.get(request.path_params["act"])
+        act = self._acts.get(request.path_params["act"])
         if act is None:
             return JSONResponse({"error": "there is no such request"}, 404)
         try:
@@ -137,14 +148,14 @@ class Studio:
         if type(version) is not int:
             return JSONResponse({"error": "the request names no version"}, 400)
         try:
-            await run_in_threadpool(act, self._workspace, version, body)
+            said = await run_in_threadpool(act, self._workspace, version, body)
         except Behind:
             text = "something else has changed meanwhile; look at it, and do it again"
             return await self._answer(error=text, status=409)
         except (FsnError, ValueError) as exc:
             return await self._answer(error=str(exc), status=422)
         await self._tell()
-        return await self._answer()
+        return await self._answer(said=said or ())
 
     async def _try(self, _: Request) -> Response:
         version, checked = self._workspace.version, self._workspace.checked
@@ -155,9 +166,11 @@ class Studio:
             return JSONResponse({"error": str(exc)}, 422)
         return JSONResponse({"error": "", "version": version, **tried})
 
-    async def _answer(self, *, error: str = "", status: int = 200) -> Response:
+    async def _answer(
+        self, *, error: str = "", said: Sequence[str] = (), status: int = 200
+    ) -> Response:
         state = await run_in_threadpool(state_of, self._workspace)
-        return JSONResponse({"error": error, **state}, status)
+        return JSONResponse({"error": error, "said": list(said), **state}, status)
 
     async def _events(self, _: Request) -> Response:
         """Say each new version, so that a second tab follows."""
@@ -187,6 +200,7 @@ class Studio:
             yield
         finally:
             task.cancel()
+            self._shelf.clear()
 
     async def _watch(self) -> None:
         while True:

@@ -9,8 +9,10 @@ from __future__ import annotations
 import hashlib
 import os
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
@@ -21,6 +23,7 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.project.check import Checked, check_files
 from fsoe_net.project.edit import EditedText, with_lines_kept
 from fsoe_net.studio.changes import change_of
+from fsoe_net.studio.device_files import DeviceFiles
 
 __all__ = ["MAX_TEXT_BYTES", "Behind", "Workspace"]
 
@@ -51,15 +54,23 @@ class _Steps:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OnDisk:
-    """The file as it was read or written last: its text, the hash of its bytes, its mark."""
+    """The file as it was read or written last: its text, the hash of its bytes, its mark.
 
-    text: str
-    sha256: str
-    mark: bytes
+    ``sha256`` is empty while there is no file.
+    """
+
+    text: str = ""
+    sha256: str = ""
+    mark: bytes = b""
 
 
 class Workspace:
     """One network file being edited; every method may be called from any thread.
+
+    Args:
+        path: The file.
+        loading: How references in it are followed.
+        new_text: Where there is no such file: the text that it begins with, not yet written.
 
     Attributes:
         path: The file.
@@ -72,22 +83,44 @@ class Workspace:
         InputError: The file cannot be read, is no text, or has more than ``MAX_TEXT_BYTES``.
     """
 
-    def __init__(self, path: str, loading: LoadOptions | None = None) -> None:
+    def __init__(
+        self, path: str, loading: LoadOptions | None = None, *, new_text: str | None = None
+    ) -> None:
         self.path = path
         self._loading = loading
+        self._new = DeviceFiles(os.path.dirname(path))
         self._lock = threading.RLock()
         self._undo, self._redo = _Steps(), _Steps()
         self.version = 1
         self.outside = False
-        self._file = _read(path)
+        is_new = new_text is not None and not os.path.lexists(path)
+        self._file = _OnDisk() if is_new else _read(path)
         self._signature: tuple[tuple[str, int, int], ...] = ()
-        self.text = self._file.text
+        self.text = new_text if is_new and new_text is not None else self._file.text
         self.checked = self._check()
+
+    @property
+    def is_new(self) -> bool:
+        """Whether there is no file yet; `save` makes it."""
+        return not self._file.sha256
 
     @property
     def is_saved(self) -> bool:
         """Whether the file has this text."""
-        return self.text == self._file.text
+        return self.text == self._file.text and not self.is_new
+
+    @property
+    def unwritten(self) -> tuple[str, ...]:
+        """Names of the device files that `save` writes beside the network file."""
+        return tuple(self._new.named_in(self.text))
+
+    @contextmanager
+    def read_as_edited(self) -> Iterator[None]:
+        """Let readers of files find the text as it is in the page, and device files with it."""
+        with self._lock:
+            contents = self._contents()
+        with replaced_files(contents):
+            yield
 
     @property
     def can_undo(self) -> bool:
@@ -127,6 +160,33 @@ class Workspace:
             change(edited.document)
             self._set(edited.text)
 
+    def change_with_files(
+        self,
+        version: int,
+        files: Sequence[tuple[str, str]],
+        change: Callable[[Any, Sequence[str]], None],
+        *,
+        text: str | None = None,
+    ) -> None:
+        """Make a change that needs device files; `save` writes those, and replaces none.
+
+        Args:
+            version: Of the text.
+            files: Proposed names of device files, each with its text.
+            change: Changes the maps and lists of the file; takes the names that the files got.
+            text: What it changes instead of the present text.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+            InputError: The text is no YAML.
+        """
+        with self._lock:
+            self._expect(version)
+            edited = EditedText(self.text if text is None else text, self.path)
+            names = self._new.keep(files)
+            change(edited.document, names)
+            self._set(edited.text)
+
     def fix(self, version: int, number: int) -> None:
         """Follow the hint of a finding that leaves one way.
 
@@ -158,18 +218,25 @@ class Workspace:
     def save(self, version: int) -> None:
         """Write the file, whole or not at all; also a network that has errors.
 
+        New device files that it names are written before it.
+
         Raises:
             Behind: ``version`` is not the present one.
-            InputError: Somebody else has changed the file: `take_file` shows theirs.
+            InputError: Somebody else has changed the file: `take_file` shows theirs; or has made
+                a device file meanwhile that has another content.
             EnvironmentFault: It cannot be written; what was there is unchanged.
         """
         with self._lock:
             self._expect(version)
             step = "take the file's text, and yours comes back with undo"
-            read_unchanged(self.path, self._file.sha256, next_step=step)
+            if not self.is_new:
+                read_unchanged(self.path, self._file.sha256, next_step=step)
+            elif os.path.lexists(self.path):
+                raise InputError(f"nothing written: somebody has made {self.path}; {step}")
             mark = self._file.mark
             data = mark + self.text.encode("utf-8")
-            write_whole(self.path, data, overwrite=True)
+            self._new.write(self.text)
+            write_whole(self.path, data, overwrite=not self.is_new)
             sha256 = hashlib.sha256(data).hexdigest()
             self._file = _OnDisk(text=self.text, sha256=sha256, mark=mark)
             self.outside = False
@@ -202,7 +269,7 @@ class Workspace:
             try:
                 found = _read(self.path)
             except InputError:
-                self.outside = True
+                self.outside = not self.is_new or os.path.lexists(self.path)
             else:
                 self.outside = found.sha256 != self._file.sha256
             if self.outside and self.is_saved and found is not None:
@@ -239,13 +306,15 @@ class Workspace:
         self.version += 1
 
     def _check(self) -> Checked:
-        data = self.text.encode("utf-8")
-        with replaced_files({self.path: data}):
+        with replaced_files(self._contents()):
             checked = check_files([self.path], self._loading, compared=True)
         network = checked.network
         self._sources: tuple[SourceFile, ...] = () if network is None else network.sources
         self._signature = self._signed()
         return checked
+
+    def _contents(self) -> dict[str, bytes]:
+        return {**self._new.contents, self.path: self.text.encode("utf-8")}
 
     def _signed(self) -> tuple[tuple[str, int, int], ...]:
         paths = dict.fromkeys([self.path, *(source.path for source in self._sources)])

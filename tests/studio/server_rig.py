@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 from studio.browser import needed
 
+from fsoe_net.studio.begin import empty_network
 from fsoe_net.studio.workspace import Workspace
 
 needed("starlette", "studio")
@@ -23,8 +24,8 @@ __all__ = ["Browser", "Studio", "running"]
 
 @contextmanager
 def running(path: Path) -> Iterator[Studio]:
-    """Serve a network file until the block ends."""
-    studio = Studio(Workspace(str(path)))
+    """Serve a network file, or one that is still to be made, until the block ends."""
+    studio = Studio(Workspace(str(path), new_text=empty_network(str(path))))
     thread = threading.Thread(target=studio.run, daemon=True)
     thread.start()
     try:
@@ -76,6 +77,12 @@ class Browser:
         status, headers, _ = self.ask(self.first)
         assert status == 303
         self.cookie = headers["Set-Cookie"].partition(";")[0]
+
+    def json(self, path: str) -> dict[str, object]:
+        """Return an answer that is a JSON document."""
+        status, _, data = self.ask(path)
+        assert status == 200, data
+        return json.loads(data)
 
     def post(self, act: str, body: object, **headers: str | None) -> tuple[int, dict[str, object]]:
         """Send a change as the page does."""

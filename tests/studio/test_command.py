@@ -36,18 +36,28 @@ def test_it_prints_an_address_and_ends_quietly(end: signal.Signals) -> None:
     assert process.returncode in ((0,) if end == signal.SIGINT else (0, -signal.SIGTERM))
 
 
-def test_without_a_network_it_names_the_next_step(tmp_path: Path) -> None:
-    done = fsn("studio", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "`fsoe-net init` proposes one from the files that you have" in done.stderr
-    for name in (".", "nothing.yaml"):
-        done = fsn("studio", name, cwd=tmp_path)
-        assert done.returncode == 1
-        assert "error[FSN101]: cannot read" in done.stderr
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    done = fsn("studio", "nothing.yaml", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "error[FSN101]: cannot read" in done.stderr
     (tmp_path / "network.yaml").write_bytes(b"\xff")
     done = fsn("studio", cwd=tmp_path)
     assert done.returncode == 1
     assert "network.yaml is no text in UTF-8" in done.stderr
+
+
+@pytest.mark.parametrize("named", [(), (".",)])
+def test_a_folder_without_a_network_begins_one(tmp_path: Path, named: tuple[str, ...]) -> None:
+    command = tied(sys.executable, "-m", "fsoe_net.cli", "studio", *named, "--no-browser")
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
+        browser = Browser(process.stdout.readline().split()[-1])
+        browser.enter()
+        state = browser.json("/api/state")
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+    assert (state["is_new"], state["saved"], state["subdevices"]) == (True, False, [])
+    assert state["name"] == tmp_path.name
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_missing_package_is_named_with_what_installs_it(tmp_path: Path) -> None:

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from fsoe_net.errors import InputError
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.studio.changes import DRAWN, _here, change_of
+from fsoe_net.studio.changes import DRAWN, change_of
 from fsoe_net.studio.document import state_of
+from fsoe_net.studio.rows import row_of
 from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
 
@@ -249,7 +250,7 @@ def test_an_item_that_an_anchor_shares_is_changed_where_it_stands(estop: Workspa
 def test_a_part_that_is_not_in_the_file_is_left_to_the_text(estop: Workspace) -> None:
     (sub, _) = estop.checked.resolution.network.subdevices
     with pytest.raises(InputError, match="8:5: this part cannot be changed here; change it in"):
-        _here([{"name": "ek1914"}], sub)
+        row_of([{"name": "ek1914"}], sub)
 
 
 def test_a_text_that_is_no_network_is_kept_and_said(estop: Workspace) -> None:
@@ -365,10 +366,36 @@ _VALUES = st.recursive(
     max_leaves=4,
 )
 _KEYS = st.sampled_from(
-    ["change", "connection", "key", "value", "main", "sub", "slot", "sub_slot", "subdevice"]
+    [
+        "change",
+        "connection",
+        "key",
+        "value",
+        "main",
+        "sub",
+        "slot",
+        "sub_slot",
+        "subdevice",
+        "to",
+        "position",
+        "alias",
+    ]
 )
 _WORDS = st.sampled_from(
-    ["set", "connect", "disconnect", "confirm", "place", "el1918", "ek1914", "address", 0, 1]
+    [
+        "set",
+        "connect",
+        "disconnect",
+        "confirm",
+        "place",
+        "move",
+        "remove",
+        "el1918",
+        "ek1914",
+        "address",
+        0,
+        1,
+    ]
 )
 
 

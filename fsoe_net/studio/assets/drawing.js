@@ -1,6 +1,7 @@
 // The bus as a line, and its FSoE connections between slots: MainInstances left, SubInstances right.
 import { useEffect, useLayoutEffect, useRef, useState } from "./vendor/hooks.js";
-import { html, ROLES, SEVERITIES, worst } from "./html.js";
+import { Bus } from "./bus.js";
+import { html, Mark, ROLES, SEVERITIES, worst } from "./html.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").SubDevice} SubDevice */
@@ -25,7 +26,9 @@ export function obstacle(from, to) {
 
 /** @param {SubDevice} sub */
 const isLeft = (sub) =>
-  sub.role === "main" || sub.role === "both" || (sub.role === "" && sub.pairs.length > 1);
+  sub.role
+    ? sub.role !== "sub"
+    : sub.likely === "main" || (sub.likely === "" && sub.pairs.length > 1);
 
 /**
  * @param {{ state: State, stale: boolean, selected: Selected,
@@ -70,7 +73,7 @@ export function Drawing({ state, stale, selected, choose, act }) {
     );
   const withPairs = state.subdevices.filter((s) => s.pairs.length > 0);
   return html`
-    <${Bus} state=${state} selected=${selected} choose=${choose} />
+    <${Bus} state=${state} selected=${selected} choose=${choose} act=${act} />
     <p class="help" role="status">
       ${from
         ? `Connect ${from.subdevice}, slot ${from.pair.slot}: choose a lit slot. Escape ends it.`
@@ -166,13 +169,6 @@ function Card({ sub, state, from, setFrom, connect, selected, choose }) {
   </div>`;
 }
 
-/** @param {{ severity: string }} props */
-export function Mark({ severity }) {
-  if (!severity) return null;
-  const [shape, word] = SEVERITIES[severity];
-  return html`<span class="mark ${severity}" title=${word}>${shape}<span class="unseen">${word}</span></span>`;
-}
-
 /**
  * @param {{ port: Port, from: Port | null, setFrom: (port: Port | null) => void,
  *   connect: (port: Port) => void, choose: (what: Selected) => void }} props
@@ -211,30 +207,4 @@ function Slot({ port, from, setFrom, connect, choose }) {
     <span class="slot">${pair.slot}</span>
     <small>${why && !own ? why : `${pair.sends_bytes} ⇄ ${pair.takes_bytes} bytes`}</small>
   </li>`;
-}
-
-/** @param {{ state: State, selected: Selected, choose: (what: Selected) => void }} props */
-function Bus({ state, selected, choose }) {
-  const names = state.buses.length ? state.buses : [""];
-  return html`${names.map(
-    (name, number) => html`<div class="bus" key=${number}>
-      <span class="end">${name || "MainDevice"}</span>
-      <ol aria-label=${`SubDevices of the bus ${name}`}>
-        ${state.subdevices
-          .filter((s) => s.bus === number || !state.buses.length)
-          .map((sub) => {
-            const chosen =
-              selected !== null && "subdevice" in selected && selected.subdevice === sub.name;
-            const severity = worst(state.findings.filter((f) => f.subdevices.includes(sub.name)));
-            return html`<li key=${sub.name}>
-              <button class="box ${sub.role || "none"} ${severity} ${sub.group && "absent"}" aria-pressed=${chosen}
-                title=${`${sub.name}: ${ROLES[sub.role]}, ${sub.identity}`}
-                onClick=${() => choose({ subdevice: sub.name })}>
-                <span>${sub.position}</span> ${sub.name} <${Mark} severity=${severity} />
-              </button>
-            </li>`;
-          })}
-      </ol>
-    </div>`,
-  )}`;
 }

@@ -22,3 +22,10 @@ export const ROLES = {
 export function worst(findings) {
   return ["error", "warning", "info"].find((s) => findings.some((f) => f.severity === s)) ?? "";
 }
+
+/** @param {{ severity: string }} props */
+export function Mark({ severity }) {
+  if (!severity) return null;
+  const [shape, word] = SEVERITIES[severity];
+  return html`<span class="mark ${severity}" title=${word}>${shape}<span class="unseen">${word}</span></span>`;
+}

@@ -1,5 +1,6 @@
 // What is selected, with the values that a person sets.
 import { useEffect, useState } from "./vendor/hooks.js";
+import { onBus } from "./bus.js";
 import { html, ROLES } from "./html.js";
 
 /** @typedef {import("./types").State} State */
@@ -36,7 +37,7 @@ export function Inspector({ state, selected, act, choose }) {
       ? html`<${OfConnection} state=${state} connection=${connection}
           number=${chosen.connection} act=${act} choose=${choose} />`
       : sub
-        ? html`<${OfSubDevice} sub=${sub} act=${act} />`
+        ? html`<${OfSubDevice} sub=${sub} state=${state} act=${act} choose=${choose} />`
         : html`<p class="help">Select a SubDevice or a connection.</p>`}
   </section>`;
 }
@@ -100,16 +101,41 @@ function OfConnection({ state, connection, number, act, choose }) {
   `;
 }
 
-/** @param {any} props */
-function OfSubDevice({ sub, act }) {
+/** @param {{ sub: import("./types").SubDevice, state: State, act: import("./types").Act, choose: any }} props */
+function OfSubDevice({ sub, state, act, choose }) {
+  const change = (/** @type {object} */ body) => act("change", { ...body, subdevice: sub.name });
+  const line = onBus(state, sub.bus).filter((s) => !s.alias);
+  const place = line.indexOf(sub);
+  const own = state.connections.filter((c) => c.main === sub.name || c.sub === sub.name);
+  const isNew = state.unwritten.some((name) => sub.device.endsWith(name));
   return html`
     <h2>${sub.name}</h2>
-    <p>${ROLES[sub.role]}. ${sub.identity}.<br />${sub.device}</p>
+    <p>${ROLES[sub.role]}. ${sub.identity}.<br />${sub.device}${isNew && ": Save writes it"}</p>
     ${sub.group && html`<p>In group ${sub.group}: it may be absent.</p>`}
-    <${Field} key=${sub.name} label="Position" value=${sub.position} most=${65535}
+    <${Field} key=${`${sub.name} position`} label="Position" value=${sub.position} most=${65535}
       help=${sub.alias ? `counted from the SubDevice with alias ${sub.alias}` : "on the bus, from 0"}
       set=${(/** @type {number | null} */ position) =>
-        position !== null && act("change", { change: "place", subdevice: sub.name, position })} />
+        position !== null && change({ change: "place", position })} />
+    <${Field} key=${`${sub.name} alias`} label="Alias" value=${sub.alias} most=${65535}
+      help="as it is stored in the device; 0: none, the position counts from the begin of the bus"
+      set=${(/** @type {number | null} */ alias) => change({ change: "place", alias: alias ?? 0 })} />
+    ${place >= 0 &&
+    html`<div class="row">
+      ${[-1, 1].map(
+        (step) => html`<button key=${step} disabled=${!line[place + step]}
+          onClick=${() => change({ change: "move", to: line[place + step].name })}>
+          ${step < 0 ? "◀ Towards the begin" : "Towards the end ▶"}
+        </button>`,
+      )}
+    </div>`}
+    <p class="help">
+      To remove it ${own.length ? `also removes ${own.map((c) => `${c.main} → ${c.sub}`).join(", ")} and ` : "removes "}
+      all else that is copied to or from it; its device file stays.
+    </p>
+    <button class="danger" onClick=${() => {
+      change({ change: "remove" });
+      choose(null);
+    }}>Remove this SubDevice</button>
   `;
 }
 

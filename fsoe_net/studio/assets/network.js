@@ -1,6 +1,9 @@
 // The network: drawing, what is selected, findings, text.
 import { useCallback, useRef, useState } from "./vendor/hooks.js";
+import { Adding } from "./adding.js";
+import { Begin, Things } from "./begin.js";
 import { Drawing } from "./drawing.js";
+import { Export } from "./export.js";
 import { Findings } from "./findings.js";
 import { html, worst } from "./html.js";
 import { Inspector } from "./inspector.js";
@@ -15,6 +18,10 @@ import { Trial } from "./trial.js";
 export function Network({ state, act: request }) {
   const [selected, setSelected] = useState(/** @type {Selected} */ (null));
   const [line, setLine] = useState({ line: 0, column: 1, focus: false });
+  const [panel, setPanel] = useState(/** @type {"" | "add" | "export"} */ (""));
+  const [tour, setTour] = useState(false);
+  const [given, setGiven] = useState(/** @type {File[]} */ ([]));
+  const [dropping, setDropping] = useState(false);
   /** What the drawing shows while the text is no network. */
   const drawn = useRef(state);
   if (state.is_network) drawn.current = state;
@@ -36,9 +43,37 @@ export function Network({ state, act: request }) {
     const part = partOf(shown, what);
     if (part) show(part.line, 1, false);
   };
+  const open = (/** @type {"" | "add" | "export"} */ name) => {
+    setGiven([]);
+    setPanel(panel === name ? "" : name);
+  };
+  const hasFiles = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files");
+  const over = (/** @type {DragEvent} */ event) => {
+    if (!hasFiles(event)) return;
+    event.preventDefault();
+    setDropping(true);
+  };
+  const drop = (/** @type {DragEvent} */ event) => {
+    setDropping(false);
+    if (!hasFiles(event)) return;
+    event.preventDefault();
+    setGiven([...(event.dataTransfer?.files ?? [])]);
+    setPanel("add");
+  };
+  const begins = state.is_new && state.is_network && state.subdevices.length === 0;
   return html`
-    <main>
+    <main class=${dropping ? "dropping" : ""} onDragOver=${over} onDrop=${drop}
+      onDragLeave=${(/** @type {DragEvent} */ event) => event.relatedTarget === null && setDropping(false)}>
       <section aria-label="Network" class="network">
+        <div class="row">
+          <button aria-expanded=${panel === "add"} onClick=${() => open("add")}>Add SubDevices</button>
+          <button aria-expanded=${panel === "export"} onClick=${() => open("export")}>Export</button>
+          ${dropping && html`<b role="status">Drop the files to read them</b>`}
+        </div>
+        ${begins &&
+        html`<${Begin} path=${state.path} add=${() => setPanel("add")}
+          example=${async () => setTour(!(await act("example")).error)} />`}
+        ${tour && !begins && html`<${Things} close=${() => setTour(false)} />`}
         ${!state.is_network &&
         html`<p class="stale" role="status">
           The text is no network at present; this is the last one. See the findings.
@@ -47,6 +82,11 @@ export function Network({ state, act: request }) {
           choose=${choose} act=${act} />
       </section>
       <aside>
+        ${panel === "add" &&
+        html`<${Adding} state=${state} act=${act} given=${given} choose=${choose}
+          close=${() => setPanel("")} />`}
+        ${panel === "export" &&
+        html`<${Export} version=${state.version} saved=${state.saved} close=${() => setPanel("")} />`}
         <${Inspector} state=${shown} selected=${selected} act=${act} choose=${choose} />
         <${Findings} findings=${state.findings} show=${show} act=${act} />
         <${Trial} version=${state.version}

@@ -4,18 +4,55 @@
  * @param {string} act
  * @param {Record<string, unknown>} body
  */
-async function post(act, body) {
+function post(act, body) {
+  return send(act, JSON.stringify(body), "application/json");
+}
+
+/**
+ * @param {string} path
+ * @param {BodyInit} body
+ * @param {string} type
+ */
+async function send(path, body, type) {
   try {
-    const answer = await fetch(`/api/${act}`, {
-      method: "POST",
-      headers: { "content-type": "application/json", "x-fsoe-net": "1" },
-      body: JSON.stringify(body),
-    });
-    return await read(answer);
+    const headers = { "content-type": type, "x-fsoe-net": "1" };
+    return await read(await fetch(`/api/${path}`, { method: "POST", headers, body }));
   } catch {
     return { error: GONE };
   }
 }
+
+/** @param {string} path */
+async function ask(path) {
+  try {
+    return await read(await fetch(`/api/${path}`));
+  } catch {
+    return { error: GONE };
+  }
+}
+
+/** @returns {Promise<import("./types").Shelf | { error: string }>} */
+export const offers = () => ask("offers");
+
+/**
+ * @param {File} file
+ * @returns {Promise<import("./types").Shelf | { error: string }>}
+ */
+export const upload = (file) =>
+  send(`files?name=${encodeURIComponent(file.name)}`, file, "application/octet-stream");
+
+/** @returns {Promise<import("./types").Shelf | { error: string }>} */
+export const putAway = () => post("files/clear", {});
+
+/** @returns {Promise<import("./types").Targets | { error: string }>} */
+export const targets = () => ask("targets");
+
+/**
+ * @param {string} target
+ * @param {number} version
+ * @returns {Promise<import("./types").Export | { error: string }>}
+ */
+export const preview = (target, version) => ask(`export/${target}?version=${version}`);
 
 /**
  * @param {string} act
@@ -30,13 +67,7 @@ export const tryIt = () => post("try", {});
 export const GONE = "fsoe-net studio does not answer; start it again, and open the address it prints";
 
 /** @returns {Promise<import("./types").State | { error: string }>} */
-export async function state() {
-  try {
-    return await read(await fetch("/api/state"));
-  } catch {
-    return { error: GONE };
-  }
-}
+export const state = () => ask("state");
 
 /** @param {Response} answer */
 async function read(answer) {

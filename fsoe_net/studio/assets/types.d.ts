@@ -20,6 +20,8 @@ export interface SubDevice {
   /** Of parts that may be absent; empty: it is always there. */
   group: string;
   role: "main" | "sub" | "both" | "";
+  /** What the device library knows of frames of these lengths; empty: nothing for certain. */
+  likely: "main" | "sub" | "";
   device: string;
   identity: string;
   pairs: Pair[];
@@ -80,6 +82,12 @@ export interface State {
   name: string;
   text: string;
   saved: boolean;
+  /** There is no file yet; Save makes it. */
+  is_new: boolean;
+  /** Device files that Save writes beside it. */
+  unwritten: string[];
+  /** What a person has to know of what was just done. */
+  said?: string[];
   outside: boolean;
   can_undo: boolean;
   can_redo: boolean;
@@ -122,4 +130,51 @@ export type Selected = { subdevice: string } | { connection: number } | null;
 export interface Port {
   subdevice: string;
   pair: Pair;
+}
+
+/** What can be added, and what the files say that were given to the page: fsoe_net/studio/shelf.py. */
+export interface Shelf {
+  error: string;
+  files: string[];
+  offers: Offer[];
+  offers_left_out: number;
+  findings: { severity: "error" | "warning"; place: string; message: string; hint: string }[];
+  /** The network that the files propose; null: they say of no bus. */
+  proposal: {
+    name: string;
+    subdevices: number;
+    connections: number;
+    unconfirmed: number;
+    open: string[];
+    notes: string[];
+  } | null;
+}
+
+export interface Offer {
+  number: number;
+  order: string;
+  about: string;
+  file: string;
+  position: number | null;
+  revision: number | null;
+  process_data: string;
+  /** Of each pair: bytes to the device, from it. */
+  frames: [number, number][];
+  /** Why it cannot be added; empty: it can. */
+  obstacle: string;
+}
+
+/** Formats that the network can be written as, and one of them: fsoe_net/studio/export.py. */
+export interface Targets {
+  error: string;
+  targets: { name: string; title: string; is_folder: boolean }[];
+}
+
+export interface Export {
+  error: string;
+  version: number;
+  target: string;
+  files: { name: string; bytes: number }[];
+  notes: string[];
+  findings: string[];
 }

@@ -1,0 +1,169 @@
+// SubDevices that can be added: of the device library, and of files that a person gives to the page.
+import { useEffect, useRef, useState } from "./vendor/hooks.js";
+import { html } from "./html.js";
+import { offers as fetchOffers, putAway, upload } from "./server.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").Offer} Offer */
+/** @typedef {import("./types").Shelf} Shelf */
+
+const MOST_SHOWN = 60;
+
+/** @param {number} value */
+const hex = (value) => `0x${value.toString(16).padStart(8, "0")}`;
+
+/** @param {Offer} offer */
+const words = (offer) =>
+  [
+    offer.position === null ? "" : `position ${offer.position}`,
+    offer.process_data,
+    offer.frames.map(([to, from]) => `${from} ⇄ ${to} bytes`).join(", "),
+    offer.revision === null ? "" : `revision ${hex(offer.revision)}`,
+    offer.file,
+  ]
+    .filter(Boolean)
+    .join(" · ");
+
+/**
+ * @param {{ state: State, act: import("./types").Act, given: File[], close: () => void,
+ *   choose: (what: import("./types").Selected) => void }} props
+ */
+export function Adding({ state, act, given, close, choose }) {
+  const [shelf, setShelf] = useState(/** @type {Shelf | null} */ (null));
+  const [error, setError] = useState("");
+  const [busy, setBusy] = useState(false);
+  const [said, setSaid] = useState(/** @type {string[]} */ ([]));
+  const [wanted, setWanted] = useState("");
+  const [bus, setBus] = useState(0);
+  const top = useRef(/** @type {HTMLElement | null} */ (null));
+
+  const take = (/** @type {Shelf | { error: string }} */ answer) => {
+    setError(answer.error);
+    if ("offers" in answer) setShelf(answer);
+  };
+  const give = async (/** @type {File[]} */ files) => {
+    setBusy(true);
+    for (const file of files) take(await upload(file));
+    setBusy(false);
+  };
+  useEffect(() => {
+    top.current?.focus();
+    if (!given.length) fetchOffers().then(take);
+  }, []);
+  useEffect(() => {
+    if (given.length) give(given);
+  }, [given]);
+
+  const add = async (/** @type {number[]} */ numbers) => {
+    const answer = await act("add", { offers: numbers, bus });
+    setError(answer.error);
+    if (answer.error || !("version" in answer)) return;
+    const before = new Set(state.subdevices.map((s) => s.name));
+    const made = answer.subdevices.filter((s) => !before.has(s.name));
+    setSaid([`Added: ${made.map((s) => s.name).join(", ")}`, ...(answer.said ?? [])]);
+    if (made.length) choose({ subdevice: made[made.length - 1].name });
+  };
+  const propose = async () => {
+    const answer = await act("import");
+    setError(answer.error);
+    if (!answer.error) close();
+  };
+  const parts = wanted.toLowerCase().split(/\s+/);
+  const found = (shelf?.offers ?? []).filter((offer) => {
+    const text = `${offer.order} ${offer.about} ${words(offer)}`.toLowerCase();
+    return parts.every((part) => text.includes(part));
+  });
+  return html`<section class="adding" aria-label="Add SubDevices" aria-busy=${busy}>
+    <h2 tabindex="-1" ref=${top}>Add SubDevices</h2>
+    <button class="close" onClick=${close}>Close</button>
+    <p class="help">
+      From the device library below, or from files: ESI, scan, SII image, ENI, and all else that
+      fsoe-net init reads. Drop them anywhere on this page. Nothing is written before Save.
+    </p>
+    <label class="files">
+      Files <input type="file" multiple disabled=${busy} onChange=${(/** @type {any} */ event) => {
+        give([...event.target.files]);
+        event.target.value = "";
+      }} />
+    </label>
+    ${busy && html`<p role="status">Reads the file …</p>`}
+    ${error && html`<p class="error" role="alert">${error}</p>`}
+    ${shelf?.files.length
+      ? html`<${Given} shelf=${shelf} add=${add} propose=${propose} forget=${async () => take(await putAway())} />`
+      : null}
+    ${said.length > 0 &&
+    html`<div role="status">
+      <ul>
+        ${said.map((text, n) => html`<li key=${n}>${text}</li>`)}
+      </ul>
+    </div>`}
+    ${state.buses.length > 0 &&
+    html`<label>
+      Bus <select value=${bus} onChange=${(/** @type {any} */ event) => setBus(Number(event.target.value))}>
+        ${state.buses.map((name, n) => html`<option key=${n} value=${n}>${name}</option>`)}
+      </select>
+    </label>`}
+    <label>
+      Search <input type="search" value=${wanted} placeholder="EL1904, drive, file …"
+        onInput=${(/** @type {any} */ event) => setWanted(event.target.value)} />
+    </label>
+    <ol class="offers" aria-label="What can be added">
+      ${found.slice(0, MOST_SHOWN).map(
+        (offer) => html`<li key=${offer.number}>
+          <button disabled=${!!offer.obstacle} onClick=${() => add([offer.number])}
+            aria-label=${`Add ${offer.order}, ${words(offer)}`}>Add</button>
+          <span><b>${offer.order}</b> ${offer.about !== offer.order && offer.about}
+            <small>${words(offer)}</small>
+            ${offer.obstacle && html`<small>✖ ${offer.obstacle}</small>`}</span>
+        </li>`,
+      )}
+    </ol>
+    ${found.length > MOST_SHOWN && html`<p class="help">${found.length - MOST_SHOWN} more: search for a part of the name.</p>`}
+    ${shelf !== null && found.length === 0 && html`<p role="status">Nothing here has that in its name.</p>`}
+    <p class="help">
+      Process data of the device library are unverified: compare them with your device, or take its
+      ESI or a scan.
+    </p>
+  </section>`;
+}
+
+/** @param {{ shelf: Shelf, add: (numbers: number[]) => void, propose: () => void, forget: () => void }} props */
+function Given({ shelf, add, propose, forget }) {
+  const { proposal } = shelf;
+  const placed = shelf.offers.filter((offer) => offer.position !== null);
+  const clear = placed.filter(
+    (offer) => !offer.obstacle && placed.filter((o) => o.position === offer.position).length === 1,
+  );
+  return html`<div class="given">
+    <p>
+      <b>${shelf.files.join(", ")}</b>
+      <button onClick=${forget}>Put away</button>
+    </p>
+    <ul>
+      ${shelf.findings.map(
+        (row, n) => html`<li key=${n} class=${row.severity}>
+          ${row.severity}: ${row.place}: ${row.message}${row.hint && ` → ${row.hint}`}
+        </li>`,
+      )}
+    </ul>
+    ${proposal &&
+    html`<p>
+        A bus of ${proposal.subdevices} SubDevices; ${proposal.connections} FSoE connections,
+        ${" "}${proposal.unconfirmed} of them to be confirmed by you.
+      </p>
+      <div class="row">
+        <button onClick=${propose}>Take it as the network</button>
+        <button disabled=${!clear.length} onClick=${() => add(clear.map((offer) => offer.number))}>
+          Add its SubDevices (${clear.length})
+        </button>
+      </div>
+      <p class="help">To take it replaces the text; Undo brings yours back.</p>
+      ${[...proposal.open, ...proposal.notes].length > 0 &&
+      html`<details>
+        <summary>Open, assumed or left out (${proposal.open.length + proposal.notes.length})</summary>
+        <ul>
+          ${[...proposal.open, ...proposal.notes].map((text, n) => html`<li key=${n}>${text}</li>`)}
+        </ul>
+      </details>`}`}
+  </div>`;
+}

@@ -1,0 +1,22 @@
+"""The text that a network begins with where there is no file yet."""
+
+from __future__ import annotations
+
+import os
+
+from fsoe_net.formats.own.comments import Remarks
+from fsoe_net.formats.own.write import write_network
+from fsoe_net.model.description import Description
+
+__all__ = ["empty_network"]
+
+
+def empty_network(path: str) -> str:
+    """Return a network without SubDevices, with the name of the folder that it is for.
+
+    Args:
+        path: The network file that is to be made.
+    """
+    folder = os.path.basename(os.path.dirname(os.path.abspath(path)))
+    empty = Description(format="studio", path="")
+    return write_network(empty, name=folder or "network", remarks=Remarks()).files["network.yaml"]

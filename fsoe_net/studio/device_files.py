@@ -1,0 +1,94 @@
+"""Device files that belong to a network being edited and are not written yet."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterator, Sequence
+
+from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.files import read_source
+from fsoe_net.formats.shared.write_files import write_all
+
+__all__ = ["DeviceFiles"]
+
+
+class DeviceFiles:
+    """Texts that stay in memory until the network that names them is saved.
+
+    They outlast undo, so that redo finds them again. No file that exists is replaced.
+
+    Args:
+        folder: Of the network file, where their names begin.
+
+    Attributes:
+        contents: Bytes by path, as readers look for them.
+    """
+
+    def __init__(self, folder: str) -> None:
+        self._folder = folder
+        self._names: dict[str, str] = {}  # by path
+        self.contents: dict[str, bytes] = {}
+
+    def keep(self, files: Sequence[tuple[str, str]]) -> list[str]:
+        """Keep texts, and return the name that each has got: a free one, or that of its equal.
+
+        Args:
+            files: Proposed names, each with its text.
+        """
+        names = []
+        for proposed, text in files:
+            data = text.encode("utf-8")
+            name, path = next(
+                (name, path)
+                for name, path in self._candidates(proposed)
+                if self._has(path) in (None, data)
+            )
+            names.append(name)
+            if not os.path.lexists(path):
+                self._names[path] = name
+                self.contents[path] = data
+        return names
+
+    def named_in(self, text: str) -> Iterator[str]:
+        """Yield the names that a text has in it."""
+        return (name for name in self._names.values() if name in text)
+
+    def write(self, text: str) -> None:
+        """Write the files that a text names, all or none.
+
+        Raises:
+            InputError: Somebody has made one of another content meanwhile.
+            EnvironmentFault: One cannot be written.
+        """
+        wanted = [path for path, name in self._names.items() if name in text]
+        for path in wanted:
+            if os.path.lexists(path) and _content(path) != self.contents[path]:
+                raise InputError(
+                    f"nothing written: somebody has made {path} meanwhile; undo, and add the "
+                    "SubDevice again: its file then gets another name"
+                )
+        absent = {path: self.contents[path] for path in wanted if not os.path.lexists(path)}
+        write_all("", absent, overwrite=False)
+        for path in wanted:
+            del self._names[path], self.contents[path]
+
+    def _candidates(self, proposed: str) -> Iterator[tuple[str, str]]:
+        stem, ending = os.path.splitext(proposed)
+        for number in itertools.count(1):
+            name = proposed if number == 1 else f"{stem}_{number}{ending}"
+            yield name, os.path.normpath(os.path.join(self._folder, name))
+
+    def _has(self, path: str) -> bytes | None:
+        """Return what is, or will be, under a path; ``None`` where it is free."""
+        if path in self.contents and not os.path.lexists(path):
+            return self.contents[path]
+        return _content(path) if os.path.lexists(path) else None
+
+
+def _content(path: str) -> bytes:
+    """Return what a file has in it; what is no readable file is like nothing of ours."""
+    try:
+        return read_source(path)[1]
+    except InputError:
+        return b""

@@ -1,0 +1,92 @@
+"""The network of the page in the formats of ``fsoe-net convert``, as files to be downloaded."""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+from dataclasses import dataclass
+
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.diag.printable import printable
+from fsoe_net.errors import InputError
+from fsoe_net.formats.registry import all_formats, all_targets
+from fsoe_net.project.convert import Conversion, convert_files
+from fsoe_net.studio.workspace import Behind, Workspace
+
+__all__ = ["Download", "download", "preview", "targets"]
+
+Row = dict[str, object]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Download:
+    """A file for the browser: one as it is, several in a ZIP."""
+
+    name: str
+    data: bytes
+
+
+def targets() -> list[Row]:
+    """Return what the network can be written as: name of the format, and words for it."""
+    return [
+        {"name": target.name, "title": known.title, "is_folder": target.is_folder}
+        for known in all_formats().values()
+        for target in known.targets
+    ]
+
+
+def preview(workspace: Workspace, version: int, target: str) -> Row:
+    """Return the files that a format would have, and what it cannot hold.
+
+    Args:
+        workspace: The network as it is in the page.
+        version: Of the text that is meant.
+        target: Name of a format, see `targets`.
+
+    Raises:
+        Behind: ``version`` is not the present one.
+        InputError: There is no such format, or it cannot hold the network.
+    """
+    made = _converted(workspace, version, target)
+    return {
+        "version": version,
+        "target": target,
+        "files": [{"name": name, "bytes": len(data)} for name, data in made.files.items()],
+        "notes": [printable(note) for note in dict.fromkeys(made.notes)],
+        "findings": [
+            printable(f"{row.span}: {row.message}")
+            for row in made.findings
+            if row.level is not Severity.INFO
+        ],
+    }
+
+
+def download(workspace: Workspace, version: int, target: str) -> Download:
+    """Return the file, or a ZIP of the files, of a format; arguments and errors as `preview`."""
+    made = _converted(workspace, version, target)
+    if len(made.files) == 1:
+        ((name, data),) = made.files.items()
+        return Download(name=name, data=data)
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in made.files.items():
+            archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
+    return Download(name=f"{_stem(workspace)}-{target}.zip", data=stream.getvalue())
+
+
+def _converted(workspace: Workspace, version: int, target: str) -> Conversion:
+    if version != workspace.version:
+        raise Behind
+    known = all_targets().get(target)
+    if known is None:
+        raise InputError(f"there is no format {target!r}; there are {', '.join(all_targets())}")
+    name = _stem(workspace) + (known.suffixes[0] if known.suffixes else "")
+    with workspace.read_as_edited():
+        return convert_files([workspace.path], target, name=name)
+
+
+def _stem(workspace: Workspace) -> str:
+    network = workspace.checked.network
+    name = "" if network is None else network.name
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", name)[:80].strip("_") or "network"

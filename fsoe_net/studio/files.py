@@ -1,0 +1,113 @@
+"""Routes for files that come from the browser, and for those that go to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from fsoe_net.errors import FsnError, InputError
+from fsoe_net.studio import export
+from fsoe_net.studio.shelf import Shelf
+from fsoe_net.studio.workspace import Behind, Workspace
+
+__all__ = ["UPLOADS", "file_routes"]
+
+UPLOADS = "/api/files"
+"""Where files are sent to."""
+
+
+def file_routes(workspace: Workspace, shelf: Shelf) -> list[Route]:
+    """Return the routes.
+
+    Args:
+        workspace: The network in the page.
+        shelf: Takes the files.
+    """
+
+    async def offers(_: Request) -> Response:
+        return await _answered(shelf.shown)
+
+    async def upload(request: Request) -> Response:
+        try:
+            return await _received(request, shelf)
+        except OSError as exc:
+            return _refused(f"the file cannot be kept: {exc.strerror}")
+
+    async def clear(_: Request) -> Response:
+        await run_in_threadpool(shelf.clear)
+        return await _answered(shelf.shown)
+
+    async def targets(_: Request) -> Response:
+        return JSONResponse({"error": "", "targets": await run_in_threadpool(export.targets)})
+
+    async def preview(request: Request) -> Response:
+        version, target = _export(request)
+        return await _answered(lambda: export.preview(workspace, version, target))
+
+    async def download(request: Request) -> Response:
+        version, target = _export(request)
+        try:
+            file = await run_in_threadpool(export.download, workspace, version, target)
+        except (Behind, FsnError, ValueError) as exc:
+            return _refused(_words(exc))
+        headers = {"content-disposition": f'attachment; filename="{file.name}"'}
+        return Response(file.data, media_type="application/octet-stream", headers=headers)
+
+    return [
+        Route("/api/offers", offers),
+        Route(UPLOADS, upload, methods=["POST"]),
+        Route(f"{UPLOADS}/clear", clear, methods=["POST"]),
+        Route("/api/targets", targets),
+        Route("/api/export/{target}", preview),
+        Route("/api/export/{target}/download", download),
+    ]
+
+
+def _export(request: Request) -> tuple[int, str]:
+    version = request.query_params.get("version", "")
+    number = int(version) if version.isascii() and version.isdigit() and len(version) < 18 else -1
+    return number, request.path_params["target"]
+
+
+async def _received(request: Request, shelf: Shelf) -> Response:
+    try:
+        file = await run_in_threadpool(shelf.begin, request.query_params.get("name", ""))
+    except InputError as exc:
+        return _refused(str(exc))
+    room, got = await run_in_threadpool(shelf.room_bytes), 0
+    whole = False
+    try:
+        async for data in request.stream():
+            got += len(data)
+            if got > room:
+                return _refused("the files together are too large; put some away first", 413)
+            await run_in_threadpool(file.write, data)
+        whole = True
+    except ClientDisconnect:
+        return _refused("the file did not come whole")
+    finally:
+        await run_in_threadpool(file.close, keep=whole)
+    await run_in_threadpool(shelf.put, file)
+    return await _answered(shelf.shown)
+
+
+async def _answered(make: Callable[[], dict[str, object]]) -> Response:
+    try:
+        return JSONResponse({"error": "", **await run_in_threadpool(make)})
+    except (Behind, FsnError, ValueError) as exc:
+        return _refused(_words(exc))
+
+
+def _words(exc: Exception) -> str:
+    if isinstance(exc, Behind):
+        return "something else has changed meanwhile; look at it, and do it again"
+    rows = exc.diagnostics if isinstance(exc, InputError) else ()
+    return "; ".join([str(exc), *(f"{row.span}: {row.message}" for row in rows[:5])])
+
+
+def _refused(text: str, status: int = 422) -> Response:
+    return JSONResponse({"error": text}, status)

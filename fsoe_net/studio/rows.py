@@ -1,0 +1,109 @@
+"""Maps and lists of a network file, found by the part of the network that was read from them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from fsoe_net.errors import InputError
+from fsoe_net.model.bus import Located
+from fsoe_net.model.resolve import Connection, Resolution
+
+__all__ = [
+    "Change",
+    "disconnected",
+    "list_in",
+    "name_of",
+    "net_of",
+    "number_of",
+    "row_of",
+    "subdevice_row",
+]
+
+Change = Callable[[Any], None]
+"""Changes the maps and lists of a file in place."""
+
+
+def number_of(request: Mapping[str, object], key: str, most: int) -> int:
+    """Return a number of a request.
+
+    Raises:
+        InputError: It is not there, or not from 0 to ``most``.
+    """
+    value = request.get(key)
+    if type(value) is not int or not 0 <= value <= most:
+        raise InputError(f"{key} is a number from 0 to {most}, not {value!r}")
+    return value
+
+
+def name_of(request: Mapping[str, object], key: str, resolution: Resolution) -> str:
+    """Return the name of a SubDevice that a request has.
+
+    Raises:
+        InputError: There is no such SubDevice.
+    """
+    name = request.get(key)
+    if not isinstance(name, str) or name not in resolution.numbers:
+        raise InputError(f"{key}: no SubDevice has the name {name!r}")
+    return name
+
+
+def row_of(rows: Any, part: Located) -> Any:
+    """Return the item of a list of the file that a part of the network was read from.
+
+    Raises:
+        InputError: It stands in another file, or is shared by an anchor.
+    """
+    for row in rows or ():
+        place = getattr(row, "lc", None)
+        if place is not None and (place.line + 1, place.col + 1) == (
+            part.span.line,
+            part.span.column,
+        ):
+            return row
+    raise InputError(f"{part.span}: this part cannot be changed here; change it in the text")
+
+
+def list_in(parent: Any, key: str) -> Any:
+    """Return a list of the file, made where it is not there; an empty ``[]`` gets lines."""
+    rows = parent.get(key)
+    if rows is None:
+        rows = parent[key] = []
+    if not rows and hasattr(rows, "fa"):
+        rows.fa.set_block_style()
+    return rows
+
+
+def subdevice_row(document: Any, resolution: Resolution, name: str) -> tuple[Any, Any]:
+    """Return the list that a SubDevice is in, and its map.
+
+    Raises:
+        InputError: As `row_of`.
+    """
+    subdevice = resolution.network.subdevices[resolution.numbers[name]]
+    lists = [document, *(document.get("buses") or ())]
+    rows = [(part["subdevices"], row) for part in lists for row in part.get("subdevices") or ()]
+    found = row_of([row for _, row in rows], subdevice)
+    return next(pair for pair in rows if pair[1] is found)
+
+
+def net_of(document: Any, connection: Connection) -> Any:
+    """Return the map of the net of a connection."""
+    return row_of(document["nets"], connection.net)
+
+
+def disconnected(document: Any, connection: Connection) -> None:
+    """Remove a connection with its transfers, and its net where nothing else is in it."""
+    net = net_of(document, connection)
+    parts: list[tuple[str, Located]] = []
+    if connection.facts is not None:
+        parts.append(("connections", connection.facts))
+    for way in (connection.to_sub, connection.to_main):
+        if not way.made:
+            parts.append(("transfers", way.transfer))
+    for key, part in parts:
+        net[key].remove(row_of(net[key], part))
+        if not net[key]:
+            del net[key]
+    if not net.get("transfers") and not net.get("connections"):
+        document["nets"].remove(net)

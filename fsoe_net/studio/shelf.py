@@ -1,0 +1,287 @@
+"""Files that a person has given to the page, and what can be taken from them into the network.
+
+They lie in a folder of this process until it ends or they are put away; what is in them is known
+only after the readers of ``fsoe-net init`` have checked it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.printable import printable
+from fsoe_net.errors import FsnError, InputError
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
+from fsoe_net.model.answers import Answers
+from fsoe_net.project.draft import Draft, Inputs, make_draft
+from fsoe_net.project.gather import Gathered, gather
+from fsoe_net.project.installed import shipped
+from fsoe_net.project.offers import Addition, Offer, addition_of, list_offers
+from fsoe_net.studio.subdevices import added
+from fsoe_net.studio.workspace import Workspace
+
+__all__ = ["MAX_UPLOAD_BYTES", "Shelf", "Upload"]
+
+MAX_UPLOAD_BYTES = MAX_LARGE_BYTES
+"""Of all files together."""
+
+_MOST_FILES = 200
+_MOST_OFFERS = 3000
+_LONGEST_NAME = 120
+
+Row = dict[str, object]
+
+
+@dataclass(slots=True)
+class _Content:
+    """What the files on the shelf say."""
+
+    offers: tuple[Offer, ...]
+    draft: Draft | None = None
+    findings: list[Diagnostic] = field(default_factory=list)
+    error: str = ""
+
+
+class Upload:
+    """A file that is being received; it counts when `Shelf.put` has it."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._stream = open(path, "xb")  # noqa: SIM115 - closed by `close`
+
+    def write(self, data: bytes) -> None:
+        """Add bytes."""
+        self._stream.write(data)
+
+    def close(self, *, keep: bool) -> None:
+        """End it; without ``keep`` nothing stays."""
+        self._stream.close()
+        if not keep:
+            os.unlink(self.path)
+
+
+class Shelf:
+    """The files; every method may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._files: dict[str, str] = {}  # path by shown name
+        self._count = 0
+        self._content: _Content | None = None
+
+    def begin(self, name: str) -> Upload:
+        """Begin to receive a file.
+
+        Args:
+            name: As the browser calls it; only its last part counts.
+
+        Raises:
+            InputError: There are too many files.
+        """
+        with self._lock:
+            if len(self._files) >= _MOST_FILES:
+                raise InputError(f"{_MOST_FILES} files are here; put them away first")
+            if self._folder is None:
+                self._folder = tempfile.TemporaryDirectory(prefix="fsoe-net-studio-")
+            self._count += 1
+            # Each in a folder of its own, so that the readers' words show the name it came with.
+            folder = os.path.join(self._folder.name, str(self._count))
+            os.mkdir(folder)
+        return Upload(os.path.join(folder, _file_name(name)))
+
+    def room_bytes(self) -> int:
+        """Return how many bytes there is room for."""
+        with self._lock:
+            sizes = sum(os.path.getsize(path) for path in self._files.values())
+        return max(0, MAX_UPLOAD_BYTES - sizes)
+
+    def put(self, upload: Upload) -> None:
+        """Take a file that was received whole; one of the same name goes."""
+        with self._lock:
+            name = os.path.basename(upload.path)
+            old = self._files.pop(name, None)
+            if old is not None:
+                os.unlink(old)
+            self._files[name] = upload.path
+            self._content = None
+
+    def clear(self) -> None:
+        """Put all files away."""
+        with self._lock:
+            if self._folder is not None:
+                self._folder.cleanup()
+            self._folder, self._content = None, None
+            self._files.clear()
+
+    def shown(self) -> Row:
+        """Return what can be taken, as plain JSON values; see ``assets/types.d.ts``."""
+        with self._lock:
+            content = self._read()
+            return {
+                "error": printable(content.error),
+                "files": [printable(name) for name in self._files],
+                "offers": [
+                    self._offer(n, row) for n, row in enumerate(content.offers[:_MOST_OFFERS])
+                ],
+                "offers_left_out": max(0, len(content.offers) - _MOST_OFFERS),
+                "findings": [
+                    {
+                        "severity": row.level.value,
+                        "place": self._place(str(row.span)),
+                        "message": self._place(row.message),
+                        "hint": self._place(row.hint),
+                    }
+                    for row in content.findings
+                ],
+                "proposal": self._proposal(content.draft),
+            }
+
+    def add(
+        self, workspace: Workspace, version: int, body: Mapping[str, object]
+    ) -> tuple[str, ...]:
+        """Add SubDevices of ``offers``, numbers of `shown`, to ``bus`` of the network.
+
+        Returns:
+            What a person has to know or to do.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+            InputError: One cannot be added; says why.
+        """
+        numbers, bus = body.get("offers"), body.get("bus", 0)
+        if not isinstance(numbers, list) or type(bus) is not int or bus < 0:
+            raise InputError("offers is a list of numbers, and bus a number")
+        with self._lock:
+            known = self._read().offers
+            chosen = [known[n] for n in numbers if type(n) is int and 0 <= n < len(known)]
+        if not chosen or len(chosen) < len(numbers):
+            raise InputError("what was to be added is not here any more; look at the list again")
+        rows = [_possible(row) for row in chosen]
+        resolution = workspace.checked.resolution
+        if resolution is None:
+            raise InputError("the text is no network at present: correct it first")
+        files = [(row.config, self._named(row.config_text)) for row in rows]
+        workspace.change_with_files(version, files, added(resolution, rows, bus))
+        said = (f"{row.name}: {note}" for row in rows for note in row.notes)
+        return tuple(self._place(text) for text in said)
+
+    def take(self, workspace: Workspace, version: int, _: Mapping[str, object]) -> None:
+        """Take the network that the files propose as the text; undo brings the one before back.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+            InputError: There is no proposal.
+        """
+        with self._lock:
+            draft = self._read().draft
+        if draft is None or draft.proposal is None:
+            raise InputError("these files propose no network; add SubDevices one by one")
+        network = workspace.checked.network
+        if network is not None and not draft.inputs.found.name:
+            draft = replace(draft, name=network.name)
+        files = {name: self._named(text) for name, text in draft.files().files.items()}
+        _take(workspace, version, files.pop("network.yaml"), files)
+
+    @staticmethod
+    def example(workspace: Workspace, version: int, _: Mapping[str, object]) -> None:
+        """Take the e-stop example of the package as the text.
+
+        Raises:
+            Behind: ``version`` is not the present one.
+        """
+        folder = shipped("examples") / "estop"
+        texts = {
+            f"devices/{path.name}": path.read_text("utf-8")
+            for path in sorted((folder / "devices").glob("*.yaml"))
+        }
+        _take(workspace, version, (folder / "network.yaml").read_text("utf-8"), texts)
+
+    def _read(self) -> _Content:
+        if self._content is None:
+            self._content = self._gathered()
+        return self._content
+
+    def _gathered(self) -> _Content:
+        found = Gathered()
+        if not self._files:
+            return _Content(list_offers())
+        try:
+            found = gather(list(self._files.values()), LoadOptions())
+            draft = make_draft(Inputs.of(found), Answers()) if found.buses else None
+            rows = [*found.out.diagnostics, *(() if draft is None else draft.findings)]
+            return _Content(list_offers(found), draft, _worth_a_word(rows))
+        except FsnError as exc:
+            rows = list(exc.diagnostics) if isinstance(exc, InputError) else []
+            return _Content(list_offers(), findings=rows, error=str(exc))
+
+    def _offer(self, number: int, row: Offer) -> Row:
+        return {
+            "number": number,
+            "order": printable(row.order),
+            "about": printable(row.about),
+            "file": self._place(row.path),
+            "position": row.position,
+            "revision": row.revision,
+            "process_data": printable(row.process_data),
+            "frames": [list(pair) for pair in row.frames],
+            "obstacle": printable(row.obstacle),
+        }
+
+    def _proposal(self, draft: Draft | None) -> Row | None:
+        if draft is None or draft.proposal is None:
+            return None
+        bus = draft.proposal.bus
+        return {
+            "name": printable(draft.name),
+            "subdevices": len(bus.subdevices),
+            "connections": len(bus.connections),
+            "unconfirmed": sum(bool(row.unconfirmed) for row in bus.connections),
+            "open": [self._place(text) for text in draft.open],
+            "notes": [self._place(text) for text in dict.fromkeys(draft.notes)],
+        }
+
+    def _place(self, text: str) -> str:
+        """Return a text to be shown, in which the files have the names that they came with."""
+        return printable(self._named(text))
+
+    def _named(self, text: str) -> str:
+        if self._folder is None:
+            return text
+        return re.sub(re.escape(self._folder.name) + r"/\d+/", "", text)
+
+
+def _possible(offer: Offer) -> Addition:
+    if offer.obstacle:
+        raise InputError(f"{offer.order}: {offer.obstacle}")
+    return addition_of(offer)
+
+
+def _take(workspace: Workspace, version: int, text: str, files: Mapping[str, str]) -> None:
+    """Take a text that names device files, which get free names."""
+
+    def change(document: Any, names: Sequence[str]) -> None:
+        called = dict(zip(files, names, strict=True))
+        for row in document["subdevices"]:
+            row["config"] = called[row["config"]]
+
+    workspace.change_with_files(version, list(files.items()), change, text=text)
+
+
+def _worth_a_word(rows: list[Diagnostic]) -> list[Diagnostic]:
+    return [row for row in rows if row.level is not Severity.INFO]
+
+
+def _file_name(name: str) -> str:
+    """Return the last part of a name that came from elsewhere, as a file can have it."""
+    last = re.split(r"[/\\]", name)[-1]
+    plain = re.sub(r"[^\w. ()+-]", "_", last).strip(". ")
+    stem, ending = os.path.splitext(plain)
+    return (stem[: _LONGEST_NAME - len(ending)] + ending[:40]) or "file"

@@ -1,0 +1,192 @@
+"""Changes of SubDevices in the drawing: ``place``, ``move``, ``remove``, and to add some.
+
+Positions and aliases describe the machine as it is; nothing here chooses one by itself but the
+position of a SubDevice that is added without one: the next behind the last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.scalarint import HexInt
+
+from fsoe_net.errors import InputError
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.project.offers import Addition
+from fsoe_net.studio.rows import (
+    Change,
+    disconnected,
+    list_in,
+    name_of,
+    number_of,
+    subdevice_row,
+)
+
+__all__ = ["SUBDEVICE_CHANGES", "added"]
+
+_MOST_POSITION = 65535
+
+
+def added(
+    resolution: Resolution, rows: Sequence[Addition], bus: int
+) -> Callable[[Any, Sequence[str]], None]:
+    """Return what adds SubDevices to a bus; it takes the names that their device files got.
+
+    Args:
+        resolution: Of the text.
+        rows: Those with a position keep it.
+        bus: Number of the bus, 0 where the file has one.
+
+    Raises:
+        InputError: There is no such bus, a position is taken, or no position is left.
+    """
+    network = resolution.network
+    if bus and bus >= len(network.buses):
+        raise InputError("there is no such bus")
+    there = [sub for sub in network.subdevices if sub.master_id == bus and not sub.alias]
+    taken = {sub.position: sub.name for sub in there}
+    names = set(resolution.numbers)
+    made: list[dict[str, object]] = []
+    for row in rows:
+        position = max(taken, default=-1) + 1 if row.position is None else row.position
+        if position in taken:
+            raise InputError(f"position {position} is taken by {taken[position]}")
+        if position > _MOST_POSITION:
+            raise InputError("no position is left behind the last SubDevice")
+        name = _free_name(row.name, names)
+        names.add(name)
+        taken[position] = name
+        fields: dict[str, object] = {"name": name, "position": position, "config": ""}
+        if row.revision is not None:
+            fields["revision"] = HexInt(row.revision, width=8)
+        made.append(fields)
+
+    def change(document: Any, configs: Sequence[str]) -> None:
+        parent = document["buses"][bus] if network.buses else document
+        found = list_in(parent, "subdevices")
+        for fields, config in zip(made, configs, strict=True):
+            item = CommentedMap({**fields, "config": config})
+            item.fa.set_flow_style()
+            found.append(item)
+
+    return change
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    names = [name, *(f"{name}_{n}" for n in range(2, len(taken) + 3))]
+    return next(name for name in names if name not in taken)
+
+
+def _place(request: Mapping[str, object], resolution: Resolution) -> Change:
+    name = name_of(request, "subdevice", resolution)
+    keys = [key for key in ("position", "alias") if key in request] or ["position"]
+    values = {key: number_of(request, key, _MOST_POSITION) for key in keys}
+
+    def change(document: Any) -> None:
+        _, row = subdevice_row(document, resolution, name)
+        for key, value in values.items():
+            row[key] = value
+        if row.get("alias") == 0:
+            del row["alias"]
+
+    return change
+
+
+def _move(request: Mapping[str, object], resolution: Resolution) -> Change:
+    """Put a SubDevice to the place of another: those between move up, all positions stay in use."""
+    subdevices = resolution.network.subdevices
+    moved, other = (
+        subdevices[resolution.numbers[name_of(request, key, resolution)]]
+        for key in ("subdevice", "to")
+    )
+    if moved.alias or other.alias or moved.master_id != other.master_id:
+        raise InputError(
+            "only SubDevices of one bus that are counted from its begin change their places; "
+            "set the position of one with an alias"
+        )
+    line = sorted(
+        (s for s in subdevices if s.master_id == moved.master_id and not s.alias),
+        key=lambda s: s.position,
+    )
+    positions = [sub.position for sub in line]
+    place = line.index(other)
+    line.remove(moved)
+    line.insert(place, moved)
+
+    def change(document: Any) -> None:
+        for sub, position in zip(line, positions, strict=True):
+            if sub.position != position:
+                subdevice_row(document, resolution, sub.name)[1]["position"] = position
+
+    return change
+
+
+def _remove(request: Mapping[str, object], resolution: Resolution) -> Change:
+    """Remove a SubDevice with all that is copied to and from it; its device file stays."""
+    name = name_of(request, "subdevice", resolution)
+    sub = resolution.network.subdevices[resolution.numbers[name]]
+
+    def change(document: Any) -> None:
+        # What goes is found by its place, which a removal before it does not change.
+        for connection in resolution.connections:
+            if sub in (connection.main, connection.sub):
+                disconnected(document, connection)
+        _remove_from_nets(document, name)
+        _remove_from_groups(document, name)
+        rows, row = subdevice_row(document, resolution, name)
+        rows.remove(row)
+
+    return change
+
+
+def _remove_from_nets(document: Any, name: str) -> None:
+    """Remove what names a SubDevice and is no whole connection, such as a copy of standard data."""
+    nets = _maps(document.get("nets"))
+    for net in nets:
+        gone = [
+            _without(
+                net, "transfers", lambda row: name in map(_module, (row.get("in"), row.get("out")))
+            ),
+            _without(net, "connections", lambda row: name in (row.get("main"), row.get("sub"))),
+        ]
+        if any(gone) and not net.get("transfers") and not net.get("connections"):
+            document["nets"].remove(net)
+
+
+def _remove_from_groups(document: Any, name: str) -> None:
+    for group in _maps(document.get("groups")):
+        names = group.get("subdevices") or []
+        if name in names:
+            names.remove(name)
+            if not names:
+                document["groups"].remove(group)
+    if "groups" in document and not document["groups"]:
+        del document["groups"]
+
+
+def _without(parent: Any, key: str, goes: Callable[[Any], bool]) -> bool:
+    """Remove items of a list, and the list with its last one; return whether there were some."""
+    gone = [row for row in _maps(parent.get(key)) if goes(row)]
+    for row in gone:
+        parent[key].remove(row)
+    if gone and not parent[key]:
+        del parent[key]
+    return bool(gone)
+
+
+def _maps(rows: Any) -> list[Any]:
+    """Return the items that are maps; what else stands there is a finding, and stays."""
+    return [row for row in rows or () if isinstance(row, dict)]
+
+
+def _module(end: Any) -> object:
+    return end.get("ec_module") if isinstance(end, dict) else None
+
+
+SUBDEVICE_CHANGES: dict[str, Callable[[Mapping[str, object], Resolution], Change]] = {
+    "move": _move,
+    "place": _place,
+    "remove": _remove,
+}

@@ -1,0 +1,361 @@
+"""SubDevices come in from the library and from files, go, and change places; nothing gets lost."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from fsoe_net.errors import InputError
+from fsoe_net.studio.begin import empty_network
+from fsoe_net.studio.document import state_of
+from fsoe_net.studio.shelf import Shelf
+from fsoe_net.studio.trial import try_network
+from fsoe_net.studio.workspace import Workspace
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+BASE = ROOT / "tests" / "diagnostics" / "base"
+ESI = ROOT / "tests" / "formats" / "esi" / "modular.xml"
+
+
+@pytest.fixture
+def shelf():
+    shelf = Shelf()
+    yield shelf
+    shelf.clear()
+
+
+@pytest.fixture
+def new(tmp_path: Path) -> Workspace:
+    (tmp_path / "cell").mkdir()
+    path = str(tmp_path / "cell" / "network.yaml")
+    return Workspace(path, new_text=empty_network(path))
+
+
+@pytest.fixture
+def tools(tmp_path: Path) -> Workspace:
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    return Workspace(str(tmp_path / "examples" / "tool-exchange" / "network.yaml"))
+
+
+def _give(shelf: Shelf, name: str, data: bytes) -> None:
+    upload = shelf.begin(name)
+    upload.write(data)
+    upload.close(keep=True)
+    shelf.put(upload)
+
+
+def _number(shelf: Shelf, order: str, process_data: str = "", **more: object) -> int:
+    found = [
+        row["number"]
+        for row in shelf.shown()["offers"]
+        if (row["order"], row["process_data"]) == (order, process_data)
+        and all(row[key] == value for key, value in more.items())
+    ]
+    return found[0]
+
+
+def _add(workspace: Workspace, shelf: Shelf, *numbers: int, bus: int = 0) -> tuple[str, ...]:
+    return shelf.add(workspace, workspace.version, {"offers": list(numbers), "bus": bus})
+
+
+def _names(workspace: Workspace) -> list[tuple[str, int]]:
+    return [(s.name, s.position) for s in workspace.checked.network.subdevices]
+
+
+def _errors(workspace: Workspace) -> list[str]:
+    return [d.code for d in workspace.checked.diagnostics if d.level.value == "error"]
+
+
+def _change(workspace: Workspace, change: str, **more: object) -> None:
+    workspace.change(workspace.version, {"change": change, **more})
+
+
+def test_from_nothing_to_data_by_the_library(new: Workspace, shelf: Shelf) -> None:
+    folder = Path(new.path).parent
+    assert new.is_new
+    assert not new.is_saved
+    said = _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
+    assert any("unverified: compare them with the device" in text for text in said)
+    _add(new, shelf, _number(shelf, "EL1918", "own safety program, 1 connection"))
+    assert _names(new) == [("ek1914", 0), ("el1918", 1)]
+    shown = state_of(new)
+    assert [sub["likely"] for sub in shown["subdevices"]] == ["sub", "main"]
+    assert shown["unwritten"] == ["devices/ek1914.yaml", "devices/el1918.yaml"]
+    assert list(folder.iterdir()) == []
+    _change(new, "connect", main="el1918", slot=0, sub="ek1914", sub_slot=0)
+    _change(new, "confirm", connection=0)
+    assert _errors(new) == []
+    assert try_network(new.checked)["passed"] is True
+    new.save(new.version)
+    assert new.is_saved
+    assert not new.is_new
+    assert new.unwritten == ()
+    assert sorted(p.name for p in (folder / "devices").iterdir()) == ["ek1914.yaml", "el1918.yaml"]
+    text = (folder / "devices" / "ek1914.yaml").read_text("utf-8")
+    assert (
+        "from the device library (EK1914, 'as devices report it', as answered), unverified" in text
+    )
+    again = Workspace(new.path)
+    assert _errors(again) == []
+    assert again.checked.resolution.connections[0].sub.name == "ek1914"
+
+
+def test_steps_back_and_forth_find_the_device_file_again(new: Workspace, shelf: Shelf) -> None:
+    before = new.text
+    _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
+    added = new.text
+    new.undo(new.version)
+    assert new.text == before
+    new.save(new.version)  # the text names no device file, so none is written
+    assert [p.name for p in Path(new.path).parent.iterdir()] == ["network.yaml"]
+    new.redo(new.version)
+    assert new.text == added
+    assert "FSN133" not in _errors(new)
+    new.save(new.version)
+    assert (Path(new.path).parent / "devices" / "ek1914.yaml").is_file()
+
+
+def test_equal_devices_share_a_file_and_no_file_is_replaced(new: Workspace, shelf: Shelf) -> None:
+    mine = Path(new.path).parent / "devices" / "ek1914.yaml"
+    mine.parent.mkdir()
+    mine.write_text("# mine\n", "utf-8")
+    coupler = _number(shelf, "EK1914", "as devices report it")
+    _add(new, shelf, coupler, coupler)
+    _add(new, shelf, coupler)
+    _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+    assert _names(new) == [("ek1914", 0), ("ek1914_2", 1), ("ek1914_3", 2), ("ek1914_4", 3)]
+    assert new.unwritten == ("devices/ek1914_2.yaml", "devices/ek1914_3.yaml")
+    assert new.text.count("config: devices/ek1914_2.yaml") == 3
+    new.save(new.version)
+    assert mine.read_text("utf-8") == "# mine\n"
+
+
+def test_a_device_file_that_somebody_makes_meanwhile_is_kept(new: Workspace, shelf: Shelf) -> None:
+    _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
+    theirs = Path(new.path).parent / "devices" / "ek1914.yaml"
+    theirs.parent.mkdir()
+    theirs.write_text("# theirs\n", "utf-8")
+    with pytest.raises(InputError, match=r"somebody has made .*ek1914\.yaml meanwhile"):
+        new.save(new.version)
+    assert theirs.read_text("utf-8") == "# theirs\n"
+    assert not Path(new.path).exists()
+    new.undo(new.version)
+    _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
+    assert new.unwritten[-1] == "devices/ek1914_2.yaml"
+    theirs.unlink()
+    theirs.mkdir()  # a folder of that name is no file of ours either
+    new.save(new.version)
+    assert "devices/ek1914_2.yaml" in Path(new.path).read_text("utf-8")
+
+
+def test_a_network_file_that_appears_is_not_replaced(new: Workspace, shelf: Shelf) -> None:
+    assert not new.look()
+    path = Path(new.path)
+    shutil.copytree(EXAMPLES / "estop" / "devices", path.parent / "devices")
+    shutil.copy(EXAMPLES / "estop" / "network.yaml", path)
+    assert new.look()
+    assert new.outside
+    with pytest.raises(InputError, match=r"somebody has made .*network\.yaml; take"):
+        new.save(new.version)
+    new.take_file(new.version)
+    assert _names(new) == [("ek1914", 0), ("el1918", 1)]
+    assert not new.is_new
+    path.unlink()
+    assert new.look()
+    assert new.outside
+
+
+def test_an_esi_gives_its_devices_with_their_revision(new: Workspace, shelf: Shelf) -> None:
+    _give(shelf, "C:\\esi\\maker<b>.xml", ESI.read_bytes())
+    shown = shelf.shown()
+    assert shown["files"] == ["maker_b_.xml"]
+    assert shown["proposal"] is None
+    assert (shown["error"], shown["findings"]) == ("", [])
+    _add(new, shelf, _number(shelf, "D", file="maker_b_.xml"))
+    (sub,) = new.checked.network.subdevices
+    assert (sub.name, sub.revision, sub.device.vendor_id) == ("d", 2, 0xA5F)
+    assert "revision: 0x00000002" in new.text
+    new.save(new.version)
+    text = (Path(new.path).parent / "devices" / "d.yaml").read_text("utf-8")
+    assert "maker_b_.xml" in text
+    assert "fsoe-net-studio" not in text
+
+
+def test_a_scan_gives_its_subdevices_and_a_proposal(new: Workspace, shelf: Shelf) -> None:
+    _give(shelf, "scan.json", (BASE / "scan.json").read_bytes())
+    shown = shelf.shown()
+    scan = json.loads((BASE / "scan.json").read_text("utf-8"))["subdevices"]
+    placed = [row for row in shown["offers"] if row["position"] is not None]
+    assert [row["position"] for row in placed] == [row["position"] for row in scan]
+    assert shown["proposal"]["subdevices"] == len(scan)
+    _add(new, shelf, placed[-1]["number"])
+    assert _names(new)[0][1] == scan[-1]["position"]
+    with pytest.raises(InputError, match=f"position {scan[-1]['position']} is taken by"):
+        _add(new, shelf, placed[-1]["number"])
+    new.undo(new.version)
+    shelf.take(new, new.version, {})
+    assert len(_names(new)) == len(scan)
+    assert "fsoe-net-studio" not in new.text
+    assert "from scan.json" in new.text
+    new.undo(new.version)
+    assert new.text == empty_network(new.path)
+
+
+def test_a_bus_without_process_data_gets_those_of_the_library(new: Workspace, shelf: Shelf) -> None:
+    row = {"vendor_id": 2, "product_code": 0x077A2C52, "name": "EK1914", "revision": 1}
+    scan = {"scan": 1, "interface": "eth1", "subdevices": [{"position": 0, **row}]}
+    _give(shelf, "scan.json", json.dumps(scan).encode())
+    ways = [r for r in shelf.shown()["offers"] if r["position"] == 0]
+    assert [r["process_data"] for r in ways] == [
+        "as devices report it",
+        "module 0x100C3",
+    ]  # "device PDO" is of later revisions
+    assert ways[0]["frames"] == [[6, 6]]
+    _add(new, shelf, ways[1]["number"])
+    (sub,) = new.checked.network.subdevices
+    assert sub.layout.frame_pairs[0].sent_bytes == 6
+
+
+def test_what_cannot_be_added_says_why(new: Workspace, shelf: Shelf) -> None:
+    with pytest.raises(InputError, match="no file here has its process data; add its ESI"):
+        _add(new, shelf, _number(shelf, "EL6910"))
+    with pytest.raises(InputError, match="not here any more; look at the list again"):
+        _add(new, shelf, 99_999)
+    with pytest.raises(InputError, match="there is no such bus"):
+        _add(new, shelf, 0, bus=1)
+    for body in ({}, {"offers": [0], "bus": -1}, {"offers": [0], "bus": "0"}):
+        with pytest.raises(InputError, match="offers is a list of numbers"):
+            shelf.add(new, new.version, body)
+    with pytest.raises(InputError, match="these files propose no network"):
+        shelf.take(new, new.version, {})
+    new.replace(new.version, "nets: [")
+    with pytest.raises(InputError, match="no network at present"):
+        _add(new, shelf, 0)
+    new.replace(
+        new.version,
+        "version: 1\nsubdevices:\n  - {name: a, position: 65535, config: a.yaml}\nnets: []\n",
+    )
+    with pytest.raises(InputError, match="no position is left"):
+        _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+
+
+def test_files_that_cannot_be_read_are_named_and_the_library_stays(shelf: Shelf) -> None:
+    library = len(shelf.shown()["offers"])
+    _give(shelf, "../../x.xml", b"<EtherCATInfo><Vendor>")
+    _give(shelf, "\x1b[2J\u202e.bin", b"\0\1")
+    shown = shelf.shown()
+    assert shown["files"][0] == "x.xml"
+    assert "\x1b" not in json.dumps(shown, ensure_ascii=False)
+    assert "\u202e" not in json.dumps(shown, ensure_ascii=False)
+    assert shown["error"]
+    assert len(shown["offers"]) == library
+    assert [row["place"].split(":")[0] for row in shown["findings"]]
+    shelf.clear()
+    assert shelf.shown()["files"] == []
+    assert shelf.shown()["error"] == ""
+
+
+def test_a_file_of_the_same_name_takes_the_place_of_the_first(shelf: Shelf) -> None:
+    _give(shelf, "a.xml", b"<nothing/>")
+    room = shelf.room_bytes()
+    _give(shelf, "a.xml", ESI.read_bytes())
+    assert shelf.shown()["files"] == ["a.xml"]
+    assert shelf.room_bytes() == room + len(b"<nothing/>") - ESI.stat().st_size
+    gone = shelf.begin("b.xml")
+    gone.close(keep=False)
+    assert not Path(gone.path).exists()
+
+
+def test_the_number_of_files_is_limited(shelf: Shelf) -> None:
+    for number in range(200):
+        _give(shelf, f"{number}.xml", b"")
+    with pytest.raises(InputError, match="200 files are here; put them away first"):
+        shelf.begin("one more.xml")
+
+
+def test_the_example_is_one_step(new: Workspace) -> None:
+    before = new.text
+    Shelf.example(new, new.version, {})
+    assert _errors(new) == []
+    assert try_network(new.checked)["passed"] is True
+    assert new.text == (EXAMPLES / "estop" / "network.yaml").read_text("utf-8")
+    new.undo(new.version)
+    assert new.text == before
+    new.redo(new.version)
+    new.save(new.version)
+    written = Path(new.path).parent / "devices" / "el1918.yaml"
+    assert written.read_bytes() == (EXAMPLES / "estop" / "devices" / "el1918.yaml").read_bytes()
+
+
+def test_a_subdevice_goes_with_all_that_names_it(tools: Workspace) -> None:
+    before = tools.text
+    _change(tools, "remove", subdevice="valves")
+    assert "valves]" not in tools.text
+    assert "name: gripper" not in tools.text
+    assert [c.sub.name for c in tools.checked.resolution.connections] == ["el1904", "spindle"]
+    _change(tools, "remove", subdevice="spindle")
+    assert "groups:" not in tools.text
+    _change(tools, "remove", subdevice="el1904")
+    assert [s.name for s in tools.checked.network.subdevices] == ["el6910"]
+    assert tools.checked.network.nets == ()
+    assert Path(tools.path).parent.joinpath("devices/spindle.yaml").is_file()
+    for _ in range(3):
+        tools.undo(tools.version)
+    assert tools.text == before
+
+
+def test_copies_of_standard_data_go_with_their_subdevice(tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
+    workspace = Workspace(str(tmp_path / "estop" / "network.yaml"))
+    standard = """      - size: 1
+        kind: standard
+        in: {ec_module: el1918, index: 0xf100, subindex: 1}
+        out: {ec_module: ek1914, index: 0x7010, subindex: 1}
+      - 7
+    connections:
+"""
+    text = workspace.text.replace("    connections:\n", standard)
+    workspace.replace(workspace.version, text)
+    _change(workspace, "remove", subdevice="ek1914")
+    assert "0xf100" not in workspace.text
+    assert "      - 7\n" in workspace.text  # what is no map is a finding, and stays
+    assert "ec_module" not in workspace.text
+
+
+def test_subdevices_change_places_and_positions_stay_in_use(tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLES / "el6910", tmp_path / "cell")
+    cell = Workspace(str(tmp_path / "cell" / "network.yaml"))
+    before = _names(cell)
+    assert before == [("el6910", 1), ("el1904", 2), ("el2904", 3), ("drive_1", 4), ("drive_2", 5)]
+    _change(cell, "move", subdevice="drive_2", to="el1904")
+    assert dict(_names(cell)) == {
+        "el6910": 1,
+        "drive_2": 2,
+        "el1904": 3,
+        "el2904": 4,
+        "drive_1": 5,
+    }
+    _change(cell, "move", subdevice="drive_2", to="drive_1")
+    assert _names(cell) == before
+    _change(cell, "place", subdevice="el1904", alias=7, position=0)
+    assert "{name: el1904, position: 0" in cell.text
+    assert "alias: 7" in cell.text
+    with pytest.raises(InputError, match="set the position of one with an alias"):
+        _change(cell, "move", subdevice="el1904", to="el2904")
+    _change(cell, "place", subdevice="el1904", alias=0)
+    assert "alias" not in cell.text.partition("nets:")[0]
+    with pytest.raises(InputError, match="position is a number"):
+        _change(cell, "place", subdevice="el1904")
+
+
+def test_a_subdevice_is_added_to_the_bus_that_is_meant(tmp_path: Path, shelf: Shelf) -> None:
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    workspace = Workspace(str(tmp_path / "examples" / "two-buses" / "network.yaml"))
+    on_second = [s.position for s in workspace.checked.network.subdevices if s.master_id == 1]
+    _add(workspace, shelf, _number(shelf, "EK1914", "device PDO"), bus=1)
+    (made,) = [s for s in workspace.checked.network.subdevices if s.name.startswith("ek1914")]
+    assert (made.master_id, made.position) == (1, max(on_second) + 1)

@@ -1,0 +1,213 @@
+"""A network from nothing, by mouse alone; files dropped on the page; export and what it loses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from studio.browser import ARGUMENTS, CHROMIUM, REQUIRED, needed
+from studio.server_rig import running
+
+playwright = needed("playwright.sync_api", "browser")
+axe = needed("axe_playwright_python.sync_playwright", "browser")
+
+ROOT = Path(__file__).parents[2]
+ESI = ROOT / "tests" / "formats" / "esi" / "modular.xml"
+SCAN = ROOT / "tests" / "diagnostics" / "base" / "scan.json"
+CLICK_S = 1.5  # a person's pace
+LONGEST_S = 180
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None and not REQUIRED, reason="needs Chromium (package chromium of Debian)"
+)
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+class Mouse:
+    """A person who has a mouse only, and counts."""
+
+    def __init__(self, page: Any) -> None:
+        self.page = page
+        self.clicks = 0
+
+    def click(self, locator: Any) -> None:
+        self.clicks += 1
+        locator.click()
+
+    def drag(self, begin: Any, end: Any) -> None:
+        self.clicks += 2  # press there, let go here
+        begin.drag_to(end)
+
+
+@pytest.fixture
+def page(chromium: Any, tmp_path: Path) -> Iterator[Any]:
+    """The page of a folder without a network."""
+    (tmp_path / "cell").mkdir()
+    with running(tmp_path / "cell" / "network.yaml") as studio:
+        context = chromium.new_context(viewport={"width": 1280, "height": 800})
+        context.set_default_timeout(300_000)  # a busy machine is no failure
+        page = context.new_page()
+        said: list[str] = []
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(studio.url)
+        page.get_by_role("region", name="Begin").wait_for()
+        yield page
+        context.close()
+    assert said == []
+
+
+def _offer(page: Any, order: str, process_data: str) -> Any:
+    return page.get_by_role("button", name=f"Add {order}, {process_data}")
+
+
+def _saved(page: Any) -> None:
+    page.wait_for_function(
+        "() => document.querySelector('.verdict').textContent.includes('· saved')"
+    )
+
+
+def test_from_nothing_to_data_by_mouse_alone(page: Any, tmp_path: Path) -> None:
+    mouse = Mouse(page)
+    begin = page.get_by_role("region", name="Begin")
+    mouse.click(begin.get_by_role("button", name="Add SubDevices"))
+    mouse.click(_offer(page, "EK1914", "as devices report it"))
+    page.locator('[data-port="ek1914/0"]').wait_for()
+    mouse.click(_offer(page, "EL1918", "own safety program"))
+    page.locator('[data-port="el1918/0"]').wait_for()
+    mouse.click(page.get_by_role("button", name="Close"))
+    mouse.drag(page.locator('[data-port="el1918/0"]'), page.locator('[data-port="ek1914/0"]'))
+    mouse.click(page.get_by_role("button", name="I have compared it with the safety project"))
+    for _ in range(2):  # FSoE address, ConnID
+        proposal = page.get_by_role("button", name="1: next free").first
+        mouse.click(proposal)
+    mouse.click(page.get_by_role("button", name="Try it"))
+    page.wait_for_selector("text=1 of 1 in Data")
+    assert not (tmp_path / "cell" / "network.yaml").exists()
+    mouse.click(page.get_by_role("button", name="Save"))
+    _saved(page)
+    assert mouse.clicks * CLICK_S < LONGEST_S
+    assert mouse.clicks == 11
+    assert sorted(p.name for p in (tmp_path / "cell").rglob("*.yaml")) == [
+        "ek1914.yaml",
+        "el1918.yaml",
+        "network.yaml",
+    ]
+
+
+def test_the_example_is_taken_and_its_things_can_be_tried(page: Any) -> None:
+    page.get_by_role("button", name="Take the e-stop example").click()
+    things = page.get_by_role("region", name="Five things to try")
+    things.wait_for()
+    assert things.locator("li").count() == 5
+    page.get_by_role("button", name="Try it").click()
+    page.wait_for_selector("text=1 of 1 in Data")
+    page.get_by_role("button", name="Connection el1918 to ek1914").focus()
+    page.keyboard.press("Enter")
+    field = page.get_by_role("textbox", name="FSoE watchdog, ms")
+    field.fill("20")
+    field.press("Enter")
+    page.wait_for_selector(".findings >> text=is below 24 ms")
+    page.get_by_role("button", name="Undo").click()
+    area = page.locator("textarea")
+    page.wait_for_function("() => document.querySelector('textarea').value.includes('_ms: 100')")
+    area.fill(area.input_value().replace("size: 6", "size: 5", 1))
+    page.get_by_role("button", name="Do what the hint says").first.click()
+    page.wait_for_function("() => !document.querySelector('textarea').value.includes('size: 5')")
+    page.get_by_role("button", name="Export").click()
+    page.get_by_role("combobox", name="Format").select_option("eni")
+    page.wait_for_selector("text=What this format cannot hold")
+    assert page.locator(".lost li").count() > 0
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Download estop.eni.xml").click()
+    assert b"EtherCATConfig" in Path(download.value.path()).read_bytes()
+
+
+def test_files_are_dropped_and_their_subdevices_added(page: Any) -> None:
+    _drop(page, {"maker.xml": ESI.read_bytes(), "scan.json": SCAN.read_bytes()})
+    page.get_by_text("A bus of 3 SubDevices").wait_for()
+    page.get_by_role("button", name="Put away").click()
+    page.get_by_text("A bus of 3 SubDevices").wait_for(state="detached")
+    page.locator('input[type="file"]').set_input_files(ESI)
+    page.get_by_role("searchbox", name="Search").fill("modular")
+    page.get_by_role("button", name="Add D,").click()
+    page.locator('[data-port="d/0"]').wait_for()
+    page.get_by_text("Added: d").wait_for()
+    page.locator('input[type="file"]').set_input_files(SCAN)
+    page.get_by_role("button", name="Take it as the network").click()
+    page.locator(".bus .box").nth(2).wait_for()
+    assert page.locator(".bus .box").all_inner_texts()[0].startswith("0 ")
+    page.get_by_role("button", name="Undo").click()
+    page.locator('[data-port="d/0"]').wait_for()
+
+
+def _drop(page: Any, files: dict[str, bytes]) -> None:
+    """Drop files on the page as a file manager does."""
+    page.evaluate(
+        """files => {
+          const data = new DataTransfer();
+          for (const [name, bytes] of files)
+            data.items.add(new File([new Uint8Array(bytes)], name));
+          const main = document.querySelector("main");
+          for (const kind of ["dragover", "drop"])
+            main.dispatchEvent(new DragEvent(kind, {
+              dataTransfer: data, bubbles: true, cancelable: true }));
+        }""",
+        [[name, list(data)] for name, data in files.items()],
+    )
+
+
+def test_subdevices_change_places_and_go(page: Any) -> None:
+    page.get_by_role("button", name="Take the e-stop example").click()
+    boxes = page.locator(".bus .box")
+    boxes.nth(1).wait_for()
+    boxes.nth(0).drag_to(boxes.nth(1))
+    page.wait_for_function("() => document.querySelector('.bus .box').innerText.includes('el1918')")
+    boxes.nth(0).click()
+    page.get_by_role("button", name="Towards the end").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_function("() => document.querySelector('.bus .box').innerText.includes('ek1914')")
+    field = page.get_by_role("textbox", name="Alias")
+    field.fill("7")
+    field.press("Enter")
+    page.wait_for_selector("text=7 +1")
+    assert "el1918 → ek1914" in page.locator(".inspector").inner_text()
+    page.get_by_role("button", name="Remove this SubDevice").click()
+    page.wait_for_function("() => document.querySelectorAll('.bus .box').length === 1")
+    assert page.locator(".line").count() == 0
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_follows_wcag(page: Any, scheme: str) -> None:
+    """WCAG 2.2, level AA, as far as a program can tell: begin, add, export, five things."""
+    page.emulate_media(color_scheme=scheme)
+    _accessible(page)
+    _drop(page, {"scan.json": SCAN.read_bytes(), "gate.xml": b"<EtherCATInfo><Vendor>"})
+    page.locator(".given li.error").first.wait_for()
+    page.get_by_role("button", name="Put away").click()
+    _drop(page, {"scan.json": SCAN.read_bytes()})
+    page.get_by_text("A bus of 3 SubDevices").wait_for()
+    page.locator(".given summary").click()
+    _offer(page, "EK1914", "device PDO").click()
+    page.get_by_text("Added: ek1914").wait_for()
+    _accessible(page)
+    page.get_by_role("button", name="Undo").click()
+    page.get_by_role("button", name="Take the e-stop example").click()
+    page.get_by_role("button", name="Export").click()
+    page.get_by_role("combobox", name="Format").select_option("driver")
+    page.get_by_role("link", name="Download").wait_for()
+    _accessible(page)
+
+
+def _accessible(page: Any) -> None:
+    levels = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+    found = axe.Axe().run(page, options={"runOnly": levels}).response["violations"]
+    assert [(row["id"], [node["html"] for node in row["nodes"]]) for row in found] == []
