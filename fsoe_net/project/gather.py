@@ -21,6 +21,7 @@ from fsoe_net.model.answers import Answers
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
 from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.scan import Scan
 
 __all__ = ["Gathered", "gather"]
 
@@ -38,6 +39,7 @@ class Gathered:
     """What was read.
 
     Attributes:
+        scans: Scans, by file; their SubDevices are in ``buses`` too.
         buses: Descriptions whose SubDevices have a place in the ring.
         types: Descriptions of device types.
         esis: ESI files; their devices are read when somebody has them.
@@ -50,6 +52,7 @@ class Gathered:
         answers: What a person has answered in a file.
     """
 
+    scans: dict[str, Scan] = field(default_factory=dict)
     buses: list[Description] = field(default_factory=list)
     types: list[Description] = field(default_factory=list)
     esis: list[str] = field(default_factory=list)
@@ -176,6 +179,7 @@ def _scan(path: str, mine: Collector, found: Gathered) -> bool:
     scan, damage = load_scan(path)
     mine.diagnostics += damage
     if scan is not None:
+        found.scans[path] = scan
         found.buses.append(describe_scan(scan, path))
     return scan is not None
 

@@ -14,7 +14,9 @@ from fsoe_net.model.layout import FramePair
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import library_role
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scan import Scan
 from fsoe_net.project.check import library_of
+from fsoe_net.studio.cables import cables_of
 from fsoe_net.studio.changes import FACTS
 from fsoe_net.studio.workspace import Workspace
 from fsoe_net.timing.budget import make_budget
@@ -25,11 +27,12 @@ __all__ = ["state_of"]
 Row = dict[str, object]
 
 
-def state_of(workspace: Workspace) -> Row:
+def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
     """Return what the page shows, as plain JSON values; see ``assets/types.d.ts`` for its shape.
 
     Args:
         workspace: The file that is being edited.
+        scan: A scan that shows how the bus is wired, with the name of its file.
     """
     checked = workspace.checked
     resolution = checked.resolution
@@ -58,6 +61,9 @@ def state_of(workspace: Workspace) -> Row:
         "can_redo": workspace.can_redo,
         "is_network": resolution is not None,
         "buses": [] if resolution is None else [bus.name for bus in resolution.network.buses],
+        "wiring": None
+        if scan is None or resolution is None
+        else {"file": scan[0], **cables_of(resolution.network, scan[1])},
         "subdevices": subdevices,
         "connections": connections,
         "limits": FACTS,

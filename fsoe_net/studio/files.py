@@ -33,9 +33,10 @@ def file_routes(workspace: Workspace, shelf: Shelf) -> list[Route]:
 
     async def upload(request: Request) -> Response:
         try:
-            return await _received(request, shelf)
+            refusal = await _received(request, shelf)
         except OSError as exc:
             return _refused(f"the file cannot be kept: {exc.strerror}")
+        return await _answered(shelf.shown) if refusal is None else refusal
 
     async def clear(_: Request) -> Response:
         await run_in_threadpool(shelf.clear)
@@ -73,7 +74,8 @@ def _export(request: Request) -> tuple[int, str]:
     return number, request.path_params["target"]
 
 
-async def _received(request: Request, shelf: Shelf) -> Response:
+async def _received(request: Request, shelf: Shelf) -> Response | None:
+    """Take a file; return why it was not taken."""
     try:
         file = await run_in_threadpool(shelf.begin, request.query_params.get("name", ""))
     except InputError as exc:
@@ -92,7 +94,7 @@ async def _received(request: Request, shelf: Shelf) -> Response:
     finally:
         await run_in_threadpool(file.close, keep=whole)
     await run_in_threadpool(shelf.put, file)
-    return await _answered(shelf.shown)
+    return None
 
 
 async def _answered(make: Callable[[], dict[str, object]]) -> Response:

@@ -57,6 +57,7 @@ _ACTS: dict[str, Act] = {
     "undo": lambda workspace, version, _: workspace.undo(version),
     "redo": lambda workspace, version, _: workspace.redo(version),
     "save": lambda workspace, version, _: workspace.save(version),
+    "look": lambda *_: None,
     "take": lambda workspace, version, _: workspace.take_file(version),
 }
 
@@ -169,7 +170,7 @@ class Studio:
     async def _answer(
         self, *, error: str = "", said: Sequence[str] = (), status: int = 200
     ) -> Response:
-        state = await run_in_threadpool(state_of, self._workspace)
+        state = await run_in_threadpool(state_of, self._workspace, self._shelf.scan)
         return JSONResponse({"error": error, "said": list(said), **state}, status)
 
     async def _events(self, _: Request) -> Response:

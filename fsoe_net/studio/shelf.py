@@ -20,8 +20,9 @@ from fsoe_net.errors import FsnError, InputError
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.answers import Answers
+from fsoe_net.model.scan import Scan
 from fsoe_net.project.draft import Draft, Inputs, make_draft
-from fsoe_net.project.gather import Gathered, gather
+from fsoe_net.project.gather import gather
 from fsoe_net.project.installed import shipped
 from fsoe_net.project.offers import Addition, Offer, addition_of, list_offers
 from fsoe_net.studio.subdevices import added
@@ -68,7 +69,11 @@ class Upload:
 
 
 class Shelf:
-    """The files; every method may be called from any thread."""
+    """The files; every method may be called from any thread.
+
+    Attributes:
+        scan: The first scan among them, with the name of its file.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.RLock()
@@ -76,6 +81,7 @@ class Shelf:
         self._files: dict[str, str] = {}  # path by shown name
         self._count = 0
         self._content: _Content | None = None
+        self.scan: tuple[str, Scan] | None = None
 
     def begin(self, name: str) -> Upload:
         """Begin to receive a file.
@@ -118,7 +124,7 @@ class Shelf:
         with self._lock:
             if self._folder is not None:
                 self._folder.cleanup()
-            self._folder, self._content = None, None
+            self._folder, self._content, self.scan = None, None, None
             self._files.clear()
 
     def shown(self) -> Row:
@@ -210,11 +216,13 @@ class Shelf:
         return self._content
 
     def _gathered(self) -> _Content:
-        found = Gathered()
+        self.scan = None
         if not self._files:
             return _Content(list_offers())
         try:
             found = gather(list(self._files.values()), LoadOptions())
+            for path, scan in found.scans.items():
+                self.scan = self.scan or (self._place(path), scan)
             draft = make_draft(Inputs.of(found), Answers()) if found.buses else None
             rows = [*found.out.diagnostics, *(() if draft is None else draft.findings)]
             return _Content(list_offers(found), draft, _worth_a_word(rows))

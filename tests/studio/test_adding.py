@@ -359,3 +359,42 @@ def test_a_subdevice_is_added_to_the_bus_that_is_meant(tmp_path: Path, shelf: Sh
     _add(workspace, shelf, _number(shelf, "EK1914", "device PDO"), bus=1)
     (made,) = [s for s in workspace.checked.network.subdevices if s.name.startswith("ek1914")]
     assert (made.master_id, made.position) == (1, max(on_second) + 1)
+
+
+def _bus(*links: str) -> bytes:
+    """Return a scan of couplers with these linked ports."""
+    row = {"vendor_id": 2, "product_code": 0x077A2C52, "name": "EK1914", "revision": 1}
+    subs = [
+        {
+            "position": n,
+            **row,
+            "ports": [{"port": p, "link": str(p) in ports} for p in range(4)],
+        }
+        for n, ports in enumerate(links)
+    ]
+    return json.dumps({"scan": 1, "interface": "eth1", "subdevices": subs}).encode()
+
+
+def test_a_scan_shows_how_the_cables_run(tmp_path: Path, shelf: Shelf) -> None:
+    shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
+    workspace = Workspace(str(tmp_path / "estop" / "network.yaml"))
+    assert state_of(workspace, shelf.scan)["wiring"] is None
+    _give(shelf, "bus.json", _bus("013", "0", "01"))
+    shelf.shown()
+    wiring = state_of(workspace, shelf.scan)["wiring"]
+    assert (wiring["file"], wiring["is_known"], wiring["ring_from"]) == ("bus.json", True, [2, 1])
+    assert [(n["parent"], n["port"], n["subdevice"]) for n in wiring["nodes"]] == [
+        (None, 0, "ek1914"),
+        (0, 3, "el1918"),  # another type in its place: it is shown where the file has it
+        (0, 1, ""),
+    ]
+    assert [n["is_other"] for n in wiring["nodes"]] == [False, True, False]
+    assert wiring["nodes"][2]["type"] == "EK1914"
+    _give(shelf, "bus.json", _bus("0123", "0"))
+    shelf.shown()
+    wiring = state_of(workspace, shelf.scan)["wiring"]
+    assert (wiring["is_known"], wiring["nodes"]) == (False, [])
+    workspace.replace(workspace.version, "nets: [")
+    assert state_of(workspace, shelf.scan)["wiring"] is None
+    shelf.clear()
+    assert shelf.scan is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -211,3 +212,38 @@ def _accessible(page: Any) -> None:
     levels = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
     found = axe.Axe().run(page, options={"runOnly": levels}).response["violations"]
     assert [(row["id"], [node["html"] for node in row["nodes"]]) for row in found] == []
+
+
+def _bus(*links: str) -> bytes:
+    """Return a scan of couplers with these linked ports."""
+    row = {"vendor_id": 2, "product_code": 0x077A2C52, "name": "EK1914", "revision": 1}
+    subs = [
+        {
+            "position": n,
+            **row,
+            "ports": [{"port": p, "link": str(p) in ports} for p in range(4)],
+        }
+        for n, ports in enumerate(links)
+    ]
+    return json.dumps({"scan": 1, "interface": "eth1", "subdevices": subs}).encode()
+
+
+def test_a_tree_and_a_ring_are_drawn_so(page: Any) -> None:
+    page.get_by_role("button", name="Take the e-stop example").click()
+    _drop(page, {"bus.json": _bus("013", "01", "0", "0")})
+    page.get_by_text("A tree, by the links in bus.json").wait_for()
+    branch = page.get_by_role("list", name="Branch from ek1914, port 3 (D)")
+    assert branch.locator("li").count() == 2
+    assert "≠ EK1914 in the scan" in branch.inner_text()
+    branch.get_by_role("button", name="el1918").focus()
+    page.keyboard.press("Enter")
+    page.get_by_role("heading", name="el1918").wait_for()
+    assert "not in the file" in page.locator(".foreign").first.inner_text()
+    _drop(page, {"bus.json": _bus("01", "01")})
+    page.get_by_text("A ring, by the links in bus.json").wait_for()
+    page.get_by_text("back to the MainDevice").wait_for()
+    _accessible(page)
+    _drop(page, {"bus.json": _bus("0123", "0")})
+    page.get_by_text("leave open how the cables run").wait_for()
+    page.get_by_role("button", name="Put away").click()
+    page.get_by_text("leave open how the cables run").wait_for(state="detached")

@@ -39,7 +39,9 @@ export function Adding({ state, act, given, close, choose }) {
 
   const take = (/** @type {Shelf | { error: string }} */ answer) => {
     setError(answer.error);
-    if ("offers" in answer) setShelf(answer);
+    if (!("offers" in answer)) return;
+    setShelf(answer);
+    if (answer.files.length || state.wiring) act("look"); // a scan shows how the cables run
   };
   const give = async (/** @type {File[]} */ files) => {
     setBusy(true);

@@ -93,11 +93,35 @@ export interface State {
   can_redo: boolean;
   is_network: boolean;
   buses: string[];
+  /** How the cables of the first bus run, by a scan that was given; null: nothing shows it. */
+  wiring: Wiring | null;
   subdevices: SubDevice[];
   connections: Connection[];
   limits: Record<Fact, number>;
   proposals: Partial<Record<Fact, number>>;
   findings: Finding[];
+}
+
+/** Cables by a scan, see fsoe_net/studio/cables.py. */
+export interface Wiring {
+  file: string;
+  /** Whether the links of the scan leave one way only. */
+  is_known: boolean;
+  /** Position and port from which a cable goes back to the MainDevice. */
+  ring_from: [number, number] | null;
+  nodes: WiredNode[];
+}
+
+export interface WiredNode {
+  position: number;
+  /** Position of the one before it; null: the MainDevice. */
+  parent: number | null;
+  port: number;
+  /** Its name in the network; empty: it is not in there. */
+  subdevice: string;
+  /** Whether the scan has a device of another type there. */
+  is_other: boolean;
+  type: string;
 }
 
 /** A try on the emulated bus, see fsoe_net/studio/trial.py. */

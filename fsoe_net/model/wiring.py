@@ -1,0 +1,82 @@
+"""How the cables of a bus run, from the links that a scan has seen at the ports.
+
+A frame enters a SubDevice at port 0 and leaves it at ports 3, 1 and 2, in this order, wherever a
+link is: the frame processing order of EtherCAT SubDevice controllers. Positions count in the order
+in which frames pass, so links and positions together leave one tree. Where one link more is there
+than SubDevices behind it, the last cable goes back to the MainDevice: a ring.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fsoe_net.model.scan import Scan, ScannedSubDevice
+
+__all__ = ["Cable", "Wiring", "wiring_of"]
+
+_ORDER = (3, 1, 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cable:
+    """The cable at which a SubDevice hangs.
+
+    Attributes:
+        position: Ring position of the SubDevice.
+        parent: That of the one before it; ``None``: the MainDevice.
+        port: Port of that one, 0 to 3; 0 at the MainDevice.
+    """
+
+    position: int
+    parent: int | None
+    port: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wiring:
+    """The cables of a bus.
+
+    Attributes:
+        cables: One for each SubDevice, by position.
+        ring_from: Position and port from which a cable goes back to the MainDevice; ``None``: a
+            line or a tree.
+    """
+
+    cables: tuple[Cable, ...]
+    ring_from: tuple[int, int] | None = None
+
+
+def wiring_of(scan: Scan) -> Wiring | None:
+    """Return how the cables run; ``None`` where the links leave it open.
+
+    That is so where a link was not read, a SubDevice is not fed at port 0, or links and SubDevices
+    do not match, as on a bus with a cable that was pulled during the scan.
+
+    Args:
+        scan: SubDevices in ring order.
+    """
+    subdevices = scan.subdevices
+    if not subdevices or not all(map(_is_fed_at_port_0, subdevices)):
+        return None
+    cables = [Cable(position=0, parent=None, port=0)]
+    open_ends = _ends(subdevices[0])
+    for sub in subdevices[1:]:
+        if not open_ends:
+            return None
+        parent, port = open_ends.pop()
+        cables.append(Cable(position=sub.position, parent=parent, port=port))
+        open_ends += _ends(sub)
+    if len(open_ends) > 1:
+        return None
+    return Wiring(cables=tuple(cables), ring_from=open_ends[0] if open_ends else None)
+
+
+def _is_fed_at_port_0(sub: ScannedSubDevice) -> bool:
+    links = {port.port: port.link for port in sub.ports}
+    return links.get(0) is True and None not in links.values()
+
+
+def _ends(sub: ScannedSubDevice) -> list[tuple[int, int]]:
+    """Return the ports from which something may hang, the first one last."""
+    linked = {port.port for port in sub.ports if port.link}
+    return [(sub.position, port) for port in reversed(_ORDER) if port in linked]
