@@ -19,15 +19,19 @@ static const struct build_copy copies[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6},  {0
 /* A tool of two SubDevices, and one of one at the same place. */
 static const struct build_group groups[] = {{1, 2, 1}, {3, 1, 1}};
 
-static uint8_t *build(size_t *len) {
+static uint8_t *build_groups(const struct build_group *two, size_t *len) {
     const struct build b = {.subdevices = SUBDEVICES,
                             .sm = sms,
                             .copies = copies,
                             .pairs = SUBDEVICES - 1,
                             .cycle_ns = 1000000,
-                            .groups = groups,
+                            .groups = two,
                             .group_count = 2};
     return build_plan(&b, len);
+}
+
+static uint8_t *build(size_t *len) {
+    return build_groups(groups, len);
 }
 
 static void a_plan_names_its_groups(void) {
@@ -46,6 +50,29 @@ static void a_plan_names_its_groups(void) {
     fsn_plan_free(part);
     fsn_plan_free(plan);
     free(bytes);
+}
+
+/** Without a place, or at another one, a group leaves none out. */
+static void a_group_of_its_own_is_a_first_choice(void) {
+    static const struct build_group cases[][2] = {{{1, 2, 0}, {3, 1, 1}}, {{1, 2, 1}, {3, 1, 0}}};
+    for (int n = 0; n < 2; n++) {
+        size_t len;
+        uint8_t *bytes = build_groups(cases[n], &len);
+        struct fsn_plan *plan;
+        struct fsn_emulated *bus;
+        struct fsn_core *core;
+        struct fsn_statistics s;
+        CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+        CHECK(fsn_emulated_create(plan, &bus) == FSN_OK);
+        CHECK(fsn_core_create(plan, fsn_emulated_ops(), bus, &core, NULL) == FSN_OK);
+        CHECK(fsn_core_cycle(core, 0) == FSN_OK);
+        CHECK(fsn_core_snapshot(core, &s, NULL, NULL) == FSN_OK);
+        CHECK(s.expected_wkc == 12 && s.actual_wkc == 12);
+        fsn_core_free(core);
+        fsn_emulated_free(bus);
+        fsn_plan_free(plan);
+        free(bytes);
+    }
 }
 
 /** Every group in its words, so that a wrong tool cannot be meant. */
@@ -213,6 +240,8 @@ static void an_emulated_group_comes_and_goes(void) {
 int main(void) {
     const long alive = heap_alive();
     a_plan_names_its_groups();
+    a_group_of_its_own_is_a_first_choice();
+    CHECK(strcmp(fsn_clocks_text(255), "?") == 0);
     wrong_groups_are_refused();
     the_sections_of_a_plan_with_groups();
     a_group_is_in_the_fingerprint();

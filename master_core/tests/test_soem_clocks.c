@@ -159,6 +159,22 @@ static void clocks_that_cannot_be_set_are_refused(void) {
     tear_down(rig);
 }
 
+/** The same for one that comes back: it stays out of OP, by name, and the others go on. */
+static void a_clock_that_follows_nobody_stays_out(void) {
+    const struct fsn_segment_clock deaf = {.deaf = true, .drift_ppb = 900000, .forward_ns = 300};
+    struct rig *rig = bring_up_from(set_up_with_sync());
+    CHECK(fsn_segment_set_clock(rig->segment, 3, &deaf) == FSN_OK);
+    fsn_segment_power_cycle(rig->segment, 3);
+    for (int i = 0; look(rig, 3).found != FSN_FOUND_CLOCK; i++) {
+        CHECK(i < PATIENCE_MS / 2);
+        fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
+        pause_ms(2);
+    }
+    CHECK(strstr(look(rig, 3).detail, "does not follow the reference clock (s0)") != NULL);
+    CHECK(look(rig, 3).al_status != FSN_AL_OP && look(rig, 2).al_status == FSN_AL_OP);
+    tear_down(rig);
+}
+
 /** Where nobody starts SYNC0 clocks are off unless they are requested. */
 static void without_sync0_clocks_are_off(void) {
     struct rig *rig = set_up();
@@ -180,6 +196,7 @@ int main(void) {
     no_lost_frame_leaves_a_clock_behind();
     who_leaves_the_window_is_named();
     clocks_that_cannot_be_set_are_refused();
+    a_clock_that_follows_nobody_stays_out();
     without_sync0_clocks_are_off();
     return 0;
 }

@@ -120,7 +120,7 @@ static void put_pdos(struct writer *w, const struct fsn_plan *plan, uint32_t sm)
 /** All but the identity, which is written when it is switched on. */
 static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bool has_mailbox) {
     fsn_put16(w->bytes, 0x0005); /* PDI control */
-    fsn_put16(w->bytes + 8, info->position == 0 || info->alias != 0 ? info->alias : 0);
+    fsn_put16(w->bytes + 8, info->position == 0 ? info->alias : 0);
     w->bytes[14] = fsn_eeprom_checksum(w->bytes);
     if (has_mailbox) {
         fsn_put16(w->bytes + 0x30, MAILBOX_IN);

@@ -252,17 +252,17 @@ static void pause_ns(uint64_t time_ns) {
     nanosleep(&pause, NULL);
 }
 
-/** Waits until the control loop of a clock has brought it into the window. */
+/** Waits until the control loop of a clock has brought it into the window, and keeps it there. */
 static bool settles(struct fsn_soem *bus, const struct node *node) {
-    for (int looks = 0; looks < SETTLE_LOOKS; looks++) {
+    int steady = 0;
+    for (int looks = 0; looks < SETTLE_LOOKS && steady < STEADY; looks++) {
         uint8_t value[READING_BYTES];
         pause_ns(SETTLE_NS);
         soem_read_each(bus, node->slave, 1, ECT_REG_DCSYSDIFF, sizeof value, value);
-        if (fsn_get16(value + 4) != 0 && (fsn_get32(value) & INT32_MAX) <= bus->clocks.window_ns) {
-            return true;
-        }
+        const uint32_t apart = fsn_get32(value) & INT32_MAX;
+        steady = fsn_get16(value + 4) != 0 && apart <= bus->clocks.window_ns ? steady + 1 : 0;
     }
-    return false;
+    return steady == STEADY;
 }
 
 /** Writes offset and delay, and begins the mean difference anew. */
