@@ -61,6 +61,7 @@ def estop(tmp_path: Path) -> Path:
     return tmp_path / "n"
 
 
+@pytest.mark.uncounted
 @pytest.mark.shows("R24")
 @pytest.mark.parametrize(
     "command",

@@ -54,6 +54,7 @@ def found_in(name: str, path: Path) -> list[Diagnostic]:
     return out.diagnostics
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(
     "name", ["network", "transfers", "slave", "scenario", "answers", "protocol"]
 )
@@ -186,6 +187,7 @@ def changed(document: object, draw: st.DataObject) -> object:
     return document
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("name", NAMES)
 def test_structure_is_checked_as_a_validator_does(name: str):
     official = validator(name)

@@ -219,6 +219,7 @@ def test_json_to_a_file(fsn, tmp_path):
     assert (found["seed"], found["faults_per_class"], found["passed"]) == (9, 40, True)
 
 
+@pytest.mark.uncounted
 def test_a_broken_device(fsn, tmp_path):
     folder = tmp_path / "traces"
     code, out, _ = fsn(

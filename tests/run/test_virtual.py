@@ -14,6 +14,7 @@ pytestmark = needs_core
 NAME = "el1918-ek1914"
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("folder", [ESTOP, ROBOT], ids=["estop", "el6910"])
 @pytest.mark.parametrize("scenario", [True, False])
 def test_two_runs_give_the_same_bytes(folder: Path, scenario: bool):
