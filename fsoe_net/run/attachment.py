@@ -105,14 +105,15 @@ class Attachment:
 
     Args:
         path: Control socket.
+        details: Keep every Reset of a connection that resets again and again.
 
     Raises:
         EnvironmentFault: Nobody answers there; later it is waited for.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, details: bool = False) -> None:
         self._path = str(path)
-        self._events = BusEvents(start_ns=time.monotonic_ns())
+        self._events = BusEvents(start_ns=time.monotonic_ns(), details=details)
         self._facts: tuple[PlannedConnection, ...] = ()
         self._snapshot: BusSnapshot | None = None
         self._status: Status | None = None
@@ -132,6 +133,17 @@ class Attachment:
         if self._client is not None:
             self._client.close()
             self._client = None
+
+    @property
+    def start_ns(self) -> int:
+        """Monotonic time from which the times of events count, nanoseconds."""
+        return self._events.start_ns
+
+    def take_events(self) -> list[RunEvent]:
+        """Return the events that are kept, and keep them no longer: for who watches for long."""
+        taken = self._events.events
+        self._events.events = []
+        return taken
 
     def look(self, wait_s: float, stop: threading.Event | None = None) -> BusView:
         """Take what is reported for so long, then a snapshot.

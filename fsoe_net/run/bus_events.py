@@ -22,9 +22,13 @@ _DATA = {state.text: state.word for state in OutsideState if state.in_data}
 
 @dataclass(slots=True)
 class BusEvents:
-    """What the events have shown so far, by connection. Times from the start in nanoseconds."""
+    """What the events have shown so far, by connection. Times from the start in nanoseconds.
+
+    ``details``: keep each Reset of a connection that resets again and again, not one now and then.
+    """
 
     start_ns: int
+    details: bool = False
     events: list[RunEvent] = field(default_factory=list)
     events_lost: int = 0
     to_data_ns: dict[str, int] = field(default_factory=dict)
@@ -71,9 +75,8 @@ class BusEvents:
         if event["before"] != "silent":  # else what was on the wire before this run
             self.last_reset[name] = code
             self.last_reset_by[name] = end
-        if (
-            event.get("level") != "detail"
-        ):  # one that resets again and again is reported now and then
+        # One that resets again and again is reported now and then.
+        if self.details or event.get("level") != "detail":
             self.log(name, f"{end} resets: {reset_code_text(code)}", at_ns=at_ns, code=code)
 
 
