@@ -9,7 +9,7 @@ import webbrowser
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.options import FILE
+from fsoe_net.cli.options import FILE, master_options, master_socket
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
@@ -23,6 +23,7 @@ Examples:
   fsoe-net studio                        # network.yaml of this folder
   fsoe-net studio examples/estop
   fsoe-net studio network.yaml --port 8765 --no-browser
+  fsoe-net studio --interface eth1       # what the fsn-master there does, live
 
 From another machine: ssh -L 8765:127.0.0.1:8765 HOST, then the printed address in the browser here.
 
@@ -41,6 +42,7 @@ def _network_file(path: str | None) -> tuple[str, bool]:
 @click.command("studio", epilog=_EPILOG)
 @click.argument("path", required=False, type=FILE)
 @reference_options
+@master_options
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
@@ -48,13 +50,22 @@ def _network_file(path: str | None) -> tuple[str, bool]:
     help="Port of 127.0.0.1; by itself a free one.",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address; open no browser.")
-def command(path: str | None, loading: LoadOptions, port: int, no_browser: bool) -> None:
+def command(
+    path: str | None,
+    loading: LoadOptions,
+    socket: str | None,
+    interface: str | None,
+    port: int,
+    no_browser: bool,
+) -> None:
     """See and edit a network in a browser: the bus, its connections, what is wrong, the file.
 
     PATH: a network file, or its folder; in a folder without one a new network begins. The page is
     for one person at one browser of this machine; the printed address counts once. Nothing is
-    written before you press Save, and nothing is sent to a bus.
+    written before you press Save. With --interface or --socket it also shows what a running
+    fsn-master does, and changes nothing there.
     """
+    live = None if socket is None and interface is None else master_socket(socket, interface)
     name, may_be_new = _network_file(path)
     try:
         from fsoe_net.studio.server import Studio
@@ -66,10 +77,12 @@ def command(path: str | None, loading: LoadOptions, port: int, no_browser: bool)
     from fsoe_net.studio.workspace import Workspace
 
     new_text = empty_network(name) if may_be_new else None
-    studio = Studio(Workspace(name, loading, new_text=new_text), port=port)
-    echo(f"{name}: open {studio.url}")
+    workspace = Workspace(name, loading, new_text=new_text)
+    studio = Studio(workspace, port=port, control_socket=live)
+    url = studio.url if live is None else f"{studio.url}#live"
+    echo(f"{name}: open {url}")
     echo("Ctrl-C ends it; only what was saved is in the file")
     if not no_browser:
-        webbrowser.open(studio.url)
+        webbrowser.open(url)
     with contextlib.suppress(KeyboardInterrupt):  # how people end it
         studio.run()

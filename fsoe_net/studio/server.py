@@ -21,6 +21,7 @@ from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.files import UPLOADS, file_routes
 from fsoe_net.studio.guard import Guard
+from fsoe_net.studio.live import Live
 from fsoe_net.studio.shelf import MAX_UPLOAD_BYTES, Shelf
 from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
@@ -68,6 +69,7 @@ class Studio:
     Args:
         workspace: The file.
         port: To listen on; 0: any free one.
+        control_socket: Of a running ``fsn-master`` that the live page follows.
 
     Attributes:
         url: Opens the page, once.
@@ -76,7 +78,9 @@ class Studio:
         EnvironmentFault: The port is taken, or not allowed.
     """
 
-    def __init__(self, workspace: Workspace, *, port: int = 0) -> None:
+    def __init__(
+        self, workspace: Workspace, *, port: int = 0, control_socket: str | None = None
+    ) -> None:
         self._workspace = workspace
         self._shelf = Shelf()
         self._acts: dict[str, Act] = {
@@ -96,6 +100,7 @@ class Studio:
                 f"port {port} of this machine cannot be used: {exc.strerror}; give another --port"
             ) from exc
         port = self._socket.getsockname()[1]
+        self._live = Live(workspace, control_socket, lambda: self._server.should_exit)
         app = Starlette(
             routes=[
                 Route("/", self._page),
@@ -103,6 +108,7 @@ class Studio:
                 Route("/api/events", self._events),
                 Route("/api/try", self._try, methods=["POST"]),
                 *file_routes(workspace, self._shelf),
+                *self._live.routes,
                 Route("/api/{act}", self._act, methods=["POST"]),
                 Mount("/assets", StaticFiles(directory=_ASSETS)),
             ],
@@ -197,10 +203,12 @@ class Studio:
     @contextlib.asynccontextmanager
     async def _watching(self, _: Starlette) -> AsyncIterator[None]:
         task = asyncio.create_task(self._watch())
+        self._live.open()
         try:
             yield
         finally:
             task.cancel()
+            await run_in_threadpool(self._live.close)
             self._shelf.clear()
 
     async def _watch(self) -> None:

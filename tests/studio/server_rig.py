@@ -23,9 +23,12 @@ __all__ = ["Browser", "Studio", "running"]
 
 
 @contextmanager
-def running(path: Path) -> Iterator[Studio]:
+def running(path: Path, control_socket: Path | None = None) -> Iterator[Studio]:
     """Serve a network file, or one that is still to be made, until the block ends."""
-    studio = Studio(Workspace(str(path), new_text=empty_network(str(path))))
+    studio = Studio(
+        Workspace(str(path), new_text=empty_network(str(path))),
+        control_socket=None if control_socket is None else str(control_socket),
+    )
     thread = threading.Thread(target=studio.run, daemon=True)
     thread.start()
     try:
@@ -92,11 +95,11 @@ class Browser:
         return status, json.loads(data) if is_json else {"error": data.decode()}
 
     @contextmanager
-    def events(self) -> Iterator[http.client.HTTPResponse]:
-        """Follow the versions, as an open page does."""
+    def events(self, path: str = "/api/events") -> Iterator[http.client.HTTPResponse]:
+        """Follow the versions, or another stream, as an open page does."""
         connection = http.client.HTTPConnection(self.host)
         try:
-            connection.request("GET", "/api/events", headers={"Cookie": self.cookie})
+            connection.request("GET", path, headers={"Cookie": self.cookie})
             answer = connection.getresponse()
             assert answer.status == 200
             yield answer

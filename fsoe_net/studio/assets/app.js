@@ -2,13 +2,17 @@
 import { render } from "./vendor/preact.js";
 import { useCallback, useEffect, useRef, useState } from "./vendor/hooks.js";
 import { html, worst } from "./html.js";
+import { Live } from "./live.js";
 import { Network } from "./network.js";
 import { GONE, listen, request, state as fetchState } from "./server.js";
 
 /** @typedef {import("./types").State} State */
 
 /** Views by the fragment of their address: name, component. @type {Record<string, [string, any]>} */
-const VIEWS = { network: ["Network", Network] };
+const VIEWS = {
+  network: ["Network", Network],
+  live: ["Live", Live],
+};
 
 const viewOfAddress = () => {
   const name = location.hash.slice(1);

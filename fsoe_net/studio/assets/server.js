@@ -4,7 +4,7 @@
  * @param {string} act
  * @param {Record<string, unknown>} body
  */
-function post(act, body) {
+export function post(act, body) {
   return send(act, JSON.stringify(body), "application/json");
 }
 
@@ -70,7 +70,7 @@ export const GONE = "fsoe-net studio does not answer; start it again, and open t
 export const state = () => ask("state");
 
 /** @param {Response} answer */
-async function read(answer) {
+export async function read(answer) {
   const type = answer.headers.get("content-type") ?? "";
   return type.startsWith("application/json")
     ? answer.json()

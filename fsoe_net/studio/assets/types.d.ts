@@ -202,3 +202,134 @@ export interface Export {
   notes: string[];
   findings: string[];
 }
+
+// -- the live page, see fsoe_net/studio/live_rows.py ----------------------------------------------
+
+export interface LiveConnection {
+  name: string;
+  main: string;
+  sub: string;
+  state: string;
+  in_data: boolean;
+  /** ProcessData both ways. */
+  process: boolean;
+  absent: boolean;
+  connection_id: number | null;
+  address: number | null;
+  watchdog_ms: number | null;
+  last_ms: number;
+  mean_ms: number;
+  max_ms: number;
+  /** Longest FSoE cycle as a share of the watchdog. */
+  share: number | null;
+  wrong: number;
+  gaps: number;
+  held: number;
+  resets: number;
+  cause: string;
+  /** Parameters that are not those of the plan. */
+  differences: string[];
+  chosen: string[];
+}
+
+export interface LiveSubDevice {
+  name: string;
+  known: boolean;
+  al: string;
+  al_code: number | null;
+  in_op: boolean;
+  absent: boolean;
+  detail: string;
+  returns: number;
+  held: number;
+  links: { port: number; up: boolean; lost: number }[];
+  rx_errors: number;
+}
+
+export interface Histogram {
+  count: number;
+  mean_ns: number;
+  p99_ns: number;
+  max_ns: number;
+  /** Smallest time of a bucket, how often. */
+  buckets: [number, number][];
+}
+
+export interface LiveStatistics {
+  cycles: number;
+  overruns: number;
+  wkc_errors: number;
+  expected_wkc: number;
+  actual_wkc: number;
+  lost_frames: number;
+  realtime: boolean;
+  histograms: Record<string, Histogram>;
+}
+
+export interface LiveEvent {
+  time_ms: number;
+  source: string;
+  text: string;
+  /** A Reset; or a state of the MainInstance, the SubInstance, of the wire. */
+  kind: "reset" | "main" | "sub" | "wire" | "";
+}
+
+export interface LiveView {
+  run: string;
+  source: "master" | "emulated" | "file";
+  title: string;
+  state: string;
+  /** Why nobody answers. */
+  away: string;
+  current: boolean;
+  good: boolean;
+  ended: boolean;
+  now_ms: number;
+  /** How fast an emulated run goes beside the clock. */
+  pace: number | null;
+  /** Of the text of which an emulated run is. */
+  version: number | null;
+  notes: string[];
+  connections: LiveConnection[];
+  subdevices: LiveSubDevice[];
+  statistics: LiveStatistics | null;
+}
+
+/** A view, and what the page lacks of the past. */
+export interface Picture extends LiveView {
+  first: number;
+  left_out: number;
+  events: LiveEvent[];
+  scope: ScopePart | null;
+}
+
+export interface ScopePart {
+  choice: number;
+  signals: string[];
+  skipped: number;
+  fault: string;
+  first: number;
+  /** Milliseconds, then a value for each signal. */
+  rows: (number | null)[][];
+}
+
+/** What the buttons of an emulated run name. */
+export interface LiveNames {
+  inputs: { name: string; label: string; subdevice: string; most: number; watched: boolean }[];
+  subdevices: { name: string; bus: number; powered: boolean }[];
+  connections: string[];
+  groups: string[];
+}
+
+export interface LiveSources {
+  error: string;
+  master: string | null;
+  run: string | null;
+  names: LiveNames | null;
+}
+
+export interface SignalChoice {
+  name: string;
+  label: string;
+  kind: string;
+}

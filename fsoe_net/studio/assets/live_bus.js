@@ -1,0 +1,111 @@
+// The bus of the live page: SubDevices, working counter, times of the cycle, events.
+import { useState } from "./vendor/hooks.js";
+import { html } from "./html.js";
+import { clock, lastBefore } from "./live_past.js";
+
+/** @typedef {import("./types").LiveSubDevice} LiveSubDevice */
+/** @typedef {import("./types").LiveStatistics} LiveStatistics */
+/** @typedef {import("./types").LiveEvent} LiveEvent */
+
+const SHOWN = 200;
+
+/** @param {{ subdevices: LiveSubDevice[] }} props */
+export function SubDevices({ subdevices }) {
+  if (!subdevices.length) return null;
+  const bad = subdevices.filter((s) => s.known && !s.in_op && !s.absent).length;
+  return html`<section aria-label="SubDevices">
+    <h2>SubDevices</h2>
+    <p role="status">${bad ? `✖ ${bad} of ${subdevices.length} not in OP` : `✔ ${subdevices.length} as they should be`}</p>
+    <ol class="subdevices">
+      ${subdevices.map((s) => {
+        const [shape, colour] = s.absent || !s.known ? ["–", "dim"] : s.in_op ? ["✔", "good"] : ["✖", "error"];
+        const worn = [
+          s.returns && `lost and back ${s.returns === 1 ? "once" : `${s.returns} times`}`,
+          s.held && `${s.held} cycles held`,
+          s.rx_errors && `${s.rx_errors} receive errors`,
+          s.al_code && `AL status code 0x${s.al_code.toString(16).padStart(4, "0")}`,
+          s.detail,
+        ].filter(Boolean);
+        return html`<li key=${s.name}>
+          <b>${s.name}</b>
+          <span class="state ${colour}">${shape} ${s.known ? s.al : "not known"}</span>
+          ${s.links.length > 0 &&
+          html`<small>ports ${s.links.map((l) => `${l.port} ${l.up ? "up" : "open"}${l.lost ? ` (lost ${l.lost})` : ""}`).join(", ")}</small>`}
+          ${worn.length > 0 && html`<small class="detail">${worn.join(", ")}</small>`}
+        </li>`;
+      })}
+    </ol>
+  </section>`;
+}
+
+/** @type {Record<string, string>} */
+const TIMES = {
+  period: "from cycle to cycle",
+  latency: "late wake-up",
+  work: "work in a cycle",
+  round_trip: "round trip of a frame",
+};
+
+/** @param {{ statistics: LiveStatistics | null }} props */
+export function Cycle({ statistics }) {
+  const [name, setName] = useState("period");
+  if (!statistics) return null;
+  const s = statistics;
+  const names = Object.keys(s.histograms);
+  const shown = names.includes(name) ? name : names[0];
+  const whole = s.actual_wkc >= s.expected_wkc;
+  return html`<section aria-label="Bus cycle">
+    <h2>Bus cycle</h2>
+    <p>
+      <span class="state ${whole ? "good" : "error"}">${whole ? "✔" : "✖"} working counter ${s.actual_wkc} of ${s.expected_wkc}</span>,
+      ${" "}${s.cycles} cycles, ${s.wkc_errors} incomplete, ${s.lost_frames} frames lost, ${s.overruns} overruns
+    </p>
+    ${shown &&
+    html`<label>Time <select value=${shown} onChange=${(/** @type {any} */ e) => setName(e.target.value)}>
+        ${names.map((key) => html`<option value=${key}>${TIMES[key] ?? key}</option>`)}
+      </select></label>
+      <${Bars} histogram=${s.histograms[shown]} name=${TIMES[shown] ?? shown} />`}
+  </section>`;
+}
+
+const us = (/** @type {number} */ ns) => `${(ns / 1000).toFixed(ns < 10_000 ? 1 : 0)} µs`;
+
+/** @param {{ histogram: import("./types").Histogram, name: string }} props */
+function Bars({ histogram: h, name }) {
+  const tops = h.buckets.map(([, times]) => Math.log10(times + 1));
+  const top = Math.max(...tops, 1);
+  const step = 100 / Math.max(1, tops.length);
+  const text = `mean ${us(h.mean_ns)}, 99 % below ${us(h.p99_ns)}, longest ${us(h.max_ns)}`;
+  return html`<svg class="bars" viewBox="0 0 100 30" preserveAspectRatio="none" role="img"
+      aria-label=${`${name}: how often which time, log scale; ${text}`}>
+      ${tops.map((t, n) => html`<rect key=${n} x=${n * step} width=${step * 0.9} y=${30 - (29 * t) / top} height=${(29 * t) / top} />`)}
+    </svg>
+    <p class="ends"><small>${us(h.buckets[0][0])}</small><small>how often, log scale</small><small>${us(h.buckets[h.buckets.length - 1][0])}</small></p>
+    <p><small>${text}</small></p>`;
+}
+
+/**
+ * @param {{ events: LiveEvent[], leftOut: number, to: number, chosen: string, choose: (name: string) => void }} props
+ */
+export function Events({ events, leftOut, to, chosen, choose }) {
+  const [resetsOnly, setResetsOnly] = useState(false);
+  /** @type {[number, LiveEvent][]} */
+  const shown = [];
+  for (let n = lastBefore(events, to, (e) => e.time_ms); n >= 0 && shown.length < SHOWN; n--) {
+    const e = events[n];
+    if ((!chosen || e.source === chosen) && (!resetsOnly || e.kind === "reset")) shown.push([n, e]);
+  }
+  return html`<section aria-label="Events">
+    <h2>Events, the newest first</h2>
+    <p class="row">
+      <label><input type="checkbox" checked=${resetsOnly} onChange=${() => setResetsOnly(!resetsOnly)} /> Resets only</label>
+      ${chosen && html`<button onClick=${() => choose("")}>of ${chosen}: show all</button>`}
+    </p>
+    <ol class="events" tabindex="0" aria-label="Events">
+      ${shown.map(([n, e]) => html`<li key=${n + leftOut} class=${e.kind === "reset" ? "reset" : ""}>
+        <code>${clock(e.time_ms)}</code> ${e.kind === "reset" ? "▼ " : ""}${e.source}: ${e.text}
+      </li>`)}
+    </ol>
+    ${leftOut > 0 && html`<p><small>${leftOut} earlier events are no longer kept.</small></p>`}
+  </section>`;
+}

@@ -1,0 +1,108 @@
+// What one can do to an emulated bus, and what to expect: that is how people learn FSoE.
+import { useRef, useState } from "./vendor/hooks.js";
+import { html } from "./html.js";
+import { live } from "./live_server.js";
+
+/** @typedef {import("./types").LiveNames} LiveNames */
+/** @typedef {import("./types").LiveView} LiveView */
+
+/** @param {{ names: LiveNames, view: LiveView }} props */
+export function Buttons({ names, view }) {
+  const [said, setSaid] = useState("");
+  const [error, setError] = useState("");
+  const [line, setLine] = useState("");
+  const [sub, setSub] = useState(names.inputs[0]?.subdevice ?? names.subdevices[0]?.name ?? "");
+  const [connection, setConnection] = useState(names.connections[0] ?? "");
+  /** Presses go one after the other, as they were made. */
+  const last = useRef(/** @type {Promise<unknown>} */ (Promise.resolve()));
+  const order = (/** @type {string[]} */ lines, /** @type {string} */ expect) => {
+    last.current = last.current.then(async () => {
+      const answer = await live("command", { lines });
+      setError(answer.error);
+      if (!answer.error) setSaid(expect);
+    });
+  };
+  const button = (/** @type {string} */ text, /** @type {string[]} */ lines, /** @type {string} */ expect) =>
+    html`<button title=${expect} onClick=${() => order(lines, `${text}: ${expect}`)}>${text}</button>`;
+  const stops = [...new Set(names.inputs.filter((i) => i.watched).map((i) => i.subdevice))];
+  const away = view.subdevices.find((s) => s.name === sub)?.al === "none";
+  return html`<section class="buttons" aria-label="Do something to the emulated bus">
+    <h2>Do something to it</h2>
+    <p class="expect" role="status">${said || "Each button says what to expect. Nothing here reaches a real bus."}</p>
+    ${error && html`<p class="error" role="alert">${error}</p>`}
+    ${stops.map((name) => {
+      const inputs = names.inputs.filter((i) => i.watched && i.subdevice === name);
+      const all = (/** @type {number} */ value) => inputs.map((i) => `set ${i.name} ${value}`);
+      return html`<div class="row" key=${name}>
+        ${button(`Press the e-stop at ${name}`, all(0), "its safe inputs go to 0, the logic takes the outputs off. The connection stays in Data: nothing is wrong with it.")}
+        ${button(`Release the e-stop at ${name}`, all(1), "the safe inputs are 1 again; the outputs stay off until reset is pressed.")}
+      </div>`;
+    })}
+    <div class="row"><${Reset} order=${order} /></div>
+    <div class="row">
+      <label>SubDevice <select value=${sub} onChange=${(/** @type {any} */ e) => setSub(e.target.value)}>
+        ${names.subdevices.map((s) => html`<option value=${s.name}>${s.name}</option>`)}
+      </select></label>
+      ${away
+        ? button("Put it back", [`heal ${sub}`], "it answers again; its connections start anew, through Session, Connection and Parameter to Data.")
+        : button("Pull it", [`break ${sub}`], "it is gone: the FSoE watchdog of its connections expires, they are reset, outputs go off.")}
+      ${button("Break the cable behind it", behind(names, sub).map((n) => `break ${n}`), "all SubDevices behind it are gone at once.")}
+      ${button("Mend the cable", behind(names, sub).map((n) => `heal ${n}`), "they answer again; connections start anew.")}
+      ${names.subdevices.find((s) => s.name === sub)?.powered &&
+      button("Power cycle", [`power-cycle ${sub}`], "its FSoE ends start anew; the other end finds a wrong answer, and resets.")}
+    </div>
+    <div class="row">
+      <label>Connection <select value=${connection} onChange=${(/** @type {any} */ e) => setConnection(e.target.value)}>
+        ${names.connections.map((name) => html`<option value=${name}>${name}</option>`)}
+      </select></label>
+      ${button("Local reset", [`local-reset ${connection}`], "its MainInstance resets it, for a local reason; it comes back to Data by itself.")}
+    </div>
+    ${names.groups.map((group) => html`<div class="row" key=${group}>
+      ${button(`Plug ${group} in`, [`plug ${group}`], "its SubDevices come, and their connections start.")}
+      ${button(`Pull ${group}`, [`pull ${group}`], "it leaves by design: its connections are absent, the others stay in Data.")}
+    </div>`)}
+    <details>
+      <summary>Safe inputs one by one, and any command</summary>
+      ${names.inputs.map((i) => html`<div class="row" key=${i.name}>
+        <code>${i.name}</code> ${i.label}
+        ${button("0", [`set ${i.name} 0`], `${i.name} is 0.`)}
+        ${button(String(i.most), [`set ${i.name} ${i.most}`], `${i.name} is ${i.most}.`)}
+      </div>`)}
+      <form class="row" onSubmit=${(/** @type {Event} */ event) => {
+        event.preventDefault();
+        order([line], `done: ${line}`);
+      }}>
+        <label>A command as <code>fsoe-net emulate</code> takes it
+          <input value=${line} onInput=${(/** @type {any} */ e) => setLine(e.target.value)} /></label>
+        <button>Do it</button>
+      </form>
+    </details>
+  </section>`;
+}
+
+/** All SubDevices of its bus that come after one. @param {LiveNames} names @param {string} name */
+function behind(names, name) {
+  const at = names.subdevices.findIndex((s) => s.name === name);
+  const bus = names.subdevices[at]?.bus;
+  return names.subdevices.slice(at + 1).filter((s) => s.bus === bus).map((s) => s.name);
+}
+
+/** Reset as a button is: pressed as long as it is held. @param {{ order: (lines: string[], expect: string) => void }} props */
+function Reset({ order }) {
+  const held = useRef(false);
+  const press = () => {
+    if (held.current) return;
+    held.current = true;
+    order(["press"], "Reset is pressed: outputs come on where every safe input is good. One that is held before that does not count.");
+  };
+  const release = () => {
+    if (!held.current) return;
+    held.current = false;
+    order(["release"], "Reset was pressed and released: outputs are on where every safe input was good.");
+  };
+  const isKey = (/** @type {KeyboardEvent} */ event) => event.key === "Enter" || event.key === " ";
+  return html`<button class="reset" onPointerDown=${press} onPointerUp=${release} onPointerLeave=${release}
+    onPointerCancel=${release} onBlur=${release}
+    onKeyDown=${(/** @type {KeyboardEvent} */ event) => isKey(event) && press()}
+    onKeyUp=${(/** @type {KeyboardEvent} */ event) => isKey(event) && release()}>Reset (hold it as long as you like)</button>`;
+}

@@ -1,0 +1,137 @@
+// What the page has kept of a source: events, states over time, Resets, values of signals.
+
+/** @typedef {import("./types").LiveView} LiveView */
+/** @typedef {import("./types").LiveEvent} LiveEvent */
+/** @typedef {import("./types").Picture} Picture */
+
+const KEPT_EVENTS = 50_000;
+const SCOPE_MS = 10_000;
+
+/** States from the lowest on, as the height of a strip shows them. */
+export const LEVELS = [
+  "Silent",
+  "Unknown",
+  "Reset",
+  "Session",
+  "Connection",
+  "Parameter",
+  "Data",
+  "Data · FailSafeData",
+  "Data · ProcessData",
+];
+
+/**
+ * A connection over time: when it came into which state, and its Resets.
+ * @typedef {{ wire: [number, string][], ends: [number, string][], marks: LiveEvent[],
+ *   main: string, sub: string }} Strip
+ */
+
+export class Past {
+  /** @type {LiveView | null} */
+  view = null;
+  run = "";
+  /** Number of the first event that is kept. */
+  first = 0;
+  left_out = 0;
+  /** @type {LiveEvent[]} */
+  events = [];
+  /** @type {Map<string, Strip>} */
+  strips = new Map();
+  choice = -1;
+  /** @type {string[]} */
+  signals = [];
+  fault = "";
+  skipped = 0;
+  /** @type {(number | null)[][]} */
+  rows = [];
+  /** Number of the first row that is not known yet. */
+  nextRow = 0;
+
+  get nextEvent() {
+    return this.first + this.events.length;
+  }
+
+  /** @param {Picture} picture */
+  take(picture) {
+    const { events, first, left_out, scope, ...view } = picture;
+    if (view.run !== this.run || view.source !== this.view?.source) {
+      Object.assign(this, new Past(), { run: view.run });
+    }
+    this.view = view;
+    this.left_out = Math.max(left_out, this.left_out);
+    if (first > this.nextEvent) {
+      this.first = first;
+      this.events = [];
+    }
+    for (const event of events.slice(Math.max(0, this.nextEvent - first))) {
+      this.events.push(event);
+      this.note(event);
+    }
+    if (this.events.length > KEPT_EVENTS + 1000) {
+      const gone = this.events.length - KEPT_EVENTS;
+      this.events.splice(0, gone);
+      this.first += gone;
+      this.left_out += gone;
+    }
+    if (scope) this.takeScope(scope);
+  }
+
+  /** @param {import("./types").ScopePart} scope */
+  takeScope(scope) {
+    if (scope.choice !== this.choice) {
+      this.rows = [];
+      this.nextRow = 0;
+      this.choice = scope.choice;
+    }
+    this.signals = scope.signals;
+    this.fault = scope.fault;
+    this.skipped = scope.skipped;
+    const news = scope.rows.slice(Math.max(0, this.nextRow - scope.first));
+    this.nextRow = Math.max(this.nextRow, scope.first + scope.rows.length);
+    if (!news.length) return;
+    // A paused page draws the rows that it had: what is kept is another list.
+    const oldest = Number(news[news.length - 1][0]) - SCOPE_MS;
+    const begin = this.rows.findIndex((row) => Number(row[0]) >= oldest);
+    this.rows = (begin < 0 ? [] : this.rows.slice(begin)).concat(news);
+  }
+
+  /** @param {LiveEvent} event */
+  note(event) {
+    if (!event.kind) return;
+    let strip = this.strips.get(event.source);
+    if (!strip) {
+      strip = { wire: [], ends: [], marks: [], main: "", sub: "" };
+      this.strips.set(event.source, strip);
+    }
+    if (event.kind === "reset") {
+      strip.marks.push(event);
+      strip.wire.push([event.time_ms, "Reset"]);
+      return;
+    }
+    const state = event.text.slice(event.text.indexOf(": ") + 2);
+    if (event.kind === "wire") return void strip.wire.push([event.time_ms, state]);
+    strip[event.kind] = state;
+    const behind = LEVELS.indexOf(strip.main) < LEVELS.indexOf(strip.sub) ? strip.main : strip.sub;
+    strip.ends.push([event.time_ms, behind || "Silent"]);
+  }
+}
+
+/**
+ * The last of some times that is not later than a moment; -1: all are later.
+ * @template T
+ * @param {T[]} rows
+ * @param {number} at
+ * @param {(row: T) => number} time
+ */
+export function lastBefore(rows, at, time) {
+  let [low, high] = [0, rows.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (time(rows[middle]) <= at) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}
+
+/** @param {number} ms */
+export const clock = (ms) => `${(ms / 1000).toFixed(3)} s`;

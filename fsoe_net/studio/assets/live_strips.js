@@ -1,0 +1,160 @@
+// Each connection as a strip of its states over time, with a mark for every Reset.
+import { useLayoutEffect, useRef } from "./vendor/hooks.js";
+import { colour } from "./colours.js";
+import { html } from "./html.js";
+import { LEVELS, clock, lastBefore } from "./live_past.js";
+
+/** @typedef {import("./types").LiveConnection} LiveConnection */
+/** @typedef {import("./live_past.js").Past} Past */
+/** @typedef {import("./live_past.js").Strip} Strip */
+
+const HEIGHT = 30;
+const TOP = 9; // above the states: the marks
+
+/** @param {LiveConnection} c @returns {[string, string]} */
+function markOf(c) {
+  if (c.absent) return ["–", "dim"];
+  if (c.process) return ["✔", "good"];
+  return c.in_data ? ["◐", "warning"] : ["✖", "error"];
+}
+
+/**
+ * @param {{ past: Past, from: number, to: number, chosen: string, choose: (name: string) => void }} props
+ */
+export function Strips({ past, from, to, chosen, choose }) {
+  const list = useRef(/** @type {HTMLElement | null} */ (null));
+  const connections = past.view?.connections ?? [];
+  useLayoutEffect(() => void (list.current && draw(list.current, past, from, to)));
+  const there = connections.filter((c) => !c.absent);
+  const up = there.filter((c) => c.in_data).length;
+  return html`<section class="strips" aria-label="Connections over time">
+    <h2>Connections</h2>
+    <p role="status">
+      ${there.length ? `${up === there.length ? "✔" : "✖"} ${up} of ${there.length} in Data` : "None are known yet."}
+    </p>
+    <ol ref=${list}>
+      ${connections.map((c) => {
+        const [shape, colour] = markOf(c);
+        return html`<li key=${c.name} class=${chosen === c.name ? "chosen" : ""}>
+          <button class="name" aria-pressed=${chosen === c.name}
+            onClick=${() => choose(chosen === c.name ? "" : c.name)}>${c.name}</button>
+          <span class="state ${colour}">${shape} ${c.absent ? "absent, as it may be" : c.state}</span>
+          <canvas role="img" aria-label=${`States of ${c.name} from ${clock(from)} to ${clock(to)}`}></canvas>
+          <small class="figures">${figures(c)}</small>
+          ${c.cause && html`<small class="cause">last Reset: ${c.cause}</small>`}
+          ${c.differences.map((text) => html`<small class="cause warning">▲ observed: ${text}</small>`)}
+        </li>`;
+      })}
+    </ol>
+    <p class="help">
+      From low to high: ${LEVELS.filter((l) => l !== "Data").map((l) => l.replace("Data · ", "")).join(", ")}.
+      ▼ is a Reset; press a connection to see its events with the causes.
+    </p>
+  </section>`;
+}
+
+/** @param {LiveConnection} c */
+function figures(c) {
+  const share = c.share === null || c.watchdog_ms === null ? "" : ` = ${(100 * c.share).toFixed(0)} % of ${c.watchdog_ms} ms`;
+  const rest = [[c.wrong, "with wrong CRC"], [c.gaps, "gaps"], [c.held, "cycles held"]]
+    .filter(([count]) => count)
+    .map(([count, what]) => `, ${count} ${what}`);
+  const id = c.connection_id === null ? "" : `ConnID ${c.connection_id} · `;
+  return `${id}FSoE cycle ${c.last_ms.toFixed(1)} ms, longest ${c.max_ms.toFixed(1)}${share} · ${c.resets} ${c.resets === 1 ? "Reset" : "Resets"}${rest.join("")}`;
+}
+
+/** @param {HTMLElement} list @param {Past} past @param {number} from @param {number} to */
+function draw(list, past, from, to) {
+  const canvases = list.querySelectorAll("canvas");
+  if (!canvases.length) return;
+  const [width, ratio] = [canvases[0].clientWidth, devicePixelRatio];
+  const colours = {
+    edge: colour("edge"), ink: colour("ink"), error: colour("error"), paper: colour("paper"),
+    low: colour("strip-low"), mid: colour("strip-mid"), failsafe: colour("strip-failsafe"), process: colour("strip-process"),
+  };
+  past.view?.connections.forEach((c, number) => {
+    const canvas = canvases[number];
+    if (canvas.width !== Math.round(width * ratio)) {
+      canvas.width = Math.round(width * ratio);
+      canvas.height = Math.round(HEIGHT * ratio);
+    }
+    const pen = canvas.getContext("2d");
+    if (!pen) return;
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, HEIGHT);
+    const strip = past.strips.get(c.name);
+    if (strip) drawStrip(pen, strip, width, from, Math.max(to, from + 1), past.view?.now_ms ?? to, colours);
+  });
+}
+
+/**
+ * @param {CanvasRenderingContext2D} pen
+ * @param {Strip} strip
+ * @param {number} width
+ * @param {number} from
+ * @param {number} to
+ * @param {number} now
+ * @param {Record<string, string>} colours
+ */
+function drawStrip(pen, strip, width, from, to, now, colours) {
+  const states = strip.wire.length ? strip.wire : strip.ends;
+  const at = (/** @type {number} */ time) => ((time - from) / (to - from)) * width;
+  const floor = HEIGHT - 2;
+  pen.font = "11px system-ui, sans-serif";
+  pen.textBaseline = "middle";
+  for (let n = Math.max(0, lastBefore(states, from, (row) => row[0])); n < states.length && states[n][0] < to; n++) {
+    const [begin, state] = states[n];
+    const left = Math.max(0, at(begin));
+    const right = Math.min(width, at(n + 1 < states.length ? states[n + 1][0] : now));
+    const level = Math.max(0, LEVELS.indexOf(state));
+    const high = 2 + ((floor - TOP - 2) * level) / (LEVELS.length - 1);
+    const process = state === "Data · ProcessData" || state === "Data";
+    pen.fillStyle = process ? colours.process : level > 6 ? colours.failsafe : level > 2 ? colours.mid : colours.low;
+    pen.fillRect(left, floor - high, Math.max(1, right - left), high);
+    if (state === "Data · FailSafeData") hatch(pen, left, right, floor, high, colours.paper);
+    const word = state.replace("Data · ", "");
+    if (level > 6 && right - left > pen.measureText(word).width + 8) {
+      pen.fillStyle = colours.paper;
+      if (state === "Data · FailSafeData") label(pen, word, left + 4, floor - high / 2, colours);
+      else pen.fillText(word, left + 4, floor - high / 2);
+    }
+  }
+  pen.fillStyle = colours.edge;
+  pen.fillRect(0, floor, width, 1);
+  pen.fillStyle = colours.error;
+  for (let n = lastBefore(strip.marks, to, (m) => m.time_ms); n >= 0 && strip.marks[n].time_ms >= from; n--) {
+    const x = at(strip.marks[n].time_ms);
+    pen.beginPath();
+    pen.moveTo(x - 4, 0);
+    pen.lineTo(x + 4, 0);
+    pen.lineTo(x, TOP - 2);
+    pen.fill();
+    pen.fillRect(x - 0.5, TOP - 2, 1, floor - TOP + 2);
+  }
+}
+
+/** A word that can be read on stripes. @param {any} pen @param {string} word @param {number} x @param {number} y @param {Record<string, string>} colours */
+function label(pen, word, x, y, colours) {
+  const wide = pen.measureText(word).width;
+  pen.fillStyle = colours.paper;
+  pen.fillRect(x - 2, y - 7, wide + 4, 14);
+  pen.fillStyle = colours.ink;
+  pen.fillText(word, x, y);
+}
+
+/** @param {CanvasRenderingContext2D} pen @param {number} left @param {number} right @param {number} floor @param {number} high @param {string} colour */
+function hatch(pen, left, right, floor, high, colour) {
+  pen.save();
+  pen.beginPath();
+  pen.rect(left, floor - high, right - left, high);
+  pen.clip();
+  pen.strokeStyle = colour;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  for (let x = left - (left % 8) - 24; x < right; x += 8) {
+    pen.moveTo(x, floor);
+    pen.lineTo(x + high, floor - high);
+  }
+  pen.stroke();
+  pen.restore();
+}

@@ -1,0 +1,211 @@
+"""The live page's requests: of a running bus, of an emulated run, of a recorded one."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable
+from typing import TypeGuard
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from fsoe_net.errors import FsnError, InputError
+from fsoe_net.project.check import whole_network
+from fsoe_net.studio.live_emulated import EmulatedFeed
+from fsoe_net.studio.live_feed import PICTURE_S, LiveFeed, printed
+from fsoe_net.studio.live_master import MasterFeed
+from fsoe_net.studio.live_rows import Row, recorded_view
+from fsoe_net.studio.workspace import Workspace
+
+__all__ = ["Live"]
+
+_SILENCE_S = 1.0  # after which a stream says that it is there
+_MOST_LINES = 100
+
+Body = dict[str, object]
+
+
+class Live:
+    """The sources of the live page and their routes.
+
+    Args:
+        workspace: The network that can be run.
+        socket: Control socket of a running ``fsn-master``, or ``None``.
+        ended: Whether the server ends.
+    """
+
+    def __init__(self, workspace: Workspace, socket: str | None, ended: Callable[[], bool]) -> None:
+        self._workspace = workspace
+        self._ended = ended
+        self._starting = asyncio.Lock()
+        self._master = None if socket is None else MasterFeed(socket)
+        self._emulated: EmulatedFeed | None = None
+        self._acts: dict[str, Callable[[Body], Row]] = {
+            "start": self._start,
+            "end": self._end,
+            "command": self._command,
+            "scope": self._scope,
+            "open": _open,
+        }
+        self.routes = [
+            Route("/api/live", self._sources),
+            Route("/api/live/stream", self._stream),
+            Route("/api/live/signals", self._signals),
+            Route("/api/live/document", self._document),
+            Route("/api/live/{act}", self._act, methods=["POST"]),
+        ]
+
+    def open(self) -> None:
+        """Begin to follow ``fsn-master``."""
+        if self._master is not None:
+            self._master.start()
+
+    def close(self) -> None:
+        """End everything that was begun; ``fsn-master`` goes on."""
+        for feed in (self._emulated, self._master):
+            if feed is not None:
+                feed.close()
+
+    async def _sources(self, _: Request) -> Response:
+        emulated = self._emulated
+        return JSONResponse(
+            {
+                "error": "",
+                "master": None if self._master is None else printed(self._master.path),
+                "run": None if emulated is None else emulated.run,
+                "names": None if emulated is None else printed(emulated.names()),
+            }
+        )
+
+    def _feed(self, source: object) -> LiveFeed:
+        found = {"master": self._master, "emulated": self._emulated}.get(str(source))
+        if found is None:
+            raise InputError("nothing is live there: start a run, or name a bus with --socket")
+        return found
+
+    async def _stream(self, request: Request) -> Response:
+        """Send pictures of a source, each with what the page lacks, until the page goes."""
+        try:
+            feed = self._feed(request.query_params.get("source"))
+        except FsnError as exc:
+            return _refused(exc)
+        since = request.query_params.get("since", "")
+        known = int(since) if since.isascii() and since.isdigit() and len(since) < 16 else 0
+        run = request.query_params.get("run")
+        return StreamingResponse(
+            self._pictures(feed, known if run == feed.run else 0), media_type="text/event-stream"
+        )
+
+    async def _pictures(self, feed: LiveFeed, event: int) -> AsyncIterator[str]:
+        picture, choice, row, silent_s = 0, -1, 0, 0.0
+        with feed.listening():
+            # Where another run has taken its place, the page asks again.
+            while not self._ended() and feed in (self._master, self._emulated):
+                if feed.picture != picture:
+                    picture, silent_s = feed.picture, 0.0
+                    message, event, choice, row = await run_in_threadpool(
+                        feed.message, event, choice, row
+                    )
+                    yield f"data: {json.dumps(message, separators=(',', ':'))}\n\n"
+                elif silent_s >= _SILENCE_S:
+                    silent_s = 0.0
+                    yield ": still there\n\n"
+                await asyncio.sleep(PICTURE_S / 2)
+                silent_s += PICTURE_S / 2
+
+    async def _signals(self, request: Request) -> Response:
+        try:
+            feed = self._feed(request.query_params.get("source"))
+            rows = await run_in_threadpool(feed.signals)
+        except FsnError as exc:
+            return _refused(exc)
+        return JSONResponse({"error": "", "signals": printed(rows)})
+
+    async def _document(self, request: Request) -> Response:
+        try:
+            feed = self._feed(request.query_params.get("source"))
+            document = await run_in_threadpool(feed.document)
+        except FsnError as exc:
+            return _refused(exc)
+        return Response(
+            json.dumps(document, indent=2, ensure_ascii=False) + "\n",
+            media_type="application/json",
+            headers={"content-disposition": f'attachment; filename="{feed.source}-run.json"'},
+        )
+
+    async def _act(self, request: Request) -> Response:
+        act = self._acts.get(request.path_params["act"])
+        if act is None:
+            return JSONResponse({"error": "there is no such request"}, 404)
+        try:
+            body = await request.json()
+        except (ValueError, UnicodeDecodeError, RecursionError):
+            return JSONResponse({"error": "the request is no JSON"}, 400)
+        if not isinstance(body, dict):
+            return JSONResponse({"error": "the request is no JSON object"}, 400)
+        try:
+            async with self._starting:  # one after the other: presses come in order
+                answer = await run_in_threadpool(act, body)
+        except FsnError as exc:
+            return _refused(exc)
+        return JSONResponse({"error": "", **answer})
+
+    # -- what a page can ask for -------------------------------------------------------------------
+
+    def _start(self, _: Body) -> Row:
+        version, checked = self._workspace.version, self._workspace.checked
+        feed = EmulatedFeed(whole_network(checked, "nothing started"), version)
+        if self._emulated is not None:
+            self._emulated.close()
+        self._emulated = feed
+        feed.start()
+        return {"run": feed.run, "names": printed(feed.names())}
+
+    def _end(self, _: Body) -> Row:
+        if self._emulated is not None:
+            self._emulated.close()
+        return {}
+
+    def _command(self, body: Body) -> Row:
+        lines = body.get("lines")
+        if not _are_texts(lines) or not 0 < len(lines) <= _MOST_LINES:
+            raise InputError(f"lines are 1 to {_MOST_LINES} commands")
+        if self._emulated is None:
+            raise InputError("no run has been started")
+        self._emulated.command(lines)
+        return {}
+
+    def _scope(self, body: Body) -> Row:
+        names = body.get("signals")
+        if not _are_texts(names):
+            raise InputError("signals is a list of names")
+        self._feed(body.get("source")).choose(names)
+        return {}
+
+
+def _are_texts(value: object) -> TypeGuard[list[str]]:
+    return isinstance(value, list) and all(isinstance(row, str) for row in value)
+
+
+def _open(body: Body) -> Row:
+    """Return the view of a recorded run whose text the page has read."""
+    text = body.get("text")
+    if not isinstance(text, str):
+        raise InputError("text is missing")
+    try:
+        document = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError) as exc:
+        raise InputError(f"this is no JSON: {exc}") from exc
+    view = {"run": "", "source": "file", **recorded_view(document), "scope": None}
+    return {"view": printed(view)}
+
+
+def _no_number(word: str) -> object:
+    raise ValueError(f"{word} is no number of JSON")
+
+
+def _refused(exc: FsnError) -> Response:
+    return JSONResponse({"error": printed(str(exc))}, 422)

@@ -1,0 +1,340 @@
+"""The live page on an emulated run that it has started: what people learn FSoE with."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+import queue
+import struct
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import TypeVar
+
+from fsoe_net import __version__
+from fsoe_net.emul.bus import EmulatedDevices
+from fsoe_net.emul.device import Port
+from fsoe_net.errors import FsnError, InputError
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot, read_subdevice
+from fsoe_net.observe.json_object import ReplyObject
+from fsoe_net.plan.model import PlanSymbol
+from fsoe_net.project.simulate import prepare
+from fsoe_net.run.commands import CommandError
+from fsoe_net.run.emulated_documents import subdevices_json
+from fsoe_net.run.result import is_data, state_text
+from fsoe_net.run.session import Session
+from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
+from fsoe_net.studio.live_rows import Row, connection_row, statistics_row, subdevice_row
+
+__all__ = ["FORGOTTEN_S", "EmulatedFeed"]
+
+FORGOTTEN_S = 600.0
+"""An emulated run ends when no page has listened for so long."""
+
+_BEHIND_NS = 100_000_000  # what is lost beyond is not made up for
+_REPLY_S = 30.0
+_SIGNED, _REAL = 2, 4  # kinds of a `PlanSymbol`
+
+_T = TypeVar("_T")
+_Order = tuple[Callable[[int], object], "Future[object]"]
+
+
+class EmulatedFeed(LiveFeed):
+    """A network on the emulated bus, in pace with the clock as far as this machine can.
+
+    Args:
+        resolution: The network.
+        version: Of the text that it is of.
+
+    Raises:
+        InputError: Nothing to run.
+        CoreMissing: The compiled part is not there.
+    """
+
+    def __init__(self, resolution: Resolution, version: int) -> None:
+        super().__init__("emulated")
+        self._session = prepare(resolution, None, None, virtual=False)
+        self._version = version
+        self._orders: queue.SimpleQueue[_Order] = queue.SimpleQueue()
+        self._door = threading.Lock()  # of the orders: open while the thread serves them
+        self._over = False
+        self._now_ns = 0
+        self._pace = _Pace()
+        self._fault = ""
+        self._reads = _readers(self._session)
+        self.scope = ScopeRing(_first_signals(self._session), 1)
+        self._look(ended=False)
+
+    def names(self) -> Row:
+        """Return what the buttons of the page name, in the words of the commands."""
+        session = self._session
+        names, network = session.names(), session.network
+        watched = {name for d in network.masters for _, name in d.logic_inputs}
+        buses = {s.name: s.master_id for s in session.resolution.network.subdevices}
+        ports = network.safe_inputs
+        return {
+            "inputs": [
+                {
+                    "name": name,
+                    "label": ports[name].sends[name].label,
+                    "subdevice": ports[name].setup.connection.sub.name,
+                    "most": most,
+                    "watched": name in watched,
+                }
+                for name, (_, most) in names.safe_inputs.items()
+                if name not in ports[name].mirrored
+            ],
+            "subdevices": [
+                {"name": s.name, "bus": buses.get(s.name, 0), "powered": s.name in names.devices}
+                for s in session.records.subdevices
+            ],
+            "connections": [c.name for c in session.records.connections],
+            "groups": [g.name for g in session.records.groups],
+        }
+
+    def signals(self) -> list[Row]:
+        """Return safe inputs and outputs as the devices have them, and the named process data."""
+        network = self._session.network
+        rows: list[Row] = []
+        for name in self._reads:
+            port = network.safe_inputs.get(name) or network.safe_outputs.get(name)
+            if port is None:
+                rows.append({"name": name, "label": "", "kind": "process data"})
+                continue
+            kind = "safe input" if name in network.safe_inputs else "safe output"
+            signal = port.sends.get(name) or port.receives[name]
+            rows.append({"name": name, "label": signal.label, "kind": kind})
+        return rows
+
+    def command(self, lines: Sequence[str]) -> None:
+        """Do what lines say, one in each cycle: as lines of `fsoe-net emulate` do.
+
+        Raises:
+            InputError: A line is no command, does not fit, or the run has ended.
+        """
+        for number, line in enumerate(lines, 1):
+            if self._over:
+                raise InputError("the run has ended; start another one")
+
+            def obey(now_ns: int, line: str = line, number: int = number) -> None:
+                self._session.do_command(line, number, now_ns)
+
+            try:
+                self._ask(obey)
+            except CommandError as exc:
+                raise InputError(str(exc)) from exc
+
+    def document(self) -> Row:
+        """Return what `fsoe-net run --format json` writes."""
+
+        def made(now_ns: int) -> Row:
+            self._collect()
+            run = self._session.result("live", now_ns)
+            events, gone = self.history.kept()
+            whole = dataclasses.replace(
+                run,
+                events=events,
+                events_lost=run.events_lost + gone,
+                subdevices=tuple(self._subdevices()),
+            )
+            return whole.to_json(__version__)
+
+        return self._ask(made)
+
+    def _ask(self, work: Callable[[int], _T]) -> _T:
+        """Do something between two cycles."""
+        with self._door:
+            if self._over or not self._thread.is_alive():
+                return work(self._now_ns)
+            answer: Future[object] = Future()
+            self._orders.put((work, answer))
+        return answer.result(_REPLY_S)  # type: ignore[return-value]
+
+    def _obey(self) -> None:
+        """Serve one order."""
+        try:
+            work, answer = self._orders.get_nowait()
+        except queue.Empty:
+            return
+        try:
+            answer.set_result(work(self._now_ns))
+        except Exception as exc:  # raised again where it was asked for
+            answer.set_exception(exc)
+
+    def _run(self) -> None:
+        try:
+            self._cycles()
+        except FsnError as exc:
+            self._fault = str(exc)
+        finally:
+            with self._door:
+                self._over = True
+                while not self._orders.empty():
+                    self._obey()
+                self._ending.set()
+                self._look(ended=True)
+
+    def _cycles(self) -> None:
+        session, cycle_ns = self._session, self._session.cycle_ns
+        due = heard = time.monotonic()
+        while not self.closed:
+            self._pace.keep(self._now_ns, self._ending)
+            self._now_ns += cycle_ns
+            self._obey()
+            session.core.cycle(self._now_ns)
+            session.step_devices(self._now_ns)
+            self._on_the_wire()
+            ring = self.scope
+            if ring.names:
+                image = session.core.image()
+                values = [self._reads[name](image) for name in ring.names]
+                ring.add(round(self._now_ns / 1e6, 3), values)
+            now = time.monotonic()
+            if now < due and not self._wake.is_set():
+                continue
+            self._wake.clear()
+            heard = now if self.listeners else heard
+            due = now + (PICTURE_S if self.listeners else ALONE_S)
+            self._look(ended=False)
+            if now - heard > FORGOTTEN_S:
+                session.engine.log(self._now_ns, "run", "ended: no page has listened for long")
+                return
+
+    def _on_the_wire(self) -> None:
+        """Note each state that the copied frames show, as a live bus reports it."""
+        session = self._session
+        for event in session.core.events():
+            if not event.by and event.before is not event.after:
+                name = session.plan.connection_names[event.connection]
+                word = state_text(event.after.word)
+                session.engine.log(event.now_ns, name, f"wire: {word}")
+
+    def _collect(self) -> None:
+        """Move the events of the engine to the history, which keeps the newest."""
+        engine = self._session.engine
+        self.history.add(engine.events)
+        engine.events.clear()
+
+    def _look(self, *, ended: bool) -> None:
+        session = self._session
+        self._collect()
+        snapshot = session.core.snapshot()
+        results = session.connections(snapshot)
+        self._publish(
+            {
+                "title": session.resolution.network.name,
+                "state": "ended" if ended else "running",
+                "away": self._fault,
+                "current": not ended,
+                "good": all(is_data(c.state) or {c.main, c.sub} & session.away for c in results),
+                "ended": ended,
+                "now_ms": self._now_ns / 1e6,
+                "pace": self._pace.share(self._now_ns),
+                "version": self._version,
+                "notes": [
+                    f"outputs of {d.name}: {'on' if d.logic.on else 'off'}"
+                    for d in session.network.masters
+                ],
+                "connections": [
+                    connection_row(
+                        c,
+                        cause=c.last_reset_text,
+                        share=c.fsoe_cycle_ms["max"] / c.watchdog_ms if c.watchdog_ms else None,
+                        held=0,
+                        absent=bool({c.main, c.sub} & session.away),
+                    )
+                    for c in results
+                ],
+                "subdevices": [subdevice_row(s) for s in self._subdevices()],
+                "statistics": statistics_row(snapshot.statistics.to_json()),
+            }
+        )
+
+    def _subdevices(self) -> list[SubDeviceSnapshot]:
+        session = self._session
+        rows = subdevices_json(session.core, session.records, session.absent, session.returns)
+        return [read_subdevice(ReplyObject(row)) for row in rows]
+
+
+class _Pace:
+    """Simulated time beside the clock."""
+
+    def __init__(self) -> None:
+        self._begun_ns = time.monotonic_ns()
+        self._marks: list[tuple[int, int]] = []
+
+    def keep(self, now_ns: int, end: threading.Event) -> None:
+        """Wait until the clock has come to a simulated time; lost time is not made up for."""
+        clock_ns = time.monotonic_ns() - self._begun_ns
+        if now_ns > clock_ns:
+            end.wait((now_ns - clock_ns) / 1e9)
+        elif clock_ns - now_ns > _BEHIND_NS:
+            self._begun_ns += clock_ns - now_ns
+
+    def share(self, now_ns: int) -> float | None:
+        """Return how fast simulated time goes beside the clock, over the last second; 1: as fast.
+
+        ``None`` until a second has gone.
+        """
+        clock_ns = time.monotonic_ns()
+        self._marks.append((clock_ns, now_ns))
+        while len(self._marks) > 1 and self._marks[1][0] <= clock_ns - 1_000_000_000:
+            del self._marks[0]
+        begun_ns, from_ns = self._marks[0]
+        past_ns = clock_ns - begun_ns
+        return round((now_ns - from_ns) / past_ns, 3) if past_ns >= 1_000_000_000 else None
+
+
+def _first_signals(session: Session) -> list[str]:
+    """Return what a person looks at first: some inputs of the logic, and what it switches."""
+    devices = session.network.masters
+    inputs = [name for device in devices for _, name in device.logic_inputs]
+    outputs = [name for device in devices for _, name in device.logic_outputs]
+    return [*inputs[:3], *outputs[:3]]
+
+
+def _readers(session: Session) -> dict[str, Callable[[bytes], float | None]]:
+    """Return how each signal is read from the devices, or from a process image."""
+    network = session.network
+    found: dict[str, Callable[[bytes], float | None]] = {}
+    for name, port in network.safe_inputs.items():
+        found[name] = functools.partial(_safe_input, port, name)
+    for name in network.safe_outputs:
+        # What a drive sends back has one name with what it receives; the one received counts.
+        found[name] = functools.partial(_safe_output, network, name)
+    for symbol in session.records.symbols:
+        base = session.core.sm_base(symbol.sm)
+        if base is not None and symbol.bits <= 64:
+            found.setdefault(symbol.name, _reader(symbol, base))
+    return found
+
+
+def _safe_input(port: Port, name: str, _image: bytes) -> int:
+    return port.sends[name].read(port.safe)
+
+
+def _safe_output(network: EmulatedDevices, name: str, _image: bytes) -> int:
+    return network.safe_output(name)
+
+
+def _reader(symbol: PlanSymbol, base: int) -> Callable[[bytes], float | None]:
+    first = base + symbol.bit_offset // 8
+    shift, mask = symbol.bit_offset % 8, (1 << symbol.bits) - 1
+    last = first + (shift + symbol.bits + 7) // 8
+    form = {32: "<f", 64: "<d"}.get(symbol.bits)
+
+    def read(image: bytes) -> float | None:
+        raw = int.from_bytes(image[first:last], "little") >> shift & mask
+        if symbol.kind == _REAL and form is not None:
+            (real,) = struct.unpack(form, raw.to_bytes(symbol.bits // 8, "little"))
+            return float(real) if math.isfinite(real) else None
+        if symbol.kind == _SIGNED and raw >> (symbol.bits - 1):
+            raw -= 1 << symbol.bits
+        if symbol.output:
+            return (raw - symbol.offset) / symbol.factor
+        return symbol.factor * raw + symbol.offset
+
+    return read

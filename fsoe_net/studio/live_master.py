@@ -1,0 +1,198 @@
+"""The live page on a running ``fsn-master``: one more client of it, that only reads."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+from fsoe_net import __version__
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.run.attachment import Attachment, BusView
+from fsoe_net.run.client import Client
+from fsoe_net.run.control_values import Status, Value
+from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
+from fsoe_net.studio.live_rows import Row, connection_row, statistics_row, subdevice_row
+
+__all__ = ["MasterFeed"]
+
+
+class MasterFeed(LiveFeed):
+    """Follows ``fsn-master`` over its stops and restarts, and waits while there is none.
+
+    Args:
+        path: Its control socket.
+    """
+
+    def __init__(self, path: str) -> None:
+        super().__init__("master")
+        self.path = path
+        self._start_ns = time.monotonic_ns()
+        self._last: BusView | None = None
+        self._scope_thread = threading.Thread(target=self._watch, name="scope", daemon=True)
+
+    def start(self) -> None:
+        """Begin to look."""
+        super().start()
+        self._scope_thread.start()
+
+    def close(self) -> None:
+        """End; ``fsn-master`` goes on."""
+        super().close()
+        if self._scope_thread.is_alive():
+            self._scope_thread.join()
+
+    def signals(self) -> list[Row]:
+        """Return the named inputs and outputs.
+
+        Raises:
+            EnvironmentFault: ``fsn-master`` does not answer, or its bus is stopped.
+        """
+        with Client(self.path) as client:
+            return [
+                {"name": s.name, "label": s.interface, "kind": "output" if s.is_output else "input"}
+                for s in client.symbols()
+            ]
+
+    def document(self) -> Row:
+        """Return what `fsoe-net monitor --format json` writes."""
+        events, gone = self.history.kept()
+        view = {} if self._last is None else self._last.to_json()
+        lost = 0 if self._last is None else self._last.events_lost
+        return {
+            "tool": "fsoe-net",
+            "version": __version__,
+            "socket": self.path,
+            **view,
+            "events": [
+                {"time_ms": e.time_ms, "source": e.source, "text": e.text, "code": e.code}
+                for e in events
+            ],
+            "events_lost": lost + gone,
+            "capture": None,
+        }
+
+    def _run(self) -> None:
+        attached: Attachment | None = None
+        while not self.closed:
+            self._wake.clear()
+            if attached is None:
+                attached = self._attach()
+                continue
+            view = attached.look(PICTURE_S if self.listeners else ALONE_S, self._wake)
+            self.history.add(attached.take_events())
+            self._last = view
+            self._publish(_view(self.path, view))
+        if attached is not None:
+            attached.close()
+
+    def _attach(self) -> Attachment | None:
+        try:
+            attached = Attachment(self.path, details=True)
+        except EnvironmentFault as fault:
+            self._publish(_nobody(self.path, str(fault)))
+            self._wake.wait(ALONE_S)
+            return None
+        self._start_ns = attached.start_ns
+        return attached
+
+    # -- the scope has a connection of its own: every cycle of it, whatever the pictures do --------
+
+    def _watch(self) -> None:
+        while not self.closed:
+            ring = self.scope
+            if not ring.names or not self.listeners:
+                self._ending.wait(PICTURE_S)
+                continue
+            try:
+                with Client(self.path) as client:
+                    client.watch_on(*ring.names, every=1, typed=True)
+                    ring.fault = ""
+                    self._take(client, ring)
+            except EnvironmentFault as fault:
+                ring.fault = str(fault)
+                self._ending.wait(ALONE_S)
+
+    def _take(self, client: Client, ring: ScopeRing) -> None:
+        """Take cycles while a page listens and wants these signals."""
+        while ring is self.scope and self.listeners and not self.closed:
+            for cycle in client.watched(PICTURE_S):
+                ring.skipped += cycle.skipped
+                time_ms = (cycle.now_ns - self._start_ns) / 1e6
+                ring.add(round(time_ms, 3), (_plain(cycle.values.get(n)) for n in ring.names))
+
+
+def _plain(value: Value) -> float | None:
+    return int(value) if isinstance(value, bool) else value
+
+
+def _nobody(path: str, fault: str) -> Row:
+    return {
+        "title": path,
+        "state": "away",
+        "away": fault,
+        "current": False,
+        "good": False,
+        "ended": False,
+        "now_ms": 0.0,
+        "pace": None,
+        "version": None,
+        "notes": [],
+        "connections": [],
+        "subdevices": [],
+        "statistics": None,
+    }
+
+
+def _view(path: str, view: BusView) -> Row:
+    snapshot, status = view.snapshot, view.status
+    subdevices = () if snapshot is None else snapshot.subdevices
+    absent = {s.name for s in subdevices if s.is_absent}
+    statistics = None if snapshot is None else statistics_row(snapshot.cycle.statistics.to_json())
+    return {
+        "title": path if status is None else _title(status) or path,
+        "state": "away" if view.away or status is None else status.state.value,
+        "away": view.away,
+        "current": view.current,
+        "good": view.good,
+        "ended": False,
+        "now_ms": round(view.now_s * 1000, 1),
+        "pace": None,
+        "version": None,
+        "notes": [] if status is None else list(_notes(status)),
+        "connections": [
+            connection_row(
+                c.result,
+                cause=c.cause,
+                share=c.watchdog_share,
+                held=c.held_main + c.held_sub,
+                absent=bool({c.result.main, c.result.sub} & absent),
+            )
+            for c in view.connections
+        ],
+        "subdevices": [subdevice_row(s) for s in subdevices],
+        "statistics": statistics,
+    }
+
+
+def _title(status: Status) -> str:
+    where = ", ".join(b.interface for b in status.buses if b.interface) or status.interface
+    return f"{status.backend} on {where}" if where else f"{status.backend} bus"
+
+
+def _notes(status: Status) -> Iterator[str]:
+    """Yield what is said beside the tables, a line each."""
+    if status.fault:
+        yield f"the bus did not open: {status.fault}"
+    if status.ring is not None:
+        yield f"ring {status.ring.state}" + (f": {status.ring.place}" * bool(status.ring.place))
+    if status.clocks is not None:
+        yield f"distributed clocks {status.clocks.state}" + (
+            f": {status.clocks.place}" * bool(status.clocks.place)
+        )
+    for bus in status.buses:
+        yield f"bus {bus.name}: working counter {bus.actual_wkc} of {bus.expected_wkc}"
+    for group in status.groups:
+        yield f"group {group.name}: {group.state}" + (f", {group.detail}" * bool(group.detail))
+    for client in status.in_cycle:
+        yield client.text

@@ -1,0 +1,214 @@
+"""Rows of the live page, of a running bus, an emulated run and a recorded one; see types.d.ts."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from fsoe_net.errors import InputError
+from fsoe_net.fsoe.parameters import FsoeParameters
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot
+from fsoe_net.run.result import ConnectionResult, RunEvent, is_data, state_text
+
+__all__ = [
+    "Row",
+    "connection_row",
+    "event_row",
+    "recorded_view",
+    "statistics_row",
+    "subdevice_row",
+]
+
+Row = dict[str, object]
+
+_STATE = re.compile(r"(MainInstance|SubInstance|wire): [A-Z][A-Za-z· ]*\Z")
+_KINDS = {"MainInstance": "main", "SubInstance": "sub", "wire": "wire"}
+_COUNTERS = (
+    "cycles",
+    "overruns",
+    "wkc_errors",
+    "expected_wkc",
+    "actual_wkc",
+    "lost_frames",
+    "realtime",
+)
+_HISTOGRAMS = ("period", "latency", "work", "round_trip")
+_MOST_EVENTS = 100_000
+
+
+def event_row(event: RunEvent) -> Row:
+    """Return an event; ``kind`` says whether it is a Reset, or a state of an end or of the wire."""
+    state = _STATE.match(event.text)
+    kind = _KINDS[state[1]] if state else ""
+    if event.code is not None and " resets: " in event.text:
+        kind = "reset"
+    return {
+        "time_ms": round(event.time_ms, 3),
+        "source": event.source,
+        "text": event.text,
+        "kind": kind,
+    }
+
+
+def connection_row(
+    result: ConnectionResult, *, cause: str, share: float | None, held: int, absent: bool
+) -> Row:
+    """Return a connection.
+
+    Args:
+        result: As a run or the wire shows it.
+        cause: Of its last Reset, in words.
+        share: Longest FSoE cycle as a share of the watchdog.
+        held: Cycles in which inputs of its ends held old bytes.
+        absent: Whether an end is of a group that is absent.
+    """
+    return {
+        "name": result.name,
+        "main": result.main,
+        "sub": result.sub,
+        "state": state_text(result.state),
+        "in_data": is_data(result.state),
+        "process": result.state == "data_process",
+        "absent": absent,
+        "connection_id": result.connection_id,
+        "address": result.address,
+        "watchdog_ms": result.watchdog_ms,
+        "last_ms": round(result.fsoe_cycle_ms["last"], 3),
+        "mean_ms": round(result.fsoe_cycle_ms["mean"], 3),
+        "max_ms": round(result.fsoe_cycle_ms["max"], 3),
+        "share": share,
+        "wrong": result.wrong_to_sub + result.wrong_to_main,
+        "gaps": result.gaps,
+        "held": held,
+        "resets": result.resets,
+        "cause": cause,
+        "differences": list(result.differences),
+        "chosen": list(result.chosen),
+    }
+
+
+def subdevice_row(subdevice: SubDeviceSnapshot) -> Row:
+    """Return a SubDevice: AL state, what is found in its place, its links."""
+    links = [
+        {"port": port, "up": bool(up), "lost": lost}
+        for port, (up, lost) in enumerate(
+            zip(subdevice.link, subdevice.link_lost or (0,) * len(subdevice.link), strict=False)
+        )
+    ]
+    return {
+        "name": subdevice.name,
+        "known": subdevice.known,
+        "al": subdevice.al,
+        "al_code": subdevice.al_code,
+        "in_op": subdevice.in_op,
+        "absent": subdevice.is_absent,
+        "detail": subdevice.detail or ("" if subdevice.in_op else subdevice.found),
+        "returns": subdevice.returns,
+        "held": subdevice.stale_cycles,
+        "links": links,
+        "rx_errors": sum(subdevice.rx_errors),
+    }
+
+
+def statistics_row(statistics: Mapping[str, Any]) -> Row:
+    """Return counters and histograms of a bus cycle, from `Statistics.to_json`."""
+    histograms = {
+        name: {
+            "count": h["count"],
+            "mean_ns": h["mean_ns"],
+            "p99_ns": h["p99_ns"],
+            "max_ns": h["max_ns"],
+            "buckets": [[int(floor), int(times)] for floor, times in h["buckets"]],
+        }
+        for name in _HISTOGRAMS
+        if (h := statistics[name])["count"]
+    }
+    return {name: statistics[name] for name in _COUNTERS} | {"histograms": histograms}
+
+
+# -- a recorded run -------------------------------------------------------------------------------
+
+
+def recorded_view(document: object) -> Row:
+    """Return the view of a document of ``fsoe-net run`` or ``monitor --format json``.
+
+    Raises:
+        InputError: It is another document, or damaged.
+    """
+    try:
+        if not isinstance(document, dict) or document["tool"] != "fsoe-net":
+            raise ValueError("it names another tool")
+        return _recorded(document)
+    except (KeyError, TypeError, ValueError, AttributeError) as exc:
+        raise InputError(
+            f"this is no recorded run ({type(exc).__name__}: {exc}); `fsoe-net run network.yaml "
+            "--format json > run.json` and `fsoe-net monitor --format json` write one"
+        ) from exc
+
+
+def _recorded(document: dict[str, Any]) -> Row:
+    events = [_event(row) for row in document["events"]]
+    if len(events) > _MOST_EVENTS:
+        raise ValueError(f"more than {_MOST_EVENTS} events")
+    subdevices = [_subdevice(row) for row in document["subdevices"]]
+    absent = {s.name for s in subdevices if s.is_absent}
+    statistics = document["statistics"]
+    return {
+        "title": str(document.get("network") or document.get("socket") or ""),
+        "state": "recorded",
+        "away": str(document.get("away") or ""),
+        "current": True,
+        "good": document["result"] == "pass",
+        "ended": True,
+        "now_ms": float(document["duration_ms"]),
+        "pace": None,
+        "version": None,
+        "notes": [],
+        "connections": [_connection(row, absent) for row in document["connections"]],
+        "subdevices": [subdevice_row(s) for s in subdevices],
+        "statistics": None if statistics is None else statistics_row(statistics),
+        "first": 0,
+        "left_out": int(document["events_lost"]),
+        "events": [event_row(event) for event in events],
+    }
+
+
+def _event(row: Mapping[str, Any]) -> RunEvent:
+    code = row.get("code")
+    return RunEvent(
+        time_ms=float(row["time_ms"]),
+        source=str(row["source"]),
+        text=str(row["text"]),
+        code=None if code is None else int(code),
+    )
+
+
+def _subdevice(row: Mapping[str, Any]) -> SubDeviceSnapshot:
+    values = {f.name: row[f.name] for f in fields(SubDeviceSnapshot)}
+    for name in ("link", "link_lost", "rx_errors"):
+        values[name] = tuple(map(int, values[name]))
+    for name in ("name", "al", "found", "detail"):
+        values[name] = str(values[name])
+    return SubDeviceSnapshot(**values)
+
+
+def _connection(row: Mapping[str, Any], absent: set[str]) -> Row:
+    values = {f.name: row[f.name] for f in fields(ConnectionResult)}
+    for name in ("configured", "observed"):
+        values[name] = FsoeParameters(**values[name])
+    values["fsoe_cycle_ms"] = {key: float(ms) for key, ms in values["fsoe_cycle_ms"].items()}
+    for name in ("chosen", "differs"):
+        values[name] = tuple(map(str, values[name]))
+    result = ConnectionResult(**values)
+    share, longest, watchdog = row.get("watchdog_share"), result.fsoe_cycle_ms["max"], None
+    if result.watchdog_ms:
+        watchdog = longest / int(result.watchdog_ms)
+    return connection_row(
+        result,
+        cause=str(row.get("cause") or result.last_reset_text),
+        share=watchdog if share is None else float(share),
+        held=int(row.get("held_main", 0)) + int(row.get("held_sub", 0)),
+        absent=bool({result.main, result.sub} & absent),
+    )

@@ -1,0 +1,150 @@
+"""The live page in a real browser: an emulated run that is acted on, and a real fsn-master."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from master.rig import running as master_running
+from studio.browser import ARGUMENTS, CHROMIUM, REQUIRED, needed
+from studio.server_rig import running
+
+playwright = needed("playwright.sync_api", "browser")
+axe = needed("axe_playwright_python.sync_playwright", "browser")
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None and not REQUIRED, reason="needs Chromium (package chromium of Debian)"
+)
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@contextlib.contextmanager
+def opened(chromium: Any, url: str) -> Iterator[Any]:
+    """The live page; a word of the browser's console, or another host, fails the test."""
+    context = chromium.new_context(viewport={"width": 1280, "height": 900})
+    context.set_default_timeout(200_000)  # a busy machine is no failure
+    page = context.new_page()
+    said: list[str] = []
+    asked: list[str] = []
+    page.on("console", lambda m: said.append(m.text) if " 422 " not in m.text else None)
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(url)
+    try:
+        yield page
+    finally:
+        context.close()
+    assert said == []
+    assert {address.split("/")[2] for address in asked} == {url.split("/")[2]}
+
+
+def accessible(page: Any, scheme: str) -> None:
+    """WCAG 2.2, level AA, as far as a program can tell."""
+    page.emulate_media(color_scheme=scheme)
+    found = axe.Axe().run(page, options={"runOnly": LEVELS}).response["violations"]
+    assert [(row["id"], [node["html"] for node in row["nodes"]]) for row in found] == []
+
+
+def drawn(page: Any) -> int:
+    """How many colours a person sees in the first strip."""
+    return int(
+        page.evaluate(
+            """() => {
+                const canvas = document.querySelector('.strips canvas');
+                const { width, height } = canvas;
+                const { data } = canvas.getContext('2d').getImageData(0, 0, width, height);
+                return new Set(new Uint32Array(data.buffer)).size;
+            }"""
+        )
+    )
+
+
+def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
+    chromium: Any, tmp_path: Path
+) -> None:
+    shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
+    with (
+        running(tmp_path / "estop" / "network.yaml") as studio,
+        opened(chromium, studio.url) as page,
+    ):
+        page.get_by_role("link", name="Live").click()
+        page.get_by_role("button", name="Start an emulated run").click()
+        page.wait_for_selector("text=outputs of el1918: on")
+        strips, events = page.locator(".strips"), page.locator(".events")
+        assert "Data · ProcessData" in strips.inner_text()
+        page.get_by_role("button", name="Press the e-stop at ek1914").click()
+        page.wait_for_selector("text=outputs of el1918: off")
+        assert "The connection stays in Data" in page.locator(".expect").inner_text()
+        strips.get_by_text("Data · FailSafeData").wait_for()
+        page.get_by_role("button", name="Release the e-stop at ek1914").click()
+        reset = page.get_by_role("button", name="Reset (hold")
+        reset.focus()
+        page.keyboard.down("Enter")  # a button that is held, by keyboard
+        page.wait_for_selector("text=outputs of el1918: on")
+        page.keyboard.up("Enter")
+        page.get_by_role("button", name="Pull it", exact=True).click()
+        events.get_by_text("resets: watchdog expired").first.wait_for()
+        strips.get_by_text("last Reset: watchdog expired").wait_for()
+        page.get_by_text("1 of 2 not in OP").wait_for()
+        page.get_by_role("button", name="Put it back").click()
+        strips.get_by_text("Data · FailSafeData").wait_for()
+        assert drawn(page) > 3
+        page.get_by_role("button", name="Pause").click()
+        shown = page.locator("output").inner_text()
+        page.get_by_role("button", name="el1918-ek1914", exact=True).click()
+        page.get_by_label("Resets only").check()
+        assert "▼" in events.locator("li").first.inner_text()
+        page.get_by_text("Safe inputs one by one").click()
+        page.get_by_role("textbox", name="A command as").fill("explode")
+        page.keyboard.press("Enter")
+        page.get_by_text("unknown command 'explode'").wait_for()
+        assert page.locator("output").inner_text() == shown  # paused
+        accessible(page, "dark")
+        with page.expect_download() as saved:
+            page.get_by_role("link", name="Save what was seen").click()
+        path = tmp_path / "run.json"
+        saved.value.save_as(path)
+        document = json.loads(path.read_text("utf-8"))
+        document["connections"][0]["last_reset_text"] = "<img src=x>\x1b[2J"
+        path.write_text(json.dumps(document), "utf-8")
+        page.get_by_role("button", name="End the run").click()
+        page.wait_for_selector("text=estop: ended")
+        page.get_by_label("Open a recorded run").set_input_files(path)
+        page.get_by_text("estop: recorded").wait_for()
+        page.get_by_text(r"last Reset: <img src=x>\u001b[2J").wait_for()
+        assert page.locator("img").count() == 0
+        assert drawn(page) > 3
+        path.write_text("{}", "utf-8")
+        page.get_by_label("Open a recorded run").set_input_files(path)
+        page.get_by_text("this is no recorded run").wait_for()
+
+
+def test_a_running_bus_is_shown_and_its_signals_drawn(chromium: Any, tmp_path: Path) -> None:
+    with contextlib.ExitStack() as stack:
+        master = stack.enter_context(master_running())
+        studio = stack.enter_context(running(tmp_path / "network.yaml", master.path))
+        page = stack.enter_context(opened(chromium, f"{studio.url}#live"))
+        page.get_by_text("0 of 4 in Data").wait_for()  # nobody lives on its emulated bus
+        page.get_by_label("Add a signal").select_option("el2904.standard_1")
+        page.locator(".uplot canvas").wait_for()
+        page.get_by_role("button", name="Take el2904.standard_1 away").wait_for()
+        page.locator(".bars rect").first.wait_for()
+        accessible(page, "light")
+        with master.client() as client:
+            client.good("stop")
+        page.get_by_text(": stopped").wait_for()
+        assert page.locator(".strips li").count() == 4  # what was seen stays

@@ -1,0 +1,170 @@
+"""What the live page rarely meets: long histories, slow machines, odd values, forgotten runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import struct
+import threading
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from networks import example
+from patience import PATIENCE_S
+from studio.browser import needed
+
+from fsoe_net.errors import CoreError, EnvironmentFault
+from fsoe_net.plan.model import PlanSymbol
+from fsoe_net.run.result import RunEvent
+
+needed("starlette", "studio")
+
+from fsoe_net.studio import live_emulated, live_feed  # noqa: E402
+from fsoe_net.studio.live_emulated import EmulatedFeed, _Pace, _reader  # noqa: E402
+from fsoe_net.studio.live_feed import EventHistory, ScopeRing  # noqa: E402
+from fsoe_net.studio.live_master import MasterFeed, _notes, _title  # noqa: E402
+from fsoe_net.studio.live_rows import event_row  # noqa: E402
+
+
+def event(number: int) -> RunEvent:
+    return RunEvent(time_ms=float(number), source="a\x1b", text=f"event {number}")
+
+
+def test_of_very_many_events_the_newest_stay_with_their_numbers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(live_feed, "KEPT_EVENTS", 3)
+    history = EventHistory()
+    history.add(map(event, range(5)))
+    row, known = history.since(0)
+    assert (row["first"], row["left_out"], known) == (2, 2, 5)
+    assert [e["text"] for e in row["events"]] == ["event 2", "event 3", "event 4"]
+    assert row["events"][0]["source"] == r"a\u001b"
+    assert history.since(4)[0]["events"] == row["events"][2:]
+    assert history.since(99) == ({"first": 5, "left_out": 2, "events": []}, 5)
+    assert history.kept() == (tuple(map(event, (2, 3, 4))), 2)
+
+
+def test_the_scope_keeps_ten_seconds_and_begins_again_with_another_run() -> None:
+    ring = ScopeRing(("a",), 1)
+    for n in range(12_000):
+        ring.add(float(n), (n,))
+    row, known = ring.since(1, 0)
+    assert (row["first"], len(row["rows"]), known) == (12_000 - 10_001, 10_001, 12_000)
+    assert ring.since(1, 11_999)[0]["rows"] == [(11_999.0, 11_999)]
+    assert len(ring.since(0, 11_999)[0]["rows"]) == 10_001  # another choice: all of it
+    ring.add(5.0, (0,))
+    assert ring.since(1, 0)[0]["rows"] == [(5.0, 0)]
+
+
+def test_states_and_resets_are_known_by_their_words() -> None:
+    for text, code, kind in (
+        ("wire: Data · ProcessData", None, "wire"),
+        ("MainInstance: Session", None, "main"),
+        ("SubInstance: Data", None, "sub"),
+        ("SubInstance resets: watchdog expired", 8, "reset"),
+        ("MainInstance was reset by its peer: watchdog expired", 8, ""),
+        ("outputs on", None, ""),
+    ):
+        row = event_row(RunEvent(time_ms=0.0, source="a", text=text, code=code))
+        assert row["kind"] == kind, text
+
+
+def symbol(kind: int, bits: int, bit: int = 0, **more: object) -> PlanSymbol:
+    plain = PlanSymbol(
+        name="a", sm=0, bit_offset=bit, bits=bits, kind=kind, output=False, restart_relevant=False
+    )
+    return dataclasses.replace(plain, **more)
+
+
+def test_a_signal_is_read_from_its_bits() -> None:
+    image = bytes(3) + bytes([0b1010_0000, 0xFF]) + struct.pack("<f", 1.5) + struct.pack("<d", -2.0)
+    assert _reader(symbol(1, 1, 5), 3)(image) == 1
+    assert _reader(symbol(1, 1, 6), 3)(image) == 0
+    assert _reader(symbol(1, 4, 6), 3)(image) == 0b1110
+    assert _reader(symbol(2, 8), 4)(image) == -1
+    assert _reader(symbol(1, 8, factor=2.0, offset=1.0), 4)(image) == 511
+    assert _reader(symbol(1, 8, factor=2.0, offset=1.0, output=True), 4)(image) == 127
+    assert _reader(symbol(4, 32), 5)(image) == 1.5
+    assert _reader(symbol(4, 64), 9)(image) == -2.0
+    assert _reader(symbol(4, 32), 0)(struct.pack("<f", math.nan)) is None
+
+
+def test_lost_time_is_not_made_up_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0]
+    monkeypatch.setattr(time, "monotonic_ns", lambda: now[0])
+    pace, end = _Pace(), threading.Event()
+    end.set()  # no wait in earnest
+    assert pace.share(0) is None
+    now[0] = 2_000_000_000
+    assert pace.share(500_000_000) == 0.25
+    pace.keep(500_000_000, end)  # far behind: begins anew from here
+    now[0] = 3_000_000_000
+    pace.keep(1_500_000_000, end)
+    assert pace.share(1_500_000_000) == 1.0
+
+
+def wait_for_the_end(feed: EmulatedFeed) -> None:
+    feed._thread.join(PATIENCE_S)
+    assert feed.closed
+
+
+def test_a_run_that_nobody_looks_at_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_emulated, "FORGOTTEN_S", 0.0)
+    feed = EmulatedFeed(example("estop"), 1)
+    feed.start()
+    wait_for_the_end(feed)
+    assert feed.message(0, 0, 0)[0]["events"][-1]["text"] == "ended: no page has listened for long"
+
+
+def test_a_run_that_fails_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    feed = EmulatedFeed(example("estop"), 1)
+
+    def fails(_now_ns: int) -> None:
+        raise CoreError("the core has stopped", -1)
+
+    monkeypatch.setattr(feed._session.core, "cycle", fails)
+    feed.start()
+    wait_for_the_end(feed)
+    view = feed.message(0, 0, 0)[0]
+    assert (view["away"], view["state"], view["ended"]) == ("the core has stopped", "ended", True)
+
+
+def test_what_is_said_beside_the_tables() -> None:
+    client = SimpleNamespace(text="client 3 reads in the cycle")
+    status = SimpleNamespace(
+        fault="no link",
+        ring=SimpleNamespace(state="open", place="between a and b"),
+        clocks=SimpleNamespace(state="synchronous", place=""),
+        buses=[SimpleNamespace(name="main", interface="eth1", actual_wkc=2, expected_wkc=3)],
+        groups=[SimpleNamespace(name="drill", state="wrong", detail="another one stands there")],
+        in_cycle=[client],
+        interface="",
+        backend="soem",
+    )
+    assert list(_notes(status)) == [
+        "the bus did not open: no link",
+        "ring open: between a and b",
+        "distributed clocks synchronous",
+        "bus main: working counter 2 of 3",
+        "group drill: wrong, another one stands there",
+        "client 3 reads in the cycle",
+    ]
+    assert _title(status) == "soem on eth1"
+
+
+def test_a_scope_without_a_bus_says_so(tmp_path: Path) -> None:
+    feed = MasterFeed(str(tmp_path / "nobody"))
+    with pytest.raises(EnvironmentFault, match="nobody answers"):
+        feed.choose(["a"])
+    feed.scope = ScopeRing(("a",), 1)
+    feed.start()
+    with feed.listening():
+        until = time.monotonic() + PATIENCE_S
+        while not feed.scope.fault and time.monotonic() < until:
+            pass
+    feed.close()
+    assert "nobody answers" in str(feed.scope.fault)
+    assert feed.document()["socket"] == str(tmp_path / "nobody")
