@@ -5,18 +5,27 @@ from __future__ import annotations
 import contextlib
 import os
 import webbrowser
+import zlib
+from pathlib import Path
 
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.options import FILE, master_options, master_socket
+from fsoe_net.cli.options import FILE, master_options, master_socket, overwrite_option
 from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.write import check_target
+from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.project.check import check_files
+from fsoe_net.project.snapshot import snapshot
+from fsoe_net.studio.listening import Listening
 
 __all__ = ["command"]
 
 _NETWORK = "network.yaml"
+_FIRST_PORT, _PORTS = 61_000, 4500  # above those that Linux gives away by itself
 
 _EPILOG = """\b
 Examples:
@@ -24,11 +33,14 @@ Examples:
   fsoe-net studio examples/estop
   fsoe-net studio network.yaml --port 8765 --no-browser
   fsoe-net studio --interface eth1       # what the fsn-master there does, live
+  fsoe-net studio network.yaml --snapshot network.html
+  fsoe-net studio --listen cell.local --port 8443 --tls-cert cert.pem --tls-key key.pem \\
+      --password-file password
 
 From another machine: ssh -L 8765:127.0.0.1:8765 HOST, then the printed address in the browser here.
 
-Exit codes: 0 ended by Ctrl-C, 1 a file that cannot be used, 2 wrong use, 3 a port or a package is
-missing."""
+Exit codes: 0 ended by Ctrl-C, or the snapshot is written; 1 a file that cannot be used; 2 wrong
+use; 3 a port or a package is missing."""
 
 
 def _network_file(path: str | None) -> tuple[str, bool]:
@@ -39,6 +51,30 @@ def _network_file(path: str | None) -> tuple[str, bool]:
     return name, path is None
 
 
+def _usual_port(name: str) -> int:
+    """Return the port of a file, so that a browser finds again what it has kept for it."""
+    return _FIRST_PORT + zlib.crc32(os.fsencode(os.path.realpath(name))) % _PORTS
+
+
+def _listening(*given: str | None) -> Listening | None:
+    """Return how other machines are let in: address, certificate, key, password file, or none."""
+    found = [value for value in given if value]
+    if not found:
+        return None
+    if len(found) < len(given):
+        raise click.UsageError("--listen, --tls-cert, --tls-key and --password-file go together")
+    return Listening.read(*found)
+
+
+def _write_snapshot(name: str, loading: LoadOptions, target: str, *, overwrite: bool) -> None:
+    if Path(target).suffix not in (".html", ".htm"):
+        raise click.UsageError(f"--snapshot {target}: write a page, .html")
+    check_target(target, overwrite=overwrite)
+    page = document_html(snapshot(check_files([name], loading, compared=True), name))
+    write_whole(target, page.encode("utf-8"), overwrite=overwrite)
+    echo(f"{target}: {name} as one page, without scripts")
+
+
 @click.command("studio", epilog=_EPILOG)
 @click.argument("path", required=False, type=FILE)
 @reference_options
@@ -46,27 +82,51 @@ def _network_file(path: str | None) -> tuple[str, bool]:
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
-    default=0,
-    help="Port of 127.0.0.1; by itself a free one.",
+    help="Port; by itself the same one for the same file, where it is free.",
 )
 @click.option("--no-browser", is_flag=True, help="Print the address; open no browser.")
+@click.option(
+    "--snapshot",
+    type=FILE,
+    metavar="FILE.html",
+    help="Write the network as one page without scripts, and end.",
+)
+@overwrite_option
+@click.option(
+    "--listen",
+    metavar="ADDRESS",
+    help="Let other machines in at this address, with the next three options.",
+)
+@click.option("--tls-cert", type=FILE, metavar="FILE", help="Certificate (PEM), with its chain.")
+@click.option("--tls-key", type=FILE, metavar="FILE", help="Its key (PEM), without passphrase.")
+@click.option("--password-file", type=FILE, metavar="FILE", help="Its first line opens the page.")
 def command(
     path: str | None,
     loading: LoadOptions,
     socket: str | None,
     interface: str | None,
-    port: int,
+    port: int | None,
     no_browser: bool,
+    snapshot: str | None,
+    overwrite: bool,
+    listen: str | None,
+    tls_cert: str | None,
+    tls_key: str | None,
+    password_file: str | None,
 ) -> None:
     """See and edit a network in a browser: the bus, its connections, what is wrong, the file.
 
     PATH: a network file, or its folder; in a folder without one a new network begins. The page is
-    for one person at one browser of this machine; the printed address counts once. Nothing is
-    written before you press Save. With --interface or --socket it also shows what a running
-    fsn-master does, and changes nothing there.
+    for one person at one browser of this machine; the printed address counts once. The network
+    file is not written before you press Save. With --interface or --socket it also shows what a
+    running fsn-master does, and changes nothing there.
     """
     live = None if socket is None and interface is None else master_socket(socket, interface)
     name, may_be_new = _network_file(path)
+    if snapshot is not None:
+        _write_snapshot(name, loading, snapshot, overwrite=overwrite)
+        return
+    remote = _listening(listen, tls_cert, tls_key, password_file)
     try:
         from fsoe_net.studio.server import Studio
     except ImportError as exc:
@@ -78,7 +138,15 @@ def command(
 
     new_text = empty_network(name) if may_be_new else None
     workspace = Workspace(name, loading, new_text=new_text)
-    studio = Studio(workspace, port=port, control_socket=live)
+    usual = _usual_port(name) if remote is None else 0
+    try:
+        studio = Studio(
+            workspace, port=usual if port is None else port, control_socket=live, remote=remote
+        )
+    except EnvironmentFault:
+        if port is not None or not usual:
+            raise
+        studio = Studio(workspace, control_socket=live)  # the usual port is taken
     url = studio.url if live is None else f"{studio.url}#live"
     echo(f"{name}: open {url}")
     echo("Ctrl-C ends it; only what was saved is in the file")

@@ -54,7 +54,7 @@ from fsoe_net.timing.budget import Budget, make_budget
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run
 
-__all__ = ["REPORT_FORMATS", "Report", "make_report", "since"]
+__all__ = ["REPORT_FORMATS", "Report", "make_report", "plan_to_show", "since"]
 
 REPORT_FORMATS = (*FORMATS, "pdf")
 
@@ -148,7 +148,7 @@ def make_report(
     budget = _budget(resolution, evidence, live)
     found = _findings(checked, resolution, evidence, budget)
     errors = any(d.level is Severity.ERROR for d in found)
-    compiled = _plan(resolution, errors=errors)
+    compiled = plan_to_show(resolution, found)
     run = None
     if scenario is not None and compiled is not None and not errors:
         run = _run(resolution, scenario)
@@ -223,9 +223,9 @@ def _budget(
     return make_budget(resolution, library_of(resolution.network), measured=measured)
 
 
-def _plan(resolution: Resolution, *, errors: bool) -> Plan | None:
+def plan_to_show(resolution: Resolution, found: Sequence[Diagnostic]) -> Plan | None:
     """Return the plan; with errors only when one can be made all the same, to show its copies."""
-    if not errors:
+    if not any(d.level is Severity.ERROR for d in found):
         return compile_plan(resolution)
     try:
         return compile_plan(resolution)

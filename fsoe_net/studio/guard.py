@@ -1,7 +1,8 @@
-"""Who may use the studio: one person at one browser of this machine.
+"""Who may use the studio: one person at one browser of this machine, or who knows the password.
 
 The page can change files, so that other pages of the same browser, other users of the machine and
-other machines are kept out: a token that counts once becomes a cookie that only this origin sends;
+other machines are kept out: a token that counts once becomes a cookie that only this origin sends
+(with ``--listen`` a password does, over TLS);
 ``Host`` and ``Origin`` have to be this server (DNS rebinding); each write has a header that no form
 can send; the page runs no code but its own files.
 """
@@ -10,12 +11,14 @@ from __future__ import annotations
 
 import hmac
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from starlette.datastructures import URL, Headers
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from fsoe_net.studio.login import LOGIN, Login
 
 __all__ = ["WRITE_HEADER", "Guard"]
 
@@ -28,6 +31,7 @@ _POLICY = "; ".join(
         "style-src 'self'",
         "img-src 'self'",
         "connect-src 'self'",
+        "frame-src 'self'",
         "base-uri 'none'",
         "form-action 'none'",
         "frame-ancestors 'none'",
@@ -42,6 +46,7 @@ _HEADERS = {
     "cache-control": "no-store",
 }
 _NAMES = ("127.0.0.1", "localhost")
+_OPEN = (LOGIN, "/assets/style.css")  # to who has no session yet
 
 
 class Guard:
@@ -52,21 +57,39 @@ class Guard:
         port: On which it is served.
         body_limit: Most bytes of a request.
         limits: The same for some paths.
+        remote: Names of this machine and the password, where other machines are let in, by TLS.
+
+    Attributes:
+        url: Opens the page; with a token, once.
     """
 
     def __init__(
-        self, app: ASGIApp, *, port: int, body_limit: int, limits: Mapping[str, int]
+        self,
+        app: ASGIApp,
+        *,
+        port: int,
+        body_limit: int,
+        limits: Mapping[str, int],
+        remote: tuple[Sequence[str], str] | None = None,
     ) -> None:
         self._app = app
         self._limit, self._limits = body_limit, dict(limits)
-        self._hosts = {f"{name}:{port}" for name in _NAMES}
+        names, password = remote or (_NAMES, "")
+        self._scheme = "http" if remote is None else "https"
+        hosts = [f"[{name}]" if ":" in name else name for name in names]
+        self._hosts = {f"{host}:{port}" for host in hosts}
+        if self._scheme == "https" and port == 443:
+            self._hosts |= set(hosts)
         self._cookie = f"fsoe_net_{port}"  # cookies do not know ports: two studios, two names
+        self._login: Login | None = None
+        if remote is not None:
+            self._cookie = f"__Host-{self._cookie}"
+            self._login = Login(password, self._cookie)
         self._session = secrets.token_urlsafe(32)
         self._token = secrets.token_urlsafe(32)
-
-    def token(self) -> str:
-        """Return the token that opens the page once."""
-        return self._token
+        self.url = f"{self._scheme}://{hosts[0]}:{port}/"
+        if remote is None:
+            self.url += f"?token={self._token}"
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a request, or refuse it."""
@@ -75,18 +98,20 @@ class Guard:
             return
         request = Request(scope)
         answer = self._refusal(request)
-        if answer is not None:
-            answer.headers.update(_HEADERS)
-            await answer(scope, receive, send)
-            return
+        if answer is None and self._login is not None and request.url.path == LOGIN:
+            answer = await self._login.answer(
+                Request(scope, _limited(receive, self._most(request)))
+            )
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                own = [(k.encode(), v.encode()) for k, v in _HEADERS.items()]
-                message["headers"] = [*message.get("headers", []), *own]
+                given = [tuple(row) for row in message.get("headers", [])]
+                names = {name for name, _ in given}  # a document has a stricter policy of its own
+                own = ((k.encode(), v.encode()) for k, v in _HEADERS.items())
+                message["headers"] = [*given, *(row for row in own if row[0] not in names)]
             await send(message)
 
-        await self._app(scope, _limited(receive, self._most(request)), send_guarded)
+        await (answer or self._app)(scope, _limited(receive, self._most(request)), send_guarded)
 
     def _refusal(self, request: Request) -> Response | None:
         headers = request.headers
@@ -95,11 +120,18 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and not self._is_own(origin):
             return _no("a page of another site may not use this one")
-        given = request.query_params.get("token")
-        if given is not None and request.url.path == "/":
-            return self._let_in(given)
+        given, path = request.query_params.get("token"), request.url.path
         mine = request.cookies.get(self._cookie, "")
-        if not hmac.compare_digest(mine.encode(), self._session.encode()):
+        if self._login is not None:
+            if path in _OPEN:
+                return None
+            if not self._login.knows(mine):
+                if path == "/":
+                    return RedirectResponse(LOGIN, 303)
+                return _no("load the page again, and log in", 401)
+        elif given is not None and path == "/":
+            return self._let_in(given)
+        elif not hmac.compare_digest(mine.encode(), self._session.encode()):
             return _no(
                 "open the address that fsoe-net studio printed; it counts once, in one browser"
             )
@@ -128,7 +160,7 @@ class Guard:
 
     def _is_own(self, origin: str) -> bool:
         url = URL(origin)
-        return url.scheme == "http" and url.netloc.lower() in self._hosts
+        return url.scheme == self._scheme and url.netloc.lower() in self._hosts
 
 
 def _limited(receive: Receive, most: int) -> Receive:

@@ -1,11 +1,10 @@
-"""The server behind the page: one person, one file, this machine."""
+"""The server behind the page: one file, one person at this machine, or who knows the password."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import json
-import socket
 from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 
@@ -17,10 +16,11 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from fsoe_net.errors import EnvironmentFault, FsnError, InputError
+from fsoe_net.errors import FsnError, InputError
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.files import UPLOADS, file_routes
 from fsoe_net.studio.guard import Guard
+from fsoe_net.studio.listening import Listening, bound_socket
 from fsoe_net.studio.live import Live
 from fsoe_net.studio.shelf import MAX_UPLOAD_BYTES, Shelf
 from fsoe_net.studio.trial import try_network
@@ -64,22 +64,28 @@ _ACTS: dict[str, Act] = {
 
 
 class Studio:
-    """A server for one file; it listens on 127.0.0.1 as soon as it is made.
+    """A server for one file; it listens as soon as it is made.
 
     Args:
         workspace: The file.
         port: To listen on; 0: any free one.
         control_socket: Of a running ``fsn-master`` that the live page follows.
+        remote: Lets other machines in; without it there is 127.0.0.1 only.
 
     Attributes:
-        url: Opens the page, once.
+        url: Opens the page; of this machine once, of others with the password.
 
     Raises:
-        EnvironmentFault: The port is taken, or not allowed.
+        EnvironmentFault: The address or port cannot be used.
     """
 
     def __init__(
-        self, workspace: Workspace, *, port: int = 0, control_socket: str | None = None
+        self,
+        workspace: Workspace,
+        *,
+        port: int = 0,
+        control_socket: str | None = None,
+        remote: Listening | None = None,
     ) -> None:
         self._workspace = workspace
         self._shelf = Shelf()
@@ -89,16 +95,7 @@ class Studio:
             "example": self._shelf.example,
             "import": self._shelf.take,
         }
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            self._socket.bind(("127.0.0.1", port))
-            self._socket.listen()
-        except OSError as exc:
-            self._socket.close()
-            raise EnvironmentFault(
-                f"port {port} of this machine cannot be used: {exc.strerror}; give another --port"
-            ) from exc
+        self._socket = bound_socket("127.0.0.1" if remote is None else remote.address, port)
         port = self._socket.getsockname()[1]
         self._live = Live(workspace, control_socket, lambda: self._server.should_exit)
         app = Starlette(
@@ -115,11 +112,15 @@ class Studio:
             lifespan=self._watching,
         )
         limits = {UPLOADS: MAX_UPLOAD_BYTES}
-        guard = Guard(app, port=port, body_limit=_BODY_LIMIT, limits=limits)
-        self.url = f"http://127.0.0.1:{port}/?token={guard.token()}"
+        login = None if remote is None else (remote.names, remote.password)
+        guard = Guard(app, port=port, body_limit=_BODY_LIMIT, limits=limits, remote=login)
+        self.url = guard.url
         self._changed, self._trying = asyncio.Condition(), asyncio.Lock()
         config = uvicorn.Config(
             guard,
+            ssl_certfile=None if remote is None else remote.certificate,
+            ssl_keyfile=None if remote is None else remote.key,
+            proxy_headers=False,  # no other program says where a request comes from
             log_level="critical",
             access_log=False,
             server_header=False,

@@ -61,7 +61,7 @@ READERS = {
     ("replay", "files"): "WRONG",
 }
 # Parameters of the same type that are no document: what is written, and control sockets.
-NOT_READ = {"output", "socket", "capture", "stats", "plot"}
+NOT_READ = {"output", "socket", "capture", "stats", "plot", "snapshot"}
 # A script is read when fsn-master answers; tests of the console and of signatures have these.
 ELSEWHERE = {
     ("console", "script"),
@@ -72,6 +72,9 @@ ELSEWHERE = {
     ("report", "revoked"),
     ("accept", "attach"),
     ("studio", "path"),  # tests of studio; it opens what can be edited, whatever is wrong in it
+    ("studio", "tls_cert"),
+    ("studio", "tls_key"),
+    ("studio", "password_file"),
 }
 
 

@@ -178,11 +178,12 @@ WRITERS = {
     "test-protocol": f"{ESTOP} -o OUT.html",
     "init": f"{ESTOP} -o OUT --no-input",
     "run": f"{ESTOP} --virtual-time --duration 10ms --capture OUT.pcapng",
+    "studio": f"{ESTOP} --snapshot OUT.html",
 }
 
 
 def test_every_command_that_writes_has_the_flag():
-    written = {"--output", "--capture", "--plot", "--stats"}
+    written = {"--output", "--capture", "--plot", "--stats", "--snapshot"}
     writers = {c for c, o in options() if long_name(o) in written}
     assert writers == {c for c, o in options() if long_name(o) == "--overwrite"}
     assert set(WRITERS) == writers - {

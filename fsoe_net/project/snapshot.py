@@ -1,0 +1,168 @@
+"""A network as one static page: what the page of studio shows, for a report of a fault."""
+
+from __future__ import annotations
+
+from fsoe_net import __version__
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.words import counted, summary
+from fsoe_net.document.model import (
+    Cell,
+    Column,
+    Document,
+    Level,
+    Number,
+    Part,
+    Picture,
+    Section,
+    Table,
+    Verdict,
+    cell,
+    code,
+    muted,
+    strong,
+    words,
+)
+from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.project.check import Checked
+from fsoe_net.project.report import plan_to_show
+from fsoe_net.report.svg import topology_picture
+
+__all__ = ["snapshot"]
+
+_LEVELS = {
+    Severity.ERROR: Level.ERROR,
+    Severity.WARNING: Level.WARNING,
+    Severity.INFO: Level.NOTE,
+}
+_FILE = "network file"
+
+
+def snapshot(checked: Checked, path: str) -> Document:
+    """Return bus, slots, connections and findings of a network; also of one with errors.
+
+    Args:
+        checked: The network, with everything found in it.
+        path: Its file, as the user named it.
+    """
+    found, resolution = checked.diagnostics, checked.resolution
+    worst = min((d.level for d in found), key=lambda level: level.rank, default=None)
+    verdict = Verdict("No findings", Level.NOTE)
+    if worst is not None:
+        verdict = Verdict(summary(found), _LEVELS[worst])
+    sections = [Section(key="findings", title="Findings", parts=(_findings(found),))]
+    if resolution is not None:
+        sections = [
+            Section(key="bus", title="Bus", parts=_bus(checked, resolution)),
+            Section(key="slots", title="Slots", parts=(_slots(resolution),)),
+            Section(key="connections", title="Connections", parts=(_connections(resolution),)),
+            *sections,
+        ]
+    return Document(
+        title=resolution.network.name if resolution is not None else path,
+        subtitle=f"snapshot of {path}",
+        version=__version__,
+        verdict=verdict,
+        sections=tuple(sections),
+        foot="part of the black channel, not certified, never a safety function",
+    )
+
+
+def _bus(checked: Checked, resolution: Resolution) -> tuple[Part, ...]:
+    plan = plan_to_show(resolution, checked.diagnostics)
+    rows = tuple(
+        (
+            cell(_number(sub.position, "on the bus")),
+            cell(strong(sub.name)),
+            cell(_number(sub.alias, _FILE)) if sub.alias else (),
+            cell(
+                muted("not known")
+                if sub.device is None
+                else f"vendor 0x{sub.device.vendor_id:08x}, product 0x{sub.device.product_code:08x}"
+            ),
+        )
+        for sub in resolution.network.subdevices
+    )
+    columns = (Column("Position", number=True), Column("SubDevice"), Column("Alias", number=True))
+    table = Table(name="bus", columns=(*columns, Column("Device")), rows=rows)
+    if plan is None:
+        return words("It compiles to no plan, so that it is not drawn."), table
+    text = (
+        f"{counted(len(plan.subdevices), 'SubDevice')}, "
+        f"{counted(len(plan.connections), 'FSoE connection')}"
+    )
+    picture = Picture(
+        title="Topology",
+        words=text,
+        svg=topology_picture(plan),
+        narrow=topology_picture(plan, per_row=2),
+    )
+    return picture, table
+
+
+def _slots(resolution: Resolution) -> Table:
+    partners: dict[tuple[str, int | None], str] = {}
+    for c in resolution.connections:
+        partners[c.main.name, c.slot] = c.sub.name
+        partners[c.sub.name, c.sub_slot] = c.main.name
+    rows: list[tuple[Cell, ...]] = []
+    for sub in resolution.network.subdevices:
+        for pair in () if sub.layout is None else sub.layout.frame_pairs:
+            partner = partners.get((sub.name, pair.slot))
+            taken = 0 if pair.takes is None else pair.takes.frame_bytes
+            row = (
+                cell(sub.name),
+                cell(_number(pair.slot, "process data")),
+                cell(_number(pair.sent_bytes, "process data", "bytes")),
+                cell(_number(taken, "process data", "bytes")),
+                cell(f"with {partner}" if partner else muted("free")),
+            )
+            rows.append(row)
+    numbers = (Column(title, number=True) for title in ("Slot", "Sends", "Takes"))
+    columns = (Column("SubDevice"), *numbers, Column("Connected"))
+    return Table(name="slots", columns=columns, rows=tuple(rows))
+
+
+def _connections(resolution: Resolution) -> Table:
+    columns = (
+        Column("Connection"),
+        Column("ConnID", number=True),
+        Column("FSoE address", number=True),
+        Column("FSoE watchdog", number=True),
+        Column("State"),
+    )
+    return Table(name="connections", columns=columns, rows=tuple(map(_row, resolution.connections)))
+
+
+def _row(connection: Connection) -> tuple[Cell, ...]:
+    facts = connection.stated
+    state: Verdict | str = "confirmed"
+    if facts.unconfirmed is not None:
+        state = Verdict(f"not confirmed: {facts.unconfirmed}", Level.OPEN)
+    return (
+        cell(strong(f"{connection.main.name} → {connection.sub.name}")),
+        _stated(facts.connection_id),
+        _stated(facts.address),
+        _stated(facts.watchdog_ms, "ms"),
+        cell(state),
+    )
+
+
+def _stated(value: int | None, unit: str = "") -> Cell:
+    return cell(muted("not stated") if value is None else _number(value, _FILE, unit))
+
+
+def _number(value: int, source: str, unit: str = "") -> Number:
+    return Number(value=value, text=str(value), unit=unit, source=source)
+
+
+def _findings(found: list[Diagnostic]) -> Table:
+    rows = tuple(
+        (
+            cell(Verdict(d.level.value, _LEVELS[d.level]), code(d.code)),
+            cell(d.message, muted(d.hint)),
+            cell(code(str(d.span))),
+        )
+        for d in found
+    )
+    columns = (Column("Finding"), Column("What is wrong, and the next step"), Column("Place"))
+    return Table(name="findings", columns=columns, rows=rows)

@@ -1,0 +1,71 @@
+"""One page of a network, without scripts, that opens from the disk."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from cli.tool import fsn
+from networks import EXAMPLES
+
+from fsoe_net.document.write_html import document_html
+from fsoe_net.project.check import check_files
+from fsoe_net.project.snapshot import snapshot
+
+
+def _page(path: Path) -> str:
+    return document_html(snapshot(check_files([str(path)], compared=True), path.name))
+
+
+@pytest.fixture
+def cell(tmp_path: Path) -> Path:
+    shutil.copytree(EXAMPLES / "el6910", tmp_path / "cell")
+    return tmp_path / "cell" / "network.yaml"
+
+
+def test_it_shows_bus_slots_connections_and_findings(cell: Path) -> None:
+    page = _page(cell)
+    assert "Topology: 4 FSoE connections" in page
+    for text in ("el6910 → drive_2", "with drive_2", "No findings"):
+        assert text in page
+    assert not re.search(r"<script|<link|\ssrc=|\shref=\"http|\son\w+=|url\(", page)
+
+
+def test_one_that_compiles_to_no_plan_is_shown_too(cell: Path) -> None:
+    text = cell.read_text("utf-8")
+    cell.write_text(text.replace("address: 101", "unconfirmed: <b>guessed</b>", 1), "utf-8")
+    page = _page(cell)
+    assert "not confirmed: &lt;b&gt;guessed" in page
+    assert re.search(r"FSN\d{3}", page)
+    cell.write_text(text.replace("devices/el1904.yaml", "devices/x.yaml"), "utf-8")
+    page = _page(cell)
+    assert "It compiles to no plan, so that it is not drawn." in page
+    cell.write_text("nets: [\n", "utf-8")
+    page = _page(cell)
+    assert "network.yaml" in page
+    assert "Slots" not in page
+
+
+def test_hostile_names_are_text(cell: Path) -> None:
+    evil = "<img src=x onerror=alert(1)>"
+    cell.write_text(cell.read_text("utf-8").replace("name: robot-cell", f'name: "{evil}"'))
+    page = _page(cell)
+    assert "<img" not in page
+    assert "&lt;img src=x" in page
+
+
+def test_the_command_writes_it_once(cell: Path) -> None:
+    folder = cell.parent
+    done = fsn("studio", "--snapshot", "cell.html", cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == "cell.html: network.yaml as one page, without scripts\n"
+    assert "<svg" in (folder / "cell.html").read_text("utf-8")
+    done = fsn("studio", "--snapshot", "cell.html", cwd=folder)
+    assert done.returncode == 1
+    assert "replace it with --overwrite" in done.stderr
+    assert fsn("studio", ".", "--snapshot", "cell.html", "--overwrite", cwd=folder).returncode == 0
+    done = fsn("studio", "--snapshot", "cell.pdf", cwd=folder)
+    assert done.returncode == 2
+    assert "write a page, .html" in done.stderr
