@@ -10,17 +10,15 @@ from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, format_option
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.diag.words import counted
-from fsoe_net.document.model import Document, Level, Verdict, words
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.compare import read_side
 from fsoe_net.report.diff import Difference, compare
+from fsoe_net.report.diff_document import diff_document
 from fsoe_net.report.diff_side import Side
 
 __all__ = ["command"]
 
-_LEVELS = {"added": Level.CLEAR, "removed": Level.ERROR}
 _EPILOG = """\b
 Examples:
   fsoe-net diff old/network.yaml new/network.yaml
@@ -67,20 +65,8 @@ def command(
         if fmt == "json":
             _print_json(sides[0], sides[1], difference)
         else:
-            show(_document(sides[0], sides[1], difference))
+            show(diff_document(sides[0], sides[1], difference))
     ctx.exit(0 if difference.same else 1)
-
-
-def _document(a: Side, b: Side, difference: Difference) -> Document:
-    rows: list[str | Verdict] = [
-        f"{name}: {side.path} ({side.format}), {counted(len(side.subdevices), 'SubDevice')}"
-        for name, side in (("A", a), ("B", b))
-    ]
-    rows += [Verdict(str(c), _LEVELS.get(c.kind, Level.WARNING)) for c in difference.changes]
-    rows += [f"not compared: {text}" for text in difference.not_compared]
-    count = len(difference.changes)
-    rows.append(counted(count, "difference") if count else "no difference")
-    return Document(lead=tuple(words(row) for row in rows))
 
 
 def _print_json(a: Side, b: Side, difference: Difference) -> None:

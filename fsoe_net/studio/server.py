@@ -19,9 +19,11 @@ from starlette.staticfiles import StaticFiles
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.files import UPLOADS, file_routes
+from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.guard import Guard
 from fsoe_net.studio.listening import Listening, bound_socket
 from fsoe_net.studio.live import Live
+from fsoe_net.studio.records import Records
 from fsoe_net.studio.shelf import MAX_UPLOAD_BYTES, Shelf
 from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
@@ -98,6 +100,7 @@ class Studio:
         self._socket = bound_socket("127.0.0.1" if remote is None else remote.address, port)
         port = self._socket.getsockname()[1]
         self._live = Live(workspace, control_socket, lambda: self._server.should_exit)
+        folder = Folder(workspace.path)
         app = Starlette(
             routes=[
                 Route("/", self._page),
@@ -106,6 +109,7 @@ class Studio:
                 Route("/api/try", self._try, methods=["POST"]),
                 *file_routes(workspace, self._shelf),
                 *self._live.routes,
+                *Records(workspace, folder).routes,
                 Route("/api/{act}", self._act, methods=["POST"]),
                 Mount("/assets", StaticFiles(directory=_ASSETS)),
             ],

@@ -74,6 +74,7 @@ class Workspace:
 
     Attributes:
         path: The file.
+        loading: How references in it are followed.
         version: Counts the changes of what is shown: a change names the version it was made on.
         text: The text as it is in the page.
         outside: Whether somebody else has changed the file since it was read or written here.
@@ -87,7 +88,7 @@ class Workspace:
         self, path: str, loading: LoadOptions | None = None, *, new_text: str | None = None
     ) -> None:
         self.path = path
-        self._loading = loading
+        self.loading = loading or LoadOptions()
         self._new = DeviceFiles(os.path.dirname(path))
         self._lock = threading.RLock()
         self._undo, self._redo = _Steps(), _Steps()
@@ -307,7 +308,7 @@ class Workspace:
 
     def _check(self) -> Checked:
         with replaced_files(self._contents()):
-            checked = check_files([self.path], self._loading, compared=True)
+            checked = check_files([self.path], self.loading, compared=True)
         network = checked.network
         self._sources: tuple[SourceFile, ...] = () if network is None else network.sources
         self._signature = self._signed()

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 from studio.browser import needed
@@ -93,6 +94,11 @@ class Browser:
         status, answer, data = self.ask(f"/api/{act}", "POST", json.dumps(body).encode(), **own)
         is_json = answer["Content-Type"].startswith("application/json")
         return status, json.loads(data) if is_json else {"error": data.decode()}
+
+    def get(self, what: str) -> tuple[int, dict[str, Any]]:
+        """Ask as the page does."""
+        status, _, data = self.ask(f"/api/{what}")
+        return status, json.loads(data)
 
     @contextmanager
     def events(self, path: str = "/api/events") -> Iterator[http.client.HTTPResponse]:

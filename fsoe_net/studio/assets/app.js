@@ -4,6 +4,7 @@ import { useCallback, useEffect, useRef, useState } from "./vendor/hooks.js";
 import { html, worst } from "./html.js";
 import { Live } from "./live.js";
 import { Network } from "./network.js";
+import { Records } from "./records.js";
 import { GONE, listen, request, state as fetchState } from "./server.js";
 
 /** @typedef {import("./types").State} State */
@@ -12,6 +13,7 @@ import { GONE, listen, request, state as fetchState } from "./server.js";
 const VIEWS = {
   network: ["Network", Network],
   live: ["Live", Live],
+  records: ["Records", Records],
 };
 
 const viewOfAddress = () => {

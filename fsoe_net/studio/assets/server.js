@@ -23,7 +23,7 @@ async function send(path, body, type) {
 }
 
 /** @param {string} path */
-async function ask(path) {
+export async function ask(path) {
   try {
     return await read(await fetch(`/api/${path}`));
   } catch {
@@ -35,11 +35,11 @@ async function ask(path) {
 export const offers = () => ask("offers");
 
 /**
- * @param {import("./types").Given} given
+ * @param {File} file
  * @returns {Promise<import("./types").Shelf | { error: string }>}
  */
-export const upload = ({ name, file }) =>
-  send(`files?name=${encodeURIComponent(name)}`, file, "application/octet-stream");
+export const upload = (file) =>
+  send(`files?name=${encodeURIComponent(file.name)}`, file, "application/octet-stream");
 
 /** @returns {Promise<import("./types").Shelf | { error: string }>} */
 export const putAway = () => post("files/clear", {});
@@ -72,9 +72,10 @@ export const state = () => ask("state");
 /** @param {Response} answer */
 export async function read(answer) {
   const type = answer.headers.get("content-type") ?? "";
+  const { status } = answer;
   return type.startsWith("application/json")
-    ? answer.json()
-    : { error: (await answer.text()).trim() };
+    ? { status, ...(await answer.json()) }
+    : { status, error: (await answer.text()).trim() };
 }
 
 /**

@@ -144,6 +144,69 @@ export interface Tried {
   events_left_out: number;
 }
 
+/** A file beside the network, see fsoe_net/project/beside.py. */
+export interface Beside {
+  number: number;
+  name: string;
+  kind: "incident" | "log" | "record" | "protocol" | "other";
+  words: string;
+}
+
+export interface Listed {
+  error: string;
+  files: Beside[];
+  /** What a person types to sign off. */
+  commands: string[];
+}
+
+/** Values of a step or of what is read at a SubDevice; empty: not filled in. */
+export type Fields = Record<string, string>;
+
+export interface Step {
+  name: string;
+  title: string;
+  what: string;
+  expected: string;
+  limit_ms: number | null;
+  limit_source: string;
+  emulated: string;
+  live: string;
+  fields: Fields;
+  is_open: boolean;
+  is_failed: boolean;
+}
+
+/** A test protocol, see fsoe_net/studio/protocols.py. */
+export interface Protocol {
+  error: string;
+  files: { number: number; name: string }[];
+  number: number | null;
+  /** Tells it from a protocol of another network or configuration. */
+  key: string;
+  /** What the emulated column is worth. */
+  note: string;
+  /** Why its results are not taken for this network. */
+  notes: string[];
+  steps: Step[];
+  devices: { name: string; title: string; fields: Fields }[];
+}
+
+/** What a person has entered, kept in the browser until the file has it. */
+export interface Kept {
+  step: string;
+  subdevice: string;
+  before: Fields;
+  now: Fields;
+  /** To be sent; else it is being written. */
+  done: boolean;
+  /** What was sent last: where the file has it, only the answer was lost. */
+  sent: Fields | null;
+  /** Why the server did not take it. */
+  problem: string;
+  /** What somebody else has entered meanwhile. */
+  theirs: Fields | null;
+}
+
 /** Sends a change of the text; answers with the state after it. */
 export type Act = (name: string, body?: object) => Promise<State | { error: string }>;
 
@@ -154,12 +217,6 @@ export type Selected = { subdevice: string } | { connection: number } | null;
 export interface Port {
   subdevice: string;
   pair: Pair;
-}
-
-/** A file that a person gives, with its name below the folder that was given. */
-export interface Given {
-  name: string;
-  file: File;
 }
 
 /** What can be added, and what the files say that were given to the page: fsoe_net/studio/shelf.py. */
@@ -338,4 +395,13 @@ export interface SignalChoice {
   name: string;
   label: string;
   kind: string;
+}
+
+/** A step, or a SubDevice at which something is read (then without a row). */
+export interface Part {
+  step: string;
+  subdevice: string;
+  title: string;
+  fields: Fields;
+  row: Step | null;
 }

@@ -1,0 +1,128 @@
+"""What is in the folder of a network beside its file, known by content and by name."""
+
+from __future__ import annotations
+
+import enum
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from fsoe_net.errors import InputError
+from fsoe_net.formats.own.acceptance import is_acceptance
+from fsoe_net.formats.recognise import recognise
+from fsoe_net.formats.shared.files import open_file
+from fsoe_net.plan.codec import MAGIC
+
+__all__ = ["Beside", "BesideKind", "files_beside"]
+
+_HEAD_BYTES = 65_536
+_MOST_FILES = 2000
+_PROTOCOL = re.compile(rb"^plan_sha256\s*:", re.MULTILINE)
+_NETWORK = re.compile(rb"^(nets|subdevices|buses)\s*:", re.MULTILINE)
+_SCAN = re.compile(rb'"scan"\s*:')
+_LOG = re.compile(r"interventions-.*\.jsonl")
+
+
+class BesideKind(enum.Enum):
+    """What a file is for."""
+
+    INCIDENT = "incident"
+    LOG = "log"
+    RECORD = "record"
+    PROTOCOL = "protocol"
+    OTHER = "other"
+    """A description of a bus: something to compare with."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beside:
+    """A file beside a network, or the folder of an intervention log.
+
+    Attributes:
+        path: Begins with the folder that was looked at.
+        name: Of that, seen from the folder.
+        kind: What it is for.
+        words: What it is.
+    """
+
+    path: str
+    name: str
+    kind: BesideKind
+    words: str
+
+
+def files_beside(network: str) -> list[Beside]:
+    """Return what is in the folder of a network file and in the folders there, by name.
+
+    Links are left out, since they may lead out of the folder; so are hidden folders, and whatever
+    cannot be read.
+
+    Args:
+        network: The network file, which is left out too.
+    """
+    folder = os.path.dirname(network) or "."
+    found: dict[str, Beside] = {}
+    for entry in _files(folder):
+        name = os.path.relpath(entry.path, folder)
+        if os.path.basename(network) == name:
+            continue
+        if _LOG.fullmatch(entry.name):
+            path = os.path.dirname(entry.path)
+            name = os.path.relpath(path, folder)
+            row = Beside(path=path, name=name, kind=BesideKind.LOG, words="an intervention log")
+            found[path] = row
+        elif entry.name.endswith(".fsnincident"):
+            row = Beside(
+                path=entry.path, name=name, kind=BesideKind.INCIDENT, words="an incident file"
+            )
+            found[entry.path] = row
+        elif (known := _known(entry.path)) is not None:
+            found[entry.path] = Beside(path=entry.path, name=name, kind=known[0], words=known[1])
+    return sorted(found.values(), key=lambda row: row.name)
+
+
+def _files(folder: str) -> Iterator[os.DirEntry[str]]:
+    left = _MOST_FILES
+    for here in (folder, *(e.path for e in _entries(folder) if _is_folder(e))):
+        for entry in _entries(here):
+            if not entry.is_file(follow_symlinks=False):
+                continue
+            if left == 0:
+                return
+            left -= 1
+            yield entry
+
+
+def _entries(folder: str) -> list[os.DirEntry[str]]:
+    try:
+        with os.scandir(folder) as entries:
+            return sorted(entries, key=lambda entry: entry.name)
+    except OSError:
+        return []
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    return entry.is_dir(follow_symlinks=False) and not entry.name.startswith(".")
+
+
+def _known(path: str) -> tuple[BesideKind, str] | None:
+    try:
+        with open_file(path) as stream:
+            head = stream.read(_HEAD_BYTES)
+    except (InputError, OSError):
+        return None
+    if head.startswith(MAGIC):
+        return BesideKind.OTHER, "a plan"
+    if is_acceptance(head):
+        return BesideKind.RECORD, "an acceptance record"
+    if _PROTOCOL.search(head):
+        return BesideKind.PROTOCOL, "a test protocol"
+    if head.lstrip()[:1] == b"{":
+        return (BesideKind.OTHER, "a scan") if _SCAN.search(head) else None
+    known = recognise(head)
+    if known is None or known.kind in ("", "capture", "ros-slaves"):
+        return None
+    if known.kind == "yaml" and not _NETWORK.search(head):
+        return None  # of one device
+    return BesideKind.OTHER, known.words

@@ -1,0 +1,136 @@
+// Documents about the network: report, differences, incidents, intervention log.
+import { useEffect, useRef, useState } from "./vendor/hooks.js";
+import { html } from "./html.js";
+import { ask } from "./server.js";
+
+/** @typedef {import("./types").State} State */
+/** @typedef {import("./types").Beside} Beside */
+/** @typedef {import("./types").Listed} Listed */
+
+/**
+ * What is shown: its address, title, and the version of the text it is made from; 0: of no text.
+ * @typedef {{ address: string, title: string, version: number, query: string }} Shown
+ */
+
+/** @param {{ state: State }} props */
+export function Records({ state }) {
+  const [listed, setListed] = useState(/** @type {Listed | null} */ (null));
+  const [error, setError] = useState("");
+  const [shown, setShown] = useState(/** @type {Shown | null} */ (null));
+  const look = async () => {
+    const answer = /** @type {Listed | { error: string }} */ (await ask("records"));
+    setError(answer.error);
+    if ("files" in answer) setListed(answer);
+  };
+  useEffect(() => {
+    look();
+  }, []);
+  const pane = useRef(/** @type {HTMLElement | null} */ (null));
+  useEffect(() => {
+    if (shown) pane.current?.scrollIntoView(); // on a narrow page it is below
+  }, [shown]);
+
+  /** @type {(title: string, kind: string, query: string, ofText?: boolean) => void} */
+  const show = (title, kind, query, ofText = false) => {
+    const version = ofText ? state.version : 0;
+    const address = `/records/${kind}?${query}${ofText ? `&version=${version}` : ""}`;
+    setShown({ address, title, version, query: `/records/${kind}?${query}` });
+  };
+  const files = listed?.files ?? [];
+  const of = (/** @type {string[]} */ ...kinds) => files.filter((f) => kinds.includes(f.kind));
+  return html`<main class="records">
+    <aside aria-label="Records">
+      ${error && html`<p class="error" role="alert">${error}</p>`}
+      <p class="help">
+        Of the folder of the network. ${" "}
+        <button onClick=${look}>Look again</button>
+      </p>
+      <${Report} protocols=${of("protocol")} records=${of("record")} show=${show} />
+      <${Difference} files=${of("record", "other")} show=${show} />
+      <${Pages} title="Incidents" files=${of("incident").reverse()}
+        none="No incident files: fsn-master --incidents writes them, and so does fsoe-net run."
+        show=${(/** @type {Beside} */ f) => show(f.name, "incident", `file=${f.number}`)} />
+      <${Pages} title="Intervention log" files=${of("log")}
+        none="No log: fsn-master --intervention-log writes one."
+        show=${(/** @type {Beside} */ f) => show(`Intervention log ${f.name}`, "log", `file=${f.number}`)} />
+      <section aria-label="Sign off">
+        <h2>Sign off</h2>
+        <p class="help">
+          A person signs, with a key, on the command line; this page signs nothing. Type in the folder
+          of the network, with your names and key:
+        </p>
+        <pre tabindex="0" aria-label="Commands">${(listed?.commands ?? []).join("\n")}</pre>
+      </section>
+    </aside>
+    <section class="document" aria-label="Document" ref=${pane}>
+      ${shown === null
+        ? html`<p class="help">Choose what to see.</p>`
+        : html`<p class="bar">
+              <b>${shown.title}</b>
+              ${shown.version > 0 && shown.version !== state.version &&
+              html`<span class="old" role="status">▲ of an earlier text
+                <button onClick=${() => setShown({ ...shown, version: state.version, address: `${shown.query}&version=${state.version}` })}>
+                  Make it again
+                </button></span>`}
+              <a href=${shown.address} target="_blank" rel="noopener">Open in a tab, to print</a>
+            </p>
+            <iframe key=${shown.address} src=${shown.address} title=${shown.title} sandbox=""></iframe>`}
+    </section>
+  </main>`;
+}
+
+/** @param {{ files: Beside[], title: string, none: string, show: (file: Beside) => void }} props */
+function Pages({ files, title, none, show }) {
+  return html`<section aria-label=${title}>
+    <h2>${title}${files.length > 0 && ` (${files.length})`}</h2>
+    ${files.length === 0 && html`<p class="help">${none}</p>`}
+    <ul class="files">
+      ${files.map(
+        (file) => html`<li key=${file.number}><button onClick=${() => show(file)}>${file.name}</button></li>`,
+      )}
+    </ul>
+  </section>`;
+}
+
+/** @param {any} props */
+function Choice({ label, files, none, chosen, choose }) {
+  const id = `choice-${label.replace(/\W+/g, "-")}`;
+  return html`<p class="choice">
+    <label for=${id}>${label}</label>
+    <select id=${id} value=${chosen}
+      onChange=${(/** @type {any} */ event) => choose(event.target.value)}>
+      <option value="">${none}</option>
+      ${files.map(
+        (/** @type {Beside} */ f) => html`<option key=${f.number} value=${f.number}>${f.name}, ${f.words}</option>`,
+      )}
+    </select>
+  </p>`;
+}
+
+/** @param {any} props */
+function Report({ protocols, records, show }) {
+  const [protocol, setProtocol] = useState("");
+  const [accepted, setAccepted] = useState("");
+  return html`<section aria-label="Report">
+    <h2>Report</h2>
+    <p class="help">Of the text as it is in the page, saved or not.</p>
+    ${protocols.length > 0 &&
+    html`<${Choice} label="Test protocol" none="without" files=${protocols} chosen=${protocol} choose=${setProtocol} />`}
+    ${records.length > 0 &&
+    html`<${Choice} label="Accepted state" none="without" files=${records} chosen=${accepted} choose=${setAccepted} />`}
+    <button onClick=${() => show("Report", "report", `protocol=${protocol}&accepted=${accepted}`, true)}>
+      Show the report
+    </button>
+  </section>`;
+}
+
+/** @param {any} props */
+function Difference({ files, show }) {
+  const [file, setFile] = useState("");
+  return html`<section aria-label="Difference">
+    <h2>Difference</h2>
+    <p class="help">From a file to the text as it is in the page, by meaning.</p>
+    <${Choice} label="From" none="the saved network file" files=${files} chosen=${file} choose=${setFile} />
+    <button onClick=${() => show("Difference", "difference", `file=${file}`, true)}>Show the difference</button>
+  </section>`;
+}

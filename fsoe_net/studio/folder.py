@@ -1,0 +1,36 @@
+"""The files beside the network, by number: the page names no path."""
+
+from __future__ import annotations
+
+from fsoe_net.errors import InputError
+from fsoe_net.project.beside import Beside, BesideKind, files_beside
+
+__all__ = ["Folder"]
+
+
+class Folder:
+    """The folder of a network file.
+
+    Args:
+        network: The file.
+    """
+
+    def __init__(self, network: str) -> None:
+        self._network = network
+        self._numbers: dict[str, int] = {}
+
+    def look(self) -> list[tuple[int, Beside]]:
+        """Return what is there now; a file keeps its number for as long as the server runs."""
+        rows = files_beside(self._network)
+        return [(self._numbers.setdefault(row.path, len(self._numbers)), row) for row in rows]
+
+    def find(self, number: object, *kinds: BesideKind) -> Beside:
+        """Return a file of these kinds by its number.
+
+        Raises:
+            InputError: It is not there, or not of these kinds.
+        """
+        for here, row in self.look():
+            if str(here) == str(number) and row.kind in kinds:
+                return row
+        raise InputError("this file is there no more; look at the list again")

@@ -1,0 +1,208 @@
+"""Documents about the network: its report, differences, incidents, the intervention log.
+
+Each is the page that the command of that name writes. It is served without scripts and in a
+sandbox, with the hashes of its own styles as the only ones that count.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import hashlib
+import html
+import os
+import re
+import shlex
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+from starlette.routing import Route
+
+from fsoe_net import __version__
+from fsoe_net.diag.printable import printable
+from fsoe_net.document.model import Bullets, Document, Level, Part, Section, Verdict, cell, words
+from fsoe_net.document.write_html import document_html
+from fsoe_net.errors import FsnError, InputError
+from fsoe_net.formats.shared.files import open_file
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.observe.evidence import gather
+from fsoe_net.observe.incident_read import IncidentReader
+from fsoe_net.observe.interventions import LogFilter
+from fsoe_net.project.beside import Beside, BesideKind
+from fsoe_net.project.check import Checked
+from fsoe_net.project.compare import read_side
+from fsoe_net.project.interventions import log_files, select_entries
+from fsoe_net.project.known import read_record
+from fsoe_net.project.report import make_report, plan_to_show, since
+from fsoe_net.report.diff import compare
+from fsoe_net.report.diff_document import diff_document
+from fsoe_net.report.diff_read import side_of_network
+from fsoe_net.report.incident_document import incident_document
+from fsoe_net.report.incident_facts import facts_of
+from fsoe_net.report.intervention_document import log_document
+from fsoe_net.studio.folder import Folder
+from fsoe_net.studio.workspace import Workspace
+
+__all__ = ["Records", "document_response"]
+
+_MOST_ENTRIES = 200  # of an intervention log, as the command shows
+_STYLES = re.compile(r'<style>(.*?)</style>|\sstyle="([^"]*)"', re.DOTALL)
+
+Query = Mapping[str, str]
+
+
+class Records:
+    """Routes of the documents.
+
+    Args:
+        workspace: The network file; a report is of the text as it is in the page.
+        folder: Where it is.
+
+    Attributes:
+        routes: To be joined to those of the server.
+    """
+
+    def __init__(self, workspace: Workspace, folder: Folder) -> None:
+        self._workspace, self._folder = workspace, folder
+        self._making = asyncio.Lock()
+        self._makers: dict[str, Callable[[Query], Document]] = {
+            "report": self._report,
+            "difference": self._difference,
+            "incident": self._incident,
+            "log": self._log,
+        }
+        self.routes = [
+            Route("/api/records", self._list),
+            Route("/records/{kind}", self._document),
+        ]
+
+    async def _list(self, _: Request) -> Response:
+        rows = await run_in_threadpool(self._folder.look)
+        files = [
+            {
+                "number": number,
+                "name": printable(row.name),
+                "kind": row.kind.value,
+                "words": row.words,
+            }
+            for number, row in rows
+        ]
+        commands = _commands(self._workspace.path, [row for _, row in rows])
+        return JSONResponse({"error": "", "files": files, "commands": commands})
+
+    async def _document(self, request: Request) -> Response:
+        make = self._makers.get(request.path_params["kind"])
+        if make is None:
+            return JSONResponse({"error": "there is no such document"}, 404)
+        try:
+            async with self._making:  # one at a time: a report of a large network takes seconds
+                document = await run_in_threadpool(make, request.query_params)
+        except FsnError as exc:
+            return document_response(_refused(exc), 422)
+        return document_response(document)
+
+    def _network(self) -> tuple[Checked, Resolution]:
+        checked = self._workspace.checked
+        if checked.resolution is None:
+            raise InputError("the text is no network at present: correct it first")
+        return checked, checked.resolution
+
+    def _of(self, query: Query, key: str, *kinds: BesideKind) -> Beside | None:
+        number = query.get(key, "")
+        return self._folder.find(number, *kinds) if number else None
+
+    def _report(self, query: Query) -> Document:
+        protocol = self._of(query, "protocol", BesideKind.PROTOCOL)
+        accepted = self._of(query, "accepted", BesideKind.RECORD)
+        return make_report(
+            self._network()[0],
+            protocol=None if protocol is None else protocol.path,
+            accepted=None if accepted is None else read_record(accepted.path),
+            loading=self._workspace.loading,
+        ).document
+
+    def _difference(self, query: Query) -> Document:
+        checked, resolution = self._network()
+        path = self._workspace.path
+        kinds = (BesideKind.RECORD, BesideKind.OTHER)
+        other = self._of(query, "file", *kinds)  # without one: the network file as it is saved
+        before, found = read_side(path if other is None else other.path, self._workspace.loading)
+        if before is None:
+            name = path if other is None else other.name
+            raise InputError(f"{name} cannot be compared", found)
+        now = side_of_network(resolution, f"{path}, as it is in the page")
+        difference = compare(before, now)
+        sections: list[Section] = []
+        if other is not None and other.kind is BesideKind.RECORD:
+            plan = plan_to_show(resolution, checked.diagnostics)
+            again = since(read_record(other.path), resolution, plan).again
+            parts: tuple[Part, ...] = (Bullets(tuple(cell(step) for step in again)),)
+            if not again:
+                parts = (words("No step of the test protocol."),)
+            title = "To be tried again at the machine"
+            sections.append(Section(key="again", title=title, parts=parts))
+        same = Verdict("No difference", Level.NOTE)
+        return replace(
+            diff_document(before, now, difference),
+            title=f"Difference to {'the saved file' if other is None else other.name}",
+            version=__version__,
+            verdict=same if difference.same else Verdict("It differs", Level.WARNING),
+            sections=tuple(sections),
+        )
+
+    def _incident(self, query: Query) -> Document:
+        row = self._folder.find(query.get("file"), BesideKind.INCIDENT)
+        with open_file(row.path) as stream:
+            facts = facts_of(gather(IncidentReader(row.name, stream)))
+        return incident_document(facts, __version__)
+
+    def _log(self, query: Query) -> Document:
+        row = self._folder.find(query.get("file"), BesideKind.LOG)
+        wanted = LogFilter(most=_MOST_ENTRIES)
+        return log_document(select_entries(log_files([row.path]), wanted), __version__)
+
+
+def _refused(exc: FsnError) -> Document:
+    found = exc.diagnostics if isinstance(exc, InputError) else ()
+    return Document(
+        title="This cannot be shown",
+        version=__version__,
+        verdict=Verdict(str(exc), Level.ERROR),
+        lead=tuple(words(f"{d.span}: {d.message}. {d.hint}") for d in found),
+    )
+
+
+def document_response(document: Document, status: int = 200) -> Response:
+    """Return a document as a page that runs nothing and loads nothing."""
+    text = document_html(document)
+    styles = dict.fromkeys(html.unescape(a or b) for a, b in _STYLES.findall(text))
+    hashes = (base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in styles)
+    allowed = " ".join(f"'sha256-{value}'" for value in hashes)
+    policy = (
+        f"default-src 'none'; style-src 'unsafe-hashes' {allowed}; sandbox; base-uri 'none'; "
+        "form-action 'none'; frame-ancestors 'self'"
+    )
+    return HTMLResponse(text, status, {"content-security-policy": policy})
+
+
+def _commands(network: str, rows: list[Beside]) -> list[str]:
+    """Return what a person types in the folder of the network to sign it off."""
+    name = os.path.basename(network)
+    protocol = next((row.name for row in rows if row.kind is BesideKind.PROTOCOL), None)
+    before = next((row.name for row in rows if row.kind is BesideKind.RECORD), None)
+    record = "acceptance.yaml" if before is None else "acceptance-new.yaml"
+    replaces = "" if before is None else f"--replaces {shlex.quote(before)} "
+    net, test = shlex.quote(name), shlex.quote(protocol or "protocol.yaml")
+    first = [f"test-protocol {net} -o {test}"] if protocol is None else []
+    lines = [
+        *first,
+        f"report {net} --protocol {test} -o report.html",
+        f"report {net} --protocol {test} -o report.json",
+        f"accept {net} --protocol {test} --report report.html --report report.json "
+        f"--author NAME --verifier NAME {replaces}-o {record}",
+        f"accept {record} --sign KEY --as verifier",
+    ]
+    return [printable(f"fsoe-net {line}") for line in lines]

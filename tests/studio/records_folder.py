@@ -1,0 +1,33 @@
+"""A network with all that there can be beside it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from incidents.rig import Rig, network
+from observe.intervention_logs import a_log, written
+from report.made import BASE
+from report.signed import record_of
+
+from fsoe_net.project.accept import record_bytes
+from fsoe_net.project.protocol import ProtocolTrial
+
+__all__ = ["made_folder"]
+
+
+def made_folder(tmp: Path) -> Path:
+    """Return the network file in a folder with a protocol, a record, an incident and a log."""
+    folder, scratch = tmp / "cell", tmp / "scratch"
+    shutil.copytree(BASE / "devices", folder / "devices")
+    path = folder / "network.yaml"
+    shutil.copy(BASE / "timed.yaml", path)
+    ProtocolTrial.of([str(path)]).save(str(folder / "protocol.yaml"))
+    (folder / "acceptance.yaml").write_bytes(record_bytes(record_of(path)))
+    scratch.mkdir()
+    rig = Rig(network("estop", scratch), scratch, steps="  - {at_ms: 300, break: ek1914}\n")
+    rig.run(1_500)
+    (folder / "incidents").mkdir()
+    shutil.move(rig.end(), folder / "incidents" / "a.fsnincident")
+    written(folder / "log", a_log(3))
+    return path

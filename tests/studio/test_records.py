@@ -1,0 +1,158 @@
+"""Report, differences, incidents and the intervention log, as pages that run nothing."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from studio.records_folder import made_folder
+from studio.server_rig import Browser, running
+
+from fsoe_net.plan.codec import MAGIC
+from fsoe_net.project.beside import BesideKind, files_beside
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return made_folder(tmp_path_factory.mktemp("records"))
+
+
+@pytest.fixture(scope="module")
+def browser(path: Path) -> Iterator[Browser]:
+    with running(path) as studio:
+        browser = Browser(studio.url)
+        browser.enter()
+        yield browser
+
+
+def _listed(browser: Browser) -> dict[str, int]:
+    status, answer = browser.get("records")
+    assert status == 200
+    return {row["name"]: row["number"] for row in answer["files"]}
+
+
+def _page(browser: Browser, where: str, status: int = 200) -> str:
+    found, headers, body = browser.ask(f"/records/{where}")
+    text = body.decode()
+    assert found == status, text
+    policy = headers.get_all("Content-Security-Policy")
+    assert len(policy) == 1
+    rules = dict(rule.strip().split(" ", 1) for rule in policy[0].split(";") if " " in rule.strip())
+    assert rules["default-src"] == "'none'"
+    assert rules["frame-ancestors"] == "'self'"
+    assert re.search(r"(?:^|; )sandbox(?:;|$)", policy[0])
+    assert "unsafe-inline" not in policy[0]
+    for style in re.findall(r'\sstyle="([^"]*)"', text):
+        digest = hashlib.sha256(html.unescape(style).encode()).digest()
+        assert f"'sha256-{base64.b64encode(digest).decode()}'" in rules["style-src"]
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    return text
+
+
+def test_what_is_beside_a_network_is_known_by_content(path: Path) -> None:
+    kinds = {row.name: row.kind for row in files_beside(str(path))}
+    assert kinds == {
+        "acceptance.yaml": BesideKind.RECORD,
+        "incidents/a.fsnincident": BesideKind.INCIDENT,
+        "log": BesideKind.LOG,
+        "protocol.yaml": BesideKind.PROTOCOL,
+    }
+
+
+def test_what_leads_out_of_the_folder_is_left_out(tmp_path: Path) -> None:
+    folder = tmp_path / "cell"
+    (folder / ".hidden").mkdir(parents=True)
+    network = folder / "network.yaml"
+    text = "version: 1\nsubdevices: []\n"
+    for where in (network, tmp_path / "secret.yaml", folder / ".hidden" / "a.yaml"):
+        where.write_text(text)
+    (folder / "link.yaml").symlink_to(tmp_path / "secret.yaml")
+    (folder / "out").symlink_to(tmp_path)
+    (folder / "closed").mkdir(mode=0)
+    (folder / "empty.yaml").touch()
+    (folder / "run.json").write_text('{"passed": true}')
+    (folder / "bus.json").write_text('{"scan": 1}')
+    (folder / "old.fsnplan").write_bytes(MAGIC)
+    (folder / "old.yaml").write_text(text)
+    found = {row.name: row.words for row in files_beside(str(network))}
+    assert found["bus.json"] == "a scan"
+    assert set(found) == {"bus.json", "old.fsnplan", "old.yaml"}
+
+
+def test_a_report_is_of_the_text_as_it_is(browser: Browser) -> None:
+    _, answer = browser.get("state")
+    number = _listed(browser)
+    whole = f"report?protocol={number['protocol.yaml']}&accepted={number['acceptance.yaml']}"
+    assert "configuration report" in _page(browser, whole)
+    changed = answer["text"].replace("watchdog_ms: 100", "watchdog_ms: 90")
+    assert changed != answer["text"]
+    _, answer = browser.post("text", {"version": answer["version"], "text": changed})
+    assert "90" in _page(browser, "report?protocol=&accepted=")
+    text = _page(browser, "difference?file=")
+    assert "Difference to the saved file" in text
+    assert "watchdog_ms 100" in text.replace("watchdog 100", "watchdog_ms 100")
+    text = _page(browser, f"difference?file={number['acceptance.yaml']}")
+    assert "To be tried again at the machine" in text
+    assert "<li>start-up" in text
+    browser.post("text", {"version": answer["version"], "text": "nets: ["})
+    for where in ("report?", "difference?file="):
+        assert "the text is no network at present" in _page(browser, where, 422)
+    _, answer = browser.get("state")
+    browser.post("take", {"version": answer["version"]})
+    text = _page(browser, "difference?file=")
+    assert "No difference" in text
+    text = _page(browser, f"difference?file={number['acceptance.yaml']}")
+    assert "No step of the test protocol" in text
+
+
+def test_incidents_and_the_log_have_their_pages(browser: Browser) -> None:
+    number = _listed(browser)
+    assert "Likely cause" in _page(browser, f"incident?file={number['incidents/a.fsnincident']}")
+    assert "what happened 3" in _page(browser, f"log?file={number['log']}")
+
+
+def test_only_what_is_listed_is_opened(browser: Browser, path: Path) -> None:
+    number = _listed(browser)
+    for where in (
+        "incident",
+        "incident?file=",
+        "incident?file=../../secret",
+        "incident?file=99",
+        f"incident?file={number['protocol.yaml']}",
+        f"log?file={number['acceptance.yaml']}",
+        f"difference?file={number['protocol.yaml']}",
+        "report?protocol=99",
+    ):
+        assert "this file is there no more" in _page(browser, where, 422)
+    assert browser.ask("/records/secret")[0] == 404
+    broken = path.parent / "broken.fsnincident"
+    broken.write_text("<script>alert(1)</script>")
+    try:
+        text = _page(browser, f"incident?file={_listed(browser)['broken.fsnincident']}", 422)
+    finally:
+        broken.unlink()
+    assert "<script" not in text
+    bus = path.parent / "bus.json"
+    bus.write_text('{"scan": "<img>"}')
+    try:
+        text = _page(browser, f"difference?file={_listed(browser)['bus.json']}", 422)
+    finally:
+        bus.unlink()
+    assert "bus.json cannot be compared" in text
+    assert "<img" not in text
+
+
+def test_signing_is_a_command_to_type(browser: Browser) -> None:
+    _, answer = browser.get("records")
+    commands = answer["commands"]
+    assert commands[0] == "fsoe-net report network.yaml --protocol protocol.yaml -o report.html"
+    assert commands[-1] == "fsoe-net accept acceptance-new.yaml --sign KEY --as verifier"
+    assert "--replaces acceptance.yaml" in commands[-2]
+    other = Browser(f"http://{browser.host}/")
+    assert other.ask("/api/records")[0] == 403
+    assert other.ask("/records/report")[0] == 403
