@@ -23,6 +23,7 @@ from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.guard import Guard
 from fsoe_net.studio.listening import Listening, bound_socket
 from fsoe_net.studio.live import Live
+from fsoe_net.studio.protocols import Protocols
 from fsoe_net.studio.records import Records
 from fsoe_net.studio.shelf import MAX_UPLOAD_BYTES, Shelf
 from fsoe_net.studio.trial import try_network
@@ -110,6 +111,7 @@ class Studio:
                 *file_routes(workspace, self._shelf),
                 *self._live.routes,
                 *Records(workspace, folder).routes,
+                *Protocols(workspace, folder).routes,
                 Route("/api/{act}", self._act, methods=["POST"]),
                 Mount("/assets", StaticFiles(directory=_ASSETS)),
             ],

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fsoe_net.diag.diagnostic import Diagnostic, FindingList, Severity
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.formats.own.options import LoadOptions
@@ -22,7 +22,7 @@ from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.answers import Answers
 from fsoe_net.model.scan import Scan
 from fsoe_net.project.draft import Draft, Inputs, make_draft
-from fsoe_net.project.gather import Gathered, gather
+from fsoe_net.project.gather import gather
 from fsoe_net.project.installed import shipped
 from fsoe_net.project.offers import Addition, Offer, addition_of, list_offers
 from fsoe_net.studio.subdevices import added
@@ -36,7 +36,6 @@ MAX_UPLOAD_BYTES = MAX_LARGE_BYTES
 _MOST_FILES = 200
 _MOST_OFFERS = 3000
 _LONGEST_NAME = 120
-_DEEPEST = 4
 
 Row = dict[str, object]
 
@@ -52,15 +51,10 @@ class _Content:
 
 
 class Upload:
-    """A file that is being received; it counts when `Shelf.put` has it.
+    """A file that is being received; it counts when `Shelf.put` has it."""
 
-    Attributes:
-        name: Its name on the shelf, with the folders that it came with.
-        path: Where its bytes are.
-    """
-
-    def __init__(self, name: str, path: str) -> None:
-        self.name, self.path = name, path
+    def __init__(self, path: str) -> None:
+        self.path = path
         self._stream = open(path, "xb")  # noqa: SIM115 - closed by `close`
 
     def write(self, data: bytes) -> None:
@@ -93,8 +87,7 @@ class Shelf:
         """Begin to receive a file.
 
         Args:
-            name: As the browser calls it, with folders where one was given; nothing in it leads
-                elsewhere.
+            name: As the browser calls it; only its last part counts.
 
         Raises:
             InputError: There are too many files.
@@ -105,8 +98,10 @@ class Shelf:
             if self._folder is None:
                 self._folder = tempfile.TemporaryDirectory(prefix="fsoe-net-studio-")
             self._count += 1
-            # Readers of a folder pass over what begins with a point.
-            return Upload(_safe(name), os.path.join(self._folder.name, f".part{self._count}"))
+            # Each in a folder of its own, so that the readers' words show the name it came with.
+            folder = os.path.join(self._folder.name, str(self._count))
+            os.mkdir(folder)
+        return Upload(os.path.join(folder, _file_name(name)))
 
     def room_bytes(self) -> int:
         """Return how many bytes there is room for."""
@@ -115,21 +110,13 @@ class Shelf:
         return max(0, MAX_UPLOAD_BYTES - sizes)
 
     def put(self, upload: Upload) -> None:
-        """Take a file that was received whole; one of the same name goes.
-
-        Raises:
-            OSError: A file and a folder would have the same name.
-        """
+        """Take a file that was received whole; one of the same name goes."""
         with self._lock:
-            root = os.path.dirname(upload.path)
-            path = os.path.join(root, upload.name)
-            try:
-                os.makedirs(os.path.dirname(path), exist_ok=True)
-                os.replace(upload.path, path)
-            except OSError:
-                os.unlink(upload.path)
-                raise
-            self._files[upload.name] = path
+            name = os.path.basename(upload.path)
+            old = self._files.pop(name, None)
+            if old is not None:
+                os.unlink(old)
+            self._files[name] = upload.path
             self._content = None
 
     def clear(self) -> None:
@@ -203,8 +190,6 @@ class Shelf:
             draft = self._read().draft
         if draft is None or draft.proposal is None:
             raise InputError("these files propose no network; add SubDevices one by one")
-        if any(row.level is Severity.ERROR for row in draft.findings):
-            raise InputError("a file has errors, see above; put it away, or correct it")
         network = workspace.checked.network
         if network is not None and not draft.inputs.found.name:
             draft = replace(draft, name=network.name)
@@ -232,22 +217,18 @@ class Shelf:
 
     def _gathered(self) -> _Content:
         self.scan = None
-        out = FindingList()
         if not self._files:
-            return _Content(list_offers(Gathered(), out))
+            return _Content(list_offers())
         try:
-            # One file has to be right; of several, one that cannot be read is left out and said.
-            paths = list(self._files.values())
-            found = gather(paths if len(paths) == 1 else [self._root], LoadOptions())
+            found = gather(list(self._files.values()), LoadOptions())
             for path, scan in found.scans.items():
                 self.scan = self.scan or (self._place(path), scan)
             draft = make_draft(Inputs.of(found), Answers()) if found.buses else None
-            offers = list_offers(found, out)
-            rows = [*found.out.diagnostics, *(draft.findings if draft else ()), *out.diagnostics]
-            return _Content(offers, draft, _worth_a_word(rows))
+            rows = [*found.out.diagnostics, *(() if draft is None else draft.findings)]
+            return _Content(list_offers(found), draft, _worth_a_word(rows))
         except FsnError as exc:
             rows = list(exc.diagnostics) if isinstance(exc, InputError) else []
-            return _Content(list_offers(Gathered(), out), findings=rows, error=str(exc))
+            return _Content(list_offers(), findings=rows, error=str(exc))
 
     def _offer(self, number: int, row: Offer) -> Row:
         return {
@@ -282,11 +263,7 @@ class Shelf:
     def _named(self, text: str) -> str:
         if self._folder is None:
             return text
-        return text.replace(f"{self._root}/", "")
-
-    @property
-    def _root(self) -> str:
-        return "" if self._folder is None else self._folder.name
+        return re.sub(re.escape(self._folder.name) + r"/\d+/", "", text)
 
 
 def _possible(offer: Offer) -> Addition:
@@ -307,16 +284,12 @@ def _take(workspace: Workspace, version: int, text: str, files: Mapping[str, str
 
 
 def _worth_a_word(rows: list[Diagnostic]) -> list[Diagnostic]:
-    return [row for row in dict.fromkeys(rows) if row.level is not Severity.INFO]
+    return [row for row in rows if row.level is not Severity.INFO]
 
 
-def _safe(name: str) -> str:
-    """Return a name that came from elsewhere as one below a folder, without a way out of it."""
-    parts = [re.sub(r"[^\w. ()+-]", "_", part).strip(". ") for part in re.split(r"[/\\]", name)]
-    kept = [part for part in parts if part][-_DEEPEST:] or ["file"]
-    return "/".join(_short(part) for part in kept)
-
-
-def _short(part: str) -> str:
-    stem, ending = os.path.splitext(part)
-    return stem[:_LONGEST_NAME] + ending[:40]
+def _file_name(name: str) -> str:
+    """Return the last part of a name that came from elsewhere, as a file can have it."""
+    last = re.split(r"[/\\]", name)[-1]
+    plain = re.sub(r"[^\w. ()+-]", "_", last).strip(". ")
+    stem, ending = os.path.splitext(plain)
+    return (stem[: _LONGEST_NAME - len(ending)] + ending[:40]) or "file"

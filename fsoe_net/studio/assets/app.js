@@ -4,6 +4,7 @@ import { useCallback, useEffect, useRef, useState } from "./vendor/hooks.js";
 import { html, worst } from "./html.js";
 import { Live } from "./live.js";
 import { Network } from "./network.js";
+import { Protocol } from "./protocol.js";
 import { Records } from "./records.js";
 import { GONE, listen, request, state as fetchState } from "./server.js";
 
@@ -13,6 +14,7 @@ import { GONE, listen, request, state as fetchState } from "./server.js";
 const VIEWS = {
   network: ["Network", Network],
   live: ["Live", Live],
+  protocol: ["Test protocol", Protocol],
   records: ["Records", Records],
 };
 

@@ -1,0 +1,188 @@
+"""What a person enters at the machine, written into a test protocol without losing anything.
+
+An entry names what the person saw in the file before: where somebody has written something else
+meanwhile, nothing is written. An entry that corrects an earlier one keeps it in the remark. What
+people wrote beside stays, comments too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.diag.printable import first_control
+from fsoe_net.errors import InputError
+from fsoe_net.formats.own.protocol import load_protocol
+from fsoe_net.formats.shared.files import Collector, read_source, read_unchanged, replaced_files
+from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.model.protocol import DeviceEntry, Protocol, ProtocolStep, StepOutcome
+from fsoe_net.project.edit import EditedText
+
+__all__ = ["Conflict", "MachineEntry", "device_fields", "enter", "step_fields"]
+
+Fields = Mapping[str, str]
+
+_STEP = ("result", "measured_ms", "remark", "by", "date")
+_DEVICE = ("firmware", "serial", "safety_project_crc")
+_MOST_CHARACTERS = 4000
+_RESULTS = ("", *(outcome.value for outcome in StepOutcome))
+
+
+class Conflict(InputError):
+    """The file holds something else than the person saw.
+
+    Attributes:
+        present: What it holds.
+    """
+
+    def __init__(self, present: Fields) -> None:
+        super().__init__("somebody has entered something else meanwhile")
+        self.present = present
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineEntry:
+    """What a person has entered.
+
+    Attributes:
+        step: Id of a step; empty for what was read at a SubDevice.
+        subdevice: Its name.
+        before: The values in the file when the person began.
+        now: The values.
+    """
+
+    step: str = ""
+    subdevice: str = ""
+    before: Fields
+    now: Fields
+
+
+def step_fields(step: ProtocolStep) -> dict[str, str]:
+    """Return the column of the machine as texts, empty for what is not filled in."""
+    machine = step.machine
+    return {
+        "result": "" if machine.outcome is None else machine.outcome.value,
+        "measured_ms": "" if machine.measured_ms is None else _ms(machine.measured_ms),
+        "remark": machine.remark,
+        "by": machine.by,
+        "date": machine.date,
+    }
+
+
+def device_fields(device: DeviceEntry) -> dict[str, str]:
+    """Return what was read at a SubDevice; without a MainInstance there is no CRC to read."""
+    values = {key: getattr(device, key) for key in _DEVICE}
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def enter(path: str, entry: MachineEntry) -> dict[str, str]:
+    """Write an entry into a test protocol; one that is there already changes nothing.
+
+    Returns:
+        The values that are in the file then.
+
+    Raises:
+        Conflict: Somebody has entered something else meanwhile.
+        InputError: The file is no test protocol, or cannot take the entry; says why.
+        EnvironmentFault: It cannot be written; what was there is unchanged.
+    """
+    source, data = read_source(path)
+    protocol = _protocol(path, data)
+    present = _present(protocol, entry)
+    before, now = (_taken(fields, present) for fields in (entry.before, entry.now))
+    if entry.step:
+        now = _kept(before, now)
+    if present == now:
+        return now
+    if present != before:
+        raise Conflict(present)
+    edited = EditedText(data.decode("utf-8-sig"), path)
+    row = _row(edited.document, entry)
+    for key, text in now.items():
+        if text != present[key]:
+            row[key] = _number(text) if key == "measured_ms" and text else text
+    new = edited.text.encode("utf-8")
+    written = _present(_protocol(path, new), entry)
+    if written != now:
+        raise InputError(f"{path} cannot hold this entry; write it into the file by hand")
+    read_unchanged(path, source.sha256, next_step="enter it again")
+    write_whole(path, new, overwrite=True)
+    return now
+
+
+def _protocol(path: str, data: bytes) -> Protocol:
+    out = Collector()
+    with replaced_files({path: data}):
+        protocol = load_protocol(path, out)
+    if protocol is None:
+        first = next(d for d in out.diagnostics if d.level is Severity.ERROR)
+        raise InputError(f"not entered: {first.message}; {first.hint}", out.diagnostics)
+    return protocol
+
+
+def _present(protocol: Protocol, entry: MachineEntry) -> dict[str, str]:
+    for step in protocol.machine_steps:
+        if entry.step and step.id == entry.step:
+            return step_fields(step)
+    for device in protocol.devices:
+        if not entry.step and device.subdevice == entry.subdevice:
+            return device_fields(device)
+    raise InputError("not entered: the protocol has no such step at the machine, and no such row")
+
+
+def _taken(fields: Fields, present: Fields) -> dict[str, str]:
+    """Return the values that a row has, on one line each."""
+    found = {}
+    for key in present:
+        text = " ".join(str(fields.get(key, "")).split())
+        if len(text) > _MOST_CHARACTERS or first_control(text):
+            raise InputError(
+                f"not entered: {key} is longer than {_MOST_CHARACTERS} characters, or has one in "
+                "it that does not print"
+            )
+        found[key] = text
+    if "result" in found:
+        if found["result"] not in _RESULTS:
+            raise InputError(f"not entered: result is one of {', '.join(_RESULTS[1:])}")
+        found["measured_ms"] = _measured(found["measured_ms"])
+    return found
+
+
+def _measured(text: str) -> str:
+    if not text:
+        return ""
+    try:
+        return _ms(float(text.replace(",", ".")))
+    except (ValueError, OverflowError) as exc:
+        raise InputError(f"not entered: {text!r} is no time in ms, such as 61.5") from exc
+
+
+def _ms(value: float) -> str:
+    return f"{value:.10g}"
+
+
+def _number(text: str) -> float | int:
+    return int(text) if text.isdecimal() else float(text)
+
+
+def _kept(before: Fields, now: dict[str, str]) -> dict[str, str]:
+    """Return an entry with the one it corrects in its remark."""
+    if not before["result"] or now == before:
+        return now
+    measured = f"{before['measured_ms']} ms" if before["measured_ms"] else ""
+    remark = "" if before["remark"] in now["remark"] else before["remark"]
+    parts = (before["result"], measured, remark, before["by"], before["date"])
+    text = f"before: {', '.join(part for part in parts if part)}"
+    return now | {"remark": f"{now['remark']}; {text}" if now["remark"] else text}
+
+
+def _row(document: Any, entry: MachineEntry) -> Any:
+    """Return the map of the file that an entry is written into."""
+    if not entry.step:
+        return next(r for r in document["devices"] if str(r["subdevice"]) == entry.subdevice)
+    row = next(r for r in document["steps"] if str(r["id"]) == entry.step)
+    if not row.get("machine"):
+        row["machine"] = dict.fromkeys(_STEP, "")
+    return row["machine"]

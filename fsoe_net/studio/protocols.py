@@ -1,0 +1,198 @@
+"""The test protocol, filled in at the machine: what the page shows, and what it enters."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from collections.abc import Callable, Mapping
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.printable import printable
+from fsoe_net.errors import FsnError, InputError
+from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepResult
+from fsoe_net.project.beside import BesideKind
+from fsoe_net.project.check import whole_network
+from fsoe_net.project.protocol import ProtocolTrial, read_protocol
+from fsoe_net.project.protocol_entries import (
+    Conflict,
+    MachineEntry,
+    device_fields,
+    enter,
+    step_fields,
+)
+from fsoe_net.project.report import plan_to_show
+from fsoe_net.studio.folder import Folder
+from fsoe_net.studio.workspace import Workspace
+
+__all__ = ["Protocols"]
+
+_NEW = "protocol.yaml"
+_MOST_NOTES = 5
+
+Row = dict[str, object]
+
+
+class Protocols:
+    """Routes of the test protocol.
+
+    Args:
+        workspace: The network file.
+        folder: Where it is, and the protocols.
+
+    Attributes:
+        routes: To be joined to those of the server.
+    """
+
+    def __init__(self, workspace: Workspace, folder: Folder) -> None:
+        self._workspace, self._folder = workspace, folder
+        self._entering = threading.Lock()
+        self.routes = [
+            Route("/api/protocol", self._show),
+            Route("/api/protocol/new", self._new, methods=["POST"]),
+            Route("/api/protocol/enter", self._enter, methods=["POST"]),
+        ]
+
+    async def _show(self, request: Request) -> Response:
+        return await _answered(self._state, request.query_params.get("file"))
+
+    async def _new(self, request: Request) -> Response:
+        return await _answered(self._write_new)
+
+    async def _enter(self, request: Request) -> Response:
+        try:
+            body = await request.json()
+        except (ValueError, UnicodeDecodeError, RecursionError):
+            body = None
+        if not isinstance(body, dict):
+            return JSONResponse({"error": "the request is no JSON"}, 400)
+        return await _answered(self._entered, body)
+
+    def _state(self, number: str | None) -> Row:
+        files = [(n, row) for n, row in self._folder.look() if row.kind is BesideKind.PROTOCOL]
+        state: Row = {
+            "error": "",
+            "files": [{"number": n, "name": printable(row.name)} for n, row in files],
+            "number": None,
+            "key": "",
+            "note": EMULATED_NOTE,
+            "notes": [],
+            "steps": [],
+            "devices": [],
+        }
+        if not files:
+            return state
+        chosen = next((n for n, _ in files if str(n) == number), files[0][0])
+        path = self._folder.find(chosen, BesideKind.PROTOCOL).path
+        protocol, found = self._read(path)
+        notes = [printable(f"{d.message}; {d.hint}") for d in found if d.level is Severity.ERROR]
+        more = {"number": chosen, "notes": notes[:_MOST_NOTES], "key": _key(path, protocol)}
+        return state | _protocol(protocol) | more
+
+    def _read(self, path: str) -> tuple[Protocol, list[Diagnostic]]:
+        """Return a protocol, compared with the network where that compiles to a plan."""
+        checked = self._workspace.checked
+        try:
+            resolution = whole_network(checked, "not compared")
+        except InputError:
+            _, protocol, found = read_protocol(path)
+        else:
+            plan = plan_to_show(resolution, checked.diagnostics)
+            _, protocol, found = read_protocol(path, resolution, plan)
+        return protocol, found
+
+    def _write_new(self) -> Row:
+        if not self._workspace.is_saved:
+            raise InputError("save the network first: a protocol is of the saved file")
+        path = self._workspace.path
+        target = os.path.join(os.path.dirname(path), _NEW)
+        ProtocolTrial.of([path], self._workspace.loading).save(target)
+        return self._state(None)
+
+    def _entered(self, body: Mapping[str, object]) -> Row:
+        path = self._folder.find(body.get("file"), BesideKind.PROTOCOL).path
+        entry = MachineEntry(
+            step=_text(body, "step"),
+            subdevice=_text(body, "subdevice"),
+            before=_fields(body, "before"),
+            now=_fields(body, "now"),
+        )
+        with self._entering:
+            if _key(path, read_protocol(path)[1]) != body.get("key"):
+                raise InputError(
+                    "the protocol is one of another configuration now; this entry stays in your "
+                    "browser: load the page again"
+                )
+            return {"error": "", "present": enter(path, entry)}
+
+
+def _key(path: str, protocol: Protocol) -> str:
+    """Return what tells a protocol from one of another network or configuration."""
+    parts = (os.path.realpath(path), protocol.plan_sha256, protocol.fingerprint)
+    return hashlib.sha256("\0".join(parts).encode("utf-8", "surrogateescape")).hexdigest()[:32]
+
+
+async def _answered(act: Callable[..., Row], *given: object) -> Response:
+    try:
+        return JSONResponse(await run_in_threadpool(act, *given))
+    except Conflict as exc:
+        return JSONResponse({"error": str(exc), "present": exc.present}, 409)
+    except FsnError as exc:
+        return JSONResponse({"error": printable(str(exc))}, 422)
+
+
+def _text(body: Mapping[str, object], key: str) -> str:
+    value = body.get(key, "")
+    if not isinstance(value, str):
+        raise InputError(f"{key} is a text")
+    return value
+
+
+def _fields(body: Mapping[str, object], key: str) -> dict[str, str]:
+    value = body.get(key)
+    if not isinstance(value, dict) or not all(isinstance(v, str) for v in value.values()):
+        raise InputError(f"{key} is a map of texts")
+    return value
+
+
+def _protocol(protocol: Protocol) -> Row:
+    return {
+        "steps": [_step(step) for step in protocol.machine_steps],
+        "devices": [
+            {
+                "name": device.subdevice,
+                "title": printable(device.subdevice),
+                "fields": device_fields(device),
+            }
+            for device in protocol.devices
+        ],
+    }
+
+
+def _step(step: ProtocolStep) -> Row:
+    return {
+        "name": step.id,
+        "title": printable(step.id),
+        "what": printable(step.what),
+        "expected": printable(step.expected),
+        "limit_ms": step.limit_ms,
+        "limit_source": printable(step.limit_source),
+        "emulated": _seen(step.emulated),
+        "live": _seen(step.live),
+        "fields": step_fields(step),
+        "is_open": step.is_open,
+        "is_failed": step.is_failed,
+    }
+
+
+def _seen(seen: StepResult | None) -> str:
+    if seen is None:
+        return ""
+    measured = "" if seen.measured_ms is None else f"{seen.measured_ms:g} ms {seen.time_is}"
+    parts = (seen.outcome.value, measured.strip(), seen.remark)
+    return printable(", ".join(part for part in parts if part))

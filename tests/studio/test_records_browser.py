@@ -1,0 +1,183 @@
+"""Records and the test protocol in a real browser; what was entered is never lost."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from patience import PATIENCE_S
+from studio.browser import ARGUMENTS, CHROMIUM, REQUIRED, needed
+from studio.records_folder import made_folder
+from studio.server_rig import Studio, running
+
+from fsoe_net.studio.workspace import Workspace
+
+playwright = needed("playwright.sync_api", "browser")
+axe = needed("axe_playwright_python.sync_playwright", "browser")
+
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None and not REQUIRED, reason="needs Chromium (package chromium of Debian)"
+)
+OF_ANOTHER = """() => localStorage.setItem('fsoe-net protocol other step trigger old',
+  JSON.stringify({step: 'trigger old', subdevice: '', now: {result: 'as expected'}}))"""
+LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return made_folder(tmp_path_factory.mktemp("records"))
+
+
+@pytest.fixture
+def path(made: Path, tmp_path: Path) -> Path:
+    shutil.copytree(made.parent, tmp_path / "cell")
+    return tmp_path / "cell" / made.name
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def tablet(chromium: Any) -> Iterator[Any]:
+    context = chromium.new_context(viewport={"width": 820, "height": 1180}, has_touch=True)
+    context.set_default_timeout(PATIENCE_S * 1000)
+    yield context
+    context.close()
+
+
+def _no_violations(page: Any) -> None:
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        found = axe.Axe().run(page, options={"runOnly": LEVELS, "iframes": False})
+        rows = [(v["id"], [n["html"] for n in v["nodes"]]) for v in found.response["violations"]]
+        assert rows == []
+
+
+def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
+    said: list[str] = []
+    with running(path) as studio:
+        page = tablet.new_page()
+        page.on("console", lambda message: said.append(message.text))
+        page.goto(studio.url)
+        page.get_by_role("link", name="Records").click()
+        page.get_by_role("button", name="Show the report").click()
+        report = page.frame_locator("iframe[title=Report]")
+        report.locator("h1").wait_for()
+        assert report.locator("svg rect").first.evaluate("r => getComputedStyle(r).fill") != ""
+        page.get_by_role("button", name="a.fsnincident").click()
+        page.frame_locator("iframe").get_by_text("Likely cause").first.wait_for()
+        page.get_by_label("From").select_option(label="acceptance.yaml, an acceptance record")
+        page.get_by_role("button", name="Show the difference").click()
+        page.frame_locator("iframe").get_by_text("No difference").first.wait_for()
+        page.get_by_text("accept acceptance-new.yaml --sign KEY").wait_for()
+        _no_violations(page)
+        page.get_by_role("link", name="Network").click()
+        area = page.locator("textarea")
+        area.fill(area.input_value().replace("watchdog_ms: 100", "watchdog_ms: 90"))
+        page.wait_for_selector("text=not saved")
+        page.get_by_role("link", name="Records").click()
+        page.get_by_role("button", name="Show the difference").click()
+        page.frame_locator("iframe").get_by_text("It differs").wait_for()
+    assert said == []
+
+
+class _Restarted:
+    """A studio that is killed and started again at the same port."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.port = path, 0
+        self.start()
+
+    def start(self) -> None:
+        self.studio = Studio(Workspace(str(self.path)), port=self.port)
+        self.port = int(self.studio.url.split(":")[2].split("/")[0])
+        self._thread = threading.Thread(target=self.studio.run, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        self.studio.stop()
+        self._thread.join()
+
+
+def _enter(page: Any, result: str, remark: str) -> None:
+    page.get_by_label(result, exact=False).first.check()
+    page.get_by_label("Remark").fill(remark)
+    page.get_by_role("textbox", name="Name").fill("A. Person")
+
+
+def _machine(path: Path, number: int) -> dict[str, Any]:
+    text = (path.parent / "protocol.yaml").read_text("utf-8")
+    return dict(yaml.safe_load(text)["steps"][number]["machine"])
+
+
+def test_what_was_entered_survives_tab_and_server(tablet: Any, path: Path) -> None:
+    server = _Restarted(path)
+    try:
+        page = tablet.new_page()
+        page.goto(f"{server.studio.url}#protocol")
+        page.goto(f"http://127.0.0.1:{server.port}/#protocol")
+        page.get_by_role("button", name="Enter, and go on").wait_for()
+        boxes = page.locator(".step button, .step label.big, .step input[type=text], .list button")
+        for box in boxes.all():
+            assert box.bounding_box()["height"] >= 44
+        _enter(page, "✔ as expected", "quick")
+        _no_violations(page)
+        with page.expect_response("**/api/protocol/enter"):
+            page.get_by_role("button", name="Enter, and go on").click()
+        page.wait_for_selector("text=1 of ")
+        assert _machine(path, 0)["remark"] == "quick"
+        server.stop()  # killed while a person goes on
+        _enter(page, "✖ not as expected", "too slow")
+        page.get_by_role("button", name="Enter, and go on").click()
+        page.wait_for_selector("text=1 not sent yet")
+        page.get_by_label("Remark").fill("half a sen")
+        page.close()
+        server.start()
+        page = tablet.new_page()
+        page.goto(server.studio.url)
+        page.get_by_role("link", name="Test protocol").click()
+        page.wait_for_function("() => document.body.innerText.includes('failed')")
+        assert page.get_by_text("not sent yet").count() == 0
+        assert _machine(path, 1)["result"] == "not as expected"
+        assert _machine(path, 1)["by"] == "A. Person"
+        assert _machine(path, 0)["remark"] == "quick"
+        assert page.get_by_text("Kept here for another protocol").count() == 0
+        page.evaluate("() => localStorage.setItem('fsoe-net protocol x', 'no entry')")
+        page.evaluate(OF_ANOTHER)
+        page.locator(".list button", has_text="not finished").click()
+        page.get_by_text("Kept here for another protocol (1)").click()
+        page.get_by_text("trigger old: as expected").wait_for()
+        assert page.get_by_label("Remark").input_value() == "half a sen"
+    finally:
+        server.stop()
+
+
+def test_two_people_at_one_step(tablet: Any, path: Path) -> None:
+    with running(path) as studio:
+        page = tablet.new_page()
+        page.goto(studio.url)
+        page.get_by_role("link", name="Test protocol").click()
+        page.get_by_role("button", name="Enter, and go on").wait_for()
+        protocol = path.parent / "protocol.yaml"
+        document = yaml.safe_load(protocol.read_text("utf-8"))
+        theirs = {"result": "as expected", "remark": "theirs", "by": "B. Other"}
+        document["steps"][0]["machine"] |= theirs | {"date": "2026-11-20"}
+        protocol.write_text(yaml.safe_dump(document, sort_keys=False))
+        _enter(page, "✖ not as expected", "mine")
+        page.get_by_role("button", name="Enter, and go on").click()
+        page.locator(".list button", has_text="somebody else has entered").click()
+        page.get_by_text("as expected, theirs, B. Other, 2026-11-20").wait_for()
+        page.get_by_role("button", name="Enter mine; theirs stays in the remark").click()
+        page.locator(".list button", has_text="failed").wait_for()
+        remark = _machine(path, 0)["remark"]
+        assert remark == "mine; before: as expected, theirs, B. Other, 2026-11-20"
