@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 
-from fsoe_net.formats.own.comments import Remarks
 from fsoe_net.formats.own.write import write_network
 from fsoe_net.model.description import Description
 
@@ -19,4 +18,4 @@ def empty_network(path: str) -> str:
     """
     folder = os.path.basename(os.path.dirname(os.path.abspath(path)))
     empty = Description(format="studio", path="")
-    return write_network(empty, name=folder or "network", remarks=Remarks()).files["network.yaml"]
+    return write_network(empty, name=folder or "network").files["network.yaml"]

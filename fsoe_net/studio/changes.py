@@ -1,9 +1,10 @@
 """What a person changes in the drawing, as changes of the network file.
 
 Each is a map with a word that says which: ``connect``, ``disconnect``, ``confirm``, ``set`` of a
-connection; `fsoe_net.studio.subdevices` has those of SubDevices. What it names is looked up in the
-network of the text it was made on. FSoE addresses, connection IDs and watchdogs belong to the
-safety project: a person types them, nothing here chooses one.
+connection, ``network`` for its name and cycle; `fsoe_net.studio.subdevices` has those of
+SubDevices. What it names is looked up in the network of the text it was made on. FSoE addresses,
+connection IDs and watchdogs belong to the safety project: a person types them, nothing here chooses
+one.
 """
 
 from __future__ import annotations
@@ -14,13 +15,24 @@ from typing import Any
 from fsoe_net.errors import InputError
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.project.check import Checked
-from fsoe_net.studio.rows import Change, disconnected, list_in, name_of, net_of, number_of, row_of
+from fsoe_net.studio.rows import (
+    Change,
+    disconnected,
+    list_in,
+    name_of,
+    net_of,
+    new_name_of,
+    number_of,
+    row_of,
+)
 from fsoe_net.studio.subdevices import SUBDEVICE_CHANGES
 
 __all__ = ["DRAWN", "FACTS", "change_of"]
 
 FACTS = {"address": 65535, "connection_id": 65535, "watchdog_ms": 65534}
 """Numbers of a connection that the page sets, with the largest: ETG.5100, 16 bits each."""
+
+LONGEST_CYCLE_US = 4_000_000
 
 DRAWN = "drawn in studio: compare it with the safety project"
 """Why a connection that was drawn is not confirmed."""
@@ -129,10 +141,31 @@ def _free_name(main: str, nets: Any) -> str:
     return next(name for name in names if name not in taken)
 
 
+def _network(request: Mapping[str, object], resolution: Resolution) -> Change:
+    """Set name or bus cycle of the network."""
+    values: dict[str, object] = {}
+    if "name" in request:
+        values["name"] = new_name_of(request)
+    if "cycle_us" in request:
+        if resolution.network.buses:
+            raise InputError("each bus has a cycle of its own: set it in the text")
+        values["cycle_us"] = number_of(request, "cycle_us", LONGEST_CYCLE_US)
+
+    def change(document: Any) -> None:
+        for key, value in values.items():
+            if key in document:
+                document[key] = value
+            else:  # in front, where a person looks for it
+                document.insert(int(next(iter(document), None) == "version"), key, value)
+
+    return change
+
+
 _MAKERS: dict[str, Callable[[Mapping[str, object], Resolution], Change]] = {
     "confirm": _confirm,
     "connect": _connect,
     "disconnect": _disconnect,
+    "network": _network,
     "set": _set,
     **SUBDEVICE_CHANGES,
 }

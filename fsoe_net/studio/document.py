@@ -60,6 +60,9 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
         "can_undo": workspace.can_undo,
         "can_redo": workspace.can_redo,
         "is_network": resolution is not None,
+        "cycle_us": None
+        if resolution is None or resolution.network.cycle_ns is None
+        else resolution.network.cycle_ns / 1000,
         "buses": [] if resolution is None else [bus.name for bus in resolution.network.buses],
         "wiring": None
         if scan is None or resolution is None

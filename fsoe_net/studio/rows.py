@@ -15,10 +15,13 @@ __all__ = [
     "list_in",
     "name_of",
     "net_of",
+    "new_name_of",
     "number_of",
     "row_of",
     "subdevice_row",
 ]
+
+_LONGEST_NAME = 80
 
 Change = Callable[[Any], None]
 """Changes the maps and lists of a file in place."""
@@ -34,6 +37,18 @@ def number_of(request: Mapping[str, object], key: str, most: int) -> int:
     if type(value) is not int or not 0 <= value <= most:
         raise InputError(f"{key} is a number from 0 to {most}, not {value!r}")
     return value
+
+
+def new_name_of(request: Mapping[str, object]) -> str:
+    """Return a name that a person has typed.
+
+    Raises:
+        InputError: It is empty, too long, or has characters that do not print.
+    """
+    name = request.get("name")
+    if not isinstance(name, str) or not 0 < len(name) <= _LONGEST_NAME or not name.isprintable():
+        raise InputError(f"a name has 1 to {_LONGEST_NAME} characters that print")
+    return name
 
 
 def name_of(request: Mapping[str, object], key: str, resolution: Resolution) -> str:

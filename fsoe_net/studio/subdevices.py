@@ -1,4 +1,4 @@
-"""Changes of SubDevices in the drawing: ``place``, ``move``, ``remove``, and to add some.
+"""Changes of SubDevices in the drawing: ``place``, ``move``, ``rename``, ``remove``, to add some.
 
 Positions and aliases describe the machine as it is; nothing here chooses one by itself but the
 position of a SubDevice that is added without one: the next behind the last.
@@ -20,6 +20,7 @@ from fsoe_net.studio.rows import (
     disconnected,
     list_in,
     name_of,
+    new_name_of,
     number_of,
     subdevice_row,
 )
@@ -123,6 +124,38 @@ def _move(request: Mapping[str, object], resolution: Resolution) -> Change:
     return change
 
 
+def _rename(request: Mapping[str, object], resolution: Resolution) -> Change:
+    """Give a SubDevice another name, wherever the file has the old one."""
+    old, new = name_of(request, "subdevice", resolution), new_name_of(request)
+    if new in resolution.numbers:
+        raise InputError(f"a SubDevice has the name {new} already")
+
+    def change(document: Any) -> None:
+        _, row = subdevice_row(document, resolution, old)
+        row["name"] = new
+        for net in _maps(document.get("nets")):
+            _renamed(net, ("safety_master", "transfer_master"), old, new)
+            for part in _maps(net.get("connections")):
+                _renamed(part, ("main", "sub"), old, new)
+            for part in _maps(net.get("transfers")):
+                for end in _maps([part.get("in"), part.get("out")]):
+                    _renamed(end, ("ec_module",), old, new)
+        for function in _maps(document.get("safety_functions")):
+            for part in _maps(function.get("elements")):
+                _renamed(part, ("sub",), old, new)
+        for group in _maps(document.get("groups")):
+            names = group.get("subdevices") or []
+            names[:] = [new if str(name) == old else name for name in names]
+
+    return change
+
+
+def _renamed(row: Any, keys: Sequence[str], old: str, new: str) -> None:
+    for key in keys:
+        if str(row.get(key)) == old:
+            row[key] = new
+
+
 def _remove(request: Mapping[str, object], resolution: Resolution) -> Change:
     """Remove a SubDevice with all that is copied to and from it; its device file stays."""
     name = name_of(request, "subdevice", resolution)
@@ -189,4 +222,5 @@ SUBDEVICE_CHANGES: dict[str, Callable[[Mapping[str, object], Resolution], Change
     "move": _move,
     "place": _place,
     "remove": _remove,
+    "rename": _rename,
 }

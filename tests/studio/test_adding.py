@@ -326,6 +326,58 @@ def test_copies_of_standard_data_go_with_their_subdevice(tmp_path: Path) -> None
     assert "ec_module" not in workspace.text
 
 
+def test_a_subdevice_gets_a_name_wherever_the_file_has_it(tools: Workspace) -> None:
+    before = tools.text
+    for old, new in (("valves", "gripper valves"), ("el6910", "logic"), ("el1904", "e-stop")):
+        _change(tools, "rename", subdevice=old, name=new)
+    assert _errors(tools) == []
+    assert "subdevices: [gripper valves]" in tools.text
+    assert "sub: gripper valves" in tools.text
+    assert "safety_master: logic" in tools.text
+    assert [c.name for c in tools.checked.resolution.connections] == [
+        "logic-e-stop",
+        "logic-gripper valves",
+        "logic-spindle",
+    ]
+    for name, words in (
+        ("logic", "has the name logic already"),
+        ("", "a name has 1 to 80 characters that print"),
+        ("x" * 81, "a name has 1 to 80"),
+        ("a\x1b", "a name has 1 to 80"),
+        (7, "a name has 1 to 80"),
+    ):
+        with pytest.raises(InputError, match=words):
+            _change(tools, "rename", subdevice="spindle", name=name)
+    for _ in range(3):
+        tools.undo(tools.version)
+    assert tools.text == before
+
+
+def test_a_transfer_has_the_new_name_too(tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
+    workspace = Workspace(str(tmp_path / "estop" / "network.yaml"))
+    _change(workspace, "rename", subdevice="ek1914", name="door")
+    assert workspace.text.count("ec_module: door") == 2
+    assert _errors(workspace) == []
+
+
+def test_name_and_cycle_of_a_network_are_set_in_front(new: Workspace, tools: Workspace) -> None:
+    _change(new, "network", cycle_us=1000)
+    _change(new, "network", name="press: 7")
+    assert new.text.startswith("version: 1\ncycle_us: 1000\nname: 'press: 7'\n")
+    assert state_of(new)["cycle_us"] == 1000
+    _change(new, "network", cycle_us=2000)
+    assert "cycle_us: 2000" in new.text
+    new.replace(new.version, "subdevices: []\nnets: []\n")
+    _change(new, "network", name="late")
+    assert new.text.startswith("name: late\n")
+    with pytest.raises(InputError, match="cycle_us is a number from 0 to 4000000"):
+        _change(new, "network", cycle_us=4_000_001)
+    two = Workspace(str(Path(tools.path).parents[1] / "two-buses" / "network.yaml"))
+    with pytest.raises(InputError, match="each bus has a cycle of its own"):
+        _change(two, "network", cycle_us=1000)
+
+
 def test_subdevices_change_places_and_positions_stay_in_use(tmp_path: Path) -> None:
     shutil.copytree(EXAMPLES / "el6910", tmp_path / "cell")
     cell = Workspace(str(tmp_path / "cell" / "network.yaml"))

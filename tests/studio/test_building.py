@@ -176,14 +176,24 @@ def test_subdevices_change_places_and_go(page: Any) -> None:
     page.get_by_role("button", name="Towards the end").focus()
     page.keyboard.press("Enter")
     page.wait_for_function("() => document.querySelector('.bus .box').innerText.includes('ek1914')")
+    field = page.get_by_role("textbox", name="Name", exact=True)
+    field.fill("door")
+    field.press("Enter")
+    page.get_by_role("heading", name="door").wait_for()
     field = page.get_by_role("textbox", name="Alias")
     field.fill("7")
     field.press("Enter")
     page.wait_for_selector("text=7 +1")
-    assert "el1918 → ek1914" in page.locator(".inspector").inner_text()
+    assert "door → ek1914" in page.locator(".inspector").inner_text()
     page.get_by_role("button", name="Remove this SubDevice").click()
     page.wait_for_function("() => document.querySelectorAll('.bus .box').length === 1")
     assert page.locator(".line").count() == 0
+    field = page.get_by_role("textbox", name="Bus cycle, µs")
+    field.fill("2000")
+    field.press("Enter")
+    page.wait_for_function(
+        "() => document.querySelector('textarea').value.includes('cycle_us: 2000')"
+    )
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

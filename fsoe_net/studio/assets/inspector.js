@@ -1,5 +1,5 @@
 // What is selected, with the values that a person sets.
-import { useEffect, useState } from "./vendor/hooks.js";
+import { useEffect, useRef, useState } from "./vendor/hooks.js";
 import { onBus } from "./bus.js";
 import { html, ROLES } from "./html.js";
 
@@ -38,7 +38,7 @@ export function Inspector({ state, selected, act, choose }) {
           number=${chosen.connection} act=${act} choose=${choose} />`
       : sub
         ? html`<${OfSubDevice} sub=${sub} state=${state} act=${act} choose=${choose} />`
-        : html`<p class="help">Select a SubDevice or a connection.</p>`}
+        : html`<${OfNetwork} state=${state} act=${act} />`}
   </section>`;
 }
 
@@ -112,6 +112,11 @@ function OfSubDevice({ sub, state, act, choose }) {
     <h2>${sub.name}</h2>
     <p>${ROLES[sub.role]}. ${sub.identity}.<br />${sub.device}${isNew && ": Save writes it"}</p>
     ${sub.group && html`<p>In group ${sub.group}: it may be absent.</p>`}
+    <${Field} key=${`${sub.name} name`} label="Name" value=${sub.name} isName=${true}
+      help="in this file; other files that name it, such as scenarios, are changed by you"
+      set=${async (/** @type {string | null} */ name) => {
+        if (name !== null && !(await change({ change: "rename", name })).error) choose({ subdevice: name });
+      }} />
     <${Field} key=${`${sub.name} position`} label="Position" value=${sub.position} most=${65535}
       help=${sub.alias ? `counted from the SubDevice with alias ${sub.alias}` : "on the bus, from 0"}
       set=${(/** @type {number | null} */ position) =>
@@ -139,14 +144,37 @@ function OfSubDevice({ sub, state, act, choose }) {
   `;
 }
 
+/** @param {{ state: State, act: import("./types").Act }} props */
+function OfNetwork({ state, act }) {
+  const change = (/** @type {object} */ body) => act("change", { change: "network", ...body });
+  return html`
+    <p class="help">Select a SubDevice or a connection.</p>
+    <${Field} key="name" label="Name of the network" value=${state.name} isName=${true}
+      help="for reports, plans and what other programs show"
+      set=${(/** @type {string | null} */ name) => name !== null && change({ name })} />
+    ${!state.buses.length &&
+    html`<${Field} key="cycle" label="Bus cycle, µs" value=${state.cycle_us} most=${4_000_000}
+      help="as the MainDevice runs the bus; reaction times are calculated with it"
+      set=${(/** @type {number | null} */ cycle_us) => cycle_us !== null && change({ cycle_us })} />`}
+  `;
+}
+
 /** @param {any} props */
-function Field({ label, help, value, most, proposed, set }) {
+function Field({ label, help, value, most, proposed, isName, set }) {
   const [typed, setTyped] = useState(value ?? "");
-  useEffect(() => setTyped(value ?? ""), [value]);
+  const sent = useRef(/** @type {string | null} */ (null)); // Enter sends, and so does leaving the field
+  useEffect(() => {
+    setTyped(value ?? "");
+    sent.current = null;
+  }, [value]);
   const send = () => {
     const text = String(typed).trim();
+    if (text === sent.current) return;
+    sent.current = text;
     const number = Number(text);
-    if (text === "" && value !== null) set(null);
+    if (isName) {
+      if (text !== value) text ? set(text) : setTyped(value);
+    } else if (text === "" && value !== null) set(null);
     else if (text !== "" && Number.isInteger(number) && number >= 0 && number <= most) {
       if (number !== value) set(number);
     } else setTyped(value ?? "");
@@ -154,9 +182,12 @@ function Field({ label, help, value, most, proposed, set }) {
   const id = `field-${label.replace(/\W+/g, "-")}`;
   return html`<div class="field">
     <label for=${id}>${label}</label>
-    <input id=${id} aria-describedby=${`${id}-help`} inputmode="numeric" value=${typed}
+    <input id=${id} aria-describedby=${`${id}-help`} inputmode=${isName ? "text" : "numeric"} value=${typed}
       placeholder="not stated"
-      onInput=${(/** @type {any} */ event) => setTyped(event.target.value)} onBlur=${send}
+      onInput=${(/** @type {any} */ event) => {
+        sent.current = null;
+        setTyped(event.target.value);
+      }} onBlur=${send}
       onKeyDown=${(/** @type {KeyboardEvent} */ event) => event.key === "Enter" && send()} />
     ${value === null && proposed !== undefined &&
     html`<button type="button" onClick=${() => set(proposed)}>${proposed}: next free</button>`}

@@ -71,7 +71,7 @@ export function Network({ state, act: request }) {
           ${dropping && html`<b role="status">Drop the files to read them</b>`}
         </div>
         ${begins &&
-        html`<${Begin} path=${state.path} add=${() => setPanel("add")}
+        html`<${Begin} path=${state.path} add=${() => open("add")}
           example=${async () => setTour(!(await act("example")).error)} />`}
         ${tour && !begins && html`<${Things} close=${() => setTour(false)} />`}
         ${!state.is_network &&

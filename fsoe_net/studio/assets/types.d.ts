@@ -92,6 +92,8 @@ export interface State {
   can_undo: boolean;
   can_redo: boolean;
   is_network: boolean;
+  /** Bus cycle; null: not stated. */
+  cycle_us: number | null;
   buses: string[];
   /** How the cables of the first bus run, by a scan that was given; null: nothing shows it. */
   wiring: Wiring | null;
