@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
+from fsoe_net.diag.diagnostic import FindingList, Severity, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.library import load_library
 from fsoe_net.formats.shared.files import Collector
@@ -77,29 +77,28 @@ class Addition:
     notes: tuple[str, ...]
 
 
-def list_offers(found: Gathered | None = None) -> tuple[Offer, ...]:
+def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
     """Return what can be added: SubDevices of buses in files, types of files, the device library.
 
     Args:
-        found: What files say; ``None`` or empty: the device library alone.
-
-    Raises:
-        InputError: An ESI cannot be read; it has the errors.
+        found: What files say; empty: the device library alone.
+        out: Takes what is wrong with ESI files; one that cannot be read gives nothing.
     """
     library, _ = load_library()
-    known = Gathered() if found is None else found
-    out = Collector()
-    types = list_types(known.esis, known.types, library, out)
-    _refuse_errors(out)
+    types: list[DeviceType] = []
+    for path in found.esis:
+        mine = Collector()
+        types += list_types([path], (), Library(devices=()), mine)
+        out.diagnostics += mine.diagnostics
+    types += list_types((), found.types, library, Collector())
     offers: list[Offer] = []
-    if known.buses:
-        bus, out, _ = Inputs(known, library, types).ring(Answers())
-        _refuse_errors(out)
+    if found.buses:
+        bus, _, _ = Inputs(found, library, types).ring(Answers())
         for sub in () if bus is None else bus.subdevices:
             row = Offer(
                 order=sub.order or sub.name,
                 about=sub.name,
-                path=known.buses[0].path,
+                path=found.buses[0].path,
                 position=sub.position,
                 source=sub,
             )
@@ -181,9 +180,3 @@ def _ways(row: Offer, sub: DescribedSubDevice, library: Library) -> list[Offer]:
 
 def _frames(device: Device) -> tuple[tuple[int, int], ...]:
     return tuple((p.taken_bytes, p.sent_bytes) for p in device.layout.frame_pairs)
-
-
-def _refuse_errors(out: Collector) -> None:
-    errors = [d for d in out.diagnostics if d.level is Severity.ERROR]
-    if errors:
-        raise InputError("nothing can be added from these files", sort_diagnostics(errors))

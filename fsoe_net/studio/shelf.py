@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.diagnostic import Diagnostic, FindingList, Severity
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.formats.own.options import LoadOptions
@@ -22,7 +22,7 @@ from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.answers import Answers
 from fsoe_net.model.scan import Scan
 from fsoe_net.project.draft import Draft, Inputs, make_draft
-from fsoe_net.project.gather import gather
+from fsoe_net.project.gather import Gathered, gather
 from fsoe_net.project.installed import shipped
 from fsoe_net.project.offers import Addition, Offer, addition_of, list_offers
 from fsoe_net.studio.subdevices import added
@@ -36,6 +36,7 @@ MAX_UPLOAD_BYTES = MAX_LARGE_BYTES
 _MOST_FILES = 200
 _MOST_OFFERS = 3000
 _LONGEST_NAME = 120
+_DEEPEST = 4
 
 Row = dict[str, object]
 
@@ -51,10 +52,15 @@ class _Content:
 
 
 class Upload:
-    """A file that is being received; it counts when `Shelf.put` has it."""
+    """A file that is being received; it counts when `Shelf.put` has it.
 
-    def __init__(self, path: str) -> None:
-        self.path = path
+    Attributes:
+        name: Its name on the shelf, with the folders that it came with.
+        path: Where its bytes are.
+    """
+
+    def __init__(self, name: str, path: str) -> None:
+        self.name, self.path = name, path
         self._stream = open(path, "xb")  # noqa: SIM115 - closed by `close`
 
     def write(self, data: bytes) -> None:
@@ -87,7 +93,8 @@ class Shelf:
         """Begin to receive a file.
 
         Args:
-            name: As the browser calls it; only its last part counts.
+            name: As the browser calls it, with folders where one was given; nothing in it leads
+                elsewhere.
 
         Raises:
             InputError: There are too many files.
@@ -98,10 +105,8 @@ class Shelf:
             if self._folder is None:
                 self._folder = tempfile.TemporaryDirectory(prefix="fsoe-net-studio-")
             self._count += 1
-            # Each in a folder of its own, so that the readers' words show the name it came with.
-            folder = os.path.join(self._folder.name, str(self._count))
-            os.mkdir(folder)
-        return Upload(os.path.join(folder, _file_name(name)))
+            # Readers of a folder pass over what begins with a point.
+            return Upload(_safe(name), os.path.join(self._folder.name, f".part{self._count}"))
 
     def room_bytes(self) -> int:
         """Return how many bytes there is room for."""
@@ -110,13 +115,21 @@ class Shelf:
         return max(0, MAX_UPLOAD_BYTES - sizes)
 
     def put(self, upload: Upload) -> None:
-        """Take a file that was received whole; one of the same name goes."""
+        """Take a file that was received whole; one of the same name goes.
+
+        Raises:
+            OSError: A file and a folder would have the same name.
+        """
         with self._lock:
-            name = os.path.basename(upload.path)
-            old = self._files.pop(name, None)
-            if old is not None:
-                os.unlink(old)
-            self._files[name] = upload.path
+            root = os.path.dirname(upload.path)
+            path = os.path.join(root, upload.name)
+            try:
+                os.makedirs(os.path.dirname(path), exist_ok=True)
+                os.replace(upload.path, path)
+            except OSError:
+                os.unlink(upload.path)
+                raise
+            self._files[upload.name] = path
             self._content = None
 
     def clear(self) -> None:
@@ -190,6 +203,8 @@ class Shelf:
             draft = self._read().draft
         if draft is None or draft.proposal is None:
             raise InputError("these files propose no network; add SubDevices one by one")
+        if any(row.level is Severity.ERROR for row in draft.findings):
+            raise InputError("a file has errors, see above; put it away, or correct it")
         network = workspace.checked.network
         if network is not None and not draft.inputs.found.name:
             draft = replace(draft, name=network.name)
@@ -217,18 +232,22 @@ class Shelf:
 
     def _gathered(self) -> _Content:
         self.scan = None
+        out = FindingList()
         if not self._files:
-            return _Content(list_offers())
+            return _Content(list_offers(Gathered(), out))
         try:
-            found = gather(list(self._files.values()), LoadOptions())
+            # One file has to be right; of several, one that cannot be read is left out and said.
+            paths = list(self._files.values())
+            found = gather(paths if len(paths) == 1 else [self._root], LoadOptions())
             for path, scan in found.scans.items():
                 self.scan = self.scan or (self._place(path), scan)
             draft = make_draft(Inputs.of(found), Answers()) if found.buses else None
-            rows = [*found.out.diagnostics, *(() if draft is None else draft.findings)]
-            return _Content(list_offers(found), draft, _worth_a_word(rows))
+            offers = list_offers(found, out)
+            rows = [*found.out.diagnostics, *(draft.findings if draft else ()), *out.diagnostics]
+            return _Content(offers, draft, _worth_a_word(rows))
         except FsnError as exc:
             rows = list(exc.diagnostics) if isinstance(exc, InputError) else []
-            return _Content(list_offers(), findings=rows, error=str(exc))
+            return _Content(list_offers(Gathered(), out), findings=rows, error=str(exc))
 
     def _offer(self, number: int, row: Offer) -> Row:
         return {
@@ -263,7 +282,11 @@ class Shelf:
     def _named(self, text: str) -> str:
         if self._folder is None:
             return text
-        return re.sub(re.escape(self._folder.name) + r"/\d+/", "", text)
+        return text.replace(f"{self._root}/", "")
+
+    @property
+    def _root(self) -> str:
+        return "" if self._folder is None else self._folder.name
 
 
 def _possible(offer: Offer) -> Addition:
@@ -284,12 +307,16 @@ def _take(workspace: Workspace, version: int, text: str, files: Mapping[str, str
 
 
 def _worth_a_word(rows: list[Diagnostic]) -> list[Diagnostic]:
-    return [row for row in rows if row.level is not Severity.INFO]
+    return [row for row in dict.fromkeys(rows) if row.level is not Severity.INFO]
 
 
-def _file_name(name: str) -> str:
-    """Return the last part of a name that came from elsewhere, as a file can have it."""
-    last = re.split(r"[/\\]", name)[-1]
-    plain = re.sub(r"[^\w. ()+-]", "_", last).strip(". ")
-    stem, ending = os.path.splitext(plain)
-    return (stem[: _LONGEST_NAME - len(ending)] + ending[:40]) or "file"
+def _safe(name: str) -> str:
+    """Return a name that came from elsewhere as one below a folder, without a way out of it."""
+    parts = [re.sub(r"[^\w. ()+-]", "_", part).strip(". ") for part in re.split(r"[/\\]", name)]
+    kept = [part for part in parts if part][-_DEEPEST:] or ["file"]
+    return "/".join(_short(part) for part in kept)
+
+
+def _short(part: str) -> str:
+    stem, ending = os.path.splitext(part)
+    return stem[:_LONGEST_NAME] + ending[:40]

@@ -172,10 +172,10 @@ def test_a_network_file_that_appears_is_not_replaced(new: Workspace, shelf: Shel
 def test_an_esi_gives_its_devices_with_their_revision(new: Workspace, shelf: Shelf) -> None:
     _give(shelf, "C:\\esi\\maker<b>.xml", ESI.read_bytes())
     shown = shelf.shown()
-    assert shown["files"] == ["maker_b_.xml"]
+    assert shown["files"] == ["C_/esi/maker_b_.xml"]
     assert shown["proposal"] is None
     assert (shown["error"], shown["findings"]) == ("", [])
-    _add(new, shelf, _number(shelf, "D", file="maker_b_.xml"))
+    _add(new, shelf, _number(shelf, "D", file="C_/esi/maker_b_.xml"))
     (sub,) = new.checked.network.subdevices
     assert (sub.name, sub.revision, sub.device.vendor_id) == ("d", 2, 0xA5F)
     assert "revision: 0x00000002" in new.text
@@ -251,9 +251,15 @@ def test_files_that_cannot_be_read_are_named_and_the_library_stays(shelf: Shelf)
     assert shown["files"][0] == "x.xml"
     assert "\x1b" not in json.dumps(shown, ensure_ascii=False)
     assert "\u202e" not in json.dumps(shown, ensure_ascii=False)
-    assert shown["error"]
+    assert shown["error"] == ""
     assert len(shown["offers"]) == library
-    assert [row["place"].split(":")[0] for row in shown["findings"]]
+    said = [(row["severity"], row["place"].partition(":")[0]) for row in shown["findings"]]
+    assert said == [("warning", shown["files"][1]), ("error", "x.xml")]
+    shelf.clear()
+    _give(shelf, "odd.bin", b"\0\1")  # one alone has to be right
+    shown = shelf.shown()
+    assert shown["error"] == "nothing written"
+    assert [row["severity"] for row in shown["findings"]] == ["error"]
     shelf.clear()
     assert shelf.shown()["files"] == []
     assert shelf.shown()["error"] == ""
@@ -268,6 +274,51 @@ def test_a_file_of_the_same_name_takes_the_place_of_the_first(shelf: Shelf) -> N
     gone = shelf.begin("b.xml")
     gone.close(keep=False)
     assert not Path(gone.path).exists()
+
+
+def test_no_name_leads_out_of_the_folder(shelf: Shelf) -> None:
+    for name in ("../../a.xml", "/etc/b.xml", "..\\c.xml", ".", "", "a/../..//d.xml", "e" * 999):
+        _give(shelf, name, b"x")
+    assert shelf.shown()["files"] == [
+        "a.xml",
+        "etc/b.xml",
+        "c.xml",
+        "file",
+        "a/d.xml",
+        "e" * 120,
+    ]
+    with pytest.raises(OSError, match=r"exists|director"):
+        _give(shelf, "a.xml/under-a-file.xml", b"x")
+    assert len(shelf.shown()["files"]) == 6
+
+
+def test_a_folder_brings_a_network_with_its_device_files(new: Workspace, shelf: Shelf) -> None:
+    folder = EXAMPLES / "el6910"
+    for path in sorted(folder.rglob("*.yaml")):
+        _give(shelf, f"cell/{path.relative_to(folder)}", path.read_bytes())
+    shown = shelf.shown()
+    assert shown["proposal"]["subdevices"] == 5
+    assert shown["proposal"]["connections"] == 4
+    shelf.take(new, new.version, {})
+    assert _errors(new) == []
+    assert [c.sub.name for c in new.checked.resolution.connections] == [
+        "el1904",
+        "el2904",
+        "drive_1",
+        "drive_2",
+    ]
+    new.save(new.version)
+    assert _errors(Workspace(new.path)) == []
+
+
+def test_a_proposal_with_a_damaged_file_is_not_taken(new: Workspace, shelf: Shelf) -> None:
+    row = {"vendor_id": 0xA5F, "product_code": 0x10, "name": "D", "revision": 2}
+    scan = {"scan": 1, "interface": "eth1", "subdevices": [{"position": 0, **row}]}
+    _give(shelf, "scan.json", json.dumps(scan).encode())
+    _give(shelf, "maker.xml", ESI.read_bytes()[:-400])
+    assert "error" in [row["severity"] for row in shelf.shown()["findings"]]
+    with pytest.raises(InputError, match="a file has errors, see above; put it away"):
+        shelf.take(new, new.version, {})
 
 
 def test_the_number_of_files_is_limited(shelf: Shelf) -> None:

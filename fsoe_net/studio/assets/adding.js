@@ -1,5 +1,6 @@
 // SubDevices that can be added: of the device library, and of files that a person gives to the page.
 import { useEffect, useRef, useState } from "./vendor/hooks.js";
+import { chosen } from "./given.js";
 import { html } from "./html.js";
 import { offers as fetchOffers, putAway, upload } from "./server.js";
 
@@ -25,7 +26,7 @@ const words = (offer) =>
     .join(" · ");
 
 /**
- * @param {{ state: State, act: import("./types").Act, given: File[], close: () => void,
+ * @param {{ state: State, act: import("./types").Act, given: import("./types").Given[], close: () => void,
  *   choose: (what: import("./types").Selected) => void }} props
  */
 export function Adding({ state, act, given, close, choose }) {
@@ -43,11 +44,17 @@ export function Adding({ state, act, given, close, choose }) {
     setShelf(answer);
     if (answer.files.length || state.wiring) act("look"); // a scan shows how the cables run
   };
-  const give = async (/** @type {File[]} */ files) => {
-    setBusy(true);
-    for (const file of files) take(await upload(file));
-    setBusy(false);
+  /** What is given and put away is so in the order in which a person did it. */
+  const last = useRef(/** @type {Promise<void>} */ (Promise.resolve()));
+  const inTurn = (/** @type {(() => Promise<Shelf | { error: string }>)[]} */ requests) => {
+    last.current = last.current.then(async () => {
+      setBusy(true);
+      for (const request of requests) take(await request());
+      setBusy(false);
+    });
   };
+  const give = (/** @type {import("./types").Given[]} */ files) =>
+    inTurn(files.map((file) => () => upload(file)));
   useEffect(() => {
     top.current?.focus();
     if (!given.length) fetchOffers().then(take);
@@ -82,16 +89,19 @@ export function Adding({ state, act, given, close, choose }) {
       From the device library below, or from files: ESI, scan, SII image, ENI, and all else that
       fsoe-net init reads. Drop them anywhere on this page. Nothing is written before Save.
     </p>
-    <label class="files">
-      Files <input type="file" multiple disabled=${busy} onChange=${(/** @type {any} */ event) => {
-        give([...event.target.files]);
-        event.target.value = "";
-      }} />
-    </label>
+    ${["Files", "Folder"].map(
+      (kind) => html`<label key=${kind}>
+        ${kind} <input type="file" multiple webkitdirectory=${kind === "Folder"} disabled=${busy}
+          onChange=${(/** @type {any} */ event) => {
+            give(chosen(event.target));
+            event.target.value = "";
+          }} />
+      </label>`,
+    )}
     ${busy && html`<p role="status">Reads the file …</p>`}
     ${error && html`<p class="error" role="alert">${error}</p>`}
     ${shelf?.files.length
-      ? html`<${Given} shelf=${shelf} add=${add} propose=${propose} forget=${async () => take(await putAway())} />`
+      ? html`<${Given} shelf=${shelf} add=${add} propose=${propose} forget=${() => inTurn([putAway])} />`
       : null}
     ${said.length > 0 &&
     html`<div role="status">

@@ -5,6 +5,7 @@ import { Begin, Things } from "./begin.js";
 import { Drawing } from "./drawing.js";
 import { Export } from "./export.js";
 import { Findings } from "./findings.js";
+import { dropped } from "./given.js";
 import { html, worst } from "./html.js";
 import { Inspector } from "./inspector.js";
 import { Text } from "./text.js";
@@ -20,7 +21,7 @@ export function Network({ state, act: request }) {
   const [line, setLine] = useState({ line: 0, column: 1, focus: false });
   const [panel, setPanel] = useState(/** @type {"" | "add" | "export"} */ (""));
   const [tour, setTour] = useState(false);
-  const [given, setGiven] = useState(/** @type {File[]} */ ([]));
+  const [given, setGiven] = useState(/** @type {import("./types").Given[]} */ ([]));
   const [dropping, setDropping] = useState(false);
   /** What the drawing shows while the text is no network. */
   const drawn = useRef(state);
@@ -53,11 +54,11 @@ export function Network({ state, act: request }) {
     event.preventDefault();
     setDropping(true);
   };
-  const drop = (/** @type {DragEvent} */ event) => {
+  const drop = async (/** @type {DragEvent} */ event) => {
     setDropping(false);
-    if (!hasFiles(event)) return;
+    if (!event.dataTransfer || !hasFiles(event)) return;
     event.preventDefault();
-    setGiven([...(event.dataTransfer?.files ?? [])]);
+    setGiven(await dropped(event.dataTransfer));
     setPanel("add");
   };
   const begins = state.is_new && state.is_network && state.subdevices.length === 0;

@@ -35,11 +35,11 @@ export async function ask(path) {
 export const offers = () => ask("offers");
 
 /**
- * @param {File} file
+ * @param {import("./types").Given} given
  * @returns {Promise<import("./types").Shelf | { error: string }>}
  */
-export const upload = (file) =>
-  send(`files?name=${encodeURIComponent(file.name)}`, file, "application/octet-stream");
+export const upload = ({ name, file }) =>
+  send(`files?name=${encodeURIComponent(name)}`, file, "application/octet-stream");
 
 /** @returns {Promise<import("./types").Shelf | { error: string }>} */
 export const putAway = () => post("files/clear", {});

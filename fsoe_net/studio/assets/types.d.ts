@@ -221,6 +221,12 @@ export interface Port {
   pair: Pair;
 }
 
+/** A file that a person gives, with its name below the folder that was given. */
+export interface Given {
+  name: string;
+  file: File;
+}
+
 /** What can be added, and what the files say that were given to the page: fsoe_net/studio/shelf.py. */
 export interface Shelf {
   error: string;
