@@ -15,13 +15,14 @@ from starlette.routing import Route
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.project.check import whole_network
 from fsoe_net.studio.live_emulated import EmulatedFeed
-from fsoe_net.studio.live_feed import PICTURE_S, LiveFeed, printed
+from fsoe_net.studio.live_feed import LiveFeed, printed
 from fsoe_net.studio.live_master import MasterFeed
 from fsoe_net.studio.live_rows import Row, recorded_view
 from fsoe_net.studio.workspace import Workspace
 
 __all__ = ["Live"]
 
+_POLL_S = 0.01
 _SILENCE_S = 1.0  # after which a stream says that it is there
 _MOST_LINES = 100
 
@@ -113,8 +114,8 @@ class Live:
                 elif silent_s >= _SILENCE_S:
                     silent_s = 0.0
                     yield ": still there\n\n"
-                await asyncio.sleep(PICTURE_S / 2)
-                silent_s += PICTURE_S / 2
+                await asyncio.sleep(_POLL_S)
+                silent_s += _POLL_S
 
     async def _signals(self, request: Request) -> Response:
         try:

@@ -197,7 +197,7 @@ class EmulatedFeed(LiveFeed):
                 continue
             self._wake.clear()
             heard = now if self.listeners else heard
-            due = now + (PICTURE_S if self.listeners else ALONE_S)
+            due = max(due, now - PICTURE_S) + (PICTURE_S if self.listeners else ALONE_S)
             self._look(ended=False)
             if now - heard > FORGOTTEN_S:
                 session.engine.log(self._now_ns, "run", "ended: no page has listened for long")

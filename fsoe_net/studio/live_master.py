@@ -74,12 +74,15 @@ class MasterFeed(LiveFeed):
 
     def _run(self) -> None:
         attached: Attachment | None = None
+        due = 0.0
         while not self.closed:
             self._wake.clear()
             if attached is None:
                 attached = self._attach()
                 continue
-            view = attached.look(PICTURE_S if self.listeners else ALONE_S, self._wake)
+            due = max(due, time.monotonic() - PICTURE_S)
+            due += PICTURE_S if self.listeners else ALONE_S
+            view = attached.look(max(0.0, due - time.monotonic()), self._wake)
             self.history.add(attached.take_events())
             self._last = view
             self._publish(_view(self.path, view))

@@ -268,7 +268,6 @@ def test_a_running_bus_is_followed_over_stop_kill_and_restart(tmp_path: Path) ->
                 names = ["el2904.standard_1"]
                 assert browser.post("live/scope", {"source": "master", "signals": names})[0] == 200
                 page.until(lambda _: len(page.rows) > 20)
-                assert page.until(lambda p: p["scope"]["rows"])["scope"]["skipped"] == 0
                 with master.client() as client:
                     client.good("stop")
                     page.until(lambda p: p["state"] == "stopped" and not p["current"])

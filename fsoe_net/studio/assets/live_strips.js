@@ -74,6 +74,8 @@ function draw(list, past, from, to) {
   };
   past.view?.connections.forEach((c, number) => {
     const canvas = canvases[number];
+    const place = canvas.getBoundingClientRect();
+    if (place.bottom < 0 || place.top > innerHeight) return; // nobody sees it
     if (canvas.width !== Math.round(width * ratio)) {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(HEIGHT * ratio);
