@@ -195,6 +195,10 @@ static void the_working_counter_follows_who_is_there(void) {
     }
     seen = counts(rig, 2 * EACH); /* half of it is a fault */
     CHECK(seen.expected == 3 * EACH && seen.actual == 2 * EACH);
+    rig->frames.wire.groups[1].wkc[0] = 0; /* all of it in another frame: it changes nothing here */
+    set_there(rig, 1, FSN_WIRE_THERE);
+    seen = counts(rig, 4 * EACH);
+    CHECK(seen.expected == 4 * EACH && seen.actual == 4 * EACH);
     fsn_wire_send(&rig->frames.wire); /* a lost frame is one, whoever is there */
     take(rig);
     CHECK(rig->wkc[0].actual == 0 && rig->wkc[0].expected != 0);

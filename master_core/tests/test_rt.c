@@ -555,7 +555,7 @@ static void silence_begins_after_its_time(void) {
  */
 static void parameters_are_compared_with_the_plan(void) {
     static const struct fsn_parameters planned = {
-        .known = 7, .connection_id = 1, .address = 2, .watchdog_ms = 3};
+        .connection_id = 1, .address = 2, .watchdog_ms = 3, .app_bytes = 4, .app_crc = 5};
     static const struct {
         struct fsn_parameters seen;
         uint32_t known, differs;
@@ -570,6 +570,9 @@ static void parameters_are_compared_with_the_plan(void) {
         {{.known = 15, .connection_id = 1, .address = 2, .watchdog_ms = 9}, 7, 4, true},
         {{.known = 15, .connection_id = 1, .address = 2, .watchdog_ms = 9}, 7, 4, false},
         {{.known = 15, .connection_id = 9, .address = 9, .watchdog_ms = 9}, 0, 4, false},
+        {{5, 4, 1, 2, 3, 15}, 15, 0, true},
+        {{6, 4, 1, 2, 3, 15}, 15, 8, true},
+        {{5, 5, 1, 2, 3, 15}, 15, 8, false},
     };
     watch_one();
     one.image[0] = one.image[6] = FSN_CMD_RESET;

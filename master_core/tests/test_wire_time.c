@@ -90,15 +90,15 @@ static void a_clock_of_32_bits_goes_on(void) {
     static const struct {
         uint32_t low;
         uint64_t time;
-    } steps[] = {{0xFFFFFFF0, UINT64_C(0x5FFFFFFF0)},
-                 {0x10, UINT64_C(0x600000010)},
-                 {0xFFFFFFFF, UINT64_C(0x5FFFFFFFF)}};
+    } steps[] = {{0xFFFFFF00, UINT64_C(0xFFFFFF00)}, /* the first counts as it is */
+                 {0xFFFFFFF0, UINT64_C(0xFFFFFFF0)},
+                 {0x10, UINT64_C(0x100000010)},
+                 {0xFFFFFFFF, UINT64_C(0xFFFFFFFF)}};
     struct rig *rig = set_up(1);
     struct fsn_wire *wire = &rig->frames.wire;
     const uint32_t dc = wire->frames[0].dc;
     wire->dc_every = 1;
     wire->dc_narrow = true;
-    atomic_store(&wire->dc_seen, UINT64_C(0x5FFFFFF00));
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
         rig->queued = 0;
         fsn_wire_send(wire);
