@@ -71,7 +71,7 @@ export function Entry({ part, kept, note, name, change, finish, drop }) {
           </fieldset>
           <${Line} key="measured_ms" label="Measured time, ms" help=${part.row.limit_ms === null ? "where there is one" : `at most ${part.row.limit_ms} ms`}
             now=${now} name="measured_ms" set=${set} mode="decimal" />
-          <p class="given"><label for="entry-remark">Remark</label>
+          <p class="answer"><label for="entry-remark">Remark</label>
             <textarea id="entry-remark" rows="2" value=${now.remark}
               onInput=${(/** @type {any} */ event) => set({ remark: event.target.value })}></textarea></p>
           <${Line} key="by" label="Name" help="who was there" now=${now} name="by" set=${set} />
@@ -105,7 +105,7 @@ function Step({ row, note }) {
 /** @param {any} props */
 function Line({ label, help, now, name, set, mode, type = "text" }) {
   const id = `entry-${name}`;
-  return html`<p class="given">
+  return html`<p class="answer">
     <label for=${id}>${label} <small>${help}</small></label>
     <input id=${id} type=${type} inputmode=${mode} autocomplete="off" value=${now[name]}
       onInput=${(/** @type {any} */ event) => set({ [name]: event.target.value })} />

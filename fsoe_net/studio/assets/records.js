@@ -84,7 +84,7 @@ function Pages({ files, title, none, show }) {
   return html`<section aria-label=${title}>
     <h2>${title}${files.length > 0 && ` (${files.length})`}</h2>
     ${files.length === 0 && html`<p class="help">${none}</p>`}
-    <ul class="files">
+    <ul class="pages">
       ${files.map(
         (file) => html`<li key=${file.number}><button onClick=${() => show(file)}>${file.name}</button></li>`,
       )}
