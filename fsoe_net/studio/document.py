@@ -187,8 +187,8 @@ class _Parts:
             self._add(sub.span, path, "subdevice", sub.name)
             if sub.device is not None:
                 self._devices.setdefault(sub.device.path, []).append(sub.name)
-        for net in network.nets:
-            self._add(net.span, path, "", "")
+        for place in (*network.fields.values(), *(net.span for net in network.nets)):
+            self._add(place, path, "", "")
         for function in network.safety_functions:
             self._add(function.span, path, "", "")
         for number, row in enumerate(resolution.connections):

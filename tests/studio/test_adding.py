@@ -84,6 +84,7 @@ def test_from_nothing_to_data_by_the_library(new: Workspace, shelf: Shelf) -> No
     assert _names(new) == [("ek1914", 0), ("el1918", 1)]
     shown = state_of(new)
     assert [sub["likely"] for sub in shown["subdevices"]] == ["sub", "main"]
+    assert [(row["code"], row["subdevices"]) for row in shown["findings"]] == [("FSN125", [])]
     assert shown["unwritten"] == ["devices/ek1914.yaml", "devices/el1918.yaml"]
     assert list(folder.iterdir()) == []
     _change(new, "connect", main="el1918", slot=0, sub="ek1914", sub_slot=0)

@@ -379,6 +379,8 @@ _KEYS = st.sampled_from(
         "to",
         "position",
         "alias",
+        "name",
+        "cycle_us",
     ]
 )
 _WORDS = st.sampled_from(
@@ -390,6 +392,8 @@ _WORDS = st.sampled_from(
         "place",
         "move",
         "remove",
+        "rename",
+        "network",
         "el1918",
         "ek1914",
         "address",
