@@ -153,7 +153,7 @@ def _view(path: str, view: BusView) -> Row:
     absent = {s.name for s in subdevices if s.is_absent}
     statistics = None if snapshot is None else statistics_row(snapshot.cycle.statistics.to_json())
     return {
-        "title": path if status is None else _title(status) or path,
+        "title": path if status is None else _title(status),
         "state": "away" if view.away or status is None else status.state.value,
         "away": view.away,
         "current": view.current,
@@ -180,7 +180,7 @@ def _view(path: str, view: BusView) -> Row:
 
 def _title(status: Status) -> str:
     where = ", ".join(b.interface for b in status.buses if b.interface) or status.interface
-    return f"{status.backend} on {where}" if where else f"{status.backend} bus"
+    return f"fsn-master, {status.backend} on {where}" if where else f"fsn-master, {status.backend}"
 
 
 def _notes(status: Status) -> Iterator[str]:

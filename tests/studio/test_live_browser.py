@@ -11,8 +11,11 @@ from typing import Any
 
 import pytest
 from master.rig import running as master_running
+from networks import example
 from studio.browser import ARGUMENTS, CHROMIUM, REQUIRED, needed
 from studio.server_rig import running
+
+from fsoe_net.project.simulate import simulate
 
 playwright = needed("playwright.sync_api", "browser")
 axe = needed("axe_playwright_python.sync_playwright", "browser")
@@ -69,16 +72,24 @@ def hide(page: Any, hidden: bool) -> None:
     )
 
 
-def drawn(page: Any) -> int:
-    """How many colours a person sees in the first strip."""
+def drawn(page: Any, name: str) -> int:
+    """How many pixels of the first strip have a colour."""
     return int(
         page.evaluate(
-            """() => {
+            """async name => {
+                const { colour } = await import('/assets/colours.js');
                 const canvas = document.querySelector('.strips canvas');
                 const { width, height } = canvas;
-                const { data } = canvas.getContext('2d').getImageData(0, 0, width, height);
-                return new Set(new Uint32Array(data.buffer)).size;
-            }"""
+                const copy = new OffscreenCanvas(width, height + 1);
+                const pen = copy.getContext('2d', { willReadFrequently: true });
+                pen.fillStyle = colour(name);
+                pen.fillRect(0, 0, 1, 1);
+                pen.drawImage(canvas, 0, 1);
+                const { data } = pen.getImageData(0, 0, width, height + 1);
+                const [wanted, ...seen] = new Uint32Array(data.buffer);
+                return seen.filter((pixel) => pixel === wanted).length;
+            }""",
+            name,
         )
     )
 
@@ -112,7 +123,8 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         page.get_by_text("1 of 2 not in OP").wait_for()
         page.get_by_role("button", name="Put it back").click()
         strips.get_by_text("Data · FailSafeData").wait_for()
-        assert drawn(page) > 3
+        assert drawn(page, "strip-process")
+        assert drawn(page, "strip-low")
         page.get_by_role("button", name="Pause").click()
         shown = page.locator("output").inner_text()
         page.get_by_role("button", name="el1918-ek1914", exact=True).click()
@@ -144,7 +156,13 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         page.get_by_text("estop: recorded").wait_for()
         page.get_by_text(r"last Reset: <img src=x>\u001b[2J").wait_for()
         assert page.locator("img").count() == 0
-        assert drawn(page) > 3
+        assert drawn(page, "strip-process")
+        assert drawn(page, "strip-low")
+        run = simulate(example("estop"), duration_ns=1_000_000_000)  # its ends alone say states
+        path.write_text(json.dumps(run.to_json("0")), "utf-8")
+        page.get_by_label("Open a recorded run").set_input_files(path)
+        page.get_by_text("1.000 s").wait_for()
+        assert drawn(page, "main")
         path.write_text("{}", "utf-8")
         page.get_by_label("Open a recorded run").set_input_files(path)
         page.get_by_text("this is no recorded run").wait_for()

@@ -152,7 +152,7 @@ def test_what_is_said_beside_the_tables() -> None:
         "group drill: wrong, another one stands there",
         "client 3 reads in the cycle",
     ]
-    assert _title(status) == "soem on eth1"
+    assert _title(status) == "fsn-master, soem on eth1"
 
 
 def test_a_scope_without_a_bus_says_so(tmp_path: Path) -> None:

@@ -68,6 +68,7 @@ export function Live({ state }) {
     PASTS.file = new Past();
     PASTS.file.take({ ...answer.view, run: file.name });
     setSource("file");
+    redraw((n) => n + 1); // also where a file was shown already
   };
   const past = PASTS[source || "file"];
   const hasErrors = !state.is_network || worst(state.findings) === "error";

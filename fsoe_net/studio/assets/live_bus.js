@@ -12,10 +12,15 @@ const SHOWN = 200;
 /** @param {{ subdevices: LiveSubDevice[] }} props */
 export function SubDevices({ subdevices }) {
   if (!subdevices.length) return null;
-  const bad = subdevices.filter((s) => s.known && !s.in_op && !s.absent).length;
+  const known = subdevices.filter((s) => s.known);
+  const bad = known.filter((s) => !s.in_op && !s.absent).length;
   return html`<section aria-label="SubDevices">
     <h2>SubDevices</h2>
-    <p role="status">${bad ? `✖ ${bad} of ${subdevices.length} not in OP` : `✔ ${subdevices.length} as they should be`}</p>
+    <p role="status">${bad
+      ? `✖ ${bad} of ${subdevices.length} not in OP`
+      : known.length
+        ? `✔ ${known.length} as they should be`
+        : "– nobody reads their states on this bus"}</p>
     <ol class="subdevices">
       ${subdevices.map((s) => {
         const [shape, colour] = s.absent || !s.known ? ["–", "dim"] : s.in_op ? ["✔", "good"] : ["✖", "error"];

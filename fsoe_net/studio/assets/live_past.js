@@ -105,7 +105,9 @@ export class Past {
     }
     if (event.kind === "reset") {
       strip.marks.push(event);
-      strip.wire.push([event.time_ms, "Reset"]);
+      if (strip.wire.length) strip.wire.push([event.time_ms, "Reset"]);
+      strip[event.text.startsWith("Sub") ? "sub" : "main"] = "Reset";
+      strip.ends.push([event.time_ms, "Reset"]);
       return;
     }
     const state = event.text.slice(event.text.indexOf(": ") + 2);

@@ -47,7 +47,7 @@ export function Strips({ past, from, to, chosen, choose }) {
       })}
     </ol>
     <p class="help">
-      From low to high: ${LEVELS.filter((l) => l !== "Data").map((l) => l.replace("Data · ", "")).join(", ")}.
+      From low to high: ${LEVELS.map((l) => l.replace("Data · ", "")).join(", ")}.
       ▼ is a Reset; press a connection to see its events with the causes.
     </p>
   </section>`;
@@ -55,12 +55,13 @@ export function Strips({ past, from, to, chosen, choose }) {
 
 /** @param {LiveConnection} c */
 function figures(c) {
+  const cycle = `FSoE cycle ${c.last_ms.toFixed(1)} ms, longest ${c.max_ms.toFixed(1)}`;
   const share = c.share === null || c.watchdog_ms === null ? "" : ` = ${(100 * c.share).toFixed(0)} % of ${c.watchdog_ms} ms`;
   const rest = [[c.wrong, "with wrong CRC"], [c.gaps, "gaps"], [c.held, "cycles held"]]
     .filter(([count]) => count)
     .map(([count, what]) => `, ${count} ${what}`);
   const id = c.connection_id === null ? "" : `ConnID ${c.connection_id} · `;
-  return `${id}FSoE cycle ${c.last_ms.toFixed(1)} ms, longest ${c.max_ms.toFixed(1)}${share} · ${c.resets} ${c.resets === 1 ? "Reset" : "Resets"}${rest.join("")}`;
+  return `${id}${c.max_ms ? cycle + share : "no FSoE cycle yet"} · ${c.resets} ${c.resets === 1 ? "Reset" : "Resets"}${rest.join("")}`;
 }
 
 /** @param {HTMLElement} list @param {Past} past @param {number} from @param {number} to */
@@ -69,7 +70,7 @@ function draw(list, past, from, to) {
   if (!canvases.length) return;
   const [width, ratio] = [canvases[0].clientWidth, devicePixelRatio];
   const colours = {
-    edge: colour("edge"), ink: colour("ink"), error: colour("error"), paper: colour("paper"),
+    edge: colour("edge"), ink: colour("ink"), main: colour("main"), error: colour("error"), paper: colour("paper"),
     low: colour("strip-low"), mid: colour("strip-mid"), failsafe: colour("strip-failsafe"), process: colour("strip-process"),
   };
   past.view?.connections.forEach((c, number) => {
@@ -110,8 +111,8 @@ function drawStrip(pen, strip, width, from, to, now, colours) {
     const right = Math.min(width, at(n + 1 < states.length ? states[n + 1][0] : now));
     const level = Math.max(0, LEVELS.indexOf(state));
     const high = 2 + ((floor - TOP - 2) * level) / (LEVELS.length - 1);
-    const process = state === "Data · ProcessData" || state === "Data";
-    pen.fillStyle = process ? colours.process : level > 6 ? colours.failsafe : level > 2 ? colours.mid : colours.low;
+    const known = { "Data · ProcessData": colours.process, Data: colours.main }[state];
+    pen.fillStyle = known ? known : level > 6 ? colours.failsafe : level > 2 ? colours.mid : colours.low;
     pen.fillRect(left, floor - high, Math.max(1, right - left), high);
     if (state === "Data · FailSafeData") hatch(pen, left, right, floor, high, colours.paper);
     const word = state.replace("Data · ", "");
