@@ -5,6 +5,7 @@
 /** @typedef {import("./types").Picture} Picture */
 
 const KEPT_EVENTS = 50_000;
+const KEPT_CHANGES = 20_000; // of a connection
 const SCOPE_MS = 10_000;
 
 /** States from the lowest on, as the height of a strip shows them. */
@@ -102,6 +103,9 @@ export class Past {
     if (!strip) {
       strip = { wire: [], ends: [], marks: [], main: "", sub: "" };
       this.strips.set(event.source, strip);
+    }
+    for (const rows of [strip.wire, strip.ends, strip.marks]) {
+      if (rows.length > KEPT_CHANGES) rows.splice(0, KEPT_CHANGES / 2);
     }
     if (event.kind === "reset") {
       strip.marks.push(event);
