@@ -9,6 +9,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.studio import export
 from fsoe_net.studio.shelf import Shelf
@@ -108,7 +109,7 @@ def _words(exc: Exception) -> str:
     if isinstance(exc, Behind):
         return "something else has changed meanwhile; look at it, and do it again"
     rows = exc.diagnostics if isinstance(exc, InputError) else ()
-    return "; ".join([str(exc), *(f"{row.span}: {row.message}" for row in rows[:5])])
+    return printable("; ".join([str(exc), *(f"{row.span}: {row.message}" for row in rows[:5])]))
 
 
 def _refused(text: str, status: int = 422) -> Response:

@@ -16,6 +16,7 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.files import UPLOADS, file_routes
@@ -167,7 +168,7 @@ class Studio:
             text = "something else has changed meanwhile; look at it, and do it again"
             return await self._answer(error=text, status=409)
         except (FsnError, ValueError) as exc:
-            return await self._answer(error=str(exc), status=422)
+            return await self._answer(error=printable(str(exc)), status=422)
         await self._tell()
         return await self._answer(said=said or ())
 

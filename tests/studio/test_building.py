@@ -135,6 +135,14 @@ def test_the_example_is_taken_and_its_things_can_be_tried(page: Any) -> None:
 def test_files_are_dropped_and_their_subdevices_added(page: Any) -> None:
     _drop(page, {"maker.xml": ESI.read_bytes(), "scan.json": SCAN.read_bytes()})
     page.get_by_text("A bus of 3 SubDevices").wait_for()
+    page.get_by_role("button", name="Add EK1914, position 1").click()
+    page.locator('[data-port="ek1914/0"]').wait_for()
+    page.get_by_role("button", name="Add its SubDevices that are not here (2)").click()
+    page.locator('[data-port="el6910/1"]').wait_for()
+    assert page.locator(".bus .box").count() == 3
+    for _ in range(2):
+        page.get_by_role("button", name="Undo").click()
+    page.get_by_role("region", name="Begin").wait_for()
     page.get_by_role("button", name="Put away").click()
     page.get_by_text("A bus of 3 SubDevices").wait_for(state="detached")
     page.get_by_label("Files", exact=True).set_input_files(ESI)

@@ -1,5 +1,6 @@
 // SubDevices that can be added: of the device library, and of files that a person gives to the page.
 import { useEffect, useRef, useState } from "./vendor/hooks.js";
+import { onBus } from "./bus.js";
 import { chosen } from "./given.js";
 import { html } from "./html.js";
 import { offers as fetchOffers, putAway, upload } from "./server.js";
@@ -77,6 +78,7 @@ export function Adding({ state, act, given, close, choose }) {
     setError(answer.error);
     if (!answer.error) close();
   };
+  const taken = new Set(onBus(state, bus).filter((s) => !s.alias).map((s) => s.position));
   const parts = wanted.toLowerCase().split(/\s+/);
   const found = (shelf?.offers ?? []).filter((offer) => {
     const text = `${offer.order} ${offer.about} ${words(offer)}`.toLowerCase();
@@ -101,7 +103,7 @@ export function Adding({ state, act, given, close, choose }) {
     ${busy && html`<p role="status">Reads the file …</p>`}
     ${error && html`<p class="error" role="alert">${error}</p>`}
     ${shelf?.files.length
-      ? html`<${Given} shelf=${shelf} add=${add} propose=${propose} forget=${() => inTurn([putAway])} />`
+      ? html`<${Given} shelf=${shelf} taken=${taken} add=${add} propose=${propose} forget=${() => inTurn([putAway])} />`
       : null}
     ${said.length > 0 &&
     html`<div role="status">
@@ -139,10 +141,10 @@ export function Adding({ state, act, given, close, choose }) {
   </section>`;
 }
 
-/** @param {{ shelf: Shelf, add: (numbers: number[]) => void, propose: () => void, forget: () => void }} props */
-function Given({ shelf, add, propose, forget }) {
+/** @param {{ shelf: Shelf, taken: Set<number>, add: (numbers: number[]) => void, propose: () => void, forget: () => void }} props */
+function Given({ shelf, taken, add, propose, forget }) {
   const { proposal } = shelf;
-  const placed = shelf.offers.filter((offer) => offer.position !== null);
+  const placed = shelf.offers.filter((offer) => offer.position !== null && !taken.has(offer.position));
   const clear = placed.filter(
     (offer) => !offer.obstacle && placed.filter((o) => o.position === offer.position).length === 1,
   );
@@ -166,7 +168,7 @@ function Given({ shelf, add, propose, forget }) {
       <div class="row">
         <button onClick=${propose}>Take it as the network</button>
         <button disabled=${!clear.length} onClick=${() => add(clear.map((offer) => offer.number))}>
-          Add its SubDevices (${clear.length})
+          Add its SubDevices that are not here (${clear.length})
         </button>
       </div>
       <p class="help">To take it replaces the text; Undo brings yours back.</p>
