@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import contextlib
 import http.client
-import os
 import shutil
+import signal
 import socket
 import ssl
 import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
 
 import pytest
-from cli.tool import fsn
+from click.testing import CliRunner
 from patience import PATIENCE_S
 from studio.server_rig import Studio
+from tied import tied
 
+from fsoe_net.cli.main import cli
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.studio import login
 from fsoe_net.studio.listening import Listening, bound_socket
@@ -51,8 +54,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str, str]:
 class Remote:
     """A browser at another machine."""
 
-    def __init__(self, studio: Studio, certificate: str) -> None:
-        self.port = int(studio.url.split(":")[2].strip("/"))
+    def __init__(self, url: str, certificate: str) -> None:
+        self.port = int(url.split(":")[2].strip("/"))
         self.cookie: str | None = None
         self._context = ssl.create_default_context(cafile=certificate)
 
@@ -96,7 +99,7 @@ def studio(
 
 @pytest.fixture
 def remote(studio: Studio, files: tuple[str, str, str]) -> Remote:
-    return Remote(studio, files[0])
+    return Remote(studio.url, files[0])
 
 
 def test_the_password_opens_the_page(remote: Remote) -> None:
@@ -236,14 +239,32 @@ def test_every_address_has_the_names_of_the_certificate(files: tuple[str, str, s
         assert found.family is socket.AF_INET6
 
 
-def test_all_four_options_or_none(files: tuple[str, str, str], tmp_path: Path) -> None:
+def test_all_four_options_or_none(files: tuple[str, str, str]) -> None:
     cert, key, password = files
-    estop = str(EXAMPLES / "estop")
-    done = fsn("studio", estop, "--listen", "127.0.0.1", "--tls-cert", cert, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "--listen, --tls-cert, --tls-key and --password-file go together" in done.stderr
-    given = ("--listen", "192.0.2.1", "--tls-cert", cert, "--tls-key", key)
-    done = fsn("studio", estop, *given, "--password-file", password, cwd=tmp_path)
-    assert done.returncode == 3
-    assert "port 0 of 192.0.2.1 cannot be used" in done.stderr
-    assert os.stat(password).st_mode & 0o077 == 0
+    given = ["studio", str(EXAMPLES / "estop"), "--tls-cert", cert, "--tls-key", key]
+    found = CliRunner().invoke(cli, given)
+    assert found.exit_code == 2
+    assert "--listen, --tls-cert, --tls-key and --password-file go together" in found.output
+    given += ["--listen", "192.0.2.1", "--password-file", password]
+    found = CliRunner().invoke(cli, given)
+    assert isinstance(found.exception, EnvironmentFault)
+    assert "port 0 of 192.0.2.1 cannot be used" in str(found.exception)
+
+
+def test_the_command_lets_other_machines_in(files: tuple[str, str, str]) -> None:
+    cert, key, password = files
+    given = ("studio", ".", "--no-browser", "--listen", "127.0.0.1", "--tls-cert", cert)
+    given += ("--tls-key", key, "--password-file", password)
+    with subprocess.Popen(
+        tied(sys.executable, "-m", "fsoe_net.cli", *given),
+        cwd=EXAMPLES / "estop",
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+        url = process.stdout.readline().split()[-1]
+        remote = Remote(url, cert)
+        assert remote.ask("/api/state")[0] == 401
+        assert remote.log_in(PASSWORD)[0] == 303
+        process.send_signal(signal.SIGINT)
+    assert url.startswith("https://127.0.0.1:")
+    assert process.returncode == 0

@@ -165,6 +165,8 @@ def test_the_page_makes_shows_and_fills_a_protocol(network: Path) -> None:
         for wrong in ({"file": 99}, {"key": "x"}, {"step": 1}, {"before": []}, {"now": {"by": 1}}):
             assert browser.post("protocol/enter", _sent(state, **wrong))[0] == 422
         assert browser.post("protocol/enter", [])[0] == 400
+        own = {"Origin": f"http://{browser.host}", "X_Fsoe_Net": "1"}
+        assert browser.ask("/api/protocol/enter", "POST", b"{", **own)[0] == 400
         browser.post("text", {"version": changed["version"] + 1, "text": "nets: ["})
         assert browser.get("protocol?file=7")[1]["notes"] == []  # nothing to compare it with
 

@@ -14,6 +14,7 @@ from studio.records_folder import made_folder
 from studio.server_rig import Browser, running
 
 from fsoe_net.plan.codec import MAGIC
+from fsoe_net.project import beside
 from fsoe_net.project.beside import BesideKind, files_beside
 
 
@@ -64,7 +65,9 @@ def test_what_is_beside_a_network_is_known_by_content(path: Path) -> None:
     }
 
 
-def test_what_leads_out_of_the_folder_is_left_out(tmp_path: Path) -> None:
+def test_what_leads_out_of_the_folder_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "cell"
     (folder / ".hidden").mkdir(parents=True)
     network = folder / "network.yaml"
@@ -82,6 +85,10 @@ def test_what_leads_out_of_the_folder_is_left_out(tmp_path: Path) -> None:
     found = {row.name: row.words for row in files_beside(str(network))}
     assert found["bus.json"] == "a scan"
     assert set(found) == {"bus.json", "old.fsnplan", "old.yaml"}
+    monkeypatch.setattr(beside, "_MOST_FILES", 2)
+    assert {row.name for row in files_beside(str(network))} == {"bus.json"}
+    assert beside._entries(str(tmp_path / "missing")) == []
+    assert beside._known(str(tmp_path / "missing")) is None
 
 
 def test_a_report_is_of_the_text_as_it_is(browser: Browser) -> None:

@@ -7,9 +7,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from cli.tool import fsn
+from click.testing import CliRunner, Result
 from networks import EXAMPLES
 
+from fsoe_net.cli.main import cli
 from fsoe_net.document.write_html import document_html
 from fsoe_net.project.check import check_files
 from fsoe_net.project.snapshot import snapshot
@@ -56,16 +57,21 @@ def test_hostile_names_are_text(cell: Path) -> None:
     assert "&lt;img src=x" in page
 
 
-def test_the_command_writes_it_once(cell: Path) -> None:
-    folder = cell.parent
-    done = fsn("studio", "--snapshot", "cell.html", cwd=folder)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout == "cell.html: network.yaml as one page, without scripts\n"
-    assert "<svg" in (folder / "cell.html").read_text("utf-8")
-    done = fsn("studio", "--snapshot", "cell.html", cwd=folder)
-    assert done.returncode == 1
-    assert "replace it with --overwrite" in done.stderr
-    assert fsn("studio", ".", "--snapshot", "cell.html", "--overwrite", cwd=folder).returncode == 0
-    done = fsn("studio", "--snapshot", "cell.pdf", cwd=folder)
-    assert done.returncode == 2
-    assert "write a page, .html" in done.stderr
+def test_the_command_writes_it_once(cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(cell.parent)
+
+    def done(*given: str) -> Result:
+        return CliRunner().invoke(cli, ["studio", *given])
+
+    assert done("--snapshot", "cell.html").output == (
+        "cell.html: network.yaml as one page, without scripts\n"
+    )
+    page = cell.with_name("cell.html")
+    assert "<svg" in page.read_text("utf-8")
+    found = done("--snapshot", "cell.html")
+    assert "replace it with --overwrite" in str(found.exception)
+    page.write_text("")
+    assert done(".", "--snapshot", "cell.html", "--overwrite").exit_code == 0
+    assert "<svg" in page.read_text("utf-8")
+    found = done("--snapshot", "cell.pdf")
+    assert (found.exit_code, "write a page, .html" in found.output) == (2, True)
