@@ -187,6 +187,11 @@ FSN466 warning linuxcnc-ethercat would connect other slots
 FSN467 warning FSoE partners are in different sync units
 FSN468 info    branch that registers transmit PDOs first shows other offsets
 FSN469 info    driver does not compare the identity behind an alias
+FSN470 error   cyclic mode of operation without its target
+FSN471 warning target position without the actual position
+FSN472 warning controlword without the statusword
+FSN473 warning fixed target position
+FSN474 warning mode of operation that nobody reads back
 FSN501 error   SubDevice is missing on the bus
 FSN502 warning SubDevice on the bus that the network does not name
 FSN503 error   SubDevices on the bus are in another order

@@ -9,6 +9,7 @@ from fsoe_net.rules.bus import check_bus
 from fsoe_net.rules.connections import check_connections, check_drivers
 from fsoe_net.rules.context import Context
 from fsoe_net.rules.devices import check_devices
+from fsoe_net.rules.drives import check_drives
 from fsoe_net.rules.ends import check_ends
 from fsoe_net.rules.frames import check_frames
 from fsoe_net.rules.fsoe import check_fsoe
@@ -30,6 +31,7 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     ctx = Context(resolution=resolution)
     # Order matters: a mistake in one place is named there, and not again by the rules behind it.
     check_devices(ctx)
+    check_drives(ctx)
     check_bus(ctx)
     check_groups(ctx)
     check_connections(ctx)

@@ -31,7 +31,12 @@ SEEDED = {
         {"FSN212", "FSN408"},
     ),
     "PDO number in decimal": ("devices/circulo.yaml", "index: 0x1700", "index: 1700", {"FSN115"}),
-    "entry in decimal": ("devices/circulo.yaml", "index: 0x6041", "index: 6041", {"FSN115"}),
+    "entry in decimal": (
+        "devices/circulo.yaml",
+        "index: 0x6041",
+        "index: 6041",
+        {"FSN115", "FSN472"},  # it may be meant
+    ),
     "safe data mapped twice": (
         LOGIC,
         "{index: 0x7031, sub_index: 2, type: uint16}",

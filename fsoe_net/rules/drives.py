@@ -1,0 +1,143 @@
+"""FSN470 … FSN474: process data of drives by CiA 402 (IEC 61800-7-201, ETG.6010).
+
+A drive is a device that takes a controlword. Axis n of a device has its objects 0x800 * n higher.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.model.bus import Device, Direction, Entry, SubDevice
+from fsoe_net.rules.context import Context
+
+__all__ = ["check_drives"]
+
+# It sends the actual position until a controller commands another, once it has read 0x6061.
+_SENDS_ACTUAL = "ethercat_generic_plugins/EcCiA402Drive"
+_AXES = 8
+_AXIS = 0x800
+_CONTROLWORD, _STATUSWORD = 0x6040, 0x6041
+_MODE, _MODE_DISPLAY = 0x6060, 0x6061
+_TARGET_POSITION, _ACTUAL_POSITION = 0x607A, 0x6064
+# Cyclic modes: name, and the target that comes with each cycle.
+_CYCLIC = {
+    8: ("cyclic synchronous position", _TARGET_POSITION),
+    9: ("cyclic synchronous velocity", 0x60FF),
+    10: ("cyclic synchronous torque", 0x6071),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """Process data of one axis, by the object that axis 0 would have."""
+
+    device: Device
+    base: int
+    outputs: Mapping[int, Entry]
+    inputs: Mapping[int, Entry]
+
+    def object(self, index: int) -> str:
+        return f"0x{index + self.base:04x}"
+
+    def mode(self) -> tuple[int, Span] | None:
+        """Return the mode of operation that the file states, and where."""
+        entry = self.outputs.get(_MODE)
+        if entry is not None and entry.command_interface is None and _is_fixed(entry):
+            return int(entry.default or 0), entry.at("default")
+        for sdo in self.device.sdos:
+            if sdo.index == _MODE + self.base:
+                return sdo.value, sdo.at("value")
+        return None
+
+
+def check_drives(ctx: Context) -> None:
+    """Check each device type that has axes once."""
+    for _, device, sub in ctx.devices():
+        for axis in _axes(device):
+            _feedback(ctx, axis)
+            _targets(ctx, axis, sub)
+
+
+def _axes(device: Device) -> Iterator[_Axis]:
+    sides: dict[Direction, dict[int, Entry]] = {side: {} for side in Direction}
+    for sm in device.layout.managers:
+        for placed in sm.placed:
+            if not placed.entry.is_gap and sm.sm.direction is not None:
+                sides[sm.sm.direction].setdefault(placed.entry.index, placed.entry)
+    outputs, inputs = sides[Direction.OUTPUT], sides[Direction.INPUT]
+    for base in range(0, _AXES * _AXIS, _AXIS):
+        if _CONTROLWORD + base in outputs:
+            yield _Axis(device, base, _from(outputs, base), _from(inputs, base))
+
+
+def _from(entries: Mapping[int, Entry], base: int) -> dict[int, Entry]:
+    return {i - base: e for i, e in entries.items() if 0x6000 <= i - base < 0x6000 + _AXIS}
+
+
+def _is_fixed(entry: Entry) -> bool:
+    """Whether a value is sent that the file states; ``.nan`` stands for none."""
+    return entry.default is not None and math.isfinite(entry.default)
+
+
+def _feedback(ctx: Context, axis: _Axis) -> None:
+    if _STATUSWORD not in axis.inputs:
+        ctx.add(
+            "FSN472",
+            axis.outputs[_CONTROLWORD].span,
+            f"the controlword {axis.object(_CONTROLWORD)} is written, the statusword "
+            f"{axis.object(_STATUSWORD)} is not read: nobody sees the state of the axis",
+            hint=f"map {axis.object(_STATUSWORD)} in a TxPDO",
+        )
+    if _MODE in axis.outputs and _MODE_DISPLAY not in axis.inputs:
+        ctx.add(
+            "FSN474",
+            axis.outputs[_MODE].span,
+            f"the mode of operation {axis.object(_MODE)} is written, "
+            f"{axis.object(_MODE_DISPLAY)} is not read: nobody sees whether the drive has taken it",
+            hint=f"map {axis.object(_MODE_DISPLAY)} in a TxPDO; enable the drive when it shows the "
+            "mode",
+        )
+
+
+def _targets(ctx: Context, axis: _Axis, sub: SubDevice) -> None:
+    stated = axis.mode()
+    if stated is not None and stated[0] in _CYCLIC:
+        mode, span = stated
+        name, index = _CYCLIC[mode]
+        if index not in axis.outputs:
+            ctx.add(
+                "FSN470",
+                span,
+                f"mode {mode} ({name}) takes its target {axis.object(index)} in each cycle, and "
+                "no RxPDO has it",
+                hint=f"map {axis.object(index)} in an RxPDO, or state the mode that is used",
+            )
+    target = axis.outputs.get(_TARGET_POSITION)
+    if target is not None and (stated is None or stated[0] == 8):
+        _position(ctx, axis, target, sub)
+
+
+def _position(ctx: Context, axis: _Axis, target: Entry, sub: SubDevice) -> None:
+    if _ACTUAL_POSITION not in axis.inputs:
+        ctx.add(
+            "FSN471",
+            target.span,
+            f"the target position {axis.object(_TARGET_POSITION)} is written, the actual position "
+            f"{axis.object(_ACTUAL_POSITION)} is not read: the first target cannot be where the "
+            "axis stands, and it jumps",
+            hint=f"map {axis.object(_ACTUAL_POSITION)} in a TxPDO; the first target is what it "
+            "shows",
+        )
+    sends_actual = sub.plugin == _SENDS_ACTUAL and _MODE_DISPLAY in axis.inputs
+    if _is_fixed(target) and not sends_actual:
+        ctx.add(
+            "FSN473",
+            target.at("default"),
+            f"the target position {axis.object(_TARGET_POSITION)} has a fixed value: the axis goes "
+            "there as soon as the drive is enabled, wherever it stands",
+            hint="leave the default out, and let the program that moves the axis write the actual "
+            "position before it enables the drive",
+        )

@@ -1,0 +1,98 @@
+"""Drives of CiA 402: which process data are found fault with, and which are not."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from diagnostics import test_cases as cases
+
+from fsoe_net.diag.diagnostic import Severity
+
+pytestmark = pytest.mark.usefixtures("said")
+
+DRIVE = "devices/drive.yaml"
+TARGET = "type: int32, command_interface: position}"
+STATE = "type: int32, state_interface: position}"
+MODE = "\n      - {index: 0x6060, sub_index: 0, type: int8, %s}"
+SHOWN = "\n      - {index: 0x6061, sub_index: 0, type: int8}"
+PAD = "\n      - {index: 0x0000, sub_index: 0, type: bit8}"
+SDO = "type: uint16, value: 2}"
+PLUGIN = "ethercat_generic_plugins/EcCiA402Drive"
+
+
+def mode(value: object) -> list[str]:
+    return [DRIVE, TARGET, TARGET + MODE % f"default: {value}" + PAD]
+
+
+def start_up(value: int, index: str = "0x6060") -> list[str]:
+    row = f"\n  - {{index: {index}, sub_index: 0, type: int8, value: {value}}}"
+    return [DRIVE, SDO, SDO + row]
+
+
+DISPLAY = [DRIVE, STATE, STATE + SHOWN + PAD]
+NO_ACTUAL = [DRIVE, "0x6064, sub_index: 0", "0x606c, sub_index: 0"]
+FIXED = [DRIVE, TARGET, "type: int32, default: 5, command_interface: position}"]
+NOT_A_NUMBER = [DRIVE, TARGET, "type: int32, default: .nan, command_interface: position}"]
+SECOND = [
+    [
+        DRIVE,
+        "{index: 0x607a,",
+        "{index: 0x6840, sub_index: 0, type: uint16}\n      - {index: 0x687a,",
+    ],
+    [
+        DRIVE,
+        "{index: 0x6064,",
+        "{index: 0x6841, sub_index: 0, type: uint16}\n      - {index: 0x6864,",
+    ],
+]
+CASES = {
+    "position, mode and what they are": ([mode(8), DISPLAY], []),
+    "velocity by start-up, with its target": (
+        [start_up(9), [DRIVE, "0x607a, sub_index: 0", "0x60ff, sub_index: 0"]],
+        [],
+    ),
+    "velocity without its target": ([mode(9), DISPLAY], ["FSN470"]),
+    "torque without its target": ([start_up(10)], ["FSN470"]),
+    "homing takes no target": ([start_up(6), NO_ACTUAL], []),
+    "profile position is no loop": ([start_up(1), NO_ACTUAL], []),
+    "a mode that nobody states": ([mode(".nan"), DISPLAY], []),
+    "a mode by a program": (
+        [[DRIVE, TARGET, TARGET + MODE % "command_interface: mode, default: 9" + PAD], DISPLAY],
+        [],
+    ),
+    "a fixed target in velocity": ([start_up(3), FIXED], []),
+    "a fixed target": ([FIXED], ["FSN473"]),
+    "a plugin that replaces it": ([mode(8), FIXED, DISPLAY], []),
+    "the same with another plugin": (
+        [
+            mode(8),
+            FIXED,
+            DISPLAY,
+            ["robot.urdf", PLUGIN, "ethercat_generic_plugins/GenericEcSlave"],
+        ],
+        ["FSN473"],
+    ),
+    "a default that is not a number": ([NOT_A_NUMBER], []),
+    "the second axis": (SECOND, []),
+    "a mode of the second axis": ([*SECOND, start_up(9, "0x6860")], ["FSN470"]),
+    "a mode of an axis that is not there": ([start_up(9, "0x7060")], []),
+    "the second axis does not say where it is": (
+        [*SECOND, [DRIVE, "0x6864", "0x686c"], [DRIVE, "0x6841", "0x683f"]],
+        ["FSN472", "FSN471"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_found_in_a_drive(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edits, wanted = CASES[name]
+    folder = tmp_path / "case"
+    shutil.copytree(cases.HERE / "base", folder)
+    cases._seed(folder, {"edit": edits})
+    monkeypatch.chdir(folder)
+    rows = cases.findings({"check": ["robot.urdf"]})
+    assert [d.code for d in rows if d.level is not Severity.INFO] == wanted, rows
