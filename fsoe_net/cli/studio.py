@@ -5,27 +5,19 @@ from __future__ import annotations
 import contextlib
 import os
 import webbrowser
-import zlib
-from pathlib import Path
 
 import click
 
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, master_options, master_socket, overwrite_option
+from fsoe_net.cli.studio_start import listening, usual_port, write_snapshot
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import check_target
-from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.project.check import check_files
-from fsoe_net.project.snapshot import snapshot
-from fsoe_net.studio.listening import Listening
 
 __all__ = ["command"]
 
 _NETWORK = "network.yaml"
-_FIRST_PORT, _PORTS = 61_000, 4500  # above those that Linux gives away by itself
 
 _EPILOG = """\b
 Examples:
@@ -49,30 +41,6 @@ def _network_file(path: str | None) -> tuple[str, bool]:
     if os.path.isdir(name):
         return os.path.join(name, _NETWORK), True
     return name, path is None
-
-
-def _usual_port(name: str) -> int:
-    """Return the port of a file, so that a browser finds again what it has kept for it."""
-    return _FIRST_PORT + zlib.crc32(os.fsencode(os.path.realpath(name))) % _PORTS
-
-
-def _listening(*given: str | None) -> Listening | None:
-    """Return how other machines are let in: address, certificate, key, password file, or none."""
-    found = [value for value in given if value]
-    if not found:
-        return None
-    if len(found) < len(given):
-        raise click.UsageError("--listen, --tls-cert, --tls-key and --password-file go together")
-    return Listening.read(*found)
-
-
-def _write_snapshot(name: str, loading: LoadOptions, target: str, *, overwrite: bool) -> None:
-    if Path(target).suffix not in (".html", ".htm"):
-        raise click.UsageError(f"--snapshot {target}: write a page, .html")
-    check_target(target, overwrite=overwrite)
-    page = document_html(snapshot(check_files([name], loading, compared=True), name))
-    write_whole(target, page.encode("utf-8"), overwrite=overwrite)
-    echo(f"{target}: {name} as one page, without scripts")
 
 
 @click.command("studio", epilog=_EPILOG)
@@ -124,9 +92,9 @@ def command(
     live = None if socket is None and interface is None else master_socket(socket, interface)
     name, may_be_new = _network_file(path)
     if snapshot is not None:
-        _write_snapshot(name, loading, snapshot, overwrite=overwrite)
+        write_snapshot(name, loading, snapshot, overwrite=overwrite)
         return
-    remote = _listening(listen, tls_cert, tls_key, password_file)
+    remote = listening(listen, tls_cert, tls_key, password_file)
     try:
         from fsoe_net.studio.server import Studio
     except ImportError as exc:
@@ -138,7 +106,7 @@ def command(
 
     new_text = empty_network(name) if may_be_new else None
     workspace = Workspace(name, loading, new_text=new_text)
-    usual = _usual_port(name) if remote is None else 0
+    usual = usual_port(name) if remote is None else 0
     try:
         studio = Studio(
             workspace, port=usual if port is None else port, control_socket=live, remote=remote
