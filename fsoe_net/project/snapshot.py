@@ -20,12 +20,10 @@ from fsoe_net.document.model import (
     code,
     muted,
     strong,
-    words,
 )
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.project.check import Checked
-from fsoe_net.project.report import plan_to_show
-from fsoe_net.report.svg import topology_picture
+from fsoe_net.report.network_picture import network_picture
 
 __all__ = ["snapshot"]
 
@@ -68,7 +66,6 @@ def snapshot(checked: Checked, path: str) -> Document:
 
 
 def _bus(checked: Checked, resolution: Resolution) -> tuple[Part, ...]:
-    plan = plan_to_show(resolution, checked.diagnostics)
     rows = tuple(
         (
             cell(_number(sub.position, "on the bus")),
@@ -84,19 +81,13 @@ def _bus(checked: Checked, resolution: Resolution) -> tuple[Part, ...]:
     )
     columns = (Column("Position", number=True), Column("SubDevice"), Column("Alias", number=True))
     table = Table(name="bus", columns=(*columns, Column("Device")), rows=rows)
-    if plan is None:
-        return words("It compiles to no plan, so that it is not drawn."), table
     text = (
-        f"{counted(len(plan.subdevices), 'SubDevice')}, "
-        f"{counted(len(plan.connections), 'FSoE connection')}"
+        f"{counted(len(resolution.network.subdevices), 'SubDevice')}, "
+        f"{counted(len(resolution.connections), 'FSoE connection')}; one with an error, or not "
+        "confirmed, is dotted and has a cross"
     )
-    picture = Picture(
-        title="Topology",
-        words=text,
-        svg=topology_picture(plan),
-        narrow=topology_picture(plan, per_row=2),
-    )
-    return picture, table
+    svg = network_picture(resolution, checked.diagnostics)
+    return Picture(title="Network", words=text, svg=svg), table
 
 
 def _slots(resolution: Resolution) -> Table:

@@ -28,7 +28,9 @@ def cell(tmp_path: Path) -> Path:
 
 def test_it_shows_bus_slots_connections_and_findings(cell: Path) -> None:
     page = _page(cell)
-    assert "Topology: 4 FSoE connections" in page
+    assert 'aria-label="Bus with 5 SubDevices, 4 FSoE connections"' in page
+    assert page.count('class="arc"') == page.count("stroke:var(--c2)") == 4
+    assert "stroke-dasharray" not in page
     for text in ("el6910 → drive_2", "with drive_2", "No findings"):
         assert text in page
     assert not re.search(r"<script|<link|\ssrc=|\shref=\"http|\son\w+=|url\(", page)
@@ -40,9 +42,12 @@ def test_one_that_compiles_to_no_plan_is_shown_too(cell: Path) -> None:
     page = _page(cell)
     assert "not confirmed: &lt;b&gt;guessed" in page
     assert re.search(r"FSN\d{3}", page)
+    assert page.count('stroke:var(--red)" stroke-dasharray="2 4"') == 1
+    assert ">✕</text>" in page
     cell.write_text(text.replace("devices/el1904.yaml", "devices/x.yaml"), "utf-8")
     page = _page(cell)
-    assert "It compiles to no plan, so that it is not drawn." in page
+    assert page.count('class="arc"') == 3
+    assert ">✕ 2 el1904</text>" in page
     cell.write_text("nets: [\n", "utf-8")
     page = _page(cell)
     assert "network.yaml" in page
@@ -53,7 +58,11 @@ def test_hostile_names_are_text(cell: Path) -> None:
     evil = "<img src=x onerror=alert(1)>"
     cell.write_text(cell.read_text("utf-8").replace("name: robot-cell", f'name: "{evil}"'))
     page = _page(cell)
+    cell.write_text(cell.read_text("utf-8").replace("drive_2", '"<b>drive</b> behind the door"'))
+    page += _page(cell)
     assert "<img" not in page
+    assert "<b>drive</b>" not in page
+    assert "&lt;b&gt;drive&lt;/b&gt; behind…" in page
     assert "&lt;img src=x" in page
 
 

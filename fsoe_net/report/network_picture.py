@@ -1,0 +1,132 @@
+"""A network as a picture: the bus, slots, and a line for each FSoE connection; also with errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.words import counted
+from fsoe_net.document.markup import escape, svg_text
+from fsoe_net.model.bus import Located, SubDevice
+from fsoe_net.model.resolve import Connection, Resolution
+
+__all__ = ["network_picture"]
+
+_WIDTH, _CARD, _MARGIN = 900, 270, 12
+_BOX, _BOX_STEP, _PER_ROW = 150, 174, 5
+_HEAD, _SLOT, _GAP = 46, 26, 14
+_DRAWN = 'style="stroke:var(--c2)"'
+_WRONG = 'style="stroke:var(--red)" stroke-dasharray="2 4"'
+
+_Places = set[tuple[str, int]]
+
+
+def network_picture(resolution: Resolution, found: Sequence[Diagnostic]) -> str:
+    """Draw a network: MainInstances left, SubInstances right, each connection from slot to slot.
+
+    Args:
+        resolution: The network, also one with errors.
+        found: What is wrong in it: parts with an error are marked by a sign and by their line.
+    """
+    wrong = {(d.span.file, d.span.line) for d in found if d.level is Severity.ERROR}
+    subs = resolution.network.subdevices
+    mains = {net.safety_master for net in resolution.network.nets}
+    ends = {c.sub.name for c in resolution.connections}
+    parts, top = _bus(subs, wrong)
+    ports: dict[tuple[str, int | None], tuple[float, float]] = {}
+    columns = {True: top, False: top}
+    for sub in (s for s in subs if _slots(s)):
+        is_left = sub.name in mains or (sub.name not in ends and len(_slots(sub)) > 1)
+        role = "MainInstance" if sub.name in mains else "no FSoE connection"
+        role = "SubInstance" if sub.name in ends else role
+        role = "Main- and SubInstance" if sub.name in mains & ends else role
+        parts.append(_card(sub, role, columns[is_left], ports, is_left=is_left))
+        columns[is_left] += _HEAD + _SLOT * len(_slots(sub)) + _GAP
+    parts += [_line(c, ports, wrong) for c in resolution.connections]
+    count = counted(len(resolution.connections), "FSoE connection")
+    height = max(columns.values())
+    return (
+        f'<svg viewBox="0 0 {_WIDTH} {height}" style="max-width:{_WIDTH}px" role="img" '
+        f'aria-label="Bus with {counted(len(subs), "SubDevice")}, {count}">{"".join(parts)}</svg>'
+    )
+
+
+def _slots(sub: SubDevice) -> Sequence[int]:
+    return () if sub.layout is None else [pair.slot for pair in sub.layout.frame_pairs]
+
+
+def _bus(subs: Sequence[SubDevice], wrong: _Places) -> tuple[list[str], int]:
+    """Return the boxes along the bus, and the height at which the cards begin."""
+    parts = []
+    for number, sub in enumerate(subs):
+        row, column = divmod(number, _PER_ROW)
+        x, y = _MARGIN + column * _BOX_STEP, _MARGIN + row * 48
+        sign = "✕ " if _is_wrong(sub, wrong) else ""
+        before = x - (_BOX_STEP - _BOX if column else _MARGIN)
+        parts.append(
+            f'<line x1="{before}" y1="{y + 16}" x2="{x}" y2="{y + 16}" class="bus"/>'
+            f'<rect x="{x}" y="{y}" width="{_BOX}" height="32" rx="4" class="box"/>'
+            + svg_text(x + _BOX / 2, y + 21, f"{sign}{sub.position} {_short(sub.name)}", "middle")
+        )
+    rows = -(-len(subs) // _PER_ROW)
+    return parts, _MARGIN + rows * 48 + _GAP
+
+
+def _card(
+    sub: SubDevice,
+    role: str,
+    y: int,
+    ports: dict[tuple[str, int | None], tuple[float, float]],
+    *,
+    is_left: bool,
+) -> str:
+    x = _MARGIN if is_left else _WIDTH - _CARD - _MARGIN
+    edge = x + _CARD if is_left else x
+    height = _HEAD + _SLOT * len(_slots(sub))
+    parts = [
+        f'<rect x="{x}" y="{y}" width="{_CARD}" height="{height}" rx="6" '
+        f'class="box {"main" if is_left else "sub"}"/>',
+        svg_text(x + 12, y + 20, _short(sub.name), "start", "name"),
+        svg_text(x + 12, y + 37, role, "start", "small"),
+    ]
+    for n, slot in enumerate(_slots(sub)):
+        middle = y + _HEAD + _SLOT * n + _SLOT / 2 - 4
+        ports[sub.name, slot] = (edge, middle)
+        place, anchor = (edge - 14, "end") if is_left else (edge + 14, "start")
+        parts.append(
+            f'<rect x="{edge - 7}" y="{middle - 7:g}" width="14" height="14" class="sm"/>'
+            + svg_text(place, middle + 4, f"slot {slot}", anchor, "small")
+        )
+    return "".join(parts)
+
+
+def _line(
+    connection: Connection,
+    ports: dict[tuple[str, int | None], tuple[float, float]],
+    wrong: _Places,
+) -> str:
+    begin = ports.get((connection.main.name, connection.slot))
+    end = ports.get((connection.sub.name, connection.sub_slot))
+    if begin is None or end is None:
+        return ""
+    rows = (connection.facts, connection.to_sub.transfer, connection.to_main.transfer)
+    is_wrong = any(row is not None and _is_wrong(row, wrong) for row in rows)
+    kind = _WRONG if is_wrong else _DRAWN
+    bend = max(60.0, abs(end[0] - begin[0]) / 2)
+    back = bend if end[0] - begin[0] < 40 else -bend  # both in one column: a loop beside it
+    middle = (begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2
+    return (
+        f"<g><title>{escape(connection.name)}</title>"
+        f'<path d="M{begin[0]},{begin[1]:g} C{begin[0] + bend:g},{begin[1]:g} '
+        f'{end[0] + back:g},{end[1]:g} {end[0]},{end[1]:g}" class="arc" {kind}/>'
+        + (svg_text(middle[0], middle[1] - 4, "✕", "middle", "name") if is_wrong else "")
+        + "</g>"
+    )
+
+
+def _is_wrong(part: Located, wrong: _Places) -> bool:
+    return (part.span.file, part.span.line) in wrong
+
+
+def _short(text: str, most: int = 20) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"
