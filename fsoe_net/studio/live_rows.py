@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -32,7 +32,6 @@ _COUNTERS = (
     "expected_wkc",
     "actual_wkc",
     "lost_frames",
-    "realtime",
 )
 _HISTOGRAMS = ("period", "latency", "work", "round_trip")
 _MOST_EVENTS = 100_000
@@ -116,16 +115,13 @@ def statistics_row(statistics: Mapping[str, Any]) -> Row:
     """Return counters and histograms of a bus cycle, from `Statistics.to_json`."""
     histograms = {
         name: {
-            "count": h["count"],
-            "mean_ns": h["mean_ns"],
-            "p99_ns": h["p99_ns"],
-            "max_ns": h["max_ns"],
+            **{key: int(h[key]) for key in ("count", "mean_ns", "p99_ns", "max_ns")},
             "buckets": [[int(floor), int(times)] for floor, times in h["buckets"]],
         }
         for name in _HISTOGRAMS
-        if (h := statistics[name])["count"]
+        if (h := statistics[name])["buckets"]
     }
-    return {name: statistics[name] for name in _COUNTERS} | {"histograms": histograms}
+    return {name: int(statistics[name]) for name in _COUNTERS} | {"histograms": histograms}
 
 
 # -- a recorded run -------------------------------------------------------------------------------
@@ -186,25 +182,39 @@ def _event(row: Mapping[str, Any]) -> RunEvent:
 
 
 def _subdevice(row: Mapping[str, Any]) -> SubDeviceSnapshot:
-    values = {f.name: row[f.name] for f in fields(SubDeviceSnapshot)}
-    for name in ("link", "link_lost", "rx_errors"):
-        values[name] = tuple(map(int, values[name]))
-    for name in ("name", "al", "found", "detail"):
-        values[name] = str(values[name])
-    return SubDeviceSnapshot(**values)
+    return SubDeviceSnapshot(**_values(SubDeviceSnapshot, row))
+
+
+def _optional(make: Callable[[Any], object]) -> Callable[[Any], object]:
+    return lambda value: None if value is None else make(value)
+
+
+# By the type of a field: what a document holds in its place becomes that, or is refused.
+_MAKE: dict[str, Callable[[Any], object]] = {
+    "str": str,
+    "int": int,
+    "bool": bool,
+    "str | None": _optional(str),
+    "int | None": _optional(int),
+    "float | None": _optional(float),
+    "tuple[str, ...]": lambda rows: tuple(map(str, rows)),
+    "tuple[int, ...]": lambda rows: tuple(map(int, rows)),
+    "Mapping[str, float]": lambda row: {str(key): float(ms) for key, ms in row.items()},
+    "FsoeParameters": lambda row: FsoeParameters(**row),
+}
+
+
+def _values(
+    kind: type[SubDeviceSnapshot] | type[ConnectionResult], row: Mapping[str, Any]
+) -> dict[str, Any]:
+    return {f.name: _MAKE[str(f.type)](row[f.name]) for f in fields(kind)}
 
 
 def _connection(row: Mapping[str, Any], absent: set[str]) -> Row:
-    values = {f.name: row[f.name] for f in fields(ConnectionResult)}
-    for name in ("configured", "observed"):
-        values[name] = FsoeParameters(**values[name])
-    values["fsoe_cycle_ms"] = {key: float(ms) for key, ms in values["fsoe_cycle_ms"].items()}
-    for name in ("chosen", "differs"):
-        values[name] = tuple(map(str, values[name]))
-    result = ConnectionResult(**values)
+    result = ConnectionResult(**_values(ConnectionResult, row))
     share, longest, watchdog = row.get("watchdog_share"), result.fsoe_cycle_ms["max"], None
     if result.watchdog_ms:
-        watchdog = longest / int(result.watchdog_ms)
+        watchdog = longest / result.watchdog_ms
     return connection_row(
         result,
         cause=str(row.get("cause") or result.last_reset_text),

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import struct
 import threading
 import time
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from networks import example
 from patience import PATIENCE_S
 from studio.browser import needed
 
-from fsoe_net.errors import CoreError, EnvironmentFault
+from fsoe_net.errors import CoreError, EnvironmentFault, InputError
 from fsoe_net.plan.model import PlanSymbol
+from fsoe_net.project.simulate import simulate
 from fsoe_net.run.result import RunEvent
 
 needed("starlette", "studio")
@@ -25,7 +28,7 @@ from fsoe_net.studio import live_emulated, live_feed  # noqa: E402
 from fsoe_net.studio.live_emulated import EmulatedFeed, _Pace, _reader  # noqa: E402
 from fsoe_net.studio.live_feed import EventHistory, ScopeRing  # noqa: E402
 from fsoe_net.studio.live_master import MasterFeed, _notes, _title  # noqa: E402
-from fsoe_net.studio.live_rows import event_row  # noqa: E402
+from fsoe_net.studio.live_rows import event_row, recorded_view  # noqa: E402
 
 
 def event(number: int) -> RunEvent:
@@ -130,6 +133,32 @@ def test_a_run_that_fails_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     wait_for_the_end(feed)
     view = feed.message(0, 0, 0)[0]
     assert (view["away"], view["state"], view["ended"]) == ("the core has stopped", "ended", True)
+
+
+def document() -> dict[str, Any]:
+    return simulate(example("estop"), duration_ns=50_000_000).to_json("0")
+
+
+def test_a_document_holds_numbers_where_numbers_are() -> None:
+    good = json.loads(json.dumps(document()))
+    view = recorded_view(good)
+    assert view["connections"][0]["state"] == "Data · FailSafeData"
+    assert view["statistics"]["histograms"] == {}
+    for part, key, value in (
+        ("connections", "resets", {"<b>": 1}),
+        ("connections", "watchdog_ms", "soon"),
+        ("connections", "fsoe_cycle_ms", 3),
+        ("connections", "observed", {"evil": 1}),
+        ("events", "time_ms", None),
+    ):
+        bad = json.loads(json.dumps(good))
+        bad[part][0][key] = value
+        with pytest.raises(InputError, match="this is no recorded run"):
+            recorded_view(bad)
+    bad = json.loads(json.dumps(good))
+    bad["statistics"]["cycles"] = []
+    with pytest.raises(InputError, match="this is no recorded run"):
+        recorded_view(bad)
 
 
 def test_what_is_said_beside_the_tables() -> None:

@@ -333,7 +333,6 @@ export interface LiveStatistics {
   expected_wkc: number;
   actual_wkc: number;
   lost_frames: number;
-  realtime: boolean;
   histograms: Record<string, Histogram>;
 }
 
