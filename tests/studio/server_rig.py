@@ -88,6 +88,12 @@ class Browser:
         assert status == 200, data
         return json.loads(data)
 
+    def give(self, name: str, data: bytes, **headers: str | None) -> tuple[int, bytes]:
+        """Send a file as the page does."""
+        own = {"Origin": f"http://{self.host}", "X_Fsoe_Net": "1"} | headers
+        status, _, answer = self.ask(f"/api/files?name={name}", "POST", data, **own)
+        return status, answer
+
     def post(self, act: str, body: object, **headers: str | None) -> tuple[int, dict[str, object]]:
         """Send a change as the page does."""
         own = {"Origin": f"http://{self.host}", "X_Fsoe_Net": "1"} | headers

@@ -214,6 +214,7 @@ def test_it_follows_wcag(page: Any) -> None:
     page.get_by_role("button", name="Put away").click()
     _drop(page, {"bus.json": _bus("013", "0", "01")})
     page.get_by_text("A ring with branches").wait_for()
+    page.get_by_text("Of 3 it is open which process data they have").wait_for()
     page.locator(".given summary").click()
     _offer(page, "EK1914", "device PDO").click()
     page.get_by_text("Added: ek1914").wait_for()

@@ -33,12 +33,6 @@ def browser(path: Path) -> Iterator[Browser]:
         yield browser
 
 
-def _give(browser: Browser, name: str, data: bytes, **headers: str | None) -> tuple[int, bytes]:
-    own = {"Origin": f"http://{browser.host}", "X_Fsoe_Net": "1"} | headers
-    status, _, answer = browser.ask(f"/api/files?name={name}", "POST", data, **own)
-    return status, answer
-
-
 def test_each_format_is_what_convert_writes(browser: Browser, path: Path) -> None:
     targets = browser.json("/api/targets")["targets"]
     assert [row["name"] for row in targets] == list(all_targets())
@@ -88,7 +82,7 @@ def test_an_export_that_cannot_be_made_says_why(browser: Browser, end: str) -> N
 
 
 def test_files_come_in_and_are_put_away(browser: Browser) -> None:
-    status, answer = _give(browser, "maker.xml", ESI.read_bytes())
+    status, answer = browser.give("maker.xml", ESI.read_bytes())
     assert status == 200
     assert b'"files":["maker.xml"]' in answer
     shown = browser.json("/api/offers")
@@ -99,22 +93,22 @@ def test_files_come_in_and_are_put_away(browser: Browser) -> None:
 
 
 def test_a_file_needs_the_header_of_the_page_and_its_length(browser: Browser) -> None:
-    assert _give(browser, "a.xml", b"x", X_Fsoe_Net=None)[0] == 403
-    assert _give(browser, "a.xml", b"x", Origin="http://evil.example")[0] == 403
-    assert _give(browser, "a.xml", b"x", Content_Length=str(1 << 40))[0] == 413
+    assert browser.give("a.xml", b"x", X_Fsoe_Net=None)[0] == 403
+    assert browser.give("a.xml", b"x", Origin="http://evil.example")[0] == 403
+    assert browser.give("a.xml", b"x", Content_Length=str(1 << 40))[0] == 413
     browser.cookie = ""
-    assert _give(browser, "a.xml", b"x")[0] == 403
+    assert browser.give("a.xml", b"x")[0] == 403
 
 
 def test_files_that_are_too_large_together_leave_nothing(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(file_routes.Shelf, "room_bytes", lambda _: 10)
-    status, answer = _give(browser, "a.xml", b"12345678901")
+    status, answer = browser.give("a.xml", b"12345678901")
     assert status == 413
     assert b"too large; put some away first" in answer
     assert browser.json("/api/offers")["files"] == []
-    assert _give(browser, "a.xml", b"1234567890")[0] == 200
+    assert browser.give("a.xml", b"1234567890")[0] == 200
 
 
 def test_a_full_disk_and_too_many_files_are_said(
@@ -124,11 +118,11 @@ def test_a_full_disk_and_too_many_files_are_said(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("fsoe_net.studio.shelf.Upload.write", full)
-    status, answer = _give(browser, "a.xml", b"1")
+    status, answer = browser.give("a.xml", b"1")
     assert status == 422
     assert b"cannot be kept: No space left on device" in answer
     monkeypatch.setattr("fsoe_net.studio.shelf._MOST_FILES", 0)
-    status, answer = _give(browser, "a.xml", b"1")
+    status, answer = browser.give("a.xml", b"1")
     assert status == 422
     assert b"put them away first" in answer
 
@@ -138,7 +132,7 @@ def test_the_proposal_of_files_becomes_the_text(browser: Browser) -> None:
     assert status == 422
     assert "propose no network" in refused["error"]
     scan = (ROOT / "tests" / "diagnostics" / "base" / "scan.json").read_bytes()
-    assert _give(browser, "scan.json", scan)[0] == 200
+    assert browser.give("scan.json", scan)[0] == 200
     status, state = browser.post("import", {"version": 1})
     assert status == 200
     assert len(state["subdevices"]) == 3

@@ -148,6 +148,7 @@ function Given({ shelf, taken, add, propose, forget }) {
   const clear = placed.filter(
     (offer) => !offer.obstacle && placed.filter((o) => o.position === offer.position).length === 1,
   );
+  const several = new Set(placed.map((offer) => offer.position)).size - clear.length;
   return html`<div class="given">
     <p>
       <b>${shelf.files.join(", ")}</b>
@@ -171,7 +172,10 @@ function Given({ shelf, taken, add, propose, forget }) {
           Add its SubDevices that are not here (${clear.length})
         </button>
       </div>
-      <p class="help">To take it replaces the text; Undo brings yours back.</p>
+      <p class="help">
+        To take it replaces the text; Undo brings yours back.
+        ${several > 0 && ` Of ${several} it is open which process data they have: choose below.`}
+      </p>
       ${[...proposal.open, ...proposal.notes].length > 0 &&
       html`<details>
         <summary>Open, assumed or left out (${proposal.open.length + proposal.notes.length})</summary>
