@@ -185,7 +185,11 @@ def document_response(document: Document, status: int = 200) -> Response:
         f"default-src 'none'; style-src 'unsafe-hashes' {allowed}; sandbox; base-uri 'none'; "
         "form-action 'none'; frame-ancestors 'self'"
     )
-    return HTMLResponse(text, status, {"content-security-policy": policy})
+    headers = {
+        "content-security-policy": policy,
+        "cross-origin-opener-policy": "unsafe-none",  # some open no sandbox alone else
+    }
+    return HTMLResponse(text, status, headers)
 
 
 def _commands(network: str, rows: list[Beside]) -> list[str]:

@@ -74,6 +74,10 @@ def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
         report = page.frame_locator("iframe[title=Report]")
         report.locator("h1").wait_for()
         assert report.locator("svg rect").first.evaluate("r => getComputedStyle(r).fill") != ""
+        with tablet.expect_page() as opened:
+            page.get_by_role("link", name="Open in a tab").click()
+        opened.value.locator("h1").wait_for()
+        opened.value.close()
         page.get_by_role("button", name="a.fsnincident").click()
         page.frame_locator("iframe").get_by_text("Likely cause").first.wait_for()
         page.get_by_label("From").select_option(label="acceptance.yaml, an acceptance record")
