@@ -115,8 +115,11 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         reset = page.get_by_role("button", name="Reset (hold")
         reset.focus()
         page.keyboard.down("Enter")  # a button that is held, by keyboard
+        page.keyboard.down("Enter")  # the key repeats while it is held
         page.wait_for_selector("text=outputs of el1918: on")
+        assert events.get_by_text("command: release reset").count() == 0
         page.keyboard.up("Enter")
+        events.get_by_text("command: release reset").wait_for()
         page.get_by_role("button", name="Pull it", exact=True).click()
         events.get_by_text("resets: watchdog expired").first.wait_for()
         strips.get_by_text("last Reset: watchdog expired").wait_for()
@@ -125,6 +128,8 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         strips.get_by_text("Data · FailSafeData").wait_for()
         assert drawn(page, "strip-process")
         assert drawn(page, "strip-low")
+        reset.evaluate("e => e.click()")  # as a screen reader does
+        page.wait_for_selector("text=outputs of el1918: on")
         page.get_by_role("button", name="Pause").click()
         shown = page.locator("output").inner_text()
         page.get_by_role("button", name="el1918-ek1914", exact=True).click()

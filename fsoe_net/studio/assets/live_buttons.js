@@ -100,9 +100,19 @@ function Reset({ order }) {
     held.current = false;
     order(["release"], "Reset was pressed and released: outputs are on where every safe input was good.");
   };
-  const isKey = (/** @type {KeyboardEvent} */ event) => event.key === "Enter" || event.key === " ";
+  // Keys make no click here and a pointer counts its clicks: what is left comes from a screen reader.
+  const click = (/** @type {MouseEvent} */ event) => {
+    if (event.detail !== 0) return;
+    press();
+    release();
+  };
+  const onKey = (/** @type {() => void} */ act) => (/** @type {KeyboardEvent} */ event) => {
+    if (event.key !== "Enter" && event.key !== " ") return;
+    event.preventDefault();
+    act();
+  };
   return html`<button class="reset" onPointerDown=${press} onPointerUp=${release} onPointerLeave=${release}
-    onPointerCancel=${release} onBlur=${release}
-    onKeyDown=${(/** @type {KeyboardEvent} */ event) => isKey(event) && press()}
-    onKeyUp=${(/** @type {KeyboardEvent} */ event) => isKey(event) && release()}>Reset (hold it as long as you like)</button>`;
+    onPointerCancel=${release} onBlur=${release} onClick=${click}
+    onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()}
+    onKeyDown=${onKey(press)} onKeyUp=${onKey(release)}>Reset (hold it as long as you like)</button>`;
 }
