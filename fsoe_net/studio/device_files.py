@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import read_source
@@ -16,7 +16,8 @@ __all__ = ["DeviceFiles"]
 class DeviceFiles:
     """Texts that stay in memory until the network that names them is saved.
 
-    They outlast undo, so that redo finds them again. No file that exists is replaced.
+    They outlast undo, so that redo finds them again, until another change takes redo away. No file
+    that exists is replaced.
 
     Args:
         folder: Of the network file, where their names begin.
@@ -49,6 +50,14 @@ class DeviceFiles:
                 self._names[path] = name
                 self.contents[path] = data
         return names
+
+    def those_in(self, texts: Iterable[str]) -> DeviceFiles:
+        """Return those that one of some texts names; the names of the others are free again."""
+        kept = DeviceFiles(self._folder)
+        wanted = {name for text in texts for name in self.named_in(text)}
+        kept._names = {path: name for path, name in self._names.items() if name in wanted}
+        kept.contents = {path: self.contents[path] for path in kept._names}
+        return kept
 
     def named_in(self, text: str) -> Iterator[str]:
         """Yield the names that a text has in it."""

@@ -184,9 +184,14 @@ class Workspace:
         with self._lock:
             self._expect(version)
             edited = EditedText(self.text if text is None else text, self.path)
-            names = self._new.keep(files)
+            new = self._new.those_in([self.text, *self._undo.texts])
+            names = new.keep(files)
             change(edited.document, names)
-            self._set(edited.text)
+            made = edited.text
+            _limit(made)
+            if made != self.text:  # otherwise redo stays
+                self._new = new
+            self._set(made)
 
     def fix(self, version: int, number: int) -> None:
         """Follow the hint of a finding that leaves one way.

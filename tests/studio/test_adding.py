@@ -120,6 +120,20 @@ def test_steps_back_and_forth_find_the_device_file_again(new: Workspace, shelf: 
     assert (Path(new.path).parent / "devices" / "ek1914.yaml").is_file()
 
 
+def test_a_name_is_free_again_when_nothing_leads_back_to_it(new: Workspace, shelf: Shelf) -> None:
+    _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+    new.undo(new.version)
+    _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))  # redo is gone
+    assert new.unwritten == ("devices/ek1914.yaml",)
+    _change(new, "remove", subdevice="ek1914")
+    _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+    assert new.unwritten == ("devices/ek1914_2.yaml",)  # undo leads back to the first
+    for _ in range(2):
+        new.undo(new.version)
+    assert "FSN133" not in _errors(new)
+    assert new.unwritten == ("devices/ek1914.yaml",)
+
+
 def test_equal_devices_share_a_file_and_no_file_is_replaced(new: Workspace, shelf: Shelf) -> None:
     mine = Path(new.path).parent / "devices" / "ek1914.yaml"
     mine.parent.mkdir()
@@ -146,7 +160,7 @@ def test_a_device_file_that_somebody_makes_meanwhile_is_kept(new: Workspace, she
     assert not Path(new.path).exists()
     new.undo(new.version)
     _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
-    assert new.unwritten[-1] == "devices/ek1914_2.yaml"
+    assert new.unwritten == ("devices/ek1914_2.yaml",)
     theirs.unlink()
     theirs.mkdir()  # a folder of that name is no file of ours either
     new.save(new.version)
@@ -341,6 +355,17 @@ def test_the_example_is_one_step(new: Workspace) -> None:
     new.save(new.version)
     written = Path(new.path).parent / "devices" / "el1918.yaml"
     assert written.read_bytes() == (EXAMPLES / "estop" / "devices" / "el1918.yaml").read_bytes()
+
+
+def test_the_example_taken_twice_keeps_what_redo_leads_to(new: Workspace, shelf: Shelf) -> None:
+    Shelf.example(new, new.version, {})
+    _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+    added = new.text
+    new.undo(new.version)
+    Shelf.example(new, new.version, {})  # the same text: no step
+    new.redo(new.version)
+    assert new.text == added
+    assert "FSN133" not in _errors(new)
 
 
 def test_a_subdevice_goes_with_all_that_names_it(tools: Workspace) -> None:

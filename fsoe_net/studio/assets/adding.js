@@ -144,14 +144,14 @@ export function Adding({ state, act, given, close, choose }) {
 /** @param {{ shelf: Shelf, taken: Set<number>, add: (numbers: number[]) => void, propose: () => void, forget: () => void }} props */
 function Given({ shelf, taken, add, propose, forget }) {
   const { proposal } = shelf;
+  const ways = (/** @type {Offer} */ offer) =>
+    placed.filter((other) => other.position === offer.position && !other.obstacle).length;
   const placed = shelf.offers.filter((offer) => offer.position !== null && !taken.has(offer.position));
-  const clear = placed.filter(
-    (offer) => !offer.obstacle && placed.filter((o) => o.position === offer.position).length === 1,
-  );
-  const several = new Set(placed.map((offer) => offer.position)).size - clear.length;
+  const clear = placed.filter((offer) => !offer.obstacle && ways(offer) === 1);
+  const several = new Set(placed.filter((o) => ways(o) > 1).map((o) => o.position)).size;
   return html`<div class="given">
     <p>
-      <b>${shelf.files.join(", ")}</b>
+      <b>${shelf.files.join(", ")}</b>${" "}
       <button onClick=${forget}>Put away</button>
     </p>
     <ul>
