@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import zipfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Severity
@@ -36,35 +37,44 @@ def targets() -> list[Row]:
     ]
 
 
-def preview(workspace: Workspace, version: int, target: str) -> Row:
+def preview(
+    workspace: Workspace,
+    version: int,
+    target: str,
+    esis: Sequence[str] = (),
+    *,
+    named: Callable[[str], str] = printable,
+) -> Row:
     """Return the files that a format would have, and what it cannot hold.
 
     Args:
         workspace: The network as it is in the page.
         version: Of the text that is meant.
         target: Name of a format, see `targets`.
+        esis: ESI files with what the network does not say of its devices.
+        named: Returns a text that can be shown.
 
     Raises:
         Behind: ``version`` is not the present one.
         InputError: There is no such format, or it cannot hold the network.
     """
-    made = _converted(workspace, version, target)
+    made = _converted(workspace, version, target, esis)
     return {
         "version": version,
         "target": target,
         "files": [{"name": name, "bytes": len(data)} for name, data in made.files.items()],
-        "notes": [printable(note) for note in dict.fromkeys(made.notes)],
+        "notes": [named(note) for note in dict.fromkeys(made.notes)],
         "findings": [
-            printable(f"{row.span}: {row.message}")
+            named(f"{row.span}: {row.message}")
             for row in made.findings
             if row.level is not Severity.INFO
         ],
     }
 
 
-def download(workspace: Workspace, version: int, target: str) -> Download:
+def download(workspace: Workspace, version: int, target: str, esis: Sequence[str] = ()) -> Download:
     """Return the file, or a ZIP of the files, of a format; arguments and errors as `preview`."""
-    made = _converted(workspace, version, target)
+    made = _converted(workspace, version, target, esis)
     if len(made.files) == 1:
         ((name, data),) = made.files.items()
         return Download(name=name, data=data)
@@ -75,7 +85,7 @@ def download(workspace: Workspace, version: int, target: str) -> Download:
     return Download(name=f"{_stem(workspace)}-{target}.zip", data=stream.getvalue())
 
 
-def _converted(workspace: Workspace, version: int, target: str) -> Conversion:
+def _converted(workspace: Workspace, version: int, target: str, esis: Sequence[str]) -> Conversion:
     if version != workspace.version:
         raise Behind
     known = all_targets().get(target)
@@ -83,7 +93,7 @@ def _converted(workspace: Workspace, version: int, target: str) -> Conversion:
         raise InputError(f"there is no format {target!r}; there are {', '.join(all_targets())}")
     name = _stem(workspace) + (known.suffixes[0] if known.suffixes else "")
     with workspace.read_as_edited():
-        return convert_files([workspace.path], target, name=name)
+        return convert_files([workspace.path, *esis], target, name=name)
 
 
 def _stem(workspace: Workspace) -> str:

@@ -9,7 +9,6 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.studio import export
 from fsoe_net.studio.shelf import Shelf
@@ -30,32 +29,34 @@ def file_routes(workspace: Workspace, shelf: Shelf) -> list[Route]:
     """
 
     async def offers(_: Request) -> Response:
-        return await _answered(shelf.shown)
+        return await _answered(shelf, shelf.shown)
 
     async def upload(request: Request) -> Response:
         try:
             refusal = await _received(request, shelf)
         except OSError as exc:
             return _refused(f"the file cannot be kept: {exc.strerror}")
-        return await _answered(shelf.shown) if refusal is None else refusal
+        return await _answered(shelf, shelf.shown) if refusal is None else refusal
 
     async def clear(_: Request) -> Response:
         await run_in_threadpool(shelf.clear)
-        return await _answered(shelf.shown)
+        return await _answered(shelf, shelf.shown)
 
     async def targets(_: Request) -> Response:
         return JSONResponse({"error": "", "targets": await run_in_threadpool(export.targets)})
 
     async def preview(request: Request) -> Response:
         version, target = _export(request)
-        return await _answered(lambda: export.preview(workspace, version, target))
+        return await _answered(
+            shelf, lambda: export.preview(workspace, version, target, shelf.esis, named=shelf.place)
+        )
 
     async def download(request: Request) -> Response:
         version, target = _export(request)
         try:
-            file = await run_in_threadpool(export.download, workspace, version, target)
+            file = await run_in_threadpool(export.download, workspace, version, target, shelf.esis)
         except (Behind, FsnError, ValueError) as exc:
-            return _refused(_words(exc))
+            return _refused(_words(exc, shelf.place))
         headers = {"content-disposition": f'attachment; filename="{file.name}"'}
         return Response(file.data, media_type="application/octet-stream", headers=headers)
 
@@ -98,18 +99,18 @@ async def _received(request: Request, shelf: Shelf) -> Response | None:
     return None
 
 
-async def _answered(make: Callable[[], dict[str, object]]) -> Response:
+async def _answered(shelf: Shelf, make: Callable[[], dict[str, object]]) -> Response:
     try:
         return JSONResponse({"error": "", **await run_in_threadpool(make)})
     except (Behind, FsnError, ValueError) as exc:
-        return _refused(_words(exc))
+        return _refused(_words(exc, shelf.place))
 
 
-def _words(exc: Exception) -> str:
+def _words(exc: Exception, named: Callable[[str], str]) -> str:
     if isinstance(exc, Behind):
         return "something else has changed meanwhile; look at it, and do it again"
     rows = exc.diagnostics if isinstance(exc, InputError) else ()
-    return printable("; ".join([str(exc), *(f"{row.span}: {row.message}" for row in rows[:5])]))
+    return named("; ".join([str(exc), *(f"{row.span}: {row.message}" for row in rows[:5])]))
 
 
 def _refused(text: str, status: int = 422) -> Response:

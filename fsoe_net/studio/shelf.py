@@ -79,6 +79,7 @@ class Shelf:
 
     Attributes:
         scan: The first scan among them, with the name of its file.
+        esis: Paths of the ESI files among them.
     """
 
     def __init__(self) -> None:
@@ -88,6 +89,7 @@ class Shelf:
         self._count = 0
         self._content: _Content | None = None
         self.scan: tuple[str, Scan] | None = None
+        self.esis: tuple[str, ...] = ()
 
     def begin(self, name: str) -> Upload:
         """Begin to receive a file.
@@ -137,7 +139,7 @@ class Shelf:
         with self._lock:
             if self._folder is not None:
                 self._folder.cleanup()
-            self._folder, self._content, self.scan = None, None, None
+            self._folder, self._content, self.scan, self.esis = None, None, None, ()
             self._files.clear()
 
     def shown(self) -> Row:
@@ -154,9 +156,9 @@ class Shelf:
                 "findings": [
                     {
                         "severity": row.level.value,
-                        "place": self._place(str(row.span)),
-                        "message": self._place(row.message),
-                        "hint": self._place(row.hint),
+                        "place": self.place(str(row.span)),
+                        "message": self.place(row.message),
+                        "hint": self.place(row.hint),
                     }
                     for row in content.findings
                 ],
@@ -190,7 +192,7 @@ class Shelf:
         files = [(row.config, self._named(row.config_text)) for row in rows]
         workspace.change_with_files(version, files, added(resolution, rows, bus))
         said = (f"{row.name}: {note}" for row in rows for note in row.notes)
-        return tuple(self._place(text) for text in said)
+        return tuple(self.place(text) for text in said)
 
     def take(self, workspace: Workspace, version: int, _: Mapping[str, object]) -> None:
         """Take the network that the files propose as the text; undo brings the one before back.
@@ -231,7 +233,7 @@ class Shelf:
         return self._content
 
     def _gathered(self) -> _Content:
-        self.scan = None
+        self.scan, self.esis = None, ()
         out = FindingList()
         if not self._files:
             return _Content(list_offers(Gathered(), out))
@@ -239,8 +241,9 @@ class Shelf:
             # One file has to be right; of several, one that cannot be read is left out and said.
             paths = list(self._files.values())
             found = gather(paths if len(paths) == 1 else [self._root], LoadOptions())
+            self.esis = tuple(found.esis)
             for path, scan in found.scans.items():
-                self.scan = self.scan or (self._place(path), scan)
+                self.scan = self.scan or (self.place(path), scan)
             draft = make_draft(Inputs.of(found), Answers()) if found.buses else None
             offers = list_offers(found, out)
             rows = [*found.out.diagnostics, *(draft.findings if draft else ()), *out.diagnostics]
@@ -254,7 +257,7 @@ class Shelf:
             "number": number,
             "order": printable(row.order),
             "about": printable(row.about),
-            "file": self._place(row.path),
+            "file": self.place(row.path),
             "position": row.position,
             "revision": row.revision,
             "process_data": printable(row.process_data),
@@ -271,11 +274,11 @@ class Shelf:
             "subdevices": len(bus.subdevices),
             "connections": len(bus.connections),
             "unconfirmed": sum(bool(row.unconfirmed) for row in bus.connections),
-            "open": [self._place(text) for text in draft.open],
-            "notes": [self._place(text) for text in dict.fromkeys(draft.notes)],
+            "open": [self.place(text) for text in draft.open],
+            "notes": [self.place(text) for text in dict.fromkeys(draft.notes)],
         }
 
-    def _place(self, text: str) -> str:
+    def place(self, text: str) -> str:
         """Return a text to be shown, in which the files have the names that they came with."""
         return printable(self._named(text))
 

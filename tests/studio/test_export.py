@@ -64,6 +64,34 @@ def test_what_is_not_saved_is_exported_as_it_is_in_the_page(browser: Browser, pa
     assert not (path.parent / state["unwritten"][0]).exists()
 
 
+_COUPLER = b"""<EtherCATInfo><Vendor><Id>2</Id><Name>Maker</Name></Vendor><Descriptions><Devices>
+<Device Physics="YY"><Type ProductCode="#x077a2c52" RevisionNo="#x00010000">EK1914</Type>
+<Sm StartAddress="#x1000" DefaultSize="128" ControlByte="#x26">MBoxOut</Sm>
+<Sm StartAddress="#x1080" DefaultSize="128" ControlByte="#x22">MBoxIn</Sm>
+<Sm StartAddress="#x1100" ControlByte="#x24">Outputs</Sm>
+<Sm StartAddress="#x1180" ControlByte="#x20">Inputs</Sm>
+<Mailbox><CoE/></Mailbox></Device></Devices></Descriptions></EtherCATInfo>"""
+
+
+def test_what_an_esi_says_of_starting_a_device_is_exported(browser: Browser) -> None:
+    assert browser.give("maker/maker.xml", _COUPLER)[0] == 200
+    assert browser.json("/api/offers")["findings"] == []
+    where = "/api/export/eni"
+    with_esi = browser.json(f"{where}?version=1")["notes"]
+    assert b"<Mailbox>" in browser.ask(f"{where}/download?version=1")[2]
+    browser.post("files/clear", {})
+    without = browser.json(f"{where}?version=1")["notes"]
+    assert b"<Mailbox>" not in browser.ask(f"{where}/download?version=1")[2]
+    assert any(note.startswith("Physics, mailbox") and "ek1914" in note for note in without)
+    assert not any(note.startswith("Physics, mailbox") and "ek1914" in note for note in with_esi)
+    assert not any("fsoe-net-studio" in note for note in with_esi)
+    browser.give("maker/maker.xml", _COUPLER[:-40])
+    for end in ("", "/download"):
+        status, _, refused = browser.ask(f"{where}{end}?version=1")
+        assert status == 422
+        assert b"nothing written; maker/maker.xml:" in refused
+
+
 @pytest.mark.parametrize("end", ["", "/download"])
 def test_an_export_that_cannot_be_made_says_why(browser: Browser, end: str) -> None:
     for target, version, words in (
