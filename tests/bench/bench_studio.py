@@ -1,7 +1,9 @@
-"""Measures the live page in Chromium: pictures a second, processor, events and cycles that miss.
+"""Measures studio in Chromium: the first page, and the live one.
 
-60 connections and 20 signals: an emulated run in which devices are pulled and put back all the
-time, and a real fsn-master at 1 kHz. Prints what came and the limits; asserts nothing.
+The first page: of an example and of 100 SubDevices, from the address to the drawing. Live: 60
+connections and 20 signals: an emulated run in which devices are pulled and put back all the time,
+and a real fsn-master at 1 kHz: pictures a second, processor, events and cycles that miss. Prints
+what came and the limits; asserts nothing.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from playwright.sync_api import sync_playwright
 from studio.browser import ARGUMENTS, CHROMIUM
 from studio.server_rig import running
 
-CONNECTIONS, SIGNALS, SECONDS = 60, 20, 10
+CONNECTIONS, SIGNALS, SECONDS, FIRST_PAGES = 60, 20, 10, 9
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SIZE = {"width": 1920, "height": 1080}
 # What the stream brings to the page, by a listener of its own: nothing of the page is changed.
 COUNT = """(() => {
@@ -140,10 +143,30 @@ def master(browser: Any, folder: Path) -> None:
         measure(page)
 
 
+def first_page(browser: Any, path: Path) -> None:
+    """Print how long it takes from the address to the drawing, in a browser that runs."""
+    took = []
+    for _ in range(FIRST_PAGES):
+        with running(path) as studio:
+            page = browser.new_page(viewport=SIZE)
+            begin = time.monotonic()
+            page.goto(studio.url)
+            page.locator(".card").first.wait_for()
+            took.append(time.monotonic() - begin)
+            page.close()
+    took.sort()
+    print(f"first page of {path.parent.name}, {FIRST_PAGES} times:")
+    middle, longest = took[len(took) // 2] * 1000, took[-1] * 1000
+    print(f"  median {middle:.0f} ms, longest {longest:.0f} ms, limit: 500 ms")
+
+
 def main() -> None:
     with tempfile.TemporaryDirectory() as text, sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         (Path(text) / "none").mkdir()
+        first_page(browser, EXAMPLES / "el6910" / "network.yaml")
+        (Path(text) / "hundred").mkdir()
+        first_page(browser, write_big_network(Path(text) / "hundred", 100, 100))
         for cycle_us in (1000, 20_000):
             emulated(browser, Path(text), cycle_us)
         master(browser, Path(text))
