@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib
 import os
 import shutil
+from collections.abc import Iterator
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -19,6 +21,7 @@ ARGUMENTS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+_LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 REQUIRED = "browser" in os.environ.get("FSN_REQUIRE", "").split(",")
 
 
@@ -27,3 +30,31 @@ def needed(module: str, extra: str) -> ModuleType:
     if REQUIRED:
         return importlib.import_module(module)
     return pytest.importorskip(module, reason=f"needs fsoe-net[{extra}]")
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """Give the tests of a module one browser; a page of it is their own."""
+    if CHROMIUM is None and not REQUIRED:
+        pytest.skip("needs Chromium (package chromium of Debian)")
+    playwright = needed("playwright.sync_api", "browser")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+def accessible(page: Any, *schemes: str) -> None:
+    """Demand WCAG 2.2, level AA, of all that is in sight, as far as a program can tell.
+
+    Args:
+        page: Of the browser.
+        schemes: ``light``, ``dark``, which are switched to; none: as it is.
+    """
+    axe = needed("axe_playwright_python.sync_playwright", "browser")
+    options = {"runOnly": _LEVELS, "iframes": False}
+    for scheme in schemes or (None,):
+        if scheme is not None:
+            page.emulate_media(color_scheme=scheme)
+        found = axe.Axe().run(page, options=options).response["violations"]
+        assert [(row["id"], [node["html"] for node in row["nodes"]]) for row in found] == []

@@ -8,28 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from studio.browser import ARGUMENTS, CHROMIUM, REQUIRED, needed
+from studio.browser import accessible
 from studio.server_rig import running
-
-playwright = needed("playwright.sync_api", "browser")
-axe = needed("axe_playwright_python.sync_playwright", "browser")
 
 ROOT = Path(__file__).parents[2]
 ESI = ROOT / "tests" / "formats" / "esi" / "modular.xml"
 SCAN = ROOT / "tests" / "diagnostics" / "base" / "scan.json"
 CLICK_S = 1.5  # a person's pace
 LONGEST_S = 180
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None and not REQUIRED, reason="needs Chromium (package chromium of Debian)"
-)
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield browser
-        browser.close()
 
 
 class Mouse:
@@ -208,7 +194,7 @@ def test_subdevices_change_places_and_go(page: Any) -> None:
 
 def test_it_follows_wcag(page: Any) -> None:
     """WCAG 2.2, level AA, as far as a program can tell: begin, add, export; light and dark."""
-    _accessible(page, "wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
+    accessible(page)
     _drop(page, {"scan.json": SCAN.read_bytes(), "gate.xml": b"<EtherCATInfo><Vendor>"})
     page.locator(".given li.error").first.wait_for()
     page.get_by_role("button", name="Put away").click()
@@ -218,21 +204,15 @@ def test_it_follows_wcag(page: Any) -> None:
     page.locator(".given summary").click()
     _offer(page, "EK1914", "device PDO").click()
     page.get_by_text("Added: ek1914").wait_for()
-    _accessible(page, "wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
-    page.emulate_media(color_scheme="dark")
-    _accessible(page, "wcag2aa")
+    accessible(page)
+    accessible(page, "dark")
     page.get_by_role("button", name="Undo").click()
     page.get_by_role("button", name="Take the e-stop example").click()
     page.locator('[data-port="el1918/0"]').wait_for()  # an empty network cannot be exported
     page.get_by_role("button", name="Export").click()
     page.get_by_role("combobox", name="Format").select_option("driver")
     page.get_by_role("link", name="Download").wait_for()
-    _accessible(page, "wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
-
-
-def _accessible(page: Any, *levels: str) -> None:
-    found = axe.Axe().run(page, options={"runOnly": list(levels)}).response["violations"]
-    assert [(row["id"], [node["html"] for node in row["nodes"]]) for row in found] == []
+    accessible(page)
 
 
 def _bus(*links: str) -> bytes:

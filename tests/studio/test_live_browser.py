@@ -9,30 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
 from master.rig import running as master_running
 from networks import example
-from studio.browser import ARGUMENTS, CHROMIUM, REQUIRED, needed
+from studio.browser import accessible
 from studio.server_rig import running
 
 from fsoe_net.project.simulate import simulate
 
-playwright = needed("playwright.sync_api", "browser")
-axe = needed("axe_playwright_python.sync_playwright", "browser")
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
-LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None and not REQUIRED, reason="needs Chromium (package chromium of Debian)"
-)
-
-
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield browser
-        browser.close()
 
 
 @contextlib.contextmanager
@@ -53,13 +37,6 @@ def opened(chromium: Any, url: str) -> Iterator[Any]:
         context.close()
     assert said == []
     assert {address.split("/")[2] for address in asked} == {url.split("/")[2]}
-
-
-def accessible(page: Any, scheme: str) -> None:
-    """WCAG 2.2, level AA, as far as a program can tell."""
-    page.emulate_media(color_scheme=scheme)
-    found = axe.Axe().run(page, options={"runOnly": LEVELS}).response["violations"]
-    assert [(row["id"], [node["html"] for node in row["nodes"]]) for row in found] == []
 
 
 def hide(page: Any, hidden: bool) -> None:

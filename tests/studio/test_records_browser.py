@@ -11,21 +11,14 @@ from typing import Any
 import pytest
 import yaml
 from patience import PATIENCE_S
-from studio.browser import ARGUMENTS, CHROMIUM, REQUIRED, needed
+from studio.browser import accessible
 from studio.records_folder import made_folder
 from studio.server_rig import Studio, running
 
 from fsoe_net.studio.workspace import Workspace
 
-playwright = needed("playwright.sync_api", "browser")
-axe = needed("axe_playwright_python.sync_playwright", "browser")
-
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None and not REQUIRED, reason="needs Chromium (package chromium of Debian)"
-)
 OF_ANOTHER = """() => localStorage.setItem('fsoe-net protocol other step trigger old',
   JSON.stringify({step: 'trigger old', subdevice: '', now: {result: 'as expected'}}))"""
-LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 
 
 @pytest.fixture(scope="module")
@@ -39,28 +32,12 @@ def path(made: Path, tmp_path: Path) -> Path:
     return tmp_path / "cell" / made.name
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield browser
-        browser.close()
-
-
 @pytest.fixture
 def tablet(chromium: Any) -> Iterator[Any]:
     context = chromium.new_context(viewport={"width": 820, "height": 1180}, has_touch=True)
     context.set_default_timeout(PATIENCE_S * 1000)
     yield context
     context.close()
-
-
-def _no_violations(page: Any) -> None:
-    for scheme in ("light", "dark"):
-        page.emulate_media(color_scheme=scheme)
-        found = axe.Axe().run(page, options={"runOnly": LEVELS, "iframes": False})
-        rows = [(v["id"], [n["html"] for n in v["nodes"]]) for v in found.response["violations"]]
-        assert rows == []
 
 
 def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
@@ -84,7 +61,7 @@ def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
         page.get_by_role("button", name="Show the difference").click()
         page.frame_locator("iframe").get_by_text("No difference").first.wait_for()
         page.get_by_text("accept acceptance-new.yaml --sign KEY").wait_for()
-        _no_violations(page)
+        accessible(page, "light", "dark")
         page.get_by_role("link", name="Network").click()
         area = page.locator("textarea")
         area.fill(area.input_value().replace("watchdog_ms: 100", "watchdog_ms: 90"))
@@ -135,7 +112,7 @@ def test_what_was_entered_survives_tab_and_server(tablet: Any, path: Path) -> No
         for box in boxes.all():
             assert box.bounding_box()["height"] >= 44
         _enter(page, "✔ as expected", "quick")
-        _no_violations(page)
+        accessible(page, "light", "dark")
         with page.expect_response("**/api/protocol/enter"):
             page.get_by_role("button", name="Enter, and go on").click()
         page.wait_for_selector("text=1 of ")
