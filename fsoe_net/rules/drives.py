@@ -1,6 +1,7 @@
 """FSN470 … FSN474: process data of drives by CiA 402 (IEC 61800-7-201, ETG.6010).
 
-A drive is a device that takes a controlword. Axis n of a device has its objects 0x800 * n higher.
+A drive is a device that takes a controlword. Axis n of a device has its objects 0x800 * n higher,
+without gaps from axis 0.
 """
 
 from __future__ import annotations
@@ -69,8 +70,9 @@ def _axes(device: Device) -> Iterator[_Axis]:
                 sides[sm.sm.direction].setdefault(placed.entry.index, placed.entry)
     outputs, inputs = sides[Direction.OUTPUT], sides[Direction.INPUT]
     for base in range(0, _AXES * _AXIS, _AXIS):
-        if _CONTROLWORD + base in outputs:
-            yield _Axis(device, base, _from(outputs, base), _from(inputs, base))
+        if _CONTROLWORD + base not in outputs:
+            return  # 0x7040 alone is an output of a terminal (ETG.5001)
+        yield _Axis(device, base, _from(outputs, base), _from(inputs, base))
 
 
 def _from(entries: Mapping[int, Entry], base: int) -> dict[int, Entry]:

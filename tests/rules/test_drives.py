@@ -78,6 +78,7 @@ CASES = {
     "the second axis": (SECOND, []),
     "a mode of the second axis": ([*SECOND, start_up(9, "0x6860")], ["FSN470"]),
     "a mode of an axis that is not there": ([start_up(9, "0x7060")], []),
+    "an output of a terminal": ([[DRIVE, "0x6040, sub_index: 0", "0x7040, sub_index: 0"]], []),
     "the second axis does not say where it is": (
         [*SECOND, [DRIVE, "0x6864", "0x686c"], [DRIVE, "0x6841", "0x683f"]],
         ["FSN472", "FSN471"],
