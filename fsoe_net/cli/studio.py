@@ -10,7 +10,7 @@ import click
 
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, master_options, master_socket, overwrite_option
-from fsoe_net.cli.studio_start import listening, usual_port, write_snapshot
+from fsoe_net.cli.studio_start import check_control, listening, usual_port, write_snapshot
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
@@ -25,6 +25,7 @@ Examples:
   fsoe-net studio examples/estop
   fsoe-net studio network.yaml --port 8765 --no-browser
   fsoe-net studio --interface eth1       # what the fsn-master there does, live
+  fsoe-net studio --interface eth1 --allow-control  # and may start, stop and set outputs there
   fsoe-net studio network.yaml --snapshot network.html
   fsoe-net studio --listen cell.local --port 8443 --tls-cert cert.pem --tls-key key.pem \\
       --password-file password
@@ -68,6 +69,11 @@ def _network_file(path: str | None) -> tuple[str, bool]:
 @click.option("--tls-cert", type=FILE, metavar="FILE", help="Certificate (PEM), with its chain.")
 @click.option("--tls-key", type=FILE, metavar="FILE", help="Its key (PEM), without passphrase.")
 @click.option("--password-file", type=FILE, metavar="FILE", help="Its first line opens the page.")
+@click.option(
+    "--allow-control",
+    is_flag=True,
+    help="Let the page start and stop the bus of that fsn-master, and set outputs there.",
+)
 def command(
     path: str | None,
     loading: LoadOptions,
@@ -81,19 +87,22 @@ def command(
     tls_cert: str | None,
     tls_key: str | None,
     password_file: str | None,
+    allow_control: bool,
 ) -> None:
     """See and edit a network in a browser: the bus, its connections, what is wrong, the file.
 
     PATH: a network file, or its folder; in a folder without one a new network begins. The page is
     for one person at one browser of this machine; the printed address counts once. The network
     file is not written before you press Save. With --interface or --socket it also shows what a
-    running fsn-master does, and changes nothing there.
+    running fsn-master does, and changes nothing there without --allow-control.
     """
     live = None if socket is None and interface is None else master_socket(socket, interface)
     name, may_be_new = _network_file(path)
     if snapshot is not None:
         write_snapshot(name, loading, snapshot, overwrite=overwrite)
         return
+    if allow_control:
+        check_control(live, listen)
     remote = listening(listen, tls_cert, tls_key, password_file)
     try:
         from fsoe_net.studio.server import Studio
@@ -109,15 +118,22 @@ def command(
     usual = usual_port(name) if remote is None else 0
     try:
         studio = Studio(
-            workspace, port=usual if port is None else port, control_socket=live, remote=remote
+            workspace,
+            port=usual if port is None else port,
+            control_socket=live,
+            remote=remote,
+            allow_control=allow_control,
         )
     except EnvironmentFault:
         if port is not None or not usual:
             raise
-        studio = Studio(workspace, control_socket=live)  # the usual port is taken
+        # The usual port is taken.
+        studio = Studio(workspace, control_socket=live, allow_control=allow_control)
     url = studio.url if live is None else f"{studio.url}#live"
     echo(f"{name}: open {url}")
     echo("Ctrl-C ends it; only what was saved is in the file")
+    if allow_control:
+        echo(f"the page may start and stop the bus at {live}, and set outputs: no emergency stop")
     if not no_browser:
         webbrowser.open(url)
     with contextlib.suppress(KeyboardInterrupt):  # how people end it

@@ -17,7 +17,7 @@ from fsoe_net.project.check import check_files
 from fsoe_net.project.snapshot import snapshot
 from fsoe_net.studio.listening import Listening
 
-__all__ = ["listening", "usual_port", "write_snapshot"]
+__all__ = ["check_control", "listening", "usual_port", "write_snapshot"]
 
 _FIRST_PORT, _PORTS = 61_000, 4500  # above those that Linux gives away by itself
 
@@ -43,6 +43,21 @@ def listening(*given: str | None) -> Listening | None:
     if len(found) < len(given):
         raise click.UsageError("--listen, --tls-cert, --tls-key and --password-file go together")
     return Listening.read(*found)
+
+
+def check_control(live: str | None, listen: str | None) -> None:
+    """Refuse control of a bus where none is named, or where nobody could say who did it.
+
+    Raises:
+        click.UsageError: It is refused.
+    """
+    if live is None:
+        raise click.UsageError("--allow-control needs --socket PATH or --interface IF")
+    if listen is not None:
+        raise click.UsageError(
+            "--allow-control and --listen do not go together: the intervention log could not name "
+            "the person; use ssh -L, each person with a studio of their own"
+        )
 
 
 def write_snapshot(name: str, loading: LoadOptions, target: str, *, overwrite: bool) -> None:

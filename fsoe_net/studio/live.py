@@ -14,6 +14,7 @@ from starlette.routing import Route
 
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.project.check import whole_network
+from fsoe_net.studio.live_control import LiveControl
 from fsoe_net.studio.live_emulated import EmulatedFeed
 from fsoe_net.studio.live_feed import LiveFeed, printed
 from fsoe_net.studio.live_master import MasterFeed
@@ -36,13 +37,23 @@ class Live:
         workspace: The network that can be run.
         socket: Control socket of a running ``fsn-master``, or ``None``.
         ended: Whether the server ends.
+        allow_control: Whether a page may also act on the bus of that ``fsn-master``.
     """
 
-    def __init__(self, workspace: Workspace, socket: str | None, ended: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        workspace: Workspace,
+        socket: str | None,
+        ended: Callable[[], bool],
+        *,
+        allow_control: bool = False,
+    ) -> None:
         self._workspace = workspace
         self._ended = ended
-        self._starting = asyncio.Lock()
+        self._starting, self._controlling = asyncio.Lock(), asyncio.Lock()
         self._master = None if socket is None else MasterFeed(socket)
+        note = (lambda _: None) if self._master is None else self._master.note
+        self._control = LiveControl(socket if allow_control else None, note)
         self._emulated: EmulatedFeed | None = None
         self._acts: dict[str, Callable[[Body], Row]] = {
             "start": self._start,
@@ -66,9 +77,15 @@ class Live:
 
     def close(self) -> None:
         """End everything that was begun; ``fsn-master`` goes on."""
+        self._control.close()
         for feed in (self._emulated, self._master):
             if feed is not None:
                 feed.close()
+
+    @property
+    def may_control(self) -> bool:
+        """Whether a page may act on the bus."""
+        return self._control.turn is not None
 
     async def _sources(self, _: Request) -> Response:
         emulated = self._emulated
@@ -110,6 +127,8 @@ class Live:
                     message, event, choice, row = await run_in_threadpool(
                         feed.message, event, choice, row
                     )
+                    if feed is self._master:
+                        message["control"] = self._control.turn
                     yield f"data: {json.dumps(message, separators=(',', ':'))}\n\n"
                 elif silent_s >= _SILENCE_S:
                     silent_s = 0.0
@@ -138,7 +157,9 @@ class Live:
         )
 
     async def _act(self, request: Request) -> Response:
-        act = self._acts.get(request.path_params["act"])
+        name = request.path_params["act"]
+        controls = name in self._control.acts
+        act = self._control.acts[name] if controls else self._acts.get(name)
         if act is None:
             return JSONResponse({"error": "there is no such request"}, 404)
         try:
@@ -148,7 +169,8 @@ class Live:
         if not isinstance(body, dict):
             return JSONResponse({"error": "the request is no JSON object"}, 400)
         try:
-            async with self._starting:  # one after the other: presses come in order
+            # One after the other: presses come in order. No run that starts delays a lease.
+            async with self._controlling if controls else self._starting:
                 answer = await run_in_threadpool(act, body)
         except FsnError as exc:
             return _refused(exc)

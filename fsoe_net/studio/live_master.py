@@ -11,6 +11,7 @@ from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.client import Client
 from fsoe_net.run.control_values import Status, Value
+from fsoe_net.run.result import RunEvent
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_rows import Row, connection_row, statistics_row, subdevice_row
 
@@ -53,6 +54,11 @@ class MasterFeed(LiveFeed):
                 {"name": s.name, "label": s.interface, "kind": "output" if s.is_output else "input"}
                 for s in client.symbols()
             ]
+
+    def note(self, text: str) -> None:
+        """Put what a page does among the events."""
+        now_ms = (time.monotonic_ns() - self._start_ns) / 1e6
+        self.history.add([RunEvent(time_ms=now_ms, source="page", text=text)])
 
     def document(self) -> Row:
         """Return what `fsoe-net monitor --format json` writes."""

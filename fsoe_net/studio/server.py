@@ -75,6 +75,7 @@ class Studio:
         port: To listen on; 0: any free one.
         control_socket: Of a running ``fsn-master`` that the live page follows.
         remote: Lets other machines in; without it there is 127.0.0.1 only.
+        allow_control: Whether the live page may act on the bus of that ``fsn-master``.
 
     Attributes:
         url: Opens the page; of this machine once, of others with the password.
@@ -90,6 +91,7 @@ class Studio:
         port: int = 0,
         control_socket: str | None = None,
         remote: Listening | None = None,
+        allow_control: bool = False,
     ) -> None:
         self._workspace = workspace
         self._shelf = Shelf()
@@ -101,7 +103,12 @@ class Studio:
         }
         self._socket = bound_socket("127.0.0.1" if remote is None else remote.address, port)
         port = self._socket.getsockname()[1]
-        self._live = Live(workspace, control_socket, lambda: self._server.should_exit)
+        self._live = Live(
+            workspace,
+            control_socket,
+            lambda: self._server.should_exit,
+            allow_control=allow_control,
+        )
         folder = Folder(workspace.path)
         app = Starlette(
             routes=[
@@ -185,7 +192,8 @@ class Studio:
         self, *, error: str = "", said: Sequence[str] = (), status: int = 200
     ) -> Response:
         state = await run_in_threadpool(state_of, self._workspace, self._shelf.scan)
-        return JSONResponse({"error": error, "said": list(said), **state}, status)
+        own = {"error": error, "said": list(said), "may_control": self._live.may_control}
+        return JSONResponse(own | state, status)
 
     async def _events(self, _: Request) -> Response:
         """Say each new version, so that a second tab follows."""

@@ -99,6 +99,7 @@ class FakeMaster:
         path: Of the socket.
         asked: Every request as a line, but for those that renew a lease.
         renewed: Set when a lease has been renewed.
+        access: Role that ``hello`` reports: ``observer``, ``operator`` or ``maintainer``.
         state: What ``status`` reports: ``running``, ``stopped`` and so on.
         refuse: Request to ``{"error": ..., "text": ...}``: it is refused with that.
         symbols: What ``symbols`` lists.
@@ -113,7 +114,7 @@ class FakeMaster:
             self._folder = Path(tempfile.mkdtemp(prefix="fsn-"))
             path = self._folder / "s"
         self.path = path
-        self.state = "running"
+        self.access, self.state = "maintainer", "running"
         self.asked: list[str] = []
         self.renewed = threading.Event()
         self.refuse: dict[str, Row] = {}
@@ -207,8 +208,9 @@ class FakeMaster:
             closed = self._set(rest, number)
             if closed:
                 return {"ok": False, "error": "FSN_E_CLOSED", "text": f"{closed} is closed"}
+        hello: Row = {"protocol": 1, "client": number, "lease_ms": 1000, "access": self.access}
         answers: Row = {
-            "hello": {"protocol": 1, "client": number, "lease_ms": 1000},
+            "hello": hello,
             "status": STATUS | {"state": self.state},
             "symbols": {"symbols": self.symbols},
             "subdevices": {"subdevices": [self._device("drive_1", 0), self._device("drive_2", 1)]},

@@ -24,11 +24,14 @@ __all__ = ["Browser", "Studio", "running"]
 
 
 @contextmanager
-def running(path: Path, control_socket: Path | None = None) -> Iterator[Studio]:
+def running(
+    path: Path, control_socket: Path | None = None, *, allow_control: bool = False
+) -> Iterator[Studio]:
     """Serve a network file, or one that is still to be made, until the block ends."""
     studio = Studio(
         Workspace(str(path), new_text=empty_network(str(path))),
         control_socket=None if control_socket is None else str(control_socket),
+        allow_control=allow_control,
     )
     thread = threading.Thread(target=studio.run, daemon=True)
     thread.start()

@@ -9,12 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 from master.rig import running as master_running
 from networks import example
 from studio.browser import accessible
 from studio.server_rig import running
 
 from fsoe_net.project.simulate import simulate
+from fsoe_net.studio import live_control
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -175,3 +177,98 @@ def test_a_running_bus_is_shown_and_its_signals_drawn(chromium: Any, tmp_path: P
             client.good("stop")
         page.get_by_text(": stopped").wait_for()
         assert page.locator(".strips li").count() == 4  # what was seen stays
+
+
+MODE = "drive_1.0x6060:00"  # stop value 8
+START = "el6910.logic_control"  # can restart a machine
+
+
+def test_a_person_controls_a_bus_for_as_long_as_the_page_is_in_sight(
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live_control, "LEASE_MS", 600_000)  # a busy machine loses no control
+    with contextlib.ExitStack() as stack:
+        master = stack.enter_context(master_running())
+        studio = stack.enter_context(
+            running(tmp_path / "network.yaml", master.path, allow_control=True)
+        )
+        page = stack.enter_context(opened(chromium, f"{studio.url}#live"))
+        watch = stack.enter_context(master.client())
+        watch.good("events on")
+        page.get_by_text("it may start and stop the bus and set outputs there").wait_for()
+        page.get_by_role("button", name="Take control").click()
+        page.get_by_text("This page has control").wait_for()
+        events = page.locator(".events")
+        page.get_by_label(f"New value of {MODE}").fill("9")
+        page.keyboard.press("Enter")
+        events.get_by_text(f"page: sets {MODE} to 9").wait_for()
+        page.get_by_text("● set here").wait_for()
+        accessible(page, "light")
+        page.get_by_label(f"New value of {START}").fill("300")
+        button = page.get_by_label(f"Set {START}", exact=True)
+        button.focus()
+        page.keyboard.press("Enter")
+        dialog = page.get_by_role("dialog")
+        arm = dialog.get_by_role("button", name="Arm and set")
+        assert dialog.locator("li").first.inner_text().startswith("First secure the machine")
+        assert arm.is_disabled()
+        accessible(page, "dark")
+        for _ in range(5):  # the focus stays inside, or with the browser itself
+            page.keyboard.press("Tab")
+            assert page.evaluate(
+                "() => document.activeElement === document.body"
+                " || document.activeElement.closest('dialog') !== null"
+            )
+        page.keyboard.press("Escape")
+        dialog.wait_for(state="detached")
+        assert button.evaluate("e => e === document.activeElement")
+        for value in ("300", "3"):
+            page.get_by_label(f"New value of {START}").fill(value)
+            page.keyboard.press("Enter")
+            dialog.get_by_role("checkbox").focus()
+            page.keyboard.press("Space")
+            arm.click()
+            dialog.wait_for(state="detached")
+            if value == "300":
+                page.get_by_text("takes a whole number from 0 to 255").wait_for()
+        events.get_by_text(f"page: arms {START} and sets it to 3").wait_for()
+        assert watch.event("arm")["output"] == START
+        assert watch.event("edge")["raw"] == 3
+        page.get_by_label(f"Stop value of {START}").click()
+        events.get_by_text(f"page: sets {START} to 0").wait_for()
+        second = page.context.new_page()
+        second.set_default_timeout(200_000)
+        second.goto(f"{page.url.partition('#')[0]}#live")
+        second.get_by_text("Another page has control").wait_for()
+        assert second.locator(".outputs").count() == 0
+        second.close()
+        page.get_by_role("button", name="Stop the bus …").click()
+        dialog.get_by_text("This is no emergency stop").wait_for()
+        dialog.get_by_role("button", name="Stop the bus").click()
+        page.get_by_text(": stopped").wait_for()
+        page.get_by_text("None now.").wait_for()
+        assert watch.event("fallback")["why"] == "stop"
+        page.get_by_role("button", name="Start the bus …", exact=True).click()
+        dialog.get_by_role("button", name="Start the bus").click()
+        page.get_by_label(f"New value of {MODE}").wait_for()
+        page.get_by_role("button", name="Give control back").click()
+        page.get_by_text("Control is given back").wait_for()
+        # From here on the lease is that of people.
+        monkeypatch.setattr(live_control, "LEASE_MS", 1500)
+        page.get_by_role("button", name="Take control").click()
+        page.get_by_label(f"New value of {MODE}").fill("9")
+        page.keyboard.press("Enter")
+        events.get_by_text(f"page: sets {MODE} to 9").nth(1).wait_for()
+        hide(page, True)
+        assert watch.event("fallback")["why"] == "silent"
+        watch.wait_for(MODE, 8)
+        hide(page, False)
+        page.get_by_text("control has ended: the page was hidden or silent").wait_for()
+        page.get_by_role("button", name="Take control").click()
+        page.get_by_label(f"New value of {MODE}").fill("9")
+        page.keyboard.press("Enter")
+        events.get_by_text(f"page: sets {MODE} to 9").nth(2).wait_for()
+        page.close()
+        fallen = watch.event("fallback")
+        assert (fallen["why"], fallen["outputs"]) == ("silent", [MODE])
+        watch.wait_for(MODE, 8)

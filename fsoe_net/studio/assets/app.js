@@ -96,8 +96,8 @@ function Page() {
     </p>`}
     <${VIEWS[view][1]} state=${state} act=${act} />
     <footer>
-      Part of the black channel, not certified, never a safety function. This page changes files;
-      it sends nothing to a bus.
+      Part of the black channel, not certified, never a safety function. This page changes files;${" "}
+      ${state.may_control ? "it may start and stop the bus and set outputs there, but no FSoE frame" : "it sends nothing to a bus"}.
     </footer>
   `;
 }

@@ -3,6 +3,7 @@ import { useCallback, useEffect, useState } from "./vendor/hooks.js";
 import { html, worst } from "./html.js";
 import { Cycle, Events, SubDevices } from "./live_bus.js";
 import { Buttons } from "./live_buttons.js";
+import { Control } from "./live_control.js";
 import { Past, clock } from "./live_past.js";
 import { Scope } from "./live_scope.js";
 import { follow, get, live } from "./live_server.js";
@@ -139,6 +140,7 @@ function Shown({ past, source, state, sources, end }) {
       </div>
       <div>
         ${source === "emulated" && sources?.names && !view.ended && html`<${Buttons} names=${sources.names} view=${view} />`}
+        ${source === "master" && typeof view.control === "number" && html`<${Control} view=${view} />`}
         <${Events} events=${past.events} leftOut=${past.left_out} to=${to} chosen=${chosen} choose=${choose} />
         <${SubDevices} subdevices=${view.subdevices} />
         <${Cycle} statistics=${view.statistics} />

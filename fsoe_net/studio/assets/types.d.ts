@@ -83,6 +83,8 @@ export interface State {
   text: string;
   saved: boolean;
   /** There is no file yet; Save makes it. */
+  /** Whether the live page may act on a bus. */
+  may_control: boolean;
   is_new: boolean;
   /** Device files that Save writes beside it. */
   unwritten: string[];
@@ -363,6 +365,38 @@ export interface LiveView {
   connections: LiveConnection[];
   subdevices: LiveSubDevice[];
   statistics: LiveStatistics | null;
+  /** Number of the page that has control of the bus, 0: none has; null or absent: none may. */
+  control?: number | null;
+}
+
+/** What the page holds that has control, and an output: fsoe_net/studio/live_control.py. */
+export interface Held {
+  token: string;
+  turn: number;
+  access: string;
+  lease_ms: number;
+}
+
+export interface Output {
+  name: string;
+  interface: string;
+  kind: string;
+  value: string;
+  stop_value: string;
+  restart_relevant: boolean;
+  /** Who writes it. */
+  client: number | null;
+  mine: boolean;
+}
+
+/** A question that a dialog asks before something is done. */
+export interface Question {
+  title: string;
+  lines: string[];
+  /** A box that has to be checked; empty: none. */
+  check: string;
+  act: string;
+  then: () => void;
 }
 
 /** A view, and what the page lacks of the past. */
