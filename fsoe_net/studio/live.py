@@ -15,7 +15,7 @@ from starlette.routing import Route
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.project.check import whole_network
 from fsoe_net.studio.live_control import LiveControl
-from fsoe_net.studio.live_emulated import EmulatedFeed
+from fsoe_net.studio.live_emulated import MOST_HELD_MS, EmulatedFeed
 from fsoe_net.studio.live_feed import LiveFeed, printed
 from fsoe_net.studio.live_master import MasterFeed
 from fsoe_net.studio.live_rows import Row, recorded_view
@@ -59,6 +59,7 @@ class Live:
             "start": self._start,
             "end": self._end,
             "command": self._command,
+            "hold": self._hold,
             "scope": self._scope,
             "open": _open,
         }
@@ -196,10 +197,20 @@ class Live:
         lines = body.get("lines")
         if not _are_texts(lines) or not 0 < len(lines) <= _MOST_LINES:
             raise InputError(f"lines are 1 to {_MOST_LINES} commands")
+        self._started().command(lines)
+        return {}
+
+    def _hold(self, body: Body) -> Row:
+        ms = body.get("ms")
+        if type(ms) is not int or not 0 < ms <= MOST_HELD_MS:
+            raise InputError(f"frames are held for 1 to {MOST_HELD_MS} ms, a whole number")
+        self._started().hold(ms)
+        return {}
+
+    def _started(self) -> EmulatedFeed:
         if self._emulated is None:
             raise InputError("no run has been started")
-        self._emulated.command(lines)
-        return {}
+        return self._emulated
 
     def _scope(self, body: Body) -> Row:
         names = body.get("signals")

@@ -29,10 +29,11 @@ from fsoe_net.run.session import Session
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_rows import Row, connection_row, statistics_row, subdevice_row
 
-__all__ = ["FORGOTTEN_S", "EmulatedFeed"]
+__all__ = ["FORGOTTEN_S", "MOST_HELD_MS", "EmulatedFeed"]
 
 FORGOTTEN_S = 600.0
 """An emulated run ends when no page has listened for so long."""
+MOST_HELD_MS = 10_000
 
 _BEHIND_NS = 100_000_000  # what is lost beyond is not made up for
 _REPLY_S = 30.0
@@ -61,7 +62,7 @@ class EmulatedFeed(LiveFeed):
         self._orders: queue.SimpleQueue[_Order] = queue.SimpleQueue()
         self._door = threading.Lock()  # of the orders: open while the thread serves them
         self._over = False
-        self._now_ns = 0
+        self._now_ns = self._held_until_ns = 0
         self._pace = _Pace()
         self._fault = ""
         self._reads = _readers(self._session)
@@ -116,16 +117,32 @@ class EmulatedFeed(LiveFeed):
             InputError: A line is no command, does not fit, or the run has ended.
         """
         for number, line in enumerate(lines, 1):
-            if self._over:
-                raise InputError("the run has ended; start another one")
 
             def obey(now_ns: int, line: str = line, number: int = number) -> None:
                 self._session.do_command(line, number, now_ns)
 
             try:
-                self._ask(obey)
+                self._order(obey)
             except CommandError as exc:
                 raise InputError(str(exc)) from exc
+
+    def hold(self, ms: int) -> None:
+        """Exchange no frame for so long from now, as where frames are lost or late.
+
+        The devices go on, and so do their FSoE watchdogs.
+
+        Args:
+            ms: 1 to `MOST_HELD_MS` milliseconds.
+
+        Raises:
+            InputError: The run has ended.
+        """
+
+        def obey(now_ns: int) -> None:
+            self._held_until_ns = now_ns + ms * 1_000_000
+            self._session.engine.log(now_ns, "bus", f"no frames for {ms} ms")
+
+        self._order(obey)
 
     def document(self) -> Row:
         """Return what `fsoe-net run --format json` writes."""
@@ -143,6 +160,12 @@ class EmulatedFeed(LiveFeed):
             return whole.to_json(__version__)
 
         return self._ask(made)
+
+    def _order(self, work: Callable[[int], None]) -> None:
+        """Do something to a run that goes on."""
+        if self._over:
+            raise InputError("the run has ended; start another one")
+        self._ask(work)
 
     def _ask(self, work: Callable[[int], _T]) -> _T:
         """Do something between two cycles."""
@@ -184,7 +207,8 @@ class EmulatedFeed(LiveFeed):
             self._pace.keep(self._now_ns, self._ending)
             self._now_ns += cycle_ns
             self._obey()
-            session.core.cycle(self._now_ns)
+            if self._now_ns >= self._held_until_ns:
+                session.core.cycle(self._now_ns)
             session.step_devices(self._now_ns)
             self._on_the_wire()
             ring = self.scope

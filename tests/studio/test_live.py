@@ -95,7 +95,11 @@ def test_a_page_without_a_run_is_told_what_to_do(browser: Browser) -> None:
         status, _, body = browser.ask(f"/api/live/{path}?source=emulated")
         assert status == 422
         assert b"start a run, or name a bus with --socket" in body
-    for act, body in (("command", {"lines": ["press"]}), ("scope", {"signals": []})):
+    for act, body in (
+        ("command", {"lines": ["press"]}),
+        ("hold", {"ms": 50}),
+        ("scope", {"signals": []}),
+    ):
         status, answer = browser.post(f"live/{act}", body)
         assert status == 422, answer
     assert browser.post("live/end", {}) == (200, {"error": ""})
@@ -137,6 +141,29 @@ def test_a_pulled_subdevice_resets_its_connection_and_it_comes_back(
     assert back["subdevices"][0]["returns"] == 1
 
 
+def test_frames_are_held_on_both_sides_of_the_watchdog(browser: Browser, page: Page) -> None:
+    """Simulated time: how busy this machine is changes nothing."""
+    assert browser.post("live/hold", {"ms": 50}) == (200, {"error": ""})
+    held = page.until(lambda p: p["connections"][0]["max_ms"] > 50)
+    assert page.texts("bus") == ["no frames for 50 ms"]
+    (row,) = page.until(lambda p: p["now_ms"] > held["now_ms"] + 200)["connections"]
+    assert (row["resets"], row["state"]) == (0, "Data · ProcessData")
+    assert row["max_ms"] < row["watchdog_ms"] == 100
+    assert browser.post("live/hold", {"ms": 150}) == (200, {"error": ""})
+    gone = page.until(lambda p: p["connections"][0]["resets"])
+    assert gone["connections"][0]["cause"] == "watchdog expired"
+    (begin,) = [e for e in page.events if e["text"] == "no frames for 150 ms"]
+    page.until(lambda p: p["connections"][0]["in_data"])
+    later = [e for e in page.events if e["time_ms"] > begin["time_ms"]]
+    first = next(e for e in later if e["kind"] == "reset")
+    assert 50 < first["time_ms"] - begin["time_ms"] <= 110
+    wire = [e for e in later if e["kind"] == "wire"]
+    assert wire[0]["time_ms"] >= begin["time_ms"] + 150  # nothing was on the wire meanwhile
+    for ms in (None, 0, 10_001, 1.5, True, "50"):
+        status, answer = browser.post("live/hold", {"ms": ms})
+        assert (status, "for 1 to 10000 ms" in str(answer["error"])) == (422, True)
+
+
 def test_the_scope_has_every_cycle(browser: Browser, page: Page) -> None:
     scope = page.picture()["scope"]
     assert scope["signals"][:2] == list(INPUTS)
@@ -166,8 +193,9 @@ def test_what_was_seen_is_saved_and_opened_again(browser: Browser, page: Page) -
             assert browser.post("live/end", {})[0] == 200
             last = page.until(lambda p: p["ended"])
             assert (last["state"], last["current"]) == ("ended", False)
-            status, answer = browser.post("live/command", {"lines": ["press"]})
-            assert (status, "the run has ended" in str(answer["error"])) == (422, True)
+            for act, sent in (("command", {"lines": ["press"]}), ("hold", {"ms": 50})):
+                status, answer = browser.post(f"live/{act}", sent)
+                assert (status, "the run has ended" in str(answer["error"])) == (422, True)
         _, headers, body = browser.ask("/api/live/document?source=emulated")
         assert headers["Content-Disposition"] == 'attachment; filename="emulated-run.json"'
         document = json.loads(body)

@@ -119,6 +119,13 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         assert drawn(page, "strip-low")
         reset.evaluate("e => e.click()")  # as a screen reader does
         page.wait_for_selector("text=outputs of el1918: on")
+        page.get_by_role("button", name="Hold the frames for 150 ms").click()
+        page.wait_for_selector("text=outputs of el1918: off")
+        assert "longer than each FSoE watchdog" in page.locator(".expect").inner_text()
+        page.get_by_label("or so many ms").fill("20")
+        page.keyboard.press("Enter")
+        events.get_by_text("bus: no frames for 20 ms").wait_for()
+        assert "shorter than each FSoE watchdog" in page.locator(".expect").inner_text()
         page.get_by_role("button", name="Pause").click()
         shown = page.locator("output").inner_text()
         page.get_by_role("button", name="el1918-ek1914", exact=True).click()

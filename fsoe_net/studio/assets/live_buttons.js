@@ -15,13 +15,14 @@ export function Buttons({ names, view }) {
   const [connection, setConnection] = useState(names.connections[0] ?? "");
   /** Presses go one after the other, as they were made. */
   const last = useRef(/** @type {Promise<unknown>} */ (Promise.resolve()));
-  const order = (/** @type {string[]} */ lines, /** @type {string} */ expect) => {
+  const send = (/** @type {string} */ act, /** @type {Record<string, unknown>} */ body, /** @type {string} */ expect) => {
     last.current = last.current.then(async () => {
-      const answer = await live("command", { lines });
+      const answer = await live(act, body);
       setError(answer.error);
       if (!answer.error) setSaid(expect);
     });
   };
+  const order = (/** @type {string[]} */ lines, /** @type {string} */ expect) => send("command", { lines }, expect);
   const button = (/** @type {string} */ text, /** @type {string[]} */ lines, /** @type {string} */ expect) =>
     html`<button title=${expect} onClick=${() => order(lines, `${text}: ${expect}`)}>${text}</button>`;
   const stops = [...new Set(names.inputs.filter((i) => i.watched).map((i) => i.subdevice))];
@@ -57,6 +58,7 @@ export function Buttons({ names, view }) {
       </select></label>
       ${button("Local reset", [`local-reset ${connection}`], "its MainInstance resets it, for a local reason; it comes back to Data by itself.")}
     </div>
+    <${Hold} view=${view} hold=${(/** @type {number} */ ms, /** @type {string} */ expect) => send("hold", { ms }, expect)} />
     ${names.groups.map((group) => html`<div class="row" key=${group}>
       ${button(`Plug ${group} in`, [`plug ${group}`], "its SubDevices come, and their connections start.")}
       ${button(`Pull ${group}`, [`pull ${group}`], "it leaves by design: its connections are absent, the others stay in Data.")}
@@ -85,6 +87,30 @@ function behind(names, name) {
   const at = names.subdevices.findIndex((s) => s.name === name);
   const bus = names.subdevices[at]?.bus;
   return names.subdevices.slice(at + 1).filter((s) => s.bus === bus).map((s) => s.name);
+}
+
+/** Frames that are lost or late. @param {{ view: LiveView, hold: (ms: number, expect: string) => void }} props */
+function Hold({ view, hold }) {
+  const [typed, setTyped] = useState("1000");
+  const watchdogs = view.connections.flatMap((c) => c.watchdog_ms ?? []);
+  const least = Math.min(...watchdogs);
+  const expect = (/** @type {number} */ ms) => {
+    const text = `The frames are held for ${ms} ms: `;
+    if (ms >= Math.max(...watchdogs)) return `${text}longer than each FSoE watchdog. It expires, the connections are reset, outputs go off; they start anew when the frames come again.`;
+    if (ms >= least) return `${text}connections with a shorter FSoE watchdog (the shortest is ${least} ms) are reset, the others go on.`;
+    return `${text}shorter than each FSoE watchdog (the shortest is ${least} ms), so nothing happens but a long FSoE cycle. Where both together exceed the watchdog, it expires.`;
+  };
+  const press = (/** @type {number} */ ms) => hold(ms, expect(ms));
+  return html`<form class="row" onSubmit=${(/** @type {Event} */ event) => {
+    event.preventDefault();
+    press(Number(typed));
+  }}>
+    <span>Hold the frames for</span>
+    ${[50, 150].map((ms) => html`<button type="button" key=${ms} title=${expect(ms)} aria-label="Hold the frames for ${ms} ms" onClick=${() => press(ms)}>${ms} ms</button>`)}
+    <label>or so many ms <input type="number" min="1" max="10000" required value=${typed}
+      onInput=${(/** @type {any} */ e) => setTyped(e.target.value)} /></label>
+    <button title=${expect(Number(typed))}>Hold the frames</button>
+  </form>`;
 }
 
 /** Reset as a button is: pressed as long as it is held. @param {{ order: (lines: string[], expect: string) => void }} props */
