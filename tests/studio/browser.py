@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import shutil
@@ -32,16 +33,27 @@ def needed(module: str, extra: str) -> ModuleType:
     return pytest.importorskip(module, reason=f"needs fsoe-net[{extra}]")
 
 
-@pytest.fixture(scope="module")
-def chromium() -> Iterator[Any]:
-    """Give the tests of a module one browser; a page of it is their own."""
+def available() -> ModuleType:
+    """Return what drives the browser; absent it skips, as `needed`."""
     if CHROMIUM is None and not REQUIRED:
         pytest.skip("needs Chromium (package chromium of Debian)")
-    playwright = needed("playwright.sync_api", "browser")
-    with playwright.sync_playwright() as driver:
+    return needed("playwright.sync_api", "browser")
+
+
+@contextlib.contextmanager
+def launched() -> Iterator[Any]:
+    """Run the browser until the block ends."""
+    with available().sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Any]:
+    """Give the tests of a module one browser; a page of it is their own."""
+    with launched() as browser:
+        yield browser
 
 
 def accessible(page: Any, *schemes: str) -> None:
