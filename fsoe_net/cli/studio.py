@@ -10,7 +10,8 @@ import click
 
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, master_options, master_socket, overwrite_option
-from fsoe_net.cli.studio_start import check_control, listening, usual_port, write_snapshot
+from fsoe_net.cli.studio_snapshot import write_snapshot
+from fsoe_net.cli.studio_start import check_control, listening, usual_port
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
@@ -26,14 +27,14 @@ Examples:
   fsoe-net studio network.yaml --port 8765 --no-browser
   fsoe-net studio --interface eth1       # what the fsn-master there does, live
   fsoe-net studio --interface eth1 --allow-control  # and may start, stop and set outputs there
-  fsoe-net studio network.yaml --snapshot network.html
+  fsoe-net studio network.yaml --snapshot network.html   # with --interface: the bus, too
   fsoe-net studio --listen cell.local --port 8443 --tls-cert cert.pem --tls-key key.pem \\
       --password-file password
 
 From another machine: ssh -L 8765:127.0.0.1:8765 HOST, then the printed address in the browser here.
 
 Exit codes: 0 ended by Ctrl-C, or the snapshot is written; 1 a file that cannot be used; 2 wrong
-use; 3 a port or a package is missing."""
+use; 3 a port or a package is missing, or no fsn-master answers for a snapshot."""
 
 
 def _network_file(path: str | None) -> tuple[str, bool]:
@@ -58,7 +59,7 @@ def _network_file(path: str | None) -> tuple[str, bool]:
     "--snapshot",
     type=FILE,
     metavar="FILE.html",
-    help="Write the network as one page without scripts, and end.",
+    help="Write the network, and its bus now, as one page without scripts, and end.",
 )
 @overwrite_option
 @click.option(
@@ -99,7 +100,9 @@ def command(
     live = None if socket is None and interface is None else master_socket(socket, interface)
     name, may_be_new = _network_file(path)
     if snapshot is not None:
-        write_snapshot(name, loading, snapshot, overwrite=overwrite)
+        write_snapshot(
+            name, loading, snapshot, live, may_be_missing=may_be_new, overwrite=overwrite
+        )
         return
     if allow_control:
         check_control(live, listen)

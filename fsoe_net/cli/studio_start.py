@@ -1,23 +1,15 @@
-"""What ``fsoe-net studio`` needs before it serves a page, or instead of that."""
+"""What ``fsoe-net studio`` needs before it serves a page."""
 
 from __future__ import annotations
 
 import os
 import zlib
-from pathlib import Path
 
 import click
 
-from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.write import check_target
-from fsoe_net.document.write_html import document_html
-from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.project.check import check_files
-from fsoe_net.project.snapshot import snapshot
 from fsoe_net.studio.listening import Listening
 
-__all__ = ["check_control", "listening", "usual_port", "write_snapshot"]
+__all__ = ["check_control", "listening", "usual_port"]
 
 _FIRST_PORT, _PORTS = 61_000, 4500  # above those that Linux gives away by itself
 
@@ -58,19 +50,3 @@ def check_control(live: str | None, listen: str | None) -> None:
             "--allow-control and --listen do not go together: the intervention log could not name "
             "the person; use ssh -L, each person with a studio of their own"
         )
-
-
-def write_snapshot(name: str, loading: LoadOptions, target: str, *, overwrite: bool) -> None:
-    """Write a network as one page.
-
-    Raises:
-        click.UsageError: The name is not that of a page.
-        InputError: The file exists, and is not to be replaced.
-        EnvironmentFault: It cannot be written.
-    """
-    if Path(target).suffix not in (".html", ".htm"):
-        raise click.UsageError(f"--snapshot {target}: write a page, .html")
-    check_target(target, overwrite=overwrite)
-    page = document_html(snapshot(check_files([name], loading, compared=True), name))
-    write_whole(target, page.encode("utf-8"), overwrite=overwrite)
-    echo(f"{target}: {name} as one page, without scripts")

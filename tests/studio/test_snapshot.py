@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 import shutil
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from master.rig import running
 from networks import EXAMPLES
+from run.watched_master import WatchedMaster, subdevice
 
 from fsoe_net.cli.main import cli
 from fsoe_net.document.write_html import document_html
@@ -84,3 +88,102 @@ def test_the_command_writes_it_once(cell: Path, monkeypatch: pytest.MonkeyPatch)
     assert "<svg" in page.read_text("utf-8")
     found = done("--snapshot", "cell.pdf")
     assert (found.exit_code, "write a page, .html" in found.output) == (2, True)
+
+
+# -- with a bus -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def bus() -> Iterator[WatchedMaster]:
+    with tempfile.TemporaryDirectory(prefix="fsn-") as folder:  # the path of a socket is short
+        server = WatchedMaster(Path(folder, "s"))
+        yield server
+        server.close()
+
+
+def _live(socket: Path, *more: str) -> Result:
+    words = ["studio", *more, "--snapshot", "bus.html", "--socket", str(socket), "--overwrite"]
+    return CliRunner().invoke(cli, words)
+
+
+def test_a_running_bus_stands_before_its_network(
+    cell: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(cell.parent)
+    with running() as master:
+        done = _live(master.path)
+        assert done.output == (
+            f"bus.html: network.yaml and the bus at {master.path} as one page, without scripts\n"
+        )
+        socket = master.path
+    page = Path("bus.html").read_text("utf-8")
+    seen = rf"snapshot of network.yaml; bus at {socket}, seen \d{{4}}-\d\d-\d\d \d\d:\d\d:\d\d UTC"
+    assert re.search(seen, page)
+    assert "No findings; bus: not every connection in Data with its SubDevices in OP" in page
+    live, _, file = page.partition('<section id="bus">')
+    for text in ("The bus at this moment", "el6910-el1904", "el2904", "AL state", "SHA-256"):
+        assert text in live
+    assert re.search(r"working counter \d+ of \d+<", live)
+    assert "el6910 → drive_2" in file
+    assert not re.search(r"<script|<link|\ssrc=|\shref=\"http|\son\w+=|url\(", page)
+    Path("bus.html").unlink()
+    gone = _live(socket)  # nobody is there now
+    assert "nobody answers" in str(gone.exception)
+    assert gone.exception.exit_code == 3
+    assert not Path("bus.html").exists()
+
+
+def test_a_bus_without_a_network_file_is_shown_alone(
+    bus: WatchedMaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert _live(bus.path).output.startswith(f"bus.html: the bus at {bus.path} as one page")
+    page = Path("bus.html").read_text("utf-8")
+    for text in (
+        "every connection in Data, every SubDevice in OP",
+        "Data · ProcessData",
+        "90 % of 100 ms",
+        "working counter 6 of 6",
+        "wake-up latency",
+        "0 up, 1 open",
+    ):
+        assert text in page
+    assert "Findings" not in page
+    evil = "<b>drive</b>"
+    bus.subdevices = [
+        subdevice("logic", al="SAFE-OP", al_code=0x1B, detail="watchdog of its outputs", link=[]),
+        subdevice(evil, al="none", found_text="absent, as it may be"),
+        subdevice("valve", known=False, al="none"),
+    ]
+    assert _live(bus.path).exit_code == 0
+    page = Path("bus.html").read_text("utf-8")
+    assert "not every connection in Data" in page
+    assert "SAFE-OP, AL status code 0x001b: watchdog of its outputs" in page
+    assert evil not in page
+    assert '<b>&lt;b&gt;drive&lt;/b&gt;</b></div></td><td data-head="AL state"><div>' in page
+    assert page.count('<span class="muted">absent') == 1
+    bus.state = "stopped"
+    assert _live(bus.path).exit_code == 0
+    assert "the bus does not run (stopped)" in Path("bus.html").read_text("utf-8")
+
+
+def test_a_named_file_that_is_missing_is_not_left_out(
+    bus: WatchedMaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = _live(bus.path, "cell.yaml")
+    assert "cannot read" in Path("bus.html").read_text("utf-8") + str(found.exception)
+
+
+def test_a_bus_that_leaves_meanwhile_is_an_error(
+    bus: WatchedMaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def leaves() -> None:
+        raise OSError
+
+    monkeypatch.setattr(bus, "_snapshot", leaves)
+    gone = _live(bus.path)
+    assert (gone.exception.exit_code, "has closed it" in str(gone.exception)) == (3, True)
+    assert not Path("bus.html").exists()

@@ -1,0 +1,157 @@
+"""``fsoe-net studio --snapshot``: a network, and what its bus shows now, as one page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+import click
+
+from fsoe_net import __version__
+from fsoe_net.cli.monitor_output import bus_document
+from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.write import check_target
+from fsoe_net.core.snapshot import Statistics
+from fsoe_net.document.model import (
+    Cell,
+    Column,
+    Document,
+    Level,
+    Part,
+    Section,
+    Table,
+    Verdict,
+    cell,
+    muted,
+    strong,
+    words,
+)
+from fsoe_net.document.write_html import document_html
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.observe.bus_documents import SubDeviceSnapshot
+from fsoe_net.project.check import check_files
+from fsoe_net.project.snapshot import snapshot
+from fsoe_net.run.attachment import Attachment, BusView
+
+__all__ = ["write_snapshot"]
+
+
+def write_snapshot(
+    name: str,
+    loading: LoadOptions,
+    target: str,
+    socket: str | None,
+    *,
+    may_be_missing: bool,
+    overwrite: bool,
+) -> None:
+    """Write a network as one page, with what its bus shows now.
+
+    Args:
+        name: The network file.
+        loading: How it is read.
+        target: The page.
+        socket: Control socket of a running ``fsn-master``, or ``None``.
+        may_be_missing: Whether the bus alone is shown where there is no such file.
+        overwrite: Whether a page that is there is replaced.
+
+    Raises:
+        click.UsageError: The name is not that of a page.
+        InputError: The file exists, and is not to be replaced.
+        EnvironmentFault: It cannot be written, or no ``fsn-master`` answers.
+    """
+    if Path(target).suffix not in (".html", ".htm"):
+        raise click.UsageError(f"--snapshot {target}: write a page, .html")
+    check_target(target, overwrite=overwrite)
+    bus = None if socket is None else _live(socket)
+    if bus is not None and may_be_missing and not os.path.exists(name):
+        page, what = bus, f"the bus at {socket}"
+    else:
+        page, what = snapshot(check_files([name], loading, compared=True), name), name
+        if bus is not None:
+            page, what = _with_bus(page, bus), f"{name} and the bus at {socket}"
+    write_whole(target, document_html(page).encode("utf-8"), overwrite=overwrite)
+    echo(f"{target}: {what} as one page, without scripts")
+
+
+def _live(socket: str) -> Document:
+    """Return what a bus shows at this moment.
+
+    Raises:
+        EnvironmentFault: No ``fsn-master`` answers.
+    """
+    with Attachment(socket) as attached:
+        view = attached.look(0.0)
+        if view.snapshot is None and not view.away:
+            view = attached.look(1.0)  # a cycle may leave no time for a snapshot at once
+    if view.away:
+        raise EnvironmentFault(view.away)
+    shown = bus_document(view)
+    parts: list[Part] = [words(shown.title)]
+    if view.status is not None:
+        plan = f"plan {view.status.plan}, SHA-256 {view.status.plan_sha256}"
+        parts.append(words(muted(plan)))
+    parts += shown.lead
+    if view.snapshot is not None:
+        parts.append(_working_counter(view.snapshot.cycle.statistics))
+        parts.append(_subdevices(view.snapshot.subdevices))
+    return Document(
+        title=shown.title,
+        subtitle=f"bus at {socket}, seen {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC",
+        version=__version__,
+        verdict=_verdict(view),
+        sections=(Section(key="live", title="The bus at this moment", parts=tuple(parts)),),
+        foot="part of the black channel, not certified, never a safety function",
+    )
+
+
+def _with_bus(page: Document, bus: Document) -> Document:
+    """Return the page of a network with its bus before it; the worse verdict counts."""
+    verdict = bus.verdict
+    if page.verdict is not None and verdict is not None:
+        levels = list(Level)
+        worse = max(page.verdict, verdict, key=lambda v: levels.index(v.level))
+        verdict = Verdict(f"{page.verdict.word}; bus: {verdict.word}", worse.level)
+    return replace(
+        page,
+        subtitle=f"{page.subtitle}; {bus.subtitle}",
+        verdict=verdict,
+        sections=(*bus.sections, *page.sections),
+    )
+
+
+def _verdict(view: BusView) -> Verdict:
+    if view.good:
+        return Verdict("every connection in Data, every SubDevice in OP", Level.CLEAR)
+    return Verdict("not every connection in Data with its SubDevices in OP", Level.ERROR)
+
+
+def _working_counter(s: Statistics) -> Part:
+    text = f"working counter {s.actual_wkc} of {s.expected_wkc}"
+    return words(text if s.actual_wkc == s.expected_wkc else Verdict(text, Level.ERROR))
+
+
+def _subdevices(found: Sequence[SubDeviceSnapshot]) -> Table:
+    columns = (Column("SubDevice"), Column("AL state"), Column("Ports"), Column("Lost and back"))
+    rows = tuple(
+        (cell(strong(s.name)), _al(s), cell(_ports(s) or muted("not known")), cell(str(s.returns)))
+        for s in found
+    )
+    return Table(name="subdevices", columns=columns, rows=rows)
+
+
+def _al(s: SubDeviceSnapshot) -> Cell:
+    if not s.known or s.is_absent:
+        return cell(muted("absent" if s.is_absent else "not known"))
+    if s.in_op:
+        return cell(s.al)
+    return cell(Verdict("no answer" if s.al == "none" else s.al, Level.ERROR), muted(s.detail))
+
+
+def _ports(s: SubDeviceSnapshot) -> str:
+    return ", ".join(f"{port} {'up' if up else 'open'}" for port, up in enumerate(s.link))
