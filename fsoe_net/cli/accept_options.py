@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import click
 
 from fsoe_net.cli.options import FILE, read_by
-from fsoe_net.model.acceptance import says_something
+from fsoe_net.model.written import says_something
 
 __all__ = ["circumstance_options", "day_of_signature"]
 

@@ -9,10 +9,9 @@ import click
 
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError
-from fsoe_net.formats.own.scan import load_scan
-from fsoe_net.model.scan import Scan
 
 if TYPE_CHECKING:
+    from fsoe_net.model.scan import Scan
     from fsoe_net.run.scan import ScanSource, TakenScan
 
 __all__ = ["scan_to_compare", "take_scan"]
@@ -32,6 +31,8 @@ def scan_to_compare(
             raise click.UsageError(
                 "--scan compares with a file; leave out --interface and --socket"
             )
+        from fsoe_net.formats.own.scan import load_scan
+
         scan, found = load_scan(scan_file)
         if scan is None:
             raise InputError(f"{scan_file} is no whole scan document", found)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import socket as sockets
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -114,8 +113,10 @@ class _Interface(click.ParamType[str]):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
+        from socket import if_nameindex
+
         with contextlib.suppress(OSError):
-            names = sorted(name for _, name in sockets.if_nameindex())
+            names = sorted(name for _, name in if_nameindex())
             return [CompletionItem(n) for n in names if n.startswith(incomplete) and n != "lo"]
         return []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,10 +13,12 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.words import counted, summary
-from fsoe_net.model.scan import Scan
 from fsoe_net.project.check import Checked
 from fsoe_net.project.findings import finding_text, github_line, json_document, sarif_document
 from fsoe_net.rules.runtime import Runtime
+
+if TYPE_CHECKING:
+    from fsoe_net.model.scan import Scan
 
 __all__ = ["FORMATS", "exit_code", "print_diagnostics", "verdict_line"]
 

@@ -14,12 +14,14 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fsoe_net import formats
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import Source
-from fsoe_net.model.description import Description
+
+if TYPE_CHECKING:
+    from fsoe_net.model.description import Description
 
 __all__ = [
     "Format",

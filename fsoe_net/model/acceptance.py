@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import unicodedata
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -19,16 +17,7 @@ __all__ = [
     "JustifiedStep",
     "Replaced",
     "SignedBy",
-    "holds_a_place",
-    "names_a_person",
-    "principal_of",
-    "same_person",
-    "says_something",
 ]
-
-
-_PLACE_HOLDERS = r"fixme|later|na|none|open|tb[acd]|todo|unknown|x+|0x?0*"
-_WITH_PRINCIPAL = re.compile(r"([^<>]*)<([A-Za-z0-9][A-Za-z0-9._%+@-]{0,253})>\s*")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,50 +152,3 @@ class Acceptance(Located):
     def justification(self, code: str, message: str) -> JustifiedFinding | None:
         """Return who let a warning pass; a warning that says something else is another one."""
         return next((f for f in self.findings if (f.code, f.message) == (code, message)), None)
-
-
-def says_something(text: str) -> bool:
-    """Whether there is a letter or a digit in a text: spaces and invisible characters are none."""
-    return any(map(str.isalnum, text))
-
-
-def holds_a_place(text: str, words: str = "") -> bool:
-    """Whether a text answers nothing: empty, ``0``, ``TBD`` and their like, by letters and digits.
-
-    Args:
-        text: What somebody wrote.
-        words: More words that answer nothing there, as a regular expression, ``|`` between them.
-    """
-    return re.fullmatch(rf"(?:{_PLACE_HOLDERS}|{words})?", _plain(text)) is not None
-
-
-def names_a_person(text: str) -> bool:
-    """Whether a text can be the name of a person: it has two letters before any principal."""
-    return sum(map(str.isalpha, _without_principal(text))) >= 2
-
-
-def principal_of(name: str) -> str:
-    """Return the principal behind a name, ``NAME <PRINCIPAL>``; empty without one."""
-    found = _WITH_PRINCIPAL.fullmatch(name)
-    return "" if found is None else found[2]
-
-
-def _without_principal(name: str) -> str:
-    found = _WITH_PRINCIPAL.fullmatch(name)
-    return name if found is None else found[1]
-
-
-def same_person(one: str, other: str) -> bool:
-    """Whether two names are one, apart from case, spaces, dots and how letters are encoded.
-
-    One principal is one person, and another principal makes no other one.
-    """
-    principal = principal_of(one).casefold()
-    if principal and principal == principal_of(other).casefold():
-        return True
-    return _plain(_without_principal(one)) == _plain(_without_principal(other))
-
-
-def _plain(name: str) -> str:
-    text = unicodedata.normalize("NFKC", name).casefold()
-    return "".join(c for c in text if c.isalnum())

@@ -6,8 +6,8 @@ import enum
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from fsoe_net.model.acceptance import holds_a_place, says_something
 from fsoe_net.model.bus import Located
+from fsoe_net.model.written import holds_a_place, says_something
 
 __all__ = [
     "EMULATED_NOTE",

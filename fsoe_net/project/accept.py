@@ -13,8 +13,9 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.write_acceptance import write_acceptance
 from fsoe_net.formats.shared.files import Collector, read_source
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
-from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy, says_something
+from fsoe_net.model.acceptance import Acceptance, Intervention, SignedBy
 from fsoe_net.model.network import SourceFile
+from fsoe_net.model.written import says_something
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.project.known import AcceptedRecord, read_record

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.words import summary
@@ -14,15 +15,13 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig, SourceFile
 from fsoe_net.model.resolve import Resolution, resolve
-from fsoe_net.model.scan import Scan
 from fsoe_net.project.references import References, read_references, split_files
 from fsoe_net.rules.check import check
 from fsoe_net.rules.library import check_library
-from fsoe_net.rules.references import check_references
 from fsoe_net.rules.runtime import Runtime
-from fsoe_net.rules.scan import check_scan
-from fsoe_net.rules.timing import check_timing
-from fsoe_net.timing.budget import make_budget
+
+if TYPE_CHECKING:
+    from fsoe_net.model.scan import Scan
 
 __all__ = [
     "Checked",
@@ -146,16 +145,24 @@ def check_loaded(
     if resolution is not None:
         found += check(resolution, runtime=runtime)
         if timed and resolution.network.safety_functions:
+            from fsoe_net.rules.timing import check_timing
+            from fsoe_net.timing.budget import make_budget
+
             budget = make_budget(resolution, library_of(resolution.network))
             found += check_timing(resolution.network, budget, found=found)
         if scan is not None:
+            from fsoe_net.rules.scan import check_scan
+
             found += check_scan(resolution, scan)
         if references is not None:
             library = library_of(resolution.network)
             found += references.diagnostics
-            found += check_references(
-                resolution, references.descriptions, library=library, found=found
-            )
+            if references.descriptions:
+                from fsoe_net.rules.references import check_references
+
+                found += check_references(
+                    resolution, references.descriptions, library=library, found=found
+                )
             found += check_library(resolution, library, found=found, notes=loaded.has_others)
     found = sort_diagnostics(found)
     if scan is not None and (resolution is None or resolution.network.partial):

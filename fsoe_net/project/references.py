@@ -5,14 +5,17 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.registry import Format, Yields, read_foreign
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
-from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.network import NetworkConfig, SourceFile
+
+if TYPE_CHECKING:
+    from fsoe_net.model.description import Description
 
 __all__ = ["References", "read_references", "split_files"]
 
@@ -75,6 +78,7 @@ def _sha256(path: str) -> str:
 
 def _devices(path: str, network: NetworkConfig, out: Collector) -> Description | None:
     from fsoe_net.formats.esi.wanted import load_devices
+    from fsoe_net.model.description import DescribedSubDevice, Description
 
     wanted = [
         DescribedSubDevice(device=sub.device, revision=sub.revision)

@@ -12,8 +12,9 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import read_source, replaced_files
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES, MAX_RECORD_BYTES
 from fsoe_net.formats.shared.write_files import STDOUT, write_whole
-from fsoe_net.model.acceptance import Acceptance, CheckedSignature, SignedBy, principal_of
+from fsoe_net.model.acceptance import Acceptance, CheckedSignature, SignedBy
 from fsoe_net.model.network import SourceFile
+from fsoe_net.model.written import principal_of
 from fsoe_net.project.known import AcceptedRecord, read_record
 from fsoe_net.project.ssh_signatures import ssh_sign
 from fsoe_net.report.sign_off import Refusal

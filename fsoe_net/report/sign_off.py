@@ -21,13 +21,11 @@ from fsoe_net.model.acceptance import (
     JustifiedStep,
     Replaced,
     SignedBy,
-    names_a_person,
-    same_person,
-    says_something,
 )
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.written import names_a_person, same_person, says_something
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.model import Plan
 from fsoe_net.report.signed_report import SignedReport

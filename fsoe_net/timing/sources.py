@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from fsoe_net.model.acceptance import holds_a_place
+from fsoe_net.model.written import holds_a_place
 
 __all__ = ["names_a_revision", "names_a_source"]
 

@@ -12,8 +12,9 @@ from said import Said
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import InputError
-from fsoe_net.model.acceptance import Intervention, SignedBy, names_a_person, same_person
+from fsoe_net.model.acceptance import Intervention, SignedBy
 from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome, StepResult
+from fsoe_net.model.written import names_a_person, same_person
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report import sign_off as product
 from fsoe_net.report.sign_off import Grounds, Reason, sign_off

@@ -23,10 +23,9 @@ from fsoe_net.model.acceptance import (
     JustifiedStep,
     Replaced,
     SignedBy,
-    same_person,
-    says_something,
 )
 from fsoe_net.model.network import SourceFile
+from fsoe_net.model.written import same_person, says_something
 
 __all__ = ["is_acceptance", "load_acceptance", "parse_acceptance"]
 

@@ -7,8 +7,8 @@ from datetime import date
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.model.acceptance import says_something
 from fsoe_net.model.protocol import AtMachine, ProtocolStep, StepOutcome
+from fsoe_net.model.written import says_something
 
 __all__ = ["check_date", "check_entry"]
 
