@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 import subprocess
 import sys
@@ -25,6 +26,7 @@ except InputError as missing:
     LACKING = str(missing)
 else:
     LACKING = ""
+assert not LACKING or "pdf" not in os.environ.get("FSN_REQUIRE", "").split(","), LACKING
 needs_library = pytest.mark.skipif(bool(LACKING), reason=LACKING)
 of_library = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 
