@@ -18,7 +18,7 @@ def main(cdef: str, include: str, target: str) -> None:
     text = Path(cdef).read_text("utf-8")
     ffi = cffi.FFI()
     ffi.cdef(re.sub(r"^@(struct \w+)$", lambda m: _whole(m[1], headers), text, flags=re.M))
-    used = "".join(f'#include "fsn/{name}.h"\n' for name in ("fsn", "segment", "client"))
+    used = "".join(f'#include "fsn/{name}.h"\n' for name in ("fsn", "segment", "client", "axis"))
     ffi.set_source("fsoe_net.core._core", used)
     ffi.emit_c_code(target)
 

@@ -264,3 +264,32 @@ struct fsn_realtime_counts fsn_realtime_counts(const struct fsn_realtime *realti
 const uint8_t *fsn_realtime_image(const struct fsn_realtime *realtime);
 uint32_t fsn_realtime_image_bytes(const struct fsn_realtime *realtime);
 uint64_t fsn_realtime_cycle_ns(const struct fsn_realtime *realtime);
+
+@struct fsn_axis_config
+@struct fsn_axis_inputs
+@struct fsn_axis_outputs
+@struct fsn_axis_own
+@struct fsn_axis
+@struct fsn_axis_options
+@struct fsn_axis_symbols
+@struct fsn_realtime_axis
+fsn_status fsn_axis_init(struct fsn_axis *axis, const struct fsn_axis_config *config);
+void fsn_axis_step(struct fsn_axis *axis, const struct fsn_axis_inputs *inputs);
+fsn_status fsn_axis_enable(struct fsn_axis *axis);
+void fsn_axis_disable(struct fsn_axis *axis);
+void fsn_axis_quick_stop(struct fsn_axis *axis);
+fsn_status fsn_axis_reset(struct fsn_axis *axis);
+void fsn_axis_halt(struct fsn_axis *axis, bool halts);
+fsn_status fsn_axis_set_mode(struct fsn_axis *axis, int8_t mode);
+fsn_status fsn_axis_set_position(struct fsn_axis *axis, int32_t position);
+fsn_status fsn_axis_set_velocity(struct fsn_axis *axis, int32_t velocity);
+fsn_status fsn_axis_set_torque(struct fsn_axis *axis, int16_t torque);
+fsn_status fsn_axis_move(struct fsn_axis *axis, int32_t position, bool at_once);
+fsn_status fsn_axis_home(struct fsn_axis *axis);
+const char *fsn_axis_state_name(uint32_t state);
+const char *fsn_axis_phase_name(uint32_t phase);
+fsn_status fsn_realtime_axis_open(const struct fsn_realtime *realtime,
+                                  const struct fsn_axis_options *options,
+                                  struct fsn_realtime_axis *axis, struct fsn_realtime_fault *fault);
+void fsn_realtime_axis_step(struct fsn_realtime_axis *axis, struct fsn_realtime *realtime,
+                            const struct fsn_realtime_cycle *cycle);

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 from fsoe_net.core.module import compiled
 from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.run.axis import Axis, AxisMode
 
 __all__ = ["CycleCounts", "CycleSymbol", "CycleTimes", "RealTime"]
 
@@ -190,6 +191,58 @@ class RealTime:
                 "FSN_E_CLOSED",
             )
         return CycleTimes(**{f.name: int(getattr(self._cycle, f.name)) for f in fields(CycleTimes)})
+
+    def axis(
+        self,
+        subdevice: str,
+        number: int = 0,
+        *,
+        mode: AxisMode = AxisMode.CSP,
+        max_step: int = 0,
+        max_velocity: int = 0,
+        max_torque: int = 0,
+        answer_s: float = 3.0,
+        torque_off: str = "",
+        torque_off_mask: int = 0,
+        torque_off_low: bool = False,
+    ) -> Axis:
+        """Return an axis of a drive by CiA 402; its outputs are among those of this client.
+
+        Args:
+            subdevice: Name of the SubDevice.
+            number: Axis n has its objects 0x800 * n higher.
+            mode: Mode that it begins with. A limit of 0 closes the modes that it belongs to:
+            max_step: CSP: largest change of the target in one step, in units of the drive.
+            max_velocity: CSV, PV: largest target, either way.
+            max_torque: CST: largest target, either way.
+            answer_s: For a change of state, a mode or a set-point, in seconds; longer than the
+                ramps of the drive.
+            torque_off: Value with a bit by which the drive reports STO; empty: it has none.
+            torque_off_mask: That bit.
+            torque_off_low: It reports by 0.
+
+        Raises:
+            ControlRefused: An object is missing or has another size, or an output of the axis is
+                not this client's.
+            ValueError: A limit is out of range.
+        """
+        options = self._ffi.new("struct fsn_axis_options *")
+        keep = [self._ffi.new("char[]", text.encode()) for text in (subdevice, torque_off)]
+        options.subdevice, options.number = keep[0], number
+        try:
+            options.config = {
+                "max_step": max_step,
+                "max_velocity": max_velocity,
+                "max_torque": max_torque,
+                "answer_ms": max(1, round(answer_s * 1000)),
+                "mode": int(mode),
+            }
+            options.torque_off_mask = torque_off_mask
+        except OverflowError as exc:
+            raise ValueError(f"a limit of an axis is out of range: {exc}") from exc
+        options.torque_off = keep[1] if torque_off else self._ffi.NULL
+        options.torque_off_low = torque_off_low
+        return Axis(self._here, self._cycle, options)
 
     def send(self) -> None:
         """Send all outputs together, as they were assigned last, before that their stop values."""

@@ -469,27 +469,27 @@ static void who_does_not_fit_is_refused(void) {
     const struct fsn_realtime_options other = {.socket = rig.path, .plan_sha256 = "00ff"};
     CHECK(fsn_realtime_open(&other, &client, &fault) == FSN_E_ARG);
     CHECK(strstr(fault.text, "the client was made for plan 00ff, loaded is ") != NULL);
-    refused("realtime 2 any 3\n", "the client has layout 2 of the shared memory, fsn-master 1");
+    refused("realtime 3 any 3\n", "the client has layout 3 of the shared memory, fsn-master 2");
     refused("realtime x any 3\n", "the client has layout x");
-    refused("realtime 1 any\n", "wrong number of words");
+    refused("realtime 2 any\n", "wrong number of words");
     refused("realtime begin\n", "this client has no outputs in the cycle");
     const int sealer = connect_raw();
-    CHECK(strstr(request(sealer, "realtime 1 any 3 lamp\n", fds), "\"outputs\":1") != NULL);
+    CHECK(strstr(request(sealer, "realtime 2 any 3 lamp\n", fds), "\"outputs\":1") != NULL);
     CHECK(fcntl(fds[1], F_ADD_SEALS, F_SEAL_SEAL) == 0 && close(fds[0]) == 0 && close(fds[1]) == 0);
     CHECK(strstr(request(sealer, "realtime begin\n", fds), "cannot be sealed") != NULL);
     close(sealer);
     const int fd = connect_raw();
     CHECK(strstr(request(fd, "set lamp=1\n", fds), "\"set\":1") != NULL);
-    CHECK(strstr(request(fd, "realtime 1 any 3\n", fds), "writes outputs with set") != NULL);
+    CHECK(strstr(request(fd, "realtime 2 any 3\n", fds), "writes outputs with set") != NULL);
     close(fd);
     const int second = connect_raw();
-    CHECK(strstr(request(second, "realtime 1 any 3\n", fds), "\"outputs\":0") != NULL);
+    CHECK(strstr(request(second, "realtime 2 any 3\n", fds), "\"outputs\":0") != NULL);
     CHECK(fds[0] >= 0 && fds[1] == -1 && close(fds[0]) == 0);
     begin_raw(second); /* it has begun already */
     CHECK(strstr(request(second, "lease 1\n", fds), "\"lease_ms\":1") != NULL);
     const int silent = connect_raw(); /* it never begins: its lease runs */
     CHECK(strstr(request(silent, "lease 1\n", fds), "\"lease_ms\":1") != NULL);
-    CHECK(strstr(request(silent, "realtime 1 any 3 odd\n", fds), "\"outputs\":1") != NULL);
+    CHECK(strstr(request(silent, "realtime 2 any 3 odd\n", fds), "\"outputs\":1") != NULL);
     CHECK(close(fds[0]) == 0 && close(fds[1]) == 0);
     static const char *const odd_one[] = {"odd"};
     while (try_open(3, 1, odd_one, &client) == FSN_E_CLOSED) {
@@ -498,7 +498,7 @@ static void who_does_not_fit_is_refused(void) {
     CHECK(client != NULL);
     close(silent);
     close_client(client, 2);
-    CHECK(strstr(request(second, "realtime 1 any 3\n", fds), "in the cycle already") != NULL);
+    CHECK(strstr(request(second, "realtime 2 any 3\n", fds), "in the cycle already") != NULL);
     CHECK(strstr(request(second, "set lamp=1\n", fds), "is in the cycle, and writes") != NULL);
     const char *status = request(second, "status\n", fds);
     CHECK(strstr(status, "\"in_cycle\":[{\"client\":1,\"outputs\":1,\"misses\":1000,\"state\":"
@@ -698,21 +698,21 @@ static void descriptors_go_with_their_reply(void) {
     char drain[4096];
     set_up();
     const int fd = connect_raw();
-    const char *text = request(fd, "events on\nstatus\nrealtime 1 any 3 speed\nhello\n", fds);
+    const char *text = request(fd, "events on\nstatus\nrealtime 2 any 3 speed\nhello\n", fds);
     ssize_t got = (ssize_t)strlen(text);
     while (fds[0] < 0) { /* the first piece ends before what brings descriptors */
         CHECK(got > 0 && strstr(text, "\"outputs\":1") == NULL);
         text = request(fd, "hello\n", fds);
     }
-    CHECK(fds[1] >= 0 && strstr(text, "\"layout\":1") != NULL);
+    CHECK(fds[1] >= 0 && strstr(text, "\"layout\":2") != NULL);
     close(fds[0]);
     close(fds[1]);
-    CHECK(write(fd, "realtime 2 any 3\n", 17) == 17);
+    CHECK(write(fd, "realtime 9 any 3\n", 17) == 17);
     do {
         got = read(fd, drain, sizeof drain - 1);
         CHECK(got > 0);
         drain[got] = 0;
-    } while (strstr(drain, "the client has layout 2") == NULL);
+    } while (strstr(drain, "the client has layout 9") == NULL);
     close(fd);
     until_present(0);
     tear_down();
@@ -725,7 +725,7 @@ static void whatever_a_client_writes(void) {
     struct fsn_realtime *other = open_client(0, 1, theirs);
     const int fd = connect_raw();
     int fds[2];
-    CHECK(strstr(request(fd, "realtime 1 any 1000 speed odd\n", fds), "\"outputs\":2") != NULL);
+    CHECK(strstr(request(fd, "realtime 2 any 1000 speed odd\n", fds), "\"outputs\":2") != NULL);
     CHECK(fds[0] >= 0 && fds[1] >= 0);
     const off_t in_bytes = lseek(fds[0], 0, SEEK_END);
     const off_t out_bytes = lseek(fds[1], 0, SEEK_END);
@@ -801,7 +801,7 @@ static void a_set_is_whole(void) {
     set_up();
     const int fd = connect_raw();
     int fds[2];
-    CHECK(strstr(request(fd, "realtime 1 any 1000 speed odd\n", fds), "\"outputs\":2") != NULL);
+    CHECK(strstr(request(fd, "realtime 2 any 1000 speed odd\n", fds), "\"outputs\":2") != NULL);
     const off_t out_bytes = lseek(fds[1], 0, SEEK_END);
     struct fsn_shared_outputs *head =
         mmap(NULL, (size_t)out_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fds[1], 0);

@@ -38,7 +38,7 @@ import mmap, os, socket, struct, sys, time
 path, how, name = sys.argv[1:]
 s = socket.socket(socket.AF_UNIX)
 s.connect(path)
-s.sendall(b'realtime 1 any 3 ' + name.encode() + b'\\n')
+s.sendall(b'realtime 2 any 3 ' + name.encode() + b'\\n')
 line, fds, _, _ = socket.recv_fds(s, 65536, 2)
 assert line.startswith(b'{"ok":true'), line
 m = mmap.mmap(fds[1], 0)

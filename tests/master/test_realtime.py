@@ -170,7 +170,7 @@ def test_an_observer_is_not_in_the_cycle(master: rig.Master) -> None:
             "import os, socket, sys\n"
             f"os.setuid({rig.NOBODY})\n"
             "s = socket.socket(socket.AF_UNIX); s.connect(sys.argv[1])\n"
-            "s.sendall(b'realtime 1 any 3\\n'); print(s.recv(4096).decode())\n"
+            "s.sendall(b'realtime 2 any 3\\n'); print(s.recv(4096).decode())\n"
         )
         command = tied(shutil.which("python3") or "python3", "-c", script, other.path)
         done = subprocess.run(command, capture_output=True, text=True, check=True)

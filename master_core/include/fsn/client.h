@@ -53,12 +53,15 @@ struct fsn_realtime_fault {
 
 /** A value of the process image. */
 struct fsn_realtime_symbol {
-    const char *name; /**< as long as the client is open */
+    const char *name;      /**< as long as the client is open */
+    const char *subdevice; /**< the same of the SubDevice that it is of */
     double factor,
         offset;          /**< an input is factor * raw + offset, raw of an output the same of it */
     uint64_t stop_value; /**< raw, of an output */
     uint32_t bit_offset; /**< in fsn_realtime_image() */
     uint32_t bits;       /**< 1 … 64; 0: it has no place in the image */
+    uint16_t index;      /**< of the object; 0: it is a part of one */
+    uint8_t subindex;    /**< the same */
     uint8_t kind;        /**< enum fsn_kind of <fsn/plan.h> */
     bool output;         /**< as the MainDevice sees it */
     bool owned;          /**< this client writes it */

@@ -366,12 +366,16 @@ fsn_status fsn_realtime_symbol(const struct fsn_realtime *realtime, uint32_t num
         return FSN_E_ARG;
     }
     const struct fsn_shared_symbol *symbol = &realtime->symbols[number];
-    *info = (struct fsn_realtime_symbol){.name = (const char *)realtime->inputs + symbol->name,
+    const char *names = (const char *)realtime->inputs;
+    *info = (struct fsn_realtime_symbol){.name = names + symbol->name,
+                                         .subdevice = names + symbol->subdevice,
                                          .factor = symbol->factor,
                                          .offset = symbol->offset,
                                          .stop_value = symbol->stop_value,
                                          .bit_offset = symbol->bit_offset,
                                          .bits = symbol->bits,
+                                         .index = symbol->index,
+                                         .subindex = symbol->subindex,
                                          .kind = symbol->kind,
                                          .output = symbol->output != 0,
                                          .owned = realtime->slot[number] != 0};

@@ -11,7 +11,7 @@
 
 enum {
     FSN_SHARED_MAGIC = 0x736E7366, /**< "fsns" */
-    FSN_SHARED_LAYOUT = 1,
+    FSN_SHARED_LAYOUT = 2,
     FSN_SHARED_PICTURES = 4, /**< cycles that stay readable: a reader may be so much late */
     FSN_SHARED_SETS = 2,     /**< sets of outputs that a client fills in turn */
     FSN_SHARED_CLIENTS = 8,  /**< at once */
@@ -34,7 +34,10 @@ struct fsn_shared_symbol {
     uint16_t bits;       /**< 0: no place in the image */
     uint8_t kind;        /**< enum fsn_kind */
     uint8_t output;
-    uint32_t unused;
+    uint32_t subdevice; /**< first byte of its name, from the beginning of the file */
+    uint16_t index;     /**< 0: it is no whole object */
+    uint8_t subindex;
+    uint8_t unused[5];
 };
 
 /** One cycle; the image follows, in words of 8 bytes. */
