@@ -101,8 +101,8 @@ class Axis:
         mode = AxisMode(self._axis.outputs.mode).name
         halted = ", halted" if self.halted else ""
         raise ControlRefused(
-            f"{what}: not possible while the axis is {self._phase_text}, its drive "
-            f"{self._state_text}, its mode {mode}{halted}",
+            f"{what}: not possible now; phase {self._phase_text}, drive {self._state_text}, "
+            f"mode {mode}{halted}",
             self._name(status),
         )
 

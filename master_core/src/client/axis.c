@@ -92,6 +92,22 @@ static enum fsn_axis_phase unrequested(const struct fsn_axis *axis) {
                                                      : FSN_AXIS_TORQUE_OFF;
 }
 
+/** In Operation enabled: learns which bits the drive has, and sees when one of them goes. */
+static void watch_bits(struct fsn_axis *axis) {
+    struct fsn_axis_own *own = &axis->own;
+    const uint16_t watched = fsn_axis_watched_bits(axis);
+    const uint16_t now = axis->inputs.statusword & watched;
+    const uint16_t gone = own->learned & watched & (uint16_t)~now;
+    if (axis->inputs.torque_off || (gone & VOLTAGE) != 0) {
+        axis->phase = FSN_AXIS_TORQUE_OFF;
+    } else if ((gone & REMOTE) != 0 || ((gone & FOLLOWS) != 0 && own->followed)) {
+        axis->phase = FSN_AXIS_STOPPED_BY_DRIVE;
+    }
+    own->learned |= now;
+    own->follows = own->follows || (now & FOLLOWS) != 0;
+    own->followed = (now & FOLLOWS) != 0;
+}
+
 static void watch_enabling(struct fsn_axis *axis) {
     struct fsn_axis_own *own = &axis->own;
     if (axis->state >= FSN_AXIS_QUICK_STOP_ACTIVE || axis->inputs.torque_off) {
@@ -112,25 +128,10 @@ static void watch_enabling(struct fsn_axis *axis) {
         axis->phase = FSN_AXIS_ENABLED;
         own->learned = 0;
         own->followed = false;
+        watch_bits(axis);
     } else if (is_over(axis, own->since_ns, answer_ns(axis))) {
         lose(axis, FSN_AXIS_NO_ANSWER);
     }
-}
-
-/** In Operation enabled: learns which bits the drive has, and sees when one of them goes. */
-static void watch_bits(struct fsn_axis *axis) {
-    struct fsn_axis_own *own = &axis->own;
-    const uint16_t watched = fsn_axis_watched_bits(axis);
-    const uint16_t now = axis->inputs.statusword & watched;
-    const uint16_t gone = own->learned & watched & (uint16_t)~now;
-    if (axis->inputs.torque_off || (gone & VOLTAGE) != 0) {
-        axis->phase = FSN_AXIS_TORQUE_OFF;
-    } else if ((gone & REMOTE) != 0 || ((gone & FOLLOWS) != 0 && own->followed)) {
-        axis->phase = FSN_AXIS_STOPPED_BY_DRIVE;
-    }
-    own->learned |= now;
-    own->follows = own->follows || (now & FOLLOWS) != 0;
-    own->followed = (now & FOLLOWS) != 0;
 }
 
 static void watch_enabled(struct fsn_axis *axis) {
@@ -148,26 +149,35 @@ static void watch_enabled(struct fsn_axis *axis) {
     }
 }
 
+/** Where an axis is that nobody requested to be enabled. */
+static uint8_t phase_off(const struct fsn_axis *axis) {
+    const uint8_t state = axis->state;
+    uint8_t phase = axis->phase;
+    if (axis->own.resets) {
+        return FSN_AXIS_RESETTING;
+    }
+    if (is_faulted(state) || state == FSN_AXIS_NO_STATE || axis->inputs.torque_off) {
+        return (uint8_t)unrequested(axis);
+    }
+    if (phase == FSN_AXIS_STOPPED_BY_DRIVE && state < FSN_AXIS_OPERATION_ENABLED) {
+        return FSN_AXIS_TORQUE_OFF; /* the end of SS1 */
+    }
+    if (phase == FSN_AXIS_FAULTED || phase == FSN_AXIS_RESETTING) {
+        phase = FSN_AXIS_OFF;
+    }
+    if (phase == FSN_AXIS_OFF || phase == FSN_AXIS_STOPPING) {
+        phase = is_low(state) ? FSN_AXIS_OFF : FSN_AXIS_STOPPING;
+    }
+    return phase;
+}
+
 static void watch_off(struct fsn_axis *axis) {
     struct fsn_axis_own *own = &axis->own;
-    const uint8_t state = axis->state;
-    if (own->resets && is_over(axis, own->since_ns, answer_ns(axis))) {
-        own->resets = false; /* the cause is there yet, or this fault cannot be reset */
+    if (axis->state != FSN_AXIS_FAULT || is_over(axis, own->since_ns, answer_ns(axis))) {
+        own->resets = false; /* done; or the cause is there yet, or this fault cannot be reset */
     }
-    own->resets = own->resets && state == FSN_AXIS_FAULT;
-    if (own->resets) {
-        axis->phase = FSN_AXIS_RESETTING;
-    } else if (is_faulted(state) || state == FSN_AXIS_NO_STATE || axis->inputs.torque_off) {
-        axis->phase = (uint8_t)unrequested(axis);
-    } else if (axis->phase == FSN_AXIS_FAULTED || axis->phase == FSN_AXIS_RESETTING) {
-        axis->phase = FSN_AXIS_OFF;
-    } else if (axis->phase == FSN_AXIS_STOPPED_BY_DRIVE && state < FSN_AXIS_OPERATION_ENABLED) {
-        axis->phase = FSN_AXIS_TORQUE_OFF; /* the end of SS1 */
-    }
-    if (axis->phase == FSN_AXIS_OFF || axis->phase == FSN_AXIS_STOPPING) {
-        axis->phase = is_low(state) ? FSN_AXIS_OFF : FSN_AXIS_STOPPING;
-    }
-    if (state != FSN_AXIS_OPERATION_ENABLED) {
+    axis->phase = phase_off(axis);
+    if (axis->state != FSN_AXIS_OPERATION_ENABLED) {
         own->since_ns = own->resets ? own->since_ns : axis->inputs.now_ns;
     } else if (is_over(axis, own->since_ns, answer_ns(axis))) {
         axis->phase = FSN_AXIS_NO_ANSWER; /* it stays in Operation enabled */
