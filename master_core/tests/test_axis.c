@@ -378,6 +378,64 @@ static void a_ramp_is_expected(void) {
     CHECK(rig.axis.limited && rig.axis.enabled); /* SLS is no stop */
 }
 
+/** A drive that has shown bit 12 finds its target where it stands until it follows again. */
+static void not_followed_is_not_enabled(void) {
+    set_up(csp());
+    rig.drive.extra = 0x1200;
+    to_enabled();
+    rig.drive.state = FSN_AXIS_SWITCH_ON_DISABLED;
+    rig.drive.extra = 0x0200;
+    step();
+    enable();
+    steps(10);
+    CHECK(rig.axis.phase == FSN_AXIS_ENABLED && !rig.axis.enabled);
+    rig.drive.position += 4000; /* a ramp of its own */
+    step();
+    rig.drive.extra = 0x1200;
+    step();
+    CHECK(rig.axis.enabled && rig.axis.outputs.position == START_POSITION + 4000);
+    /* Halt and its end are no stop by the drive. */
+    rig.drive.extra = 0x0200;
+    fsn_axis_halt(&rig.axis, true);
+    steps(3);
+    fsn_axis_halt(&rig.axis, false);
+    steps(3);
+    CHECK(rig.axis.phase == FSN_AXIS_ENABLED && !rig.axis.enabled);
+    rig.drive.extra = 0x1200;
+    step();
+    CHECK(rig.axis.enabled);
+    /* The bit for STO comes while it goes up: this request is over. */
+    fsn_axis_disable(&rig.axis);
+    steps(5);
+    enable();
+    step();
+    rig.torque_off = true;
+    step();
+    rig.torque_off = false;
+    steps(100);
+    CHECK(rig.axis.phase == FSN_AXIS_TORQUE_OFF && !rig.axis.enabled);
+}
+
+/** The time of an answer begins with the request, however long the axis was off. */
+static void each_request_has_its_time(void) {
+    set_up(csp());
+    enable();
+    step();
+    fsn_axis_disable(&rig.axis);
+    for (int i = 0; i < 2; i++) {
+        rig.now_ns += 5000u * (uint64_t)MS;
+        step();
+    }
+    rig.now_ns += 5000u * (uint64_t)MS;
+    to_enabled();
+    for (int i = 0; i < 3500; i++) {
+        step();
+    }
+    fsn_axis_disable(&rig.axis);
+    step();
+    CHECK(rig.axis.phase == FSN_AXIS_STOPPING);
+}
+
 /* -- faults ------------------------------------------------------------------------------------ */
 
 static void fault_in_each_state(void) {
@@ -419,6 +477,12 @@ static void a_fault_that_stays(void) {
         CHECK(rig.edges == i && rig.axis.phase == FSN_AXIS_FAULTED);
         CHECK(rig.axis.outputs.controlword == 0);
     }
+    reset();
+    fsn_axis_disable(&rig.axis); /* takes it back */
+    for (int i = 0; i < 100; i++) {
+        step_with(0x08);
+    }
+    CHECK(rig.edges == 3 && rig.axis.phase == FSN_AXIS_FAULTED);
 }
 
 /* -- modes ------------------------------------------------------------------------------------- */
@@ -570,6 +634,20 @@ static void homing_and_its_result(void) {
         const bool runs = cases[i].job == FSN_AXIS_JOB_RUNNING;
         CHECK(((rig.axis.outputs.controlword & 0x10) != 0) == runs);
     }
+    /* What a set-point had is not for homing. */
+    config.mode = FSN_AXIS_PP;
+    set_up(config);
+    to_enabled();
+    CHECK(fsn_axis_move(&rig.axis, 5, true) == FSN_OK);
+    step_with(0x37);
+    CHECK(fsn_axis_set_mode(&rig.axis, FSN_AXIS_HM) == FSN_OK);
+    CHECK(rig.axis.job == FSN_AXIS_JOB_FAILED);
+    rig.drive.mode = FSN_AXIS_HM;
+    step_with(0x37);
+    CHECK(fsn_axis_home(&rig.axis) == FSN_OK);
+    step_with(0x37);
+    CHECK(rig.axis.outputs.controlword == 0x1F);
+    config.mode = FSN_AXIS_HM;
     /* A method that ends at once never shows that it has begun. */
     set_up(config);
     to_enabled();
@@ -714,6 +792,8 @@ int main(void) {
     found_enabled_and_stuck();
     torque_off_is_expected();
     a_ramp_is_expected();
+    not_followed_is_not_enabled();
+    each_request_has_its_time();
     fault_in_each_state();
     a_fault_that_stays();
     modes_are_confirmed();

@@ -48,7 +48,6 @@ fsn_status fsn_axis_enable(struct fsn_axis *axis) {
             return FSN_E_STATE;
         }
         axis->phase = FSN_AXIS_ENABLED;
-        own->followed = false;
     } else {
         axis->phase = FSN_AXIS_ENABLING;
         own->started = true;
@@ -91,7 +90,6 @@ void fsn_axis_halt(struct fsn_axis *axis, bool halts) {
         return;
     }
     axis->halted = halts;
-    axis->own.followed = false; /* a halt is no stop by the drive */
     if (axis->outputs.mode == FSN_AXIS_CSP) {
         axis->own.has_position = false;
         axis->enabled =
