@@ -147,3 +147,27 @@ def test_comments_stay_where_the_part_beside_them_goes(network):
     edited.document["c"] = "y"
     assert edited.text.startswith("# of c\nc: ")
     assert _yaml().load(edited.text) == {"c": "y", "d": [2]}
+
+
+@pytest.mark.parametrize("last", ["", "\n"])
+def test_lists_with_indents_of_their_own_keep_them(last):
+    """A writer has one indent for all lists, and drops comments and line ends between some."""
+    text = (
+        "a:\n- {b: 1}\n# of c\n- {c: 2}   # c\nd:\n- e: 1\n  f:\n    - {g: 1, h: 2}\n    - g: 3"
+        f"\n      h: 4\n\n    - h: 6{last}"
+    )
+    edited = EditedText(text, "x.yaml")
+    del edited.document["d"][0]["f"][0]["g"]
+    assert edited.text == text.replace("g: 1, ", "")
+    edited.document["d"][0]["f"][2]["g"] = 5
+    edited.document["a"].append({"i": 7})
+    wanted = text.replace("g: 1, ", "").replace("d:\n", "- i: 7\nd:\n")
+    assert edited.text == wanted.rstrip("\n") + f"\n      g: 5{last}"
+
+
+def test_what_cannot_be_put_in_is_refused_and_nothing_is_lost(monkeypatch):
+    monkeypatch.setattr("fsoe_net.project.edit.with_lines_kept", lambda *_: "a: [1")
+    edited = EditedText("a: 1\n", "x.yaml")
+    edited.document["a"] = 2
+    with pytest.raises(ValueError, match=r"x\.yaml cannot be edited: .*change it in the text"):
+        edited.text  # noqa: B018 - it raises

@@ -6,7 +6,6 @@ import difflib
 import hashlib
 import io
 from collections.abc import Callable
-from difflib import SequenceMatcher
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.errors import InputError
@@ -19,13 +18,14 @@ from fsoe_net.formats.shared.files import (
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
 from fsoe_net.project.findings import Findings
+from fsoe_net.project.lines_kept import said, with_lines_kept
 
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
 
     from fsoe_net.project.network import Network
 
-__all__ = ["EditedText", "NetworkEdit", "with_lines_kept"]
+__all__ = ["EditedText", "NetworkEdit"]
 
 
 class NetworkEdit:
@@ -123,9 +123,20 @@ class EditedText:
         """The text as it would be.
 
         Raises:
-            ValueError: Something in `document` is nothing that YAML can hold.
+            ValueError: Something in `document` is nothing that YAML can hold, or the lines beside a
+                change are laid out in such a way that it cannot be put there.
         """
-        return with_lines_kept(self.before, self._laid_out, self._dumped())
+        after = self._dumped()
+        if after == self._laid_out:
+            return self.before
+        text = with_lines_kept(self.before, self._laid_out, after)
+        # What the writer makes is compared first, which is quicker; it has faults of its own.
+        if said([text]) != said([after]) and _loaded(text) != self.document:
+            raise ValueError(
+                f"{self._path} cannot be edited: the lines beside the change are laid out in an "
+                "odd way; change it in the text"
+            )
+        return text
 
     def settle(self) -> None:
         """Count further changes from the text as it is now."""
@@ -144,54 +155,12 @@ class EditedText:
         return stream.getvalue()
 
 
-def with_lines_kept(before: str, laid_out: str, after: str) -> str:
-    """Return a text after a change in which only lines that the change touched are new.
-
-    Comments before and behind a part stay when the part goes.
-
-    Args:
-        before: The text as a person laid it out.
-        laid_out: The same as the writer lays it out, which has other spaces in it.
-        after: The changed text as the writer lays it out.
-    """
-    if after == laid_out:
-        return before
-    own, plain, new = (text.splitlines(keepends=True) for text in (before, laid_out, after))
-    if len(own) != len(plain):  # a line that the writer folds in another way
-        return after
-    end = "\r\n" if own and own[0].endswith("\r\n") else "\n"
-    lines: list[str] = []
-    lost: list[tuple[int, list[str]]] = []
-    for kind, begin, stop, first, last in SequenceMatcher(
-        None, plain, new, autojunk=False
-    ).get_opcodes():
-        if kind == "equal":
-            lines += own[begin:stop]
-        else:
-            lines += [line.rstrip("\r\n") + end for line in new[first:last]]
-            lost.append((len(lines), _comments_behind(own[begin:stop])))
-    # The writer takes the comment before a part for one behind the part above it.
-    for at, comments in reversed(lost):
-        with_comments = [*lines[:at], *comments, *lines[at:]]
-        if comments and _says(with_comments) == _says(lines):
-            lines = with_comments
-    return "".join(lines)
-
-
-def _comments_behind(lines: list[str]) -> list[str]:
-    """Return the lines without a word of YAML at the end of a part that goes."""
-    words = [n for n, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"]
-    behind = lines[words[-1] + 1 :] if words else lines
-    return behind if any(line.strip() for line in behind) else []
-
-
-def _says(lines: list[str]) -> object:
-    """Return what lines say: one that looks like a comment may belong to a longer value."""
-    import yaml
+def _loaded(text: str) -> object:
+    from ruamel.yaml.error import YAMLError
 
     try:
-        return yaml.load("".join(lines), getattr(yaml, "CSafeLoader", yaml.SafeLoader))  # noqa: S506 - safe
-    except yaml.YAMLError:
+        return _yaml().load(text)
+    except (YAMLError, ValueError):
         return None
 
 

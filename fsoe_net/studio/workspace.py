@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from difflib import SequenceMatcher
 from typing import Any
 
 from fsoe_net.errors import InputError
@@ -21,7 +22,7 @@ from fsoe_net.formats.shared.files import read_source, read_unchanged, replaced_
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.model.network import SourceFile
 from fsoe_net.project.check import Checked, check_files
-from fsoe_net.project.edit import EditedText, with_lines_kept
+from fsoe_net.project.edit import EditedText
 from fsoe_net.studio.changes import change_of
 from fsoe_net.studio.device_files import DeviceFiles
 
@@ -144,7 +145,7 @@ class Workspace:
             self._expect(version)
             _limit(text)
             if "\r" in self.text:  # a browser knows one end of lines
-                text = with_lines_kept(self.text, self.text.replace("\r\n", "\n"), text)
+                text = _with_line_ends(self.text, text)
             self._set(text)
 
     def change(self, version: int, request: Mapping[str, object]) -> None:
@@ -334,6 +335,22 @@ def _limit(text: str) -> None:
         raise InputError("the text has half a character in it, which no file can hold") from exc
     if size > MAX_TEXT_BYTES:
         raise InputError(f"the text has more than {MAX_TEXT_BYTES >> 20} MiB")
+
+
+def _with_line_ends(before: str, after: str) -> str:
+    """Return a text from a browser, which knows one end of lines, with those that the file has."""
+    own, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
+    plain = [line.replace("\r\n", "\n") for line in own]
+    end = "\r\n" if own[0].endswith("\r\n") else "\n"
+    lines: list[str] = []
+    for kind, begin, stop, first, last in SequenceMatcher(
+        None, plain, new, autojunk=False
+    ).get_opcodes():
+        if kind == "equal":
+            lines += own[begin:stop]
+        else:
+            lines += [line.replace("\n", end) for line in new[first:last]]
+    return "".join(lines)
 
 
 def _state(path: str) -> tuple[str, int, int]:

@@ -411,3 +411,12 @@ def test_no_request_breaks_anything(request_: dict[str, object]) -> None:
         workspace.change(workspace.version, request_)
     except InputError:
         assert not workspace.can_undo
+
+
+def test_a_line_that_somebody_deletes_stays_deleted_whatever_ends_it(tmp_path: Path) -> None:
+    """Also a comment, and in a file with the line ends of Windows."""
+    file = tmp_path / "network.yaml"
+    file.write_bytes(b"version: 1\r\n# gone\r\nname: x\nsubdevices: []\r\n")
+    workspace = Workspace(str(file))
+    workspace.replace(workspace.version, "version: 1\nname: x\n# new\nsubdevices: []\n")
+    assert workspace.text == "version: 1\r\nname: x\n# new\r\nsubdevices: []\r\n"
