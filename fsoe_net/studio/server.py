@@ -199,11 +199,11 @@ class Studio:
         """Say each new version, so that a second tab follows."""
 
         async def versions() -> AsyncIterator[str]:
-            told = 0
+            sent = 0
             while not self._server.should_exit:
-                if told != self._workspace.version:
-                    told = self._workspace.version
-                    yield f"data: {json.dumps(told)}\n\n"
+                if sent != self._workspace.version:
+                    sent = self._workspace.version
+                    yield f"data: {json.dumps(sent)}\n\n"
                 try:
                     async with self._changed:
                         await asyncio.wait_for(self._changed.wait(), _EVENTS_S)

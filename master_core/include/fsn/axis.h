@@ -149,8 +149,9 @@ FSN_API void fsn_axis_step(struct fsn_axis *axis, const struct fsn_axis_inputs *
  *  targets of the program count. An axis that is stopped by its drive in Operation enabled goes on
  *  with this too, from where it stands.
  *  @retval FSN_E_STATE  a fault: reset it first. Quick stop active: disable first, which takes the
- *                       torque off. The drive reports STO, still stops by itself, or is in no
- * state. Context: RT-safe. */
+ *                       torque off. The drive reports STO, still stops by itself, or shows no
+ *                       state.
+ *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_enable(struct fsn_axis *axis);
 
 /** Requests Ready to switch on: the drive slows down as its object 0x605C says, then has no torque.
@@ -164,15 +165,16 @@ FSN_API void fsn_axis_disable(struct fsn_axis *axis);
  *  Context: RT-safe. */
 FSN_API void fsn_axis_quick_stop(struct fsn_axis *axis);
 
-/** Resets a fault: one rising edge of bit 7, held until the drive leaves Fault, `answer_ms` at
- * most. The axis is off afterwards.
+/** Resets a fault: one rising edge of bit 7, held until the drive leaves Fault, or for `answer_ms`.
+ *  The axis is off afterwards.
  *  @retval FSN_E_STATE  there is no fault, or it is being reset.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_reset(struct fsn_axis *axis);
 
 /** Halts or goes on (bit 8). In CSP the target stays, in CSV, PV and CST it is 0 until the program
  *  sets another; in PP the motion goes on afterwards, in homing the drive decides.
- * fsn_axis_enable() ends it too. Context: RT-safe. */
+ *  fsn_axis_enable() ends it too.
+ *  Context: RT-safe. */
 FSN_API void fsn_axis_halt(struct fsn_axis *axis, bool halts);
 
 /** Requests another mode. Until the drive confirms it, targets are as those of an axis that is off;
@@ -182,9 +184,9 @@ FSN_API void fsn_axis_halt(struct fsn_axis *axis, bool halts);
 FSN_API FSN_MUST_USE fsn_status fsn_axis_set_mode(struct fsn_axis *axis, int8_t mode);
 
 /** CSP: target of the next step, and of all later ones until there is another.
- *  A larger step than `max_step` from the target before is refused, not shortened: a program that
- * is wrong about where it is would else be followed there at full speed. The target stays then.
- * That a program has missed cycles makes no step larger, since the drive gets it in one.
+ *  A larger step than `max_step` from the target before is refused, not shortened: the drive would
+ *  follow a program that is wrong about its place at full speed. The target stays then. That a
+ *  program has missed cycles makes no step larger, since the drive gets it in one.
  *  @retval FSN_E_STATE  not enabled in CSP, or halted.   @retval FSN_E_ARG  too large a step.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_set_position(struct fsn_axis *axis, int32_t position);
@@ -236,8 +238,8 @@ struct fsn_axis_options {
     const char *subdevice; /**< its name in the network file */
     uint32_t number;       /**< axis n has its objects 0x800 * n higher; 0 … 7 */
     struct fsn_axis_config config;
-    /** Symbol with a bit of the drive that says that STO is active, such as its statusword; NULL:
-     * it has none. No FSoE frame has symbols. */
+    /** Symbol with a bit of the drive that says that STO is active, such as its statusword; NULL
+     *  without one. No FSoE frame has symbols. */
     const char *torque_off;
     uint64_t torque_off_mask; /**< this bit of it, or one of these */
     bool torque_off_low;      /**< it says so by 0 */
@@ -257,9 +259,9 @@ struct fsn_realtime_axis {
     bool torque_off_low;
 };
 
-/** Finds the objects of an axis in the process image. Needed are 0x6040, 0x6041, 0x6064 with
- * 0x607A, 0x6061 with 0x6060, and what the mode needs; their outputs are this client's. Modes
- * without their objects are closed.
+/** Finds the objects of an axis in the process image. It needs 0x6040, 0x6041, 0x6064 with 0x607A,
+ *  0x6061 with 0x6060, and those of the mode; their outputs are this client's. Modes without
+ *  their objects are closed.
  *  @param[out] fault  may be NULL.
  *  @retval FSN_E_ARG     no such SubDevice or axis, an object is missing or has another size.
  *  @retval FSN_E_CLOSED  an output of the axis is not this client's.

@@ -165,7 +165,7 @@ static fsn_status open_one(struct fsn_several *several, struct member *m, struct
     return status;
 }
 
-/** What a bus refuses is told with its name, and with the numbers of the whole plan. */
+/** What a bus refuses is reported with its name, and with the numbers of the whole plan. */
 static fsn_status refuse(const struct member *m, fsn_status status, struct fsn_fault *fault) {
     if (fault == NULL) {
         return status;
