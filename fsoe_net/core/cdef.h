@@ -215,6 +215,10 @@ fsn_status fsn_segment_set_identity(struct fsn_segment *segment, uint32_t positi
                                     const struct fsn_segment_identity *identity);
 fsn_status fsn_segment_set_sdo_abort(struct fsn_segment *segment, uint32_t position, uint16_t index,
                                      uint32_t sub, uint32_t code);
+fsn_status fsn_segment_offer_object(struct fsn_segment *segment, uint32_t position, uint16_t index,
+                                    uint8_t sub, const void *bytes, size_t len_bytes);
+fsn_status fsn_segment_get_object(struct fsn_segment *segment, uint32_t position, uint16_t index,
+                                  uint8_t sub, void *bytes, size_t len_bytes);
 fsn_status fsn_segment_set_object(struct fsn_segment *segment, uint32_t position, uint16_t index,
                                   uint8_t sub, const void *bytes, size_t len_bytes);
 fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment, uint32_t position,

@@ -262,6 +262,28 @@ class Segment:
         )
         raise_status(status, f"object 0x{index:04x}:{sub:02x}")
 
+    def offer_object(self, position: int, index: int, sub: int, data: bytes) -> None:
+        """Set an object as `set_object` does; where it is added, CoE may write it too.
+
+        Raises:
+            CoreError: No such SubDevice, or another length than before.
+        """
+        status = self._lib.fsn_segment_offer_object(
+            self._pointer, position, index, sub, data, len(data)
+        )
+        raise_status(status, f"object 0x{index:04x}:{sub:02x}")
+
+    def get_object(self, position: int, index: int, sub: int, size: int) -> bytes:
+        """Return an object of so many bytes as it is now.
+
+        Raises:
+            CoreError: No such SubDevice or object, or another length.
+        """
+        buffer = self._ffi.new("uint8_t[]", max(1, size))
+        status = self._lib.fsn_segment_get_object(self._pointer, position, index, sub, buffer, size)
+        raise_status(status, f"object 0x{index:04x}:{sub:02x}")
+        return bytes(self._ffi.buffer(buffer, size))
+
     def set_mailbox_delay(self, position: int, delay_ns: int) -> None:
         """Let mailbox answers wait.
 

@@ -362,6 +362,40 @@ static void objects_are_set(void) {
     tear_down(&rig);
 }
 
+static void objects_are_written_and_read(void) {
+    struct rig rig = set_up();
+    set_stations(&rig);
+    to_preop(&rig, 1001);
+    uint8_t value[2] = {0};
+    CHECK(fsn_segment_get_object(rig.segment, 0, 0x6098, 0, value, 2) == FSN_E_ARG);
+    CHECK(fsn_segment_offer_object(rig.segment, 0, 0x6098, 0, "\x34\x12", 2) == FSN_OK);
+    CHECK(fsn_segment_get_object(rig.segment, 0, 0x6098, 0, value, 2) == FSN_OK);
+    CHECK(value[0] == 0x34 && value[1] == 0x12);
+    const uint8_t write[8] = {0x2B, 0x98, 0x60, 0, 0x78, 0x56};
+    sdo(&rig, write, 8);
+    CHECK(rig.data[8] == 0x60);
+    CHECK(fsn_segment_get_object(rig.segment, 0, 0x6098, 0, value, 2) == FSN_OK);
+    CHECK(value[0] == 0x78 && value[1] == 0x56);
+    CHECK(fsn_segment_get_object(rig.segment, 0, 0x6098, 0, value, 1) == FSN_E_ARG);
+    CHECK(fsn_segment_get_object(rig.segment, 0, 0x6098, 1, value, 2) == FSN_E_ARG);
+    CHECK(fsn_segment_get_object(rig.segment, 0, 0x6098, 0, NULL, 2) == FSN_E_ARG);
+    CHECK(fsn_segment_get_object(rig.segment, 9, 0x6098, 0, value, 2) == FSN_E_ARG);
+    CHECK(fsn_segment_offer_object(rig.segment, 9, 0x6098, 0, value, 2) == FSN_E_ARG);
+    fsn_segment_power_cycle(rig.segment, 0);
+    CHECK(fsn_segment_get_object(rig.segment, 0, 0x6098, 0, value, 2) == FSN_OK);
+    CHECK(value[0] == 0x34 && value[1] == 0x12);
+    /* What is only shown stays as it is. */
+    CHECK(fsn_segment_set_object(rig.segment, 0, 0x6041, 0, "\x50\x02", 2) == FSN_OK);
+    set_stations(&rig);
+    to_preop(&rig, 1001);
+    const uint8_t refused[8] = {0x2B, 0x41, 0x60, 0, 0x78, 0x56};
+    sdo(&rig, refused, 8);
+    CHECK(rig.data[8] == 0x80);
+    CHECK(fsn_segment_get_object(rig.segment, 0, 0x6041, 0, value, 2) == FSN_OK);
+    CHECK(value[0] == 0x50);
+    tear_down(&rig);
+}
+
 int main(void) {
     const long alive = heap_alive();
     another_device_answers();
@@ -372,6 +406,7 @@ int main(void) {
     the_wire_delays_stalls_and_repeats();
     the_wire_has_an_end();
     objects_are_set();
+    objects_are_written_and_read();
     a_closed_ring_crosses_over();
     at_a_gap_each_half_answers();
     a_ring_survives_one_device();

@@ -156,6 +156,21 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_object(struct fsn_segment *segme
                                                        uint8_t sub, const void *bytes,
                                                        size_t len_bytes);
 
+/** Sets an object as fsn_segment_set_object() does; where it is added, CoE may write it too.
+ *  @retval FSN_E_ARG    as there.
+ *  Context: any thread. Locks; allocates when it adds. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_offer_object(struct fsn_segment *segment,
+                                                         uint32_t position, uint16_t index,
+                                                         uint8_t sub, const void *bytes,
+                                                         size_t len_bytes);
+
+/** Reads an object as it is now: as it was set, or as CoE has written it since.
+ *  @retval FSN_E_ARG    no such SubDevice or object, or another length; nothing was copied.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_get_object(struct fsn_segment *segment,
+                                                       uint32_t position, uint16_t index,
+                                                       uint8_t sub, void *bytes, size_t len_bytes);
+
 /** The distributed clock of a SubDevice. As they are built, clocks of a segment start at different
  *  times, differ by up to 50 ppm, and a frame takes 300 ns from one to the next. */
 struct fsn_segment_clock {

@@ -105,13 +105,38 @@ fsn_status fsn_segment_set_clock(struct fsn_segment *s, uint32_t position,
     return FSN_OK;
 }
 
-fsn_status fsn_segment_set_object(struct fsn_segment *s, uint32_t position, uint16_t index,
-                                  uint8_t sub, const void *bytes, size_t len_bytes) {
+static fsn_status put_object(struct fsn_segment *s, uint32_t position, uint16_t index, uint8_t sub,
+                             const void *bytes, size_t len_bytes, bool writable) {
     struct esc *esc = len_bytes <= MAX_OBJECT_BYTES && bytes != NULL ? hold(s, position) : NULL;
     if (esc == NULL) {
         return FSN_E_ARG;
     }
-    const bool ok = objects_put(&esc->objects, index, sub, bytes, (uint32_t)len_bytes);
+    const bool ok = objects_put(&esc->objects, index, sub, writable, bytes, (uint32_t)len_bytes);
+    pthread_mutex_unlock(&s->lock);
+    return ok ? FSN_OK : FSN_E_ARG;
+}
+
+fsn_status fsn_segment_set_object(struct fsn_segment *s, uint32_t position, uint16_t index,
+                                  uint8_t sub, const void *bytes, size_t len_bytes) {
+    return put_object(s, position, index, sub, bytes, len_bytes, false);
+}
+
+fsn_status fsn_segment_offer_object(struct fsn_segment *s, uint32_t position, uint16_t index,
+                                    uint8_t sub, const void *bytes, size_t len_bytes) {
+    return put_object(s, position, index, sub, bytes, len_bytes, true);
+}
+
+fsn_status fsn_segment_get_object(struct fsn_segment *s, uint32_t position, uint16_t index,
+                                  uint8_t sub, void *bytes, size_t len_bytes) {
+    struct esc *esc = bytes != NULL ? hold(s, position) : NULL;
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    const struct object *object = objects_find(&esc->objects, index, sub);
+    const bool ok = object != NULL && object->size_bytes == len_bytes;
+    if (ok) {
+        memcpy(bytes, objects_value(&esc->objects, object), len_bytes);
+    }
     pthread_mutex_unlock(&s->lock);
     return ok ? FSN_OK : FSN_E_ARG;
 }

@@ -73,11 +73,11 @@ uint8_t *objects_value(const struct objects *o, const struct object *object) {
     return o->values + object->at;
 }
 
-bool objects_put(struct objects *o, uint16_t index, uint8_t sub, const void *value,
+bool objects_put(struct objects *o, uint16_t index, uint8_t sub, bool writable, const void *value,
                  uint32_t size_bytes) {
     const struct object *object = objects_find(o, index, sub);
     if (object == NULL) {
-        objects_add(o, index, sub, false, value, size_bytes);
+        objects_add(o, index, sub, writable, value, size_bytes);
         const bool ok = !o->failed;
         o->failed = false; /* the others are whole */
         return ok;

@@ -28,10 +28,10 @@ struct objects {
 void objects_add(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
                  const void *value, uint32_t size_bytes);
 
-/** Sets a value now and for every power-on; adds it when there is none.
+/** Sets a value now and for every power-on; adds it, writable or not, when there is none.
  *  False when it has another length, or memory ran out. */
-bool objects_put(struct objects *objects, uint16_t index, uint8_t sub, const void *value,
-                 uint32_t size_bytes);
+bool objects_put(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
+                 const void *value, uint32_t size_bytes);
 
 /** Adds a number of 1, 2 or 4 bytes. */
 void objects_add_number(struct objects *objects, uint16_t index, uint8_t sub, bool writable,
