@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from fsoe_net.emul.device import EmulatedDevice, Port, main_port, sub_port
+from fsoe_net.emul.device import EmulatedDevice
+from fsoe_net.emul.drive.axis import EmulatedAxis
+from fsoe_net.emul.drive.wiring import WiredAxis
+from fsoe_net.emul.port import Port, main_port, sub_port
 from fsoe_net.emul.setup import ConnectionSetup, choose_setups
 from fsoe_net.fsoe.sub_instance import SubInstance
-from fsoe_net.model.bus import Direction
+from fsoe_net.model.bus import Direction, SubDevice
+from fsoe_net.model.drives import AXIS_STEP, DriveSetup, drive_axes
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import LogicChoice
 from fsoe_net.model.signals import split_name
@@ -17,6 +21,7 @@ __all__ = ["EmulatedDevices", "build_network", "normal_name"]
 
 # Input area of modular devices (ETG.5001). Status bits of a safety drive lie elsewhere (0x2xxx,
 # 0x66xx of the drive profile) and are no e-stop buttons.
+_CYCLE_NS = 1_000_000  # when no file states a bus cycle
 _INPUT_OBJECTS = range(0x6000, 0x6600)
 
 
@@ -75,6 +80,7 @@ class EmulatedDevices:
         port = self.safe_inputs[name]
         if name in port.mirrored:
             port.mirrored.remove(name)
+        port.reported.pop(name, None)
         port.sends[name].write(port.safe, value)
 
     def set_good(self, name: str) -> None:
@@ -107,6 +113,25 @@ class EmulatedDevices:
         name = normal_name(name)
         return self.safe_outputs[name].received(name)
 
+    @property
+    def axes(self) -> dict[str, WiredAxis]:
+        """Emulated axes by name, as `fsoe_net.model.drives.axis_name` has it."""
+        return {wired.name: wired for device in self.devices.values() for wired in device.axes}
+
+    def choose_drives(self, setups: Mapping[str, DriveSetup]) -> None:
+        """Give axes another motor, load and wiring; one without a setup keeps that of before.
+
+        Raises:
+            KeyError: No axis or safe output of a name.
+        """
+        axes = self.axes
+        for name, setup in setups.items():
+            axes[name].configure(setup, self._port_of)
+
+    def _port_of(self, output: str) -> tuple[Port, str]:
+        name = normal_name(output)
+        return self.safe_outputs[name], name
+
     def choose_logic(self, choice: LogicChoice) -> None:
         """Configure for every safety master which inputs it watches and which outputs it switches.
 
@@ -119,7 +144,9 @@ class EmulatedDevices:
         switched = {
             (n := normal_name(x)): self.safe_outputs[n].setup.connection.name for x in outputs
         }
+        delays = {normal_name(name): ns for name, ns in choice.delays_ns.items()}
         for device in self.masters:
+            device.logic.delays_ns = delays
             own = {p.setup.connection.name: p for p in device.ports if p.is_main}
             device.logic_inputs = [(own[c], n) for n, c in watched.items() if c in own]
             device.logic_outputs = [(own[c], n) for n, c in switched.items() if c in own]
@@ -139,6 +166,7 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
         session_ids: Source of session ids: random live, counted in virtual time.
     """
     setups = choose_setups(resolution)
+    cycle_s = (resolution.network.cycle_ns or _CYCLE_NS) / 1e9
     ports: dict[str, list[Port]] = {}
     for setup in setups:
         c = setup.connection
@@ -153,5 +181,22 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
         }
         if inputs or sub.name in ports:
             own = ports.get(sub.name, [])
-            devices[sub.name] = EmulatedDevice(name=sub.name, ports=own, inputs=inputs)
+            devices[sub.name] = EmulatedDevice(
+                name=sub.name, ports=own, inputs=inputs, axes=_axes(sub, own, cycle_s)
+            )
     return EmulatedDevices(setups, devices)
+
+
+def _axes(sub: SubDevice, ports: list[Port], cycle_s: float) -> list[WiredAxis]:
+    """Build the axes of a drive; none for any other device."""
+    if sub.device is None or sub.layout is None:
+        return []
+    found = []
+    for axis in drive_axes(sub.layout):
+        stated = {
+            (sdo.index - axis.base, sdo.subindex): sdo.value
+            for sdo in sub.device.sdos
+            if 0x6000 <= sdo.index - axis.base < 0x6000 + AXIS_STEP
+        }
+        found.append(WiredAxis(sub.name, EmulatedAxis(axis, stated, cycle_s), ports))
+    return found

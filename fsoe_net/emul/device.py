@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, cast
+from typing import Protocol
 
+from fsoe_net.emul.drive.wiring import WiredAxis
 from fsoe_net.emul.logic import SafetyLogic
-from fsoe_net.emul.setup import ConnectionSetup
-from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import State
-from fsoe_net.fsoe.main_instance import MainInstance
-from fsoe_net.fsoe.pdu import safe_data_length
-from fsoe_net.fsoe.sub_instance import SubInstance
-from fsoe_net.model.ends import ResolvedEnd
-from fsoe_net.model.layout import SmLayout
-from fsoe_net.model.signals import Signal, connection_signals, write_bits
+from fsoe_net.model.signals import write_bits
 
-__all__ = ["EmulatedDevice", "Port", "ProcessData", "main_port", "sub_port"]
-
-SessionIds = Callable[[], int]
+__all__ = ["EmulatedDevice", "ProcessData"]
 
 
 class ProcessData(Protocol):
@@ -31,98 +25,8 @@ class ProcessData(Protocol):
     def write_inputs(self, sm: int, data: bytes) -> None:
         """Publish inputs, whole."""
 
-
-@dataclass(slots=True)
-class Port:
-    """One FSoE end of a device and where its frames lie.
-
-    ``receives`` and ``sends`` name the safe data; ``safe`` is what the end sends while enabled.
-    """
-
-    setup: ConnectionSetup
-    instance: MainInstance | SubInstance
-    rx_sm: int
-    rx_byte: int
-    rx_bytes: int
-    tx_sm: int
-    tx_byte: int
-    receives: dict[str, Signal]
-    sends: dict[str, Signal]
-    safe: bytearray
-    mirrored: list[str] = field(default_factory=list)
-    """Values a SubInstance sends as it receives them: what a drive received, it reports."""
-
-    @property
-    def is_main(self) -> bool:
-        """Whether this is the MainInstance of its connection."""
-        return isinstance(self.instance, MainInstance)
-
-    def received(self, name: str) -> int:
-        """Return a received safe value; 0 while the data are not valid."""
-        return self.receives[name].read(self.instance.received_safe_data)
-
-
-def main_port(setup: ConnectionSetup, session_ids: SessionIds) -> Port:
-    """Build the end in the safety master."""
-    c = setup.connection
-    to_sub = safe_data_length(c.to_sub.transfer.size_bytes)
-    to_main = safe_data_length(c.to_main.transfer.size_bytes)
-    config = MainConfig(
-        connection_id=setup.connection_id,
-        address=setup.address,
-        watchdog_ms=setup.watchdog_ms,
-        safe_out_bytes=to_sub,
-        safe_in_bytes=to_main,
-        app_parameters=setup.app_parameters,
-    )
-    instance = MainInstance(config, session_ids=session_ids)
-    # Names of safe data are those of the SubInstance; the slots of a logic are mere numbers.
-    return _port(setup, instance, c.to_main.destination, c.to_sub.source, named_by_sub=True)
-
-
-def sub_port(setup: ConnectionSetup, session_ids: SessionIds) -> Port:
-    """Build the end in a safe input, output or drive."""
-    c = setup.connection
-    config = SubConfig(
-        address=setup.address,
-        safe_out_bytes=safe_data_length(c.to_sub.transfer.size_bytes),
-        safe_in_bytes=safe_data_length(c.to_main.transfer.size_bytes),
-        app_parameter_bytes=len(setup.app_parameters),
-    )
-    instance = SubInstance(config, session_ids=session_ids)
-    return _port(setup, instance, c.to_sub.destination, c.to_main.source, named_by_sub=False)
-
-
-def _port(
-    setup: ConnectionSetup,
-    instance: MainInstance | SubInstance,
-    rx: ResolvedEnd,
-    tx: ResolvedEnd,
-    *,
-    named_by_sub: bool,
-) -> Port:
-    c = setup.connection
-    to_sub, to_main = c.to_sub, c.to_main
-    outputs, inputs = connection_signals(c)
-    receives, sends = (inputs, outputs) if named_by_sub else (outputs, inputs)
-    received, sent = (to_main, to_sub) if named_by_sub else (to_sub, to_main)
-    return Port(
-        setup=setup,
-        instance=instance,
-        rx_sm=_sm_index(rx),
-        rx_byte=rx.byte_offset,
-        rx_bytes=received.transfer.size_bytes,
-        tx_sm=_sm_index(tx),
-        tx_byte=tx.byte_offset,
-        receives=receives,
-        sends=sends,
-        safe=bytearray(safe_data_length(sent.transfer.size_bytes)),
-        mirrored=[] if named_by_sub else [name for name in sends if name in receives],
-    )
-
-
-def _sm_index(end: ResolvedEnd) -> int:
-    return cast(SmLayout, end.sm).sm.index  # connections resolve by construction
+    def operational(self) -> bool:
+        """Return whether outputs come: the SubDevice is in OP."""
 
 
 @dataclass(slots=True)
@@ -136,12 +40,21 @@ class EmulatedDevice:
     logic_inputs: list[tuple[Port, str]] = field(default_factory=list)
     logic_outputs: list[tuple[Port, str]] = field(default_factory=list)
     away: set[str] = field(default_factory=set)  # connections that the logic does not ask for
+    axes: list[WiredAxis] = field(default_factory=list)
     _unpublished: set[int] = field(default_factory=set)
+    _set: set[tuple[int, int]] = field(default_factory=set)
+    _shown: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def set_input(self, sm: int, bit: int, bits: int, value: int) -> None:
-        """Set standard input bits of a sync manager; the next step publishes them."""
-        data = self.inputs[sm]
-        write_bits(data, bit, bits, value)
+        """Set standard input bits of a sync manager; the next step publishes them.
+
+        What an emulated axis would show there stays as it was set.
+        """
+        self._set.add((sm, bit))
+        self._write(sm, bit, bits, value)
+
+    def _write(self, sm: int, bit: int, bits: int, value: int) -> None:
+        write_bits(self.inputs[sm], bit, bits, value)
         self._unpublished.add(sm)
 
     def step(self, now_ns: int, io: ProcessData) -> None:
@@ -157,7 +70,8 @@ class EmulatedDevice:
             if answer is not None:
                 self.inputs[port.tx_sm][port.tx_byte : port.tx_byte + len(answer)] = answer
                 changed.add(port.tx_sm)
-        self._decide()
+        self._decide(now_ns)
+        self._move(now_ns, io)
         for sm in changed:
             io.write_inputs(sm, bytes(self.inputs[sm]))
         changed.clear()
@@ -167,8 +81,25 @@ class EmulatedDevice:
         port.instance.enable = port.instance.state is State.DATA
         for name in port.mirrored:
             port.sends[name].write(port.safe, port.received(name))
+        for name, value in port.reported.items():
+            port.sends[name].write(port.safe, value)
 
-    def _decide(self) -> None:
+    def _move(self, now_ns: int, io: ProcessData) -> None:
+        """Let every axis take one step."""
+        if not self.axes:
+            return
+        image = functools.cache(io.read_outputs)
+        operational = io.operational()
+        for wired in self.axes:
+            axis = wired.axis
+            axis.step(now_ns, image, wired.demand(), operational=operational)
+            wired.report()
+            for sm, bit, bits, value in axis.objects.inputs():
+                if self._shown.get((sm, bit)) != value and (sm, bit) not in self._set:
+                    self._shown[sm, bit] = value
+                    self._write(sm, bit, bits, value)
+
+    def _decide(self, now_ns: int) -> None:
         """Run the logic of a safety master over all its connections."""
         mains = [p for p in self.ports if p.is_main]
         if not mains:
@@ -176,11 +107,17 @@ class EmulatedDevice:
         due = [p for p in mains if p.setup.connection.name not in self.away]
         good = all(p.instance.state is State.DATA and p.instance.data_valid for p in due)
         good = good and all(p.received(name) for p, name in self.logic_inputs if p in due)
-        on = self.logic.update(good)
+        self.logic.update(good, now_ns)
+        self._switch(mains)
+
+    def _switch(self, mains: Sequence[Port]) -> None:
+        """Give the outputs of the logic to the frames of its connections."""
+        held = [(port, name) for port, name in self.logic_outputs if self.logic.is_on(name)]
         for port in mains:
             port.safe[:] = bytes(len(port.safe))
-            port.instance.enable = on and port.instance.state is State.DATA
-        for port, name in self.logic_outputs if on else ():
+            enabled = self.logic.on or any(p is port for p, _ in held)
+            port.instance.enable = enabled and port.instance.state is State.DATA
+        for port, name in held:
             signal = port.sends[name]
             signal.write(port.safe, (1 << signal.bits) - 1)
 
@@ -191,6 +128,9 @@ class EmulatedDevice:
         """
         for port in self.ports:
             port.instance.power_cycle()
+        for wired in self.axes:
+            wired.axis.power_cycle()
+        self._shown.clear()
         for data in self.inputs.values():
             data[:] = bytes(len(data))
-        self.logic.on = False
+        self.logic.power_cycle()

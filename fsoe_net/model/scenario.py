@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fsoe_net.model.bus import Located
+from fsoe_net.model.drives import DriveSetup
 
 __all__ = ["Action", "Expectation", "LogicChoice", "Scenario", "ScenarioStep"]
 
@@ -25,6 +26,7 @@ class Action(enum.Enum):
     FSOE_ADDRESS = "fsoe_address"
     PLUG = "plug"
     PULL = "pull"
+    DRIVE_FAULT = "drive_fault"
     # On an emulated segment only:
     CUT = "cut"
     SPLICE = "splice"
@@ -59,6 +61,7 @@ _ON_SEGMENT = frozenset(Action) - {
     Action.FSOE_ADDRESS,
     Action.PLUG,
     Action.PULL,
+    Action.DRIVE_FAULT,
 }
 
 
@@ -83,6 +86,8 @@ class ScenarioStep(Located):
 class Expectation(Located):
     """What must hold from ``from_ns`` to ``to_ns`` (equal: at that moment).
 
+    ``drives`` are states of emulated axes, in the words of a statusword.
+
     ``state`` is a word such as ``data_process`` for ``connection`` (empty: for all).
     ``safe_outputs`` are values the SubInstances hand to their outputs. ``outputs_on`` is the
     verdict of the logic. ``min_resets`` and ``max_resets`` bound the Resets since the start.
@@ -96,23 +101,29 @@ class Expectation(Located):
     outputs_on: bool | None = None
     min_resets: int | None = None
     max_resets: int | None = None
+    drives: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogicChoice:
-    """Which safe inputs must be 1, and which safe outputs are switched; ``None``: the default."""
+    """Which safe inputs must be 1, and which safe outputs are switched; ``None``: the default.
+
+    ``delays_ns`` are outputs that go off later than the others, as those of an SS1 do.
+    """
 
     inputs: tuple[str, ...] | None = None
     outputs: tuple[str, ...] | None = None
+    delays_ns: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(Located):
-    """A scenario file."""
+    """A scenario file; ``drives`` are emulated axes by name."""
 
     path: str
     duration_ns: int | None
     initial: Mapping[str, int] = field(default_factory=dict)
     logic: LogicChoice = field(default_factory=LogicChoice)
+    drives: Mapping[str, DriveSetup] = field(default_factory=dict)
     steps: tuple[ScenarioStep, ...] = ()
     expectations: tuple[Expectation, ...] = ()

@@ -45,6 +45,10 @@ class Signal:
 
 def write_bits(data: bytearray, bit: int, bits: int, value: int) -> None:
     """Put a value at a bit offset, low bit first; bits that do not fit are cut off."""
+    if not (bit | bits) % 8:  # most are whole bytes
+        first, count = bit // 8, bits // 8
+        data[first : first + count] = (value & ((1 << bits) - 1)).to_bytes(count, "little")
+        return
     mask = ((1 << bits) - 1) << bit
     whole = int.from_bytes(data, "little") & ~mask | value << bit & mask
     data[:] = whole.to_bytes(len(data), "little")

@@ -1,26 +1,23 @@
-"""FSN470 … FSN474: process data of drives by CiA 402 (IEC 61800-7-201, ETG.6010).
-
-A drive is a device that takes a controlword. Axis n of a device has its objects 0x800 * n higher,
-without gaps from axis 0.
-"""
+"""FSN470 … FSN474: process data of drives by CiA 402 (IEC 61800-7-201, ETG.6010)."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.model.bus import Device, Direction, Entry, SubDevice
+from fsoe_net.model.bus import Device, Entry, SubDevice
+from fsoe_net.model.drives import CONTROLWORD as _CONTROLWORD
+from fsoe_net.model.drives import drive_axes
+from fsoe_net.model.layout import Placed
 from fsoe_net.rules.context import Context
 
 __all__ = ["check_drives"]
 
 # It sends the actual position until a controller commands another, once it has read 0x6061.
 _SENDS_ACTUAL = "ethercat_generic_plugins/EcCiA402Drive"
-_AXES = 8
-_AXIS = 0x800
-_CONTROLWORD, _STATUSWORD = 0x6040, 0x6041
+_STATUSWORD = 0x6041
 _MODE, _MODE_DISPLAY = 0x6060, 0x6061
 _TARGET_POSITION, _ACTUAL_POSITION = 0x607A, 0x6064
 # Cyclic modes: name, and the target that comes with each cycle.
@@ -33,7 +30,7 @@ _CYCLIC = {
 
 @dataclass(frozen=True, slots=True)
 class _Axis:
-    """Process data of one axis, by the object that axis 0 would have."""
+    """An axis of a device, its entries by the object that axis 0 would have."""
 
     device: Device
     base: int
@@ -57,26 +54,14 @@ class _Axis:
 def check_drives(ctx: Context) -> None:
     """Check each device type that has axes once."""
     for _, device, sub in ctx.devices():
-        for axis in _axes(device):
+        for found in drive_axes(device.layout):
+            axis = _Axis(device, found.base, _entries(found.outputs), _entries(found.inputs))
             _feedback(ctx, axis)
             _targets(ctx, axis, sub)
 
 
-def _axes(device: Device) -> Iterator[_Axis]:
-    sides: dict[Direction, dict[int, Entry]] = {side: {} for side in Direction}
-    for sm in device.layout.managers:
-        for placed in sm.placed:
-            if not placed.entry.is_gap and sm.sm.direction is not None:
-                sides[sm.sm.direction].setdefault(placed.entry.index, placed.entry)
-    outputs, inputs = sides[Direction.OUTPUT], sides[Direction.INPUT]
-    for base in range(0, _AXES * _AXIS, _AXIS):
-        if _CONTROLWORD + base not in outputs:
-            return  # 0x7040 alone is an output of a terminal (ETG.5001)
-        yield _Axis(device, base, _from(outputs, base), _from(inputs, base))
-
-
-def _from(entries: Mapping[int, Entry], base: int) -> dict[int, Entry]:
-    return {i - base: e for i, e in entries.items() if 0x6000 <= i - base < 0x6000 + _AXIS}
+def _entries(placed: Mapping[int, tuple[int, Placed]]) -> dict[int, Entry]:
+    return {index: place.entry for index, (_, place) in placed.items()}
 
 
 def _is_fixed(entry: Entry) -> bool:

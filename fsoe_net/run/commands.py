@@ -158,6 +158,7 @@ _FORMS = {
     "release": _Form("", _button(Action.RELEASE)),
     "set": _Form("SIGNAL VALUE", _values(Action.SET, 2**64 - 1)),
     "fsoe-address": _Form("SUBDEVICE ADDRESS", _values(Action.FSOE_ADDRESS, 0xFFFF)),
+    "drive-fault": _Form("DRIVE CODE", _values(Action.DRIVE_FAULT, 0xFFFF)),
     "cut": _Form("SUBDEVICE|main", _target(Action.CUT)),
     "splice": _Form("SUBDEVICE|main", _target(Action.SPLICE)),
     "swap": _Form("SUBDEVICE SUBDEVICE", _swap),

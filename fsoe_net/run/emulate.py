@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink, sum_counts
 from fsoe_net.diag.words import counted
 from fsoe_net.model.scenario import ScenarioStep
+from fsoe_net.run.drive_objects import DriveObjects
 from fsoe_net.run.engine import state_word
 from fsoe_net.run.faults import apply_step
 from fsoe_net.run.live_objects import LiveObjects
@@ -46,6 +47,7 @@ class SegmentSession(ScenarioRun):
         self.segments = tuple(map(Segment, self.plan.parts()))
         self._objects = LiveObjects(self._of, self.network)
         self._objects.update()
+        self._drives = DriveObjects(self._of, self.network)
         return self.segment if len(self.segments) == 1 else _Sides(self.segments)
 
     @property
@@ -62,6 +64,10 @@ class SegmentSession(ScenarioRun):
         if present:  # what is plugged in starts as after power-on, its FSoE end as well
             self.network.devices[name].power_cycle()
 
+    def _is_operational(self, name: str) -> bool:
+        segment = self._of(name)
+        return segment.al_status(segment.position(name)).state == "OP"
+
     def _on_bus(self, step: ScenarioStep) -> None:
         apply_step(self.segments, step)
 
@@ -72,6 +78,7 @@ class SegmentSession(ScenarioRun):
         """Let everything take one step, and the devices report what has become of it."""
         super().step_devices(now_ns)
         self._objects.update()
+        self._drives.update()
 
     def states(self) -> dict[str, AlStatus]:
         """Return the AL state of every SubDevice."""

@@ -7,7 +7,9 @@ from collections.abc import Callable
 
 from fsoe_net.diag.words import counted
 from fsoe_net.emul.bus import EmulatedDevices
-from fsoe_net.emul.device import Port
+from fsoe_net.emul.drive.axis import EmulatedAxis
+from fsoe_net.emul.drive.power import PdsState
+from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.model.scenario import Action, Expectation, Scenario, ScenarioStep
@@ -66,9 +68,14 @@ class Engine:
         self._set_present = set_present
         self._plug = plug
         self._is_due = is_due
-        self._set_output = set_output
         self._set_input = set_input
         self._on_bus = on_bus
+        self._setters: dict[Action, Callable[[str, int], None]] = {
+            Action.SET: self._set_value,
+            Action.OUTPUT: set_output,
+            Action.DRIVE_FAULT: self._trip,
+            Action.FSOE_ADDRESS: network.set_address,
+        }
         self._steps = list(scenario.steps) if scenario else []
         self._next_step = 0
         self._open = list(scenario.expectations) if scenario else []
@@ -79,8 +86,10 @@ class Engine:
         self._was_on = dict.fromkeys((d.name for d in network.masters), False)
         for name in network.default_inputs():
             network.set_good(name)
+        self._drive_states: dict[str, tuple[PdsState, bool]] = {}
         if scenario is not None:
             network.choose_logic(scenario.logic)
+            network.choose_drives(scenario.drives)
             for name in scenario.logic.inputs or ():
                 network.set_good(name)
             for name, value in scenario.initial.items():
@@ -100,13 +109,7 @@ class Engine:
     def do(self, step: ScenarioStep, now_ns: int, source: str = "scenario") -> None:
         """Do one step that fits the network."""
         self.log(now_ns, source, _step_text(step))
-        if step.action is Action.SET:
-            for name, value in step.values.items():
-                if self.network.has_safe_input(name):
-                    self.network.set_safe_input(name, value)
-                else:
-                    self._set_input(name, value)
-        elif step.action in (Action.PRESS, Action.RELEASE):
+        if step.action in (Action.PRESS, Action.RELEASE):
             self._press(step.action is Action.PRESS)
         elif step.action in (Action.BREAK, Action.HEAL, Action.PLUG, Action.PULL):
             is_group = step.action in (Action.PLUG, Action.PULL)
@@ -117,14 +120,22 @@ class Engine:
             self._on_bus(step)
         elif step.action is Action.LOCAL_RESET:
             self.network.mains[step.target].instance.request_reset()
-        elif step.action is Action.OUTPUT:
+        elif step.action in self._setters:
             for name, value in step.values.items():
-                self._set_output(name, value)
-        else:
+                self._setters[step.action](name, value)
             if step.action is Action.FSOE_ADDRESS:
-                for name, value in step.values.items():
-                    self.network.set_address(name, value)
+                self._on_bus(step)
+        else:
             self._on_bus(step)
+
+    def _set_value(self, name: str, value: int) -> None:
+        if self.network.has_safe_input(name):
+            self.network.set_safe_input(name, value)
+        else:
+            self._set_input(name, value)
+
+    def _trip(self, name: str, error_code: int) -> None:
+        self.network.axes[name].axis.trip(error_code)
 
     def _press(self, pressed: bool) -> None:
         for device in self.network.masters:
@@ -159,8 +170,21 @@ class Engine:
             if device.logic.on is not self._was_on[device.name]:
                 self._was_on[device.name] = device.logic.on
                 self.log(now_ns, device.name, f"outputs {'on' if device.logic.on else 'off'}")
+        for name, wired in self.network.axes.items():
+            self._drive_events(name, wired.axis, now_ns)
         if self._open:
             self._judge(now_ns)
+
+    def _drive_events(self, name: str, axis: EmulatedAxis, now_ns: int) -> None:
+        seen = axis.power.state, axis.safe.torque_off
+        before = self._drive_states.get(name, (PdsState.NOT_READY, True))
+        if seen == before:
+            return
+        self._drive_states[name] = seen
+        if seen[0] is not before[0]:
+            code = axis.power.error_code
+            with_code = f", error 0x{code:04x}" if code else ""
+            self.log(now_ns, name, f"{seen[0].words}{with_code}")
 
     def _instance_events(self, name: str, port: Port, now_ns: int) -> None:
         end = "MainInstance" if port.is_main else "SubInstance"
@@ -205,6 +229,10 @@ class Engine:
             got = self.network.safe_output(name)
             if got != value:
                 return f"{name} was {got}"
+        for name, wanted in expectation.drives.items():
+            axis = self.network.axes[name].axis
+            if axis.power.state.key != wanted:
+                return f"{name} was in {axis.power.state.key}"
         if expectation.outputs_on is not None:
             for device in self.network.masters:
                 if device.logic.on is not expectation.outputs_on:
@@ -267,6 +295,7 @@ def _expectation_text(e: Expectation) -> str:
         parts.append(f"{e.connection or 'every connection'} in {e.state}")
     if e.safe_outputs:
         parts.append(_values_text(e.safe_outputs))
+    parts += [f"{name} in {state}" for name, state in e.drives.items()]
     if e.outputs_on is not None:
         parts.append(f"outputs {'on' if e.outputs_on else 'off'}")
     who = e.connection or "every connection"

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator
 
 from fsoe_net.core.segment import Segment
 from fsoe_net.emul.bus import EmulatedDevices
-from fsoe_net.emul.device import EmulatedDevice, Port
+from fsoe_net.emul.device import EmulatedDevice
+from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import State
 
 __all__ = ["LiveObjects"]

@@ -37,6 +37,7 @@ class ScenarioNames:
     connections: frozenset[str]
     subs: frozenset[str]
     groups: frozenset[str]
+    axes: frozenset[str]
     segment: bool
     """Whether the bus is an emulated segment, with cables and mailboxes."""
 
@@ -53,6 +54,7 @@ class ScenarioNames:
             connections=frozenset(network.mains),
             subs=frozenset(p.setup.connection.sub.name for p in network.subs.values()),
             groups=frozenset(g.name for g in plan.groups),
+            axes=frozenset(network.axes),
             segment=segment,
         )
 
@@ -85,6 +87,15 @@ def check_scenario(scenario: Scenario, names: ScenarioNames) -> list[Diagnostic]
         check.known(name, names.safe_inputs, "safe input", scenario.at("logic"))
     for name in scenario.logic.outputs or ():
         check.known(name, names.safe_outputs, "safe output", scenario.at("logic"))
+    for name in scenario.logic.delays_ns:
+        check.known(name, names.safe_outputs, "safe output", scenario.at("logic"))
+    for name, setup in scenario.drives.items():
+        check.known(name, names.axes, "drive", scenario.at(name))
+        for key, output in (("sto", setup.sto), ("ss1", setup.ss1)):
+            if output is not None:
+                check.known(output, names.safe_outputs, "safe output", setup.at(key))
+        for output in setup.sls or ():
+            check.known(output, names.safe_outputs, "safe output", setup.at("sls"))
     for step in scenario.steps:
         check.step(step)
     for expectation in scenario.expectations:
@@ -92,6 +103,8 @@ def check_scenario(scenario: Scenario, names: ScenarioNames) -> list[Diagnostic]
             span = expectation.at("connection")
             check.known(expectation.connection, names.connections, "connection", span)
         check.values(expectation.safe_outputs, names.safe_outputs, "safe output", expectation)
+        for name in expectation.drives:
+            check.known(name, names.axes, "drive", expectation.at(name))
     return sort_diagnostics(check.found)
 
 
@@ -125,6 +138,8 @@ class _Check:
             self.known(step.target, names.devices, "SubDevice with process data", span)
         elif step.action is Action.LOCAL_RESET:
             self.known(step.target, names.connections, "connection", span)
+        elif step.action is Action.DRIVE_FAULT:
+            self.values(step.values, dict.fromkeys(names.axes, (1, 0xFFFF)), "drive", step)
         elif step.action is Action.FSOE_ADDRESS:
             self.values(step.values, dict.fromkeys(names.subs, (1, 0xFFFF)), "SubInstance", step)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import functools
 import hashlib
 from collections.abc import Callable
 from typing import Protocol
@@ -36,9 +37,12 @@ class DeviceSide(Protocol):
 class _Port:
     """Process data of one SubDevice; sync managers by their SM number."""
 
-    def __init__(self, bus: DeviceSide, numbers: dict[int, int]) -> None:
+    def __init__(
+        self, bus: DeviceSide, numbers: dict[int, int], operational: Callable[[], bool]
+    ) -> None:
         self._bus = bus
         self._numbers = numbers
+        self.operational = operational
 
     def read_outputs(self, sm: int) -> bytes:
         return self._bus.read_outputs(self._numbers[sm])
@@ -93,7 +97,8 @@ class ScenarioRun(abc.ABC):
         for sub in self.records.subdevices:
             numbers = range(sub.first_sm, sub.first_sm + sub.sm_count)
             sms = {self.records.sync_managers[n].index: n for n in numbers}
-            self._ports.setdefault(sub.name, _Port(bus, sms))
+            operational = functools.partial(self._is_operational, sub.name)
+            self._ports.setdefault(sub.name, _Port(bus, sms, operational))
 
     @abc.abstractmethod
     def _open(self) -> DeviceSide:
@@ -153,6 +158,10 @@ class ScenarioRun(abc.ABC):
     @abc.abstractmethod
     def _set_present(self, name: str, present: bool) -> None:
         """Unplug a SubDevice or plug it in."""
+
+    @abc.abstractmethod
+    def _is_operational(self, name: str) -> bool:
+        """Return whether outputs reach a SubDevice."""
 
     def is_due(self, connection: str) -> bool:
         """Return whether both ends of a connection are there, or must be."""

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from fsoe_net.core.core import Core, EmulatedBus
 from fsoe_net.core.snapshot import ConnectionSnapshot, Snapshot
-from fsoe_net.emul.device import Port
+from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import State
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.model.scenario import ScenarioStep
@@ -53,6 +53,9 @@ class Session(ScenarioRun):
         self.returns[name] += present and name in self.absent
         (self.absent.discard if present else self.absent.add)(name)
         self.bus.set_present(self.plan.subdevice_names.index(name), present)
+
+    def _is_operational(self, name: str) -> bool:
+        return name not in self.absent
 
     def _set_output(self, name: str, value: int) -> None:
         self.core.set_output(self.plan.symbols[name], value)

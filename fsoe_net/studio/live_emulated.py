@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from fsoe_net import __version__
 from fsoe_net.emul.bus import EmulatedDevices
-from fsoe_net.emul.device import Port
+from fsoe_net.emul.port import Port
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot, read_subdevice

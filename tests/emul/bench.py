@@ -33,6 +33,10 @@ class Io:
     """Process data of one SubDevice."""
 
     data: dict[int, bytearray]
+    in_op: bool = True
+
+    def operational(self) -> bool:
+        return self.in_op
 
     def read_outputs(self, sm: int) -> bytes:
         return bytes(self.data[sm])

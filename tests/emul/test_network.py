@@ -192,18 +192,29 @@ def test_crossed_drives_do_not_reach_data():
     assert b.network.mains["el6910-el1904"].instance.state is State.DATA
 
 
-def test_drive_status_mirrors_the_command_until_it_is_set():
+def test_drive_reports_its_torque_until_that_is_set():
+    """To the drive 0 demands STO, from the drive 1 reports it."""
     b = in_data(ROBOT)
     main = b.network.mains["el6910-drive_1"]
     sto = "drive_1.0x6640:00"
-    assert main.received(sto) == 0
+    assert main.received(sto) == 1
     b.click()
     b.run(4)
-    assert (b.network.safe_output(sto), main.received(sto)) == (1, 1)
-    b.network.set_safe_input(sto, 0)  # the drive reports what it was not told
-    b.run(6)
     assert (b.network.safe_output(sto), main.received(sto)) == (1, 0)
-    assert b.network.mains["el6910-drive_2"].received("drive_2.0x6640:00") == 1
+    b.network.set_safe_input(sto, 1)  # the drive reports what is not so
+    b.run(6)
+    assert (b.network.safe_output(sto), main.received(sto)) == (1, 1)
+    assert b.network.mains["el6910-drive_2"].received("drive_2.0x6640:00") == 0
+
+
+def test_other_safe_data_of_a_drive_mirror_what_it_receives():
+    b = in_data(ROBOT)
+    main = b.network.mains["el6910-drive_1"]
+    brake = "drive_1.0x6660:00"
+    assert main.received(brake) == 0
+    b.click()
+    b.run(4)
+    assert (b.network.safe_output(brake), main.received(brake)) == (1, 1)
 
 
 def test_power_cycle_of_the_master_needs_a_new_reset():

@@ -12,7 +12,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files
 from fsoe_net.run.session import run_live
 
-FOLDERS = ["estop", "el6910", "two-buses", "tool-exchange"]
+FOLDERS = ["estop", "el6910", "two-buses", "tool-exchange", "robot-cell"]
 INPUTS = [
     ["estop/network.yaml"],
     ["estop/estop.urdf.xacro", "estop/transfers.yaml"],

@@ -79,6 +79,9 @@ class Wire:
     def write_inputs(self, sm: int, data: bytes) -> None:
         self._io.write_inputs(sm, self._inputs(sm, data))
 
+    def operational(self) -> bool:
+        return bool(self._io.operational())
+
 
 class CoreProxy:
     """A core whose cycle images somebody changes."""

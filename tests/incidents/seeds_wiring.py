@@ -6,7 +6,7 @@ from pathlib import Path
 
 from incidents.rig import CELL, COUPLER, ESTOP, MS, Rig, Seed, config, edited, network
 
-from fsoe_net.emul.device import main_port
+from fsoe_net.emul.port import main_port
 from fsoe_net.emul.setup import choose_setups
 from fsoe_net.run.session import counted_session_ids
 

@@ -215,7 +215,7 @@ def test_what_a_step_may_name_on_a_segment(action: Action, more: dict[str, Any],
     names = ScenarioNames(
         safe_inputs={}, safe_outputs={}, inputs={}, outputs={}, subdevices=frozenset("a"),
         devices=frozenset(), connections=frozenset(), groups=frozenset(),
-        subs=frozenset(), segment=True,
+        subs=frozenset(), axes=frozenset(), segment=True,
     )  # fmt: skip
     found = check_step(ScenarioStep(span=HERE, at_ns=0, action=action, **more), names)
     assert "".join(d.message for d in found) == text

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span, sort_diagnostics
+from fsoe_net.formats.own.scenario_drives import read_drives
 from fsoe_net.formats.own.scenario_steps import step_arguments
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
@@ -19,7 +20,7 @@ __all__ = ["load_scenario"]
 _MAX_MS = 7 * 24 * 3600 * 1000.0
 _MOST_RESETS = 10**9
 _INTEGER = re.compile(r"[+-]?[0-9]+\Z|0[xX][0-9a-fA-F]+\Z")
-_ASKED = ("state", "safe_outputs", "outputs", "min_resets", "max_resets")
+_ASKED = ("state", "safe_outputs", "outputs", "min_resets", "max_resets", "drives")
 
 
 def load_scenario(
@@ -35,17 +36,17 @@ def load_scenario(
     if root is None:
         return None, sort_diagnostics(out.diagnostics)
     _check_structure(root, out)
-    logic = root.get("logic")
     duration_ms = _ms(root, "duration_s", out, 1000)
     if duration_ms == 0:
         out.add("FSN113", root.at("duration_s"), "duration_s is 0", hint="write 3, or leave it out")
     scenario = Scenario(
         span=root.span,
-        fields=_deep_places(root, "initial"),
+        fields=_deep_places(root, "initial", "drives"),
         path=os.fspath(path),
         duration_ns=None if duration_ms is None else round(duration_ms * 1e6),
         initial=_values(root, "initial", out),
-        logic=LogicChoice(inputs=_names(logic, "inputs"), outputs=_names(logic, "outputs")),
+        logic=_logic(root.get("logic"), out),
+        drives=read_drives(root.get("drives"), out),
         steps=tuple(
             sorted(
                 (step for node in root.maps("steps") for step in _steps(node, out)),
@@ -117,6 +118,11 @@ def _names(node: object, key: str) -> tuple[str, ...] | None:
     return tuple(i.text for i in items.items if isinstance(i, ScalarNode))
 
 
+def _texts(node: Node | None) -> dict[str, str]:
+    pairs = node.pairs if isinstance(node, MapNode) else {}
+    return {name: item.text for name, item in pairs.items() if isinstance(item, ScalarNode)}
+
+
 def _steps(node: MapNode, out: Collector) -> list[ScenarioStep]:
     at_ms = _ms(node, "at_ms", out)
     if at_ms is None:
@@ -145,10 +151,26 @@ def _steps(node: MapNode, out: Collector) -> list[ScenarioStep]:
     ]
 
 
-def _deep_places(node: MapNode, key: str) -> dict[str, Span]:
-    """Places of the keys, and of the names inside a map of values."""
-    inner = node.get(key)
-    return node.places() | (inner.keys if isinstance(inner, MapNode) else {})
+def _logic(node: Node | None, out: Collector) -> LogicChoice:
+    if not isinstance(node, MapNode):
+        return LogicChoice()
+    delays = node.get("off_delay_ms")
+    pairs = delays.pairs if isinstance(delays, MapNode) else {}
+    times = {name: _time(item, out, what="off_delay_ms") for name, item in pairs.items()}
+    return LogicChoice(
+        inputs=_names(node, "inputs"),
+        outputs=_names(node, "outputs"),
+        delays_ns={name: round(ms * 1e6) for name, ms in times.items() if ms is not None},
+    )
+
+
+def _deep_places(node: MapNode, *keys: str) -> dict[str, Span]:
+    """Places of the keys, and of the names inside maps of values."""
+    places = dict(node.places())
+    for key in keys:
+        inner = node.get(key)
+        places |= inner.keys if isinstance(inner, MapNode) else {}
+    return places
 
 
 def _expectation(node: MapNode, out: Collector) -> Expectation | None:
@@ -158,7 +180,7 @@ def _expectation(node: MapNode, out: Collector) -> Expectation | None:
     outputs = (node.text("outputs") or "").lower()
     expectation = Expectation(
         span=node.span,
-        fields=_deep_places(node, "safe_outputs"),
+        fields=_deep_places(node, "safe_outputs", "drives"),
         from_ns=window[0],
         to_ns=window[1],
         connection=node.text("connection") or "",
@@ -167,6 +189,7 @@ def _expectation(node: MapNode, out: Collector) -> Expectation | None:
         outputs_on=outputs in ("on", "true") if outputs else None,
         min_resets=own_int(node, "min_resets", _MOST_RESETS, out),
         max_resets=own_int(node, "max_resets", _MOST_RESETS, out),
+        drives=_texts(node.get("drives")),
     )
     if not any(key in node.pairs for key in _ASKED):
         out.add(

@@ -1,0 +1,1 @@
+"""Emulated drives by CiA 402: state machine, motion, safety functions, motor. Time is given."""

@@ -1,0 +1,108 @@
+"""Safety functions that an emulated drive does itself: STO, SS1, SLS (IEC 61800-5-2)."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["SafeDemand", "SafeDrive"]
+
+
+@dataclass(frozen=True, slots=True)
+class SafeDemand:
+    """What the safe data demand now; ``sls_speeds`` are the limits in rad/s that are demanded."""
+
+    sto: bool = False
+    ss1: bool = False
+    sls_speeds: Sequence[float] = ()
+    acknowledge: bool = False
+
+
+class _Stop(enum.Enum):
+    NO = enum.auto()
+    RAMP = enum.auto()
+    OFF = enum.auto()
+
+
+@dataclass(slots=True)
+class SafeDrive:
+    """What the safety functions let the axis do.
+
+    STO takes the torque at once. SS1 lets the axis stop and then takes the torque, at the latest
+    after its time. SLS limits the speed and, once its delay is over, watches it: too fast is an SS1
+    that stays until it is acknowledged, or STO was demanded and released.
+
+    Args:
+        ss1_ns: Longest time of an SS1.
+        sls_delay_ns: Time to slow down before the limit is watched.
+    """
+
+    ss1_ns: int
+    sls_delay_ns: int
+    violated: bool = False
+    _stop: _Stop = _Stop.OFF
+    _stopping_since_ns: int = 0
+    _limit: float | None = None
+    _limit_since_ns: int = 0
+    _was_acknowledged: bool = False
+    _now_ns: int = 0
+
+    @property
+    def torque_off(self) -> bool:
+        """Whether the torque is off (STO)."""
+        return self._stop is _Stop.OFF
+
+    @property
+    def stopping(self) -> bool:
+        """Whether the axis has to stop by a ramp (SS1)."""
+        return self._stop is _Stop.RAMP
+
+    @property
+    def speed_limit(self) -> float | None:
+        """Speed that the axis is held to in rad/s."""
+        return self._limit
+
+    @property
+    def limit_watched(self) -> bool:
+        """Whether a speed limit is in force."""
+        waited_ns = self._now_ns - self._limit_since_ns
+        return self._limit is not None and waited_ns >= self.sls_delay_ns
+
+    def step(self, now_ns: int, demand: SafeDemand, speed: float, *, standing: bool) -> None:
+        """Look at what is demanded.
+
+        Args:
+            now_ns: This moment.
+            demand: Of the safe data.
+            speed: Of the motor in rad/s.
+            standing: The ramp that stops the axis is at its end.
+        """
+        self._now_ns = now_ns
+        self._watch(demand, speed)
+        if demand.sto:
+            self._stop = _Stop.OFF
+        elif demand.ss1 or self.violated:
+            if self._stop is _Stop.NO:
+                self._stop, self._stopping_since_ns = _Stop.RAMP, now_ns
+            elif self._stop is _Stop.RAMP and (
+                standing or now_ns - self._stopping_since_ns >= self.ss1_ns
+            ):
+                self._stop = _Stop.OFF
+        else:
+            self._stop = _Stop.NO
+
+    def _watch(self, demand: SafeDemand, speed: float) -> None:
+        edge = demand.acknowledge and not self._was_acknowledged
+        self._was_acknowledged = demand.acknowledge
+        if demand.sto or edge:
+            self.violated = False
+        limit = min(demand.sls_speeds, default=None)
+        if limit is not None and (self._limit is None or limit < self._limit):
+            self._limit_since_ns = self._now_ns
+        self._limit = limit
+        if self.limit_watched and limit is not None and abs(speed) > limit * _TOLERANCE:
+            self.violated = True
+
+
+_TOLERANCE = 1.02  # control overshoots a little; a safe encoder has its resolution

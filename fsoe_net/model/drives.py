@@ -1,0 +1,99 @@
+"""Drives by CiA 402 (IEC 61800-7-201, ETG.6010): their axes in process data, and their plant.
+
+A drive is a device that takes a controlword. Axis n of a device has its objects 0x800 * n higher,
+without gaps from axis 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Direction, Located
+from fsoe_net.model.layout import DeviceLayout, Placed
+
+__all__ = ["AXIS_STEP", "CONTROLWORD", "DriveAxis", "DriveSetup", "axis_name", "drive_axes"]
+
+CONTROLWORD = 0x6040
+AXIS_STEP = 0x800
+_AXES = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveAxis:
+    """Process data of one axis outside FSoE frames, by the object that axis 0 would have.
+
+    ``outputs`` and ``inputs`` hold the number of a sync manager and the first entry with that
+    object, by object (index without the offset of the axis).
+    """
+
+    number: int
+    outputs: Mapping[int, tuple[int, Placed]]
+    inputs: Mapping[int, tuple[int, Placed]]
+
+    @property
+    def base(self) -> int:
+        """What is added to the objects of axis 0."""
+        return self.number * AXIS_STEP
+
+
+def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
+    """Return the axes of a device; none when it takes no controlword."""
+    sides: dict[Direction, dict[int, tuple[int, Placed]]] = {side: {} for side in Direction}
+    for sm in layout.managers:
+        for placed in sm.placed:
+            if placed.entry.is_gap or sm.sm.direction is None or sm.block_at(placed.bit_offset):
+                continue
+            found = sides[sm.sm.direction]
+            found.setdefault(placed.entry.index, (sm.sm.index, placed))
+    outputs, inputs = sides[Direction.OUTPUT], sides[Direction.INPUT]
+    axes = []
+    for number in range(_AXES):
+        base = number * AXIS_STEP
+        if CONTROLWORD + base not in outputs:
+            break  # 0x7040 alone is an output of a terminal (ETG.5001)
+        axes.append(DriveAxis(number=number, outputs=_of(outputs, base), inputs=_of(inputs, base)))
+    return tuple(axes)
+
+
+def _of(entries: Mapping[int, tuple[int, Placed]], base: int) -> dict[int, tuple[int, Placed]]:
+    return {i - base: e for i, e in entries.items() if 0x6000 <= i - base < 0x6000 + AXIS_STEP}
+
+
+def axis_name(subdevice: str, number: int) -> str:
+    """Return ``drive`` for axis 0 and ``drive.2`` for axis 2: how people name an axis."""
+    return f"{subdevice}.{number}" if number else subdevice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveSetup(Located):
+    """An emulated axis: motor, load, limits, and which safe outputs act on it.
+
+    Lengths are revolutions of the motor. ``limits_rev`` are position limits; ``home_switch_rev`` is
+    where the switch is on. ``sto``, ``ss1`` and ``sls`` name safe outputs whose 0 demands the
+    function; ``None``: the objects of the drive profile in the frame of the same device.
+    ``sls_rpm`` belongs to the outputs of ``sls`` in their order; the last goes on for all others.
+    """
+
+    counts_per_rev: float = 65536
+    rated_torque_nm: float = 1.0
+    max_torque_nm: float = 3.0
+    inertia_kgm2: float = 0.001
+    friction_nm: float = 0.05
+    damping_nms: float = 0.001
+    max_rpm: float = 3000
+    acceleration_rev_s2: float = 50
+    quick_stop_rev_s2: float = 200
+    following_error_rev: float = 0.5
+    following_error_ms: float = 10
+    position_rev: float = 0
+    limits_rev: tuple[float, float] = (-math.inf, math.inf)
+    home_switch_rev: tuple[float, float] = (math.inf, math.inf)
+    sto: str | None = None
+    ss1: str | None = None
+    sls: tuple[str, ...] | None = None
+    sto_is_fault: bool = False
+    ss1_ms: float = 500
+    sls_rpm: tuple[float, ...] = (250,)
+    sls_delay_ms: float = 500
