@@ -275,7 +275,33 @@ def test_targets_beyond_position_limits_are_cut():
         rig.run()
     assert rig[0x6064] == pytest.approx(CPR, abs=3)
     assert rig[0x6041] & LIMITED
-    assert not rig[0x6041] & BIT_12
+    assert rig.state is S.OPERATION_ENABLED
+
+
+def test_a_target_that_is_seen_late_does_not_shake_the_motor():
+    """As on a wire: every tenth target is missed, and the next one is two steps away."""
+    rig = AxisRig(inertia_kgm2=0.004)
+    rig.enable(CSP)
+    for ms in range(3000):
+        target = 4 * CPR * (1 - math.cos(math.pi * ms / 1000)) / 2
+        if ms % 10:
+            rig[0x607A] = round(target)
+        rig.run()
+        assert not rig[0x6041] & LIMITED
+        assert abs(rig.revolutions - target / CPR) < 0.05
+
+
+def test_a_device_that_stood_still_for_a_while_does_not_stop_the_motor():
+    rig = AxisRig(inertia_kgm2=0.004)
+    rig.enable(CSP)
+    for ms in range(1000):
+        rig[0x607A] = round(2 * CPR * (1 - math.cos(math.pi * ms / 1000)) / 2)
+        if not 480 < ms < 500:
+            rig.run()
+        else:
+            rig.now_ns += 1_000_000  # the next step is twenty times as long
+        assert not rig[0x6041] & LIMITED
+    assert rig.revolutions == pytest.approx(2, abs=0.01)
 
 
 def test_a_limit_switch_stops_what_has_no_position():

@@ -208,7 +208,7 @@ class EmulatedAxis:
         if self._wanted_mode() != self._mode_number:
             self._start_mode(self._wanted_mode())
         if self.power.state is PdsState.OPERATION_ENABLED:
-            self._mode.command(self.controlword)
+            self._mode.command(self.controlword, passed_ns / 1e9)
         steps = -(-passed_ns // _STEP_NS)
         for _ in range(steps):
             self._move(passed_ns / steps / 1e9)

@@ -45,7 +45,7 @@ class Homing(ModeBase):
         self._was_started = True  # an edge before the mode counts for nothing
         self._switch, self._towards, self._passing = _METHODS[17]
 
-    def command(self, controlword: int) -> None:
+    def command(self, controlword: int, passed_s: float) -> None:
         """Start or interrupt."""
         start = bool(controlword & _START)
         if start and not self._was_started:

@@ -21,6 +21,7 @@ __all__ = [
 ]
 
 TARGET_REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
+_SMOOTH = 0.15  # of a target that is not where it was expected: so much in a cycle
 _NEW_SET_POINT, _AT_ONCE, _RELATIVE = 1 << 4, 1 << 5, 1 << 6
 
 
@@ -81,8 +82,13 @@ class ModeBase(abc.ABC):
         self.c = context
 
     @abc.abstractmethod
-    def command(self, controlword: int) -> None:
-        """Take what has been received."""
+    def command(self, controlword: int, passed_s: float) -> None:
+        """Take what has been received.
+
+        Args:
+            controlword: As it is.
+            passed_s: Time that this step of the device is going to take.
+        """
 
     @abc.abstractmethod
     def move(self, step_s: float) -> None:
@@ -96,7 +102,7 @@ class ModeBase(abc.ABC):
 class NoMode(ModeBase):
     """Nothing chosen: the axis is held where it is."""
 
-    def command(self, controlword: int) -> None:
+    def command(self, controlword: int, passed_s: float) -> None:
         """Ignore it."""
 
     def move(self, step_s: float) -> None:
@@ -111,37 +117,48 @@ class NoMode(ModeBase):
 
 
 class CyclicPosition(ModeBase):
-    """CSP: the target of each cycle, reached one cycle later."""
+    """CSP: the target of each cycle.
+
+    A device that is not synchronous to the bus sees one target twice now and then, and the next one
+    not at all. What it follows is smoothed so that this does not shake the motor: a target that
+    moves at constant speed is followed without lag.
+    """
 
     watches_error = True
 
     def __init__(self, context: MotionContext) -> None:
         super().__init__(context)
-        self._target: float | None = None
+        self._angle, self._speed = context.servo.angle, context.servo.speed
         self._left_s = 0.0
         self._cut = False
 
-    def command(self, controlword: int) -> None:
+    def command(self, controlword: int, passed_s: float) -> None:
         """Take the target and its offset."""
         c = self.c
         wanted = c.angle_of(c.objects.value(0x607A) + c.objects.value(0x60B0))
         target = c.within_limits(wanted)
         self._cut = target != wanted
-        if self._target is None or abs(target - self._target) * c.counts_per_rad > 1e-3:
-            self._target, self._left_s = target, c.objects.interpolation_s
+        if passed_s <= 0:
+            return
+        # What came in a step that was longer than a cycle is as old as several targets.
+        weight = min(1.0, _SMOOTH * passed_s / c.objects.interpolation_s)
+        expected = self._angle + self._speed * passed_s
+        away = target - expected
+        self._angle = expected + weight * away
+        self._speed += weight**2 / (2 - weight) * away / passed_s
+        self._left_s = passed_s
 
     def move(self, step_s: float) -> None:
-        """Interpolate."""
-        servo, target = self.c.servo, self._target
-        if target is not None:
-            servo.interpolate(target, max(self._left_s, step_s), step_s)
-            self._left_s -= step_s
+        """Go on to where the target is expected at the end of this step of the device."""
+        servo = self.c.servo
+        servo.interpolate(self._angle, self._speed, max(self._left_s, step_s), step_s)
+        self._left_s -= step_s
         servo.follow(self.c.limits, step_s)
         servo.limited |= self._cut
 
     def bits(self) -> int:
-        """Return whether it follows."""
-        return 0 if self.c.servo.limited else BIT_12
+        """Return bit 12: the target is what is controlled, whatever limits it."""
+        return BIT_12
 
 
 class CyclicVelocity(ModeBase):
@@ -153,7 +170,7 @@ class CyclicVelocity(ModeBase):
         super().__init__(context)
         self._speed = 0.0
 
-    def command(self, controlword: int) -> None:
+    def command(self, controlword: int, passed_s: float) -> None:
         """Take the target and its offset."""
         self._speed = self.c.rad(0x60FF) + self.c.rad(0x60B1)
 
@@ -164,8 +181,8 @@ class CyclicVelocity(ModeBase):
         servo.control_speed(self._speed, self.c.limits, step_s)
 
     def bits(self) -> int:
-        """Return whether it follows."""
-        return 0 if self.c.servo.limited else BIT_12
+        """Return bit 12: the target is what is controlled, whatever limits it."""
+        return BIT_12
 
 
 class CyclicTorque(ModeBase):
@@ -177,7 +194,7 @@ class CyclicTorque(ModeBase):
         super().__init__(context)
         self._torque_nm = 0.0
 
-    def command(self, controlword: int) -> None:
+    def command(self, controlword: int, passed_s: float) -> None:
         """Take the target and its offset."""
         objects = self.c.objects
         per_mille = objects.value(0x6071) + objects.value(0x60B2)
@@ -189,8 +206,8 @@ class CyclicTorque(ModeBase):
         self.c.servo.take_over()
 
     def bits(self) -> int:
-        """Return whether it follows."""
-        return 0 if self.c.servo.limited else BIT_12
+        """Return bit 12: the target is what is controlled, whatever limits it."""
+        return BIT_12
 
 
 class ProfileVelocity(ModeBase):
@@ -202,7 +219,7 @@ class ProfileVelocity(ModeBase):
         super().__init__(context)
         self._speed = 0.0
 
-    def command(self, controlword: int) -> None:
+    def command(self, controlword: int, passed_s: float) -> None:
         """Take the target."""
         limit = self.c.limits.speed
         self._speed = max(-limit, min(limit, self.c.rad(0x60FF)))
@@ -238,7 +255,7 @@ class ProfilePosition(ModeBase):
         self._was_new = True  # an edge before the mode counts for nothing
         self._acknowledged = False
 
-    def command(self, controlword: int) -> None:
+    def command(self, controlword: int, passed_s: float) -> None:
         """Take a new set-point."""
         new = bool(controlword & _NEW_SET_POINT)
         if new and not self._was_new and not self._acknowledged:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from fsoe_net.emul.drive.plant import Plant
 
 __all__ = ["Limits", "Servo"]
 
-# Of an ideal current loop; far below 1 / time step (250 us).
-_POSITION_GAIN = 100.0  # 1/s
-_SPEED_GAIN = 1000.0  # 1/s
-_FEED_FORWARD_S = 0.004  # targets come in cycles, and a device sees one of them now and then late
+# With an ideal current loop; far below 1 / time step (250 us).
+_POSITION_GAIN = 60.0  # 1/s
+_SPEED_GAIN = 400.0  # 1/s
 _AT_REST = 1e-4  # rad/s: no friction is compensated below
 
 
@@ -40,12 +39,10 @@ class Servo:
     rate: float = 0.0
     torque_nm: float = 0.0
     limited: bool = False
-    _forward: float = field(default=0.0)
 
     def take_over(self) -> None:
         """Let the reference be where the motor is."""
         self.angle, self.speed, self.rate = self.plant.angle, self.plant.speed, 0.0
-        self._forward = self.speed
 
     def take_speed(self) -> None:
         """Let the reference have the speed of the motor, for the ramp that begins here."""
@@ -60,12 +57,10 @@ class Servo:
 
     # -- references -------------------------------------------------------------------------------
 
-    def interpolate(self, angle: float, left_s: float, step_s: float) -> None:
+    def interpolate(self, angle: float, speed: float, left_s: float, step_s: float) -> None:
         """Go to an angle that is due in ``left_s`` seconds, ``step_s`` of them now."""
-        moved = (angle - self.angle) * min(1.0, step_s / left_s)
-        self.angle += moved
-        self._forward += (moved / step_s - self._forward) * min(1.0, step_s / _FEED_FORWARD_S)
-        self.speed, self.rate = self._forward, 0.0
+        self.angle += (angle - self.angle) * min(1.0, step_s / left_s)
+        self.speed, self.rate = speed, 0.0
 
     def ramp(self, speed: float, rise: float, fall: float, step_s: float) -> None:
         """Approach a speed; ``rise`` and ``fall`` in rad/s² as its magnitude grows or shrinks."""
@@ -95,7 +90,6 @@ class Servo:
     def _settle(self, before: float, step_s: float) -> None:
         self.rate = (self.speed - before) / step_s
         self.angle += self.speed * step_s
-        self._forward = self.speed
 
     # -- torque -----------------------------------------------------------------------------------
 
