@@ -5,7 +5,7 @@ BUILD := $(or $(FSN_BUILD),build)
 PY := $(VENV)/bin/python
 FSN := $(VENV)/bin/fsoe-net
 
-.PHONY: demo test master clean
+.PHONY: demo robot-cell test master clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/.ready
@@ -18,6 +18,10 @@ demo: $(VENV)/.ready
 	$(FSN) run examples/estop/network.yaml --plan estop.fsnplan --scenario examples/estop/scenario.yaml
 	@echo; echo '== report'
 	$(FSN) report examples/estop/network.yaml --scenario examples/estop/scenario.yaml -o report.html --overwrite
+
+# Two axes over fsn-master and an emulated segment, an e-stop while they move, a picture.
+robot-cell: $(VENV)/bin/fsn-master
+	$(PY) examples/robot-cell/cell.py
 
 # The real-time executable, beside the tool in the virtual environment.
 master: $(VENV)/bin/fsn-master
@@ -51,4 +55,4 @@ $(VENV)/bin/fsn-master: $(VENV)/.ready-test $(SOURCES) $(shell find master_core/
 	@touch $@
 
 clean:
-	rm -rf $(VENV) build dist report.html estop.fsnplan
+	rm -rf $(VENV) build dist report.html estop.fsnplan robot-cell.svg motion.csv

@@ -21,7 +21,7 @@ __all__ = [
 ]
 
 TARGET_REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
-_SMOOTH = 0.15  # of a target that is not where it was expected: so much in a cycle
+_SMOOTH = 0.08  # of a target that is not where it was expected: so much in a cycle
 _NEW_SET_POINT, _AT_ONCE, _RELATIVE = 1 << 4, 1 << 5, 1 << 6
 
 
