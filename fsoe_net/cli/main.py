@@ -39,6 +39,7 @@ _GROUPS = {
         "log": "Show, verify and export the log of interventions of fsn-master.",
         "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
         "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
+        "ros2": "Show a running fsn-master to ROS 2: diagnostics, joints, values.",
         "incident": "Say why a connection dropped: one page from an incident file.",
     },
     "Hand it in": {

@@ -1,0 +1,137 @@
+"""``fsoe-net ros2``: a running ``fsn-master`` as a node of ROS 2."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import click
+
+from fsoe_net.cli.options import FILE, RUN_TIME, master_options, master_socket, overwrite_option
+from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
+from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.write import check_target
+from fsoe_net.diag.words import counted
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.ros2.names import is_node_name, legal_token
+
+__all__ = ["command"]
+
+_EPILOG = """\b
+Examples:
+  fsoe-net ros2 --interface eth1
+  fsoe-net ros2 --socket /run/fsn-master/fsn-master-eth1.sock --localhost --domain 7
+  fsoe-net ros2 --interface eth1 --record shift.mcap --duration 8h
+  fsoe-net ros2 --interface eth1 --localhost --allow-control
+
+Then, where ROS 2 is installed: ros2 topic echo /diagnostics, ros2 topic list.
+
+Exit codes: 0 ended by Ctrl-C or after --duration; 2 wrong use; 3 no fsn-master answers, cyclonedds
+is not installed, or DDS does not start."""
+
+
+def _node_name(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
+    if not is_node_name(value):
+        raise click.BadParameter(
+            f"{value!r} is not a name of a node; {legal_token(value)!r} would be"
+        )
+    return value
+
+
+@click.command("ros2", epilog=_EPILOG)
+@master_options
+@click.option(
+    "--domain",
+    type=click.IntRange(0, 232),
+    envvar="ROS_DOMAIN_ID",
+    default=0,
+    show_default=True,
+    help="Domain ID; else ROS_DOMAIN_ID.",
+)
+@click.option(
+    "--localhost",
+    is_flag=True,
+    help="This machine only, as ROS_LOCALHOST_ONLY=1 or ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST.",
+)
+@click.option(
+    "--name",
+    default="fsoe_net",
+    show_default=True,
+    callback=_node_name,
+    help="Name of the node; its topics are below it.",
+)
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=click.FloatRange(0.1, 1000),
+    default=50.0,
+    show_default=True,
+    help="Joints and changed values, times a second.",
+)
+@click.option("--record", type=FILE, metavar="FILE.mcap", help="Write all that is published.")
+@overwrite_option
+@click.option(
+    "--duration",
+    "duration_ns",
+    type=RUN_TIME,
+    metavar="TIME",
+    help="End after so long; default: when interrupted.",
+)
+@click.option(
+    "--allow-control",
+    is_flag=True,
+    help="Let every node of the domain set outputs, start and stop the bus.",
+)
+def command(
+    socket: str | None,
+    interface: str | None,
+    domain: int,
+    localhost: bool,
+    name: str,
+    rate_hz: float,
+    record: str | None,
+    overwrite: bool,
+    duration_ns: int | None,
+    allow_control: bool,
+) -> None:
+    """Show a bus that fsn-master drives to ROS 2, without an installation of ROS.
+
+    /diagnostics has a status for each connection, SubDevice and the cycle, /joint_states the axes,
+    and each input and output has a topic. Standard messages only. It changes nothing on the bus
+    without --allow-control; with it, every node that reaches the domain may: DDS knows no users.
+    """
+    path = master_socket(socket, interface)
+    check_target(record, overwrite=overwrite)
+    try:
+        from fsoe_net.ros2.bridge import Bridge, BridgeOptions
+    except ImportError as exc:
+        package = str(exc.name).partition(".")[0]
+        raise EnvironmentFault(
+            f"ros2 needs {package}, which is not installed; pip install 'fsoe-net[ros2]'"
+        ) from exc
+    stop = stop_on(ENDS_OR_HANGS_UP)
+    here_only = localhost or (
+        os.environ.get("ROS_LOCALHOST_ONLY") == "1"
+        or os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
+    )
+    options = BridgeOptions(
+        name=name,
+        domain=domain,
+        here_only=here_only,
+        rate_hz=rate_hz,
+        allow_control=allow_control,
+        record=record,
+    )
+    until = None if duration_ns is None else time.monotonic() + duration_ns / 1e9
+    with Bridge(path, options) as bridge:
+        where = "on this machine" if here_only else "in its network"
+        echo(f"domain {domain} {where}: /diagnostics, /joint_states, /{name}; Ctrl-C ends it")
+        if bridge.control is not None:
+            echo(
+                f"every node there may set outputs (role here: {bridge.control.access}); no "
+                "emergency stop, no safety function"
+            )
+        while not stop.is_set() and (until is None or time.monotonic() < until):
+            bridge.look(stop)
+    if bridge.recording is not None:
+        echo(f"{record}: {counted(bridge.recording.messages, 'message')}")

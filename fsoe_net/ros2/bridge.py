@@ -1,0 +1,215 @@
+"""Shows a running ``fsn-master`` as a node: diagnostics, joints, values; and takes requests."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.ros2.control import NodeControl, settable
+from fsoe_net.ros2.diagnostics import Health, HealthStatus
+from fsoe_net.ros2.messages import SIGNALS, DiagnosticArray, DiagnosticStatus, JointState, KeyValue
+from fsoe_net.ros2.names import legal_text
+from fsoe_net.ros2.node import Node, header
+from fsoe_net.ros2.recording import McapFile
+from fsoe_net.ros2.values import Joint, SignalTopic, find_joints, signal_topics
+from fsoe_net.run.attachment import Attachment, BusView
+from fsoe_net.run.client import Client
+from fsoe_net.run.control_values import Value
+
+__all__ = ["Bridge", "BridgeOptions"]
+
+LOOK_S = 0.25
+"""How often the state of the bus is looked at, and ``/diagnostics`` published."""
+_AGAIN_S = 1.0  # a value that does not change is published so often
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BridgeOptions:
+    """How a bus is shown.
+
+    ``rate_hz``: of joints; values come with it when they change. ``record``: an MCAP file that gets
+    all that is published; it is replaced.
+    """
+
+    name: str
+    domain: int
+    here_only: bool
+    rate_hz: float
+    allow_control: bool
+    record: str | None = None
+
+
+class Bridge:
+    """A node beside an ``fsn-master``, over its stops and restarts; a context manager.
+
+    Args:
+        path: Control socket.
+        options: How it is shown.
+
+    Raises:
+        EnvironmentFault: Nobody answers there, DDS does not start, or control is not this user's.
+    """
+
+    def __init__(self, path: str, options: BridgeOptions) -> None:
+        self._path, self._options = path, options
+        self._ending = threading.Event()
+        self._health = Health()
+        self._offered: tuple[tuple[str, str], ...] = ()
+        self._readers: list[object] = []
+        self._attachment = Attachment(path)
+        self.recording: McapFile | None = None
+        try:
+            self.control = NodeControl(path) if options.allow_control else None
+            if options.record is not None:
+                self.recording = McapFile(options.record)
+            self._node = Node(options.domain, here_only=options.here_only, recording=self.recording)
+        except EnvironmentFault:
+            self._attachment.close()
+            raise
+        if self.control is not None:
+            for word in ("start", "stop", "restart"):
+                self._node.serve(f"/{options.name}/{word}", self.control.bus_request(word))
+        self._values = threading.Thread(target=self._follow_values, name="values", daemon=True)
+        self._values.start()
+
+    def __enter__(self) -> Bridge:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Leave; ``fsn-master`` goes on, what nodes have set takes its stop values."""
+        self._ending.set()
+        self._values.join()
+        self._node.close()
+        if self.control is not None:
+            self.control.close()
+        self._attachment.close()
+        if self.recording is not None:
+            self.recording.close()
+
+    def look(self, stop: threading.Event | None = None) -> BusView:
+        """Wait a moment, then publish the state of the bus and return it.
+
+        Raises:
+            EnvironmentFault: The recording takes no more.
+        """
+        if self.recording is not None:
+            self.recording.check()
+        view = self._attachment.look(LOOK_S, stop)
+        self._attachment.take_events()
+        found = self._health.statuses(view, time.monotonic())
+        if self.control is not None:
+            found.append(self.control.status())
+        self._node.publish("/diagnostics", self._array(found, view))
+        return view
+
+    def _array(self, found: Iterable[HealthStatus], view: BusView) -> DiagnosticArray:
+        hardware = self._path if view.status is None else view.status.interface or self._path
+        return DiagnosticArray(
+            header=header(),
+            status=[
+                DiagnosticStatus(
+                    level=int(row.level),
+                    name=legal_text(f"{self._options.name}: {row.name}"),
+                    message=legal_text(row.message),
+                    hardware_id=legal_text(hardware),
+                    values=[KeyValue(legal_text(k), legal_text(v)) for k, v in row.values],
+                )
+                for row in found
+            ],
+        )
+
+    # -- values have a connection of their own: they come at their own pace ------------------------
+
+    def _follow_values(self) -> None:
+        while not self._ending.is_set():
+            try:
+                with Client(self._path) as client:
+                    self._follow(client)
+            except EnvironmentFault:  # the state of the bus says so
+                self._ending.wait(_AGAIN_S)
+
+    def _follow(self, client: Client) -> None:
+        """Publish values until the bus stops or ``fsn-master`` goes: it may come with others."""
+        symbols = client.symbols()
+        topics, joints = signal_topics(symbols), find_joints(symbols)
+        self._offer(settable(topics, joints) if self.control is not None else ())
+        if not topics:
+            self._ending.wait(_AGAIN_S)
+            return
+        cycle_ns = client.status().cycle_ns or 1_000_000
+        every = max(1, round(1e9 / (self._options.rate_hz * cycle_ns)))
+        client.watch_on("*", every=min(every, 1_000_000), typed=True)
+        shown = _Shown()
+        silent_since = time.monotonic()
+        while not self._ending.is_set():
+            rows = client.watched(LOOK_S)
+            if rows:
+                silent_since = time.monotonic()
+                self._publish(rows[-1].values, topics, joints, shown)
+            elif time.monotonic() - silent_since > _AGAIN_S:
+                return
+
+    def _publish(
+        self,
+        values: Mapping[str, Value],
+        topics: tuple[SignalTopic, ...],
+        joints: tuple[Joint, ...],
+        shown: _Shown,
+    ) -> None:
+        if joints:
+            rows = [joint.values(values) for joint in joints]
+            position, velocity, effort = (list(column) for column in zip(*rows, strict=True))
+            names = [joint.name for joint in joints]
+            state = JointState(header(), names, position, velocity, effort)
+            self._node.publish("/joint_states", state)
+        for topic in shown.due(topics, values):
+            value = topic.kind.python(values[topic.symbol.name])
+            self._node.publish(f"/{self._options.name}/{topic.topic}", SIGNALS[topic.kind](value))
+
+    def _offer(self, topics: tuple[SignalTopic, ...]) -> None:
+        """Subscribe to what may be set now; another plan has other outputs."""
+        offered = tuple((t.topic, t.symbol.name) for t in topics)
+        if self.control is None or offered == self._offered:
+            return
+        for reader in self._readers:
+            self._node.unsubscribe(reader)
+        self._readers = [
+            self._node.subscribe(
+                f"/{self._options.name}/{topic.topic}/set",
+                SIGNALS[topic.kind],
+                partial(self.control.set_output, topic),
+            )
+            for topic in topics
+        ]
+        self._offered = offered
+
+
+class _Shown:
+    """Which values were published, and when all of them were last."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, Value] = {}
+        self._all_s = -_AGAIN_S
+
+    def due(
+        self, topics: tuple[SignalTopic, ...], values: Mapping[str, Value]
+    ) -> list[SignalTopic]:
+        """Return those whose value has changed; all of them once in a while."""
+        now_s = time.monotonic()
+        every = now_s - self._all_s >= _AGAIN_S
+        if every:
+            self._all_s = now_s
+        names = [t.symbol.name for t in topics]
+        last, self._last = self._last, {n: values[n] for n in names if n in values}
+        return [
+            t
+            for t, n in zip(topics, names, strict=True)
+            if n in values and (every or last.get(n) != values[n])
+        ]

@@ -1,0 +1,150 @@
+"""What other nodes may do to a bus: set outputs, start and stop it. Only where it is allowed.
+
+DDS knows no users: whoever reaches the domain has what this process may do. So nothing can be armed
+from here, and no output of a drive is set: a program in the cycle moves axes.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.ros2.diagnostics import HealthLevel, HealthStatus
+from fsoe_net.ros2.values import Joint, SignalKind, SignalTopic
+from fsoe_net.run.client import Client
+from fsoe_net.run.control_values import BusState
+
+__all__ = ["LEASE_MS", "NodeControl", "settable"]
+
+LEASE_MS = 1000
+"""Of silence of a process, after which the outputs it has set take their stop values."""
+_CONTROLWORD = ("0x6040", "0x6040:00", "control_word", "controlword")
+_IDLE_S = 10.0
+_MOST_SENDERS = 8  # of the 32 clients of fsn-master
+
+
+@dataclass(slots=True)
+class _Sender:
+    """A process of ROS that sets outputs, as a client of its own."""
+
+    client: Client
+    last_s: float
+
+
+def settable(topics: Sequence[SignalTopic], joints: Sequence[Joint]) -> tuple[SignalTopic, ...]:
+    """Return the outputs that nodes may set: open, not armed, and none of a drive."""
+    moving = {joint.position for joint in joints}
+    drives = {
+        t.symbol.subdevice
+        for t in topics
+        if t.symbol.name in moving or t.symbol.entry.lower() in _CONTROLWORD
+    }
+    return tuple(t for t in topics if t.is_settable and t.symbol.subdevice not in drives)
+
+
+class NodeControl:
+    """Does what nodes request, over clients of the control socket; one thread at a time.
+
+    Args:
+        path: Control socket.
+
+    Raises:
+        EnvironmentFault: Nobody answers there, or this user only reads there.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._senders: dict[str, _Sender] = {}
+        self._set = self._refused = 0
+        self._last = ""
+        with Client(path) as client:
+            access = str(client.hello.get("access", ""))
+        if access == "observer":
+            raise EnvironmentFault(
+                "--allow-control: your role at this fsn-master is observer, which only reads. Who "
+                "runs it gives another one: --allow-user NAME:operator may set outputs, "
+                "NAME:maintainer also start and stop the bus"
+            )
+        self.access = access
+
+    def close(self) -> None:
+        """End; what was set takes its stop values."""
+        for sender in self._senders.values():
+            sender.client.close()
+        self._senders.clear()
+
+    def set_output(self, topic: SignalTopic, message: Any, who: str) -> None:
+        """Set an output to what a message holds; a refusal shows in the status."""
+        self._forget_idle()
+        value = topic.kind.python(message.data)
+        try:
+            client = self._client(who)
+            client.set({topic.symbol.name: value}, typed=topic.kind is SignalKind.REAL)
+            self._set += 1
+        except ControlRefused as refused:
+            self._refuse(str(refused))
+        except EnvironmentFault as fault:
+            gone = self._senders.pop(who, None)
+            if gone is not None:
+                gone.client.close()
+            self._refuse(str(fault))
+
+    def bus_request(self, word: str) -> Callable[[], tuple[bool, str]]:
+        """Return what a service does: ``start``, ``stop`` or ``restart``."""
+        requests: dict[str, Callable[[Client], BusState]] = {
+            "start": Client.start,
+            "stop": Client.stop,
+            "restart": Client.restart,
+        }
+        return partial(self._request, word, requests[word])
+
+    def status(self) -> HealthStatus:
+        """Return what was done and refused."""
+        level = HealthLevel.WARN if self._refused else HealthLevel.OK
+        values = (
+            ("role", self.access),
+            ("outputs set", str(self._set)),
+            ("refused", str(self._refused)),
+            ("last refusal", self._last),
+        )
+        text = f"refused: {self._last}" if self._refused else "other nodes may set outputs"
+        return HealthStatus(level=level, name="control", message=text, values=values)
+
+    def _request(self, word: str, request: Callable[[Client], BusState]) -> tuple[bool, str]:
+        try:
+            with Client(self._path) as client:
+                request(client)
+            return True, f"{word} has begun"
+        except EnvironmentFault as fault:
+            self._refuse(str(fault))
+            return False, str(fault)
+
+    def _client(self, who: str) -> Client:
+        sender = self._senders.get(who)
+        now_s = time.monotonic()
+        if sender is None:
+            if len(self._senders) >= _MOST_SENDERS:
+                raise EnvironmentFault(f"more than {_MOST_SENDERS} processes set outputs")
+            client = Client(self._path)
+            try:
+                client.lease(LEASE_MS)
+            except EnvironmentFault:
+                client.close()
+                raise
+            sender = self._senders[who] = _Sender(client, now_s)
+        sender.last_s = now_s
+        return sender.client
+
+    def _forget_idle(self) -> None:
+        """End clients of processes that are silent: their outputs have fallen back long ago."""
+        before = time.monotonic() - _IDLE_S
+        for who in [w for w, s in self._senders.items() if s.last_s < before]:
+            self._senders.pop(who).client.close()
+
+    def _refuse(self, text: str) -> None:
+        self._refused += 1
+        self._last = text

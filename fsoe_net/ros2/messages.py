@@ -1,0 +1,184 @@
+"""Messages of ROS 2 as types of DDS: standard ones only, so that nobody has to build an interface.
+
+Needs ``cyclonedds``. Names are those that an rmw gives its types; a field has the name, type and
+place of the message definition, so the bytes are those that ROS itself sends. Annotations are read
+by ``cyclonedds``, which takes no texts.
+"""
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Annotated, get_args, get_origin, get_type_hints
+
+from cyclonedds.idl import IdlStruct, types
+
+from fsoe_net.ros2.values import SignalKind
+
+__all__ = [
+    "HASHES",
+    "SIGNALS",
+    "DiagnosticArray",
+    "DiagnosticStatus",
+    "Header",
+    "JointState",
+    "KeyValue",
+    "Stamp",
+    "TriggerRequest",
+    "TriggerResponse",
+    "definition",
+    "ros_name",
+]
+
+
+@dataclass
+class Stamp(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
+    """Seconds and nanoseconds since 1970, UTC."""
+
+    sec: types.int32 = 0
+    nanosec: types.uint32 = 0
+
+
+@dataclass
+class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+    """When, and in which frame of coordinates."""
+
+    stamp: Stamp = field(default_factory=Stamp)
+    frame_id: str = ""
+
+
+@dataclass
+class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
+    """One value of a status."""
+
+    key: str
+    value: str
+
+
+@dataclass
+class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
+    """State of one thing; levels are those of `HealthLevel`."""
+
+    level: types.byte
+    name: str
+    message: str
+    hardware_id: str
+    values: types.sequence[KeyValue]
+
+
+@dataclass
+class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
+    """Statuses of one moment."""
+
+    header: Header
+    status: types.sequence[DiagnosticStatus]
+
+
+@dataclass
+class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
+    """Actual values of joints, in the order of the names."""
+
+    header: Header
+    name: types.sequence[str]
+    position: types.sequence[types.float64]
+    velocity: types.sequence[types.float64]
+    effort: types.sequence[types.float64]
+
+
+@dataclass
+class _Bool(IdlStruct, typename="std_msgs::msg::dds_::Bool_"):
+    data: bool
+
+
+@dataclass
+class _Int64(IdlStruct, typename="std_msgs::msg::dds_::Int64_"):
+    data: types.int64
+
+
+@dataclass
+class _UInt64(IdlStruct, typename="std_msgs::msg::dds_::UInt64_"):
+    data: types.uint64
+
+
+@dataclass
+class _Float64(IdlStruct, typename="std_msgs::msg::dds_::Float64_"):
+    data: types.float64
+
+
+SIGNALS = {
+    SignalKind.BOOL: _Bool,
+    SignalKind.SIGNED: _Int64,
+    SignalKind.UNSIGNED: _UInt64,
+    SignalKind.REAL: _Float64,
+}
+
+
+@dataclass
+class TriggerRequest(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Request_"):
+    """A request without fields; in front what `rmw_cyclonedds_cpp` needs to find the caller."""
+
+    client: types.uint64
+    number: types.int64
+    structure_needs_at_least_one_member: types.uint8 = 0
+
+
+@dataclass
+class TriggerResponse(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Response_"):
+    """The answer; ``client`` and ``number`` are those of the request."""
+
+    client: types.uint64
+    number: types.int64
+    success: bool
+    message: str
+
+
+# Of the message definitions as REP 2016 has them ("RIHS01"): endpoints announce them.
+HASHES: dict[type[IdlStruct], str] = {
+    DiagnosticArray: "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
+    JointState: "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
+    _Bool: "feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9",
+    _Int64: "8cd1048c2f186b6bd9a92472dc1ce51723c0833a221e2b7aecfff111774f4b49",
+    _UInt64: "fbdc52018fc13755dce18024d1a671c856aa8b4aaf63adfb095b608f98e8c943",
+    _Float64: "705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
+    TriggerRequest: "d010825374ce8918e72bfd826c82603e60f45419e932ea976f807b74a863a199",
+    TriggerResponse: "2d946c21e2fc3f1e9ca6986a8191d85fcc70097a8bb7771a053564bc47009cdf",
+}
+
+
+def ros_name(message: type[IdlStruct]) -> str:
+    """Return the name that ROS has for a type: ``std_msgs/msg/Bool``."""
+    name = str(message.__idl_typename__)
+    return name.replace("::dds_", "").replace("::", "/").removesuffix("_")
+
+
+def definition(message: type[IdlStruct]) -> str:
+    """Return the definition of a message with those that it holds, as a recording has it."""
+    parts: dict[str, str] = {}
+    _define(message, parts)
+    first, *others = parts
+    short = {name: name.replace("/msg/", "/") for name in others}
+    return parts[first] + "".join(f"{'=' * 80}\nMSG: {short[n]}\n{parts[n]}" for n in others)
+
+
+def _define(message: type[IdlStruct], parts: dict[str, str]) -> None:
+    name = ros_name(message)
+    parts[name] = ""
+    hints = get_type_hints(message, include_extras=True)
+    lines = []
+    for each in dataclasses.fields(message):
+        kind, inner = _field(hints[each.name])
+        if inner is not None:
+            _define(inner, parts)
+        lines.append(f"{kind} {each.name}\n")
+    parts[name] = "".join(lines)
+
+
+def _field(hint: object) -> tuple[str, type[IdlStruct] | None]:
+    """Return the word of a type in a definition, and the message that it is or holds."""
+    if get_origin(hint) is Annotated:
+        said = get_args(hint)[1]
+        if isinstance(said, types.sequence):
+            word, inner = _field(said.subtype)
+            return f"{word}[]", inner
+        return str(said), None
+    if isinstance(hint, type) and issubclass(hint, IdlStruct):
+        return ros_name(hint).replace("/msg/", "/"), hint
+    return {str: "string", bool: "bool"}[hint], None  # type: ignore[index]

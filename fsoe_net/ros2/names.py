@@ -1,0 +1,46 @@
+"""Names of a plan as legal names of ROS 2 (REP 144, "Topic and Service name mapping to DDS")."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container
+
+from fsoe_net.diag.printable import printable
+
+__all__ = ["is_node_name", "legal_text", "legal_token", "unused"]
+
+_MOST = 80  # of a topic's 247 characters; three tokens and a few words fit
+_OBJECT = re.compile(r"0x([0-9a-fA-F]{4})(?::([0-9a-fA-F]{2}))?")
+
+
+def legal_token(name: str) -> str:
+    """Return a part of a topic: letters, digits and single underscores, no digit in front.
+
+    ``0x6064:00`` becomes ``object_6064_00``. No token begins with an underscore: ROS hides those.
+    """
+    found = _OBJECT.fullmatch(name)
+    if found is not None:
+        name = f"object_{'_'.join(p for p in found.groups() if p).lower()}"
+    token = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9]", "_", name)).strip("_")
+    if not token:
+        return "unnamed"
+    return (f"n{token}" if token[0].isdigit() else token)[:_MOST].rstrip("_")
+
+
+def unused(name: str, taken: Container[str]) -> str:
+    """Return a name, with a number behind it when something else is called so already."""
+    number, found = 2, name
+    while found in taken:
+        found = f"{name}_{number}"
+        number += 1
+    return found
+
+
+def is_node_name(text: str) -> bool:
+    """Return whether ROS takes it as the name of a node."""
+    return legal_token(text) == text
+
+
+def legal_text(text: str) -> str:
+    """Return a text as a string of a message can hold it: no control characters, no NUL."""
+    return printable(text).encode("utf-8", "replace").decode("utf-8")

@@ -1,0 +1,203 @@
+"""A node of ROS 2 as DDS sees it: topics and services with the names, types and QoS of an rmw.
+
+Needs ``cyclonedds``. Says nothing in ``ros_discovery_info``, whose message is another one in Humble
+than in later distributions: `ros2 topic` and `ros2 service` find everything, `ros2 node` does not.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from cyclonedds.core import DDSException, Listener, Policy, Qos
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import IdlStruct
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.ros2.messages import HASHES, Header, Stamp, TriggerRequest, TriggerResponse
+from fsoe_net.ros2.recording import McapFile
+
+__all__ = ["Node", "Received", "header"]
+
+_HERE = """<CycloneDDS><Domain Id="any">
+<General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex>
+<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
+<Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+_DEPTH = 10  # of rmw_qos_profile_default and rmw_qos_profile_services_default
+_FOUND_S = 1.0
+_WAIT = duration(milliseconds=100)
+
+Received = Callable[[Any, str], None]
+"""Gets a message, and a text that stands for the process that sent it."""
+
+
+def header() -> Header:
+    """Return a header of now."""
+    seconds, nanoseconds = divmod(time.time_ns(), 1_000_000_000)
+    return Header(stamp=Stamp(sec=seconds, nanosec=nanoseconds))
+
+
+class _Arrived(Listener):
+    """Puts a reader into a queue when it has something."""
+
+    def __init__(self, arrivals: queue.SimpleQueue[DataReader | None]) -> None:
+        super().__init__()
+        self._arrivals = arrivals
+
+    def on_data_available(self, reader: DataReader) -> None:
+        self._arrivals.put(reader)
+
+
+class Node:
+    """Publishers, subscriptions and services of one participant; to be closed.
+
+    What arrives is handled by one thread of its own, one message after the other.
+
+    Args:
+        domain: Domain ID, 0 to 232.
+        here_only: On the loopback, so that no other machine hears or reaches it.
+        recording: Gets all that is published.
+
+    Raises:
+        EnvironmentFault: There is no such network, or no port of the domain is free.
+    """
+
+    def __init__(self, domain: int, *, here_only: bool, recording: McapFile | None = None) -> None:
+        self.unsent = 0
+        self._recording = recording
+        self._lock = threading.Lock()
+        try:
+            self._domain = Domain(domain, _HERE) if here_only else None
+            self._participant = DomainParticipant(domain)
+        except DDSException as exc:
+            raise EnvironmentFault(
+                f"DDS does not start in domain {domain}: {exc.msg.strip()}; is a network there, "
+                "and what does CYCLONEDDS_URI say?"
+            ) from exc
+        self._writers: dict[str, DataWriter] = {}
+        self._readers: dict[object, Received] = {}
+        self._arrivals: queue.SimpleQueue[DataReader | None] = queue.SimpleQueue()
+        self._listener = _Arrived(self._arrivals)
+        self._thread = threading.Thread(target=self._serve, name="dds", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._arrivals.put(None)
+        self._thread.join()
+        self._readers.clear()
+        self._writers.clear()
+        del self._participant, self._domain
+
+    def publish(self, topic: str, message: IdlStruct) -> None:
+        """Publish a message; a subscriber that takes none for long misses it.
+
+        Args:
+            topic: As ROS names it, with its slash.
+            message: Of a type in `HASHES`; the same one for a topic each time.
+        """
+        with self._lock:
+            writer = self._writers.get(topic)
+            if writer is None:
+                writer = self._writer(f"rt{topic}", type(message), _qos(type(message)))
+                self._writers[topic] = writer
+            _write(self, writer, message)
+            if self._recording is not None:
+                payload = message.serialize(use_version_2=False)
+                self._recording.add(topic, message, payload, time.time_ns())
+
+    def subscribe(self, topic: str, message: type[IdlStruct], received: Received) -> object:
+        """Have messages handled as they come, the newest of a process that sends faster."""
+        reader = self._reader(f"rt{topic}", message, _qos(message, depth=1))
+        self._readers[reader] = received
+        return reader
+
+    def unsubscribe(self, reader: object) -> None:
+        """Take no more of it."""
+        self._readers.pop(reader, None)
+
+    def serve(self, name: str, answer: Callable[[], tuple[bool, str]]) -> None:
+        """Serve ``std_srvs/srv/Trigger`` to callers whose rmw is Cyclone DDS.
+
+        Args:
+            name: Of the service, with its slash.
+            answer: Does it, and says whether it was done, and what there is to say.
+        """
+        # A caller waits until a reader and a writer have the same mark: who serves, and a number.
+        number = len(self._readers).to_bytes(4, "big")
+        mark = ".".join(f"{b:x}" for b in self._participant.guid.bytes[:12] + number)
+        mark = f"serviceid={mark};"
+        writer = self._writer(f"rr{name}Reply", TriggerResponse, _qos(TriggerResponse, extra=mark))
+
+        def received(request: TriggerRequest, sender: str) -> None:
+            done, text = answer()
+            _wait_for_reader(writer, sender)
+            _write(self, writer, TriggerResponse(request.client, request.number, done, text))
+
+        reader = self._reader(f"rq{name}Request", TriggerRequest, _qos(TriggerRequest, extra=mark))
+        self._readers[reader] = received
+
+    def _writer(self, topic: str, message: type[IdlStruct], qos: Qos) -> DataWriter:
+        return DataWriter(self._participant, Topic(self._participant, topic, message), qos=qos)
+
+    def _reader(self, topic: str, message: type[IdlStruct], qos: Qos) -> DataReader:
+        return DataReader(
+            self._participant,
+            Topic(self._participant, topic, message),
+            qos=qos,
+            listener=self._listener,
+        )
+
+    def _serve(self) -> None:
+        while (reader := self._arrivals.get()) is not None:
+            received = self._readers.get(reader)
+            if received is None:
+                continue
+            for message in reader.take(_DEPTH):
+                if message.sample_info.valid_data:
+                    received(message, _sender(reader, message))
+
+
+def _sender(reader: DataReader, message: IdlStruct) -> str:
+    """Return who sent it: its participant, and where that has gone already, its publisher."""
+    handle = message.sample_info.publication_handle
+    found = reader.get_matched_publication_data(handle)
+    return str(handle if found is None else found.participant_key)
+
+
+def _wait_for_reader(writer: DataWriter, participant: str) -> None:
+    """Wait until the caller's reader is known: its writer may have been found before it."""
+    until = time.monotonic() + _FOUND_S
+    while time.monotonic() < until:
+        rows = map(writer.get_matched_subscription_data, writer.get_matched_subscriptions())
+        if participant in {str(row.participant_key) for row in rows if row is not None}:
+            return
+        time.sleep(0.005)
+
+
+def _write(node: Node, writer: DataWriter, message: IdlStruct) -> None:
+    try:
+        writer.write(message)
+    except DDSException:  # a subscriber that has stopped reading
+        node.unsent += 1
+
+
+def _qos(message: type[IdlStruct], *, depth: int = _DEPTH, extra: str = "") -> Qos:
+    """Return the QoS of ``rmw_qos_profile_default``, with the hash of the type."""
+    said = f"{extra}typehash=RIHS01_{HASHES[message]};"
+    return Qos(
+        Policy.Reliability.Reliable(_WAIT),
+        Policy.Durability.Volatile,
+        Policy.History.KeepLast(depth),
+        Policy.WriterDataLifecycle(autodispose=False),
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+        Policy.Userdata(said.encode()),
+    )

@@ -1,0 +1,94 @@
+"""What is published as an MCAP file, which Foxglove, PlotJuggler and ``ros2 bag`` open."""
+
+from __future__ import annotations
+
+from cyclonedds.idl import IdlStruct
+from mcap.writer import CompressionType, Writer
+
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.ros2.messages import HASHES, definition, ros_name
+
+__all__ = ["McapFile"]
+
+_CHUNK = 1 << 16  # what is lost at most when this process is killed, bytes
+
+
+class McapFile:
+    """An MCAP file that is being written; to be closed.
+
+    Args:
+        path: Of the file, which is replaced.
+
+    Raises:
+        EnvironmentFault: It cannot be written.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path, self.messages = path, 0
+        self._fault = ""
+        try:
+            self._file = open(path, "wb")  # noqa: SIM115 - closed by close()
+        except OSError as exc:
+            raise EnvironmentFault(f"cannot write {path}: {exc.strerror}") from exc
+        self._writer = Writer(self._file, chunk_size=_CHUNK, compression=CompressionType.ZSTD)
+        self._writer.start(profile="ros2")
+        self._schemas: dict[type[IdlStruct], int] = {}
+        self._channels: dict[str, int] = {}
+
+    def add(self, topic: str, message: IdlStruct, payload: bytes, time_ns: int) -> None:
+        """Add a message that was published.
+
+        Args:
+            topic: With its slash.
+            message: Says of which type it is.
+            payload: Its bytes with the encapsulation, as they were sent.
+            time_ns: Since 1970, UTC.
+
+        A disk that takes no more ends the recording, which `check` reports.
+        """
+        if self._fault:
+            return
+        try:
+            self._writer.add_message(
+                self._channel(topic, type(message)), time_ns, payload, time_ns, self.messages
+            )
+        except OSError as exc:
+            self._fault = exc.strerror or str(exc)
+            return
+        self.messages += 1
+
+    def check(self) -> None:
+        """Raise what has ended it.
+
+        Raises:
+            EnvironmentFault: The disk takes no more.
+        """
+        if self._fault:
+            raise EnvironmentFault(f"the recording {self.path} has ended: {self._fault}")
+
+    def _channel(self, topic: str, message: type[IdlStruct]) -> int:
+        if topic not in self._channels:
+            if message not in self._schemas:
+                text = definition(message).encode()
+                self._schemas[message] = self._writer.register_schema(
+                    ros_name(message), "ros2msg", text
+                )
+            self._channels[topic] = self._writer.register_channel(
+                topic,
+                "cdr",
+                self._schemas[message],
+                {"offered_qos_profiles": "", "topic_type_hash": f"RIHS01_{HASHES[message]}"},
+            )
+        return self._channels[topic]
+
+    def close(self) -> None:
+        """Write the index and close the file.
+
+        Raises:
+            EnvironmentFault: The disk takes no more.
+        """
+        try:
+            with self._file:
+                self._writer.finish()
+        except OSError as exc:
+            raise EnvironmentFault(f"{self.path}: {exc.strerror}") from exc

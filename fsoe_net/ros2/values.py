@@ -1,0 +1,126 @@
+"""Symbols of a plan as what ROS knows: joints of axes, and a topic for each value.
+
+Nothing here knows of DDS.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from fsoe_net.ros2.names import legal_token, unused
+from fsoe_net.run.control_values import Symbol, Value
+
+__all__ = ["Joint", "SignalKind", "SignalTopic", "find_joints", "signal_topics"]
+
+_AXES, _AXIS = 8, 0x800
+# Actual values of CiA 402 (IEC 61800-7-201), and the driver's names of the same.
+_PARTS = {"position": 0x6064, "velocity": 0x606C, "effort": 0x6077}
+_ENTRY = re.compile(r"0x([0-9a-fA-F]{4})(?::00)?")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """An axis: its name, and the symbols of its actual values; empty where it has none."""
+
+    name: str
+    position: str
+    velocity: str
+    effort: str
+
+    def values(self, values: Mapping[str, Value]) -> tuple[float, float, float]:
+        """Return position, velocity and effort; not a number for what is not there."""
+        names = (self.position, self.velocity, self.effort)
+        found = [values.get(name) if name else None for name in names]
+        position, velocity, effort = (math.nan if v is None else float(v) for v in found)
+        return position, velocity, effort
+
+
+class SignalKind(enum.Enum):
+    """Type of the message that holds a value: a message of ``std_msgs``."""
+
+    BOOL = "Bool"
+    SIGNED = "Int64"
+    UNSIGNED = "UInt64"
+    REAL = "Float64"
+
+    def python(self, value: Value) -> bool | int | float:
+        """Return a value as the message holds it."""
+        if self is SignalKind.BOOL:
+            return bool(value)
+        if self is SignalKind.REAL:
+            return math.nan if value is None else float(value)
+        return int(value or 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignalTopic:
+    """A value of the process image and its topic, below the name of the node."""
+
+    symbol: Symbol
+    topic: str
+    kind: SignalKind
+
+    @property
+    def is_settable(self) -> bool:
+        """Whether it is an output that a client may write without arming it."""
+        return self.symbol.is_output and self.symbol.open and not self.symbol.restart_relevant
+
+
+def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
+    """Return the axes: what has an actual position, by its object or by the driver's name.
+
+    Axis n of a SubDevice has its objects 0x800 * n higher. An axis is called as its SubDevice;
+    those of a SubDevice with several have their number, from 1, behind it.
+    """
+    found: list[tuple[str, dict[str, str]]] = []
+    inputs = [s for s in symbols if not s.is_output]
+    for subdevice in dict.fromkeys(s.subdevice for s in inputs):
+        own = [s for s in inputs if s.subdevice == subdevice]
+        for axis in range(_AXES):
+            parts = {part: _part(own, part, axis) for part in _PARTS}
+            if not parts["position"]:
+                break
+            found.append((subdevice, parts))
+    owners = [subdevice for subdevice, _ in found]
+    names: dict[str, Joint] = {}
+    for number, (subdevice, parts) in enumerate(found):
+        name = legal_token(subdevice)
+        if owners.count(subdevice) > 1:
+            name += f"_{owners[: number + 1].count(subdevice)}"
+        name = unused(name, names)
+        names[name] = Joint(name=name, **parts)
+    return tuple(names.values())
+
+
+def _part(symbols: Sequence[Symbol], part: str, axis: int) -> str:
+    index = _PARTS[part] + axis * _AXIS
+    for symbol in symbols:
+        entry = _ENTRY.fullmatch(symbol.entry)
+        if entry is not None and int(entry.group(1), 16) == index:
+            return symbol.name
+        if axis == 0 and part in (symbol.entry, symbol.interface):
+            return symbol.name
+    return ""
+
+
+def signal_topics(symbols: Sequence[Symbol]) -> tuple[SignalTopic, ...]:
+    """Return a topic for each input and output: ``inputs/SUBDEVICE/ENTRY``, ``outputs/…``."""
+    found: dict[str, SignalTopic] = {}
+    for symbol in symbols:
+        side = "outputs" if symbol.is_output else "inputs"
+        parts = [legal_token(p) for p in (symbol.subdevice, symbol.entry)]
+        topic = unused("/".join([side, *parts]), found)
+        found[topic] = SignalTopic(symbol=symbol, topic=topic, kind=_kind(symbol))
+    return tuple(found.values())
+
+
+def _kind(symbol: Symbol) -> SignalKind:
+    if symbol.kind == "bool":
+        return SignalKind.BOOL
+    if symbol.kind == "real" or (symbol.factor, symbol.offset) != (1.0, 0.0):
+        return SignalKind.REAL
+    return SignalKind.SIGNED if symbol.kind == "signed" else SignalKind.UNSIGNED

@@ -1,0 +1,412 @@
+"""A bus in a domain of DDS, seen and acted on by another vendor's implementation and by callers."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from master.rig import Client, Master
+from master.rig import running as master_running
+from patience import PATIENCE_S
+from ros2.rig import Peer, bridged, needed, own_domain, typestore
+
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.ros2 import control
+from fsoe_net.ros2.messages import HASHES, SIGNALS, DiagnosticArray, TriggerRequest, TriggerResponse
+from fsoe_net.ros2.values import SignalKind
+from fsoe_net.testing.fake_master import FakeMaster
+
+STORE = typestore()
+ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
+JOINTS = "sensor_msgs::msg::dds_::JointState_"
+BOOL = "std_msgs::msg::dds_::Bool_"
+LAMP = "el2904.standard_1"
+LAMP_TOPIC = "rt/cell/outputs/el2904/standard_1"
+RESET = 1
+
+
+def arrays(peer: Peer) -> Iterator[dict[str, Any]]:
+    """Yield what another vendor received, as another program decodes it, by name."""
+    for payload in peer.payloads():
+        array = STORE.deserialize_cdr(payload, "diagnostic_msgs/msg/DiagnosticArray")
+        yield {row.name: row for row in array.status}
+
+
+@pytest.fixture(scope="module")
+def robot() -> Iterator[Master]:
+    with master_running(name="el6910") as master:
+        yield master
+
+
+@pytest.fixture
+def lamp(robot: Master) -> Iterator[Client]:
+    """Whoever reads the lamp."""
+    client = robot.client()
+    yield client
+    client.close()
+
+
+def test_another_vendor_reads_an_error_at_most_two_pictures_after_a_reset() -> None:
+    """A picture comes every quarter of a second, so this is within the second that is promised."""
+    with (
+        FakeMaster() as master,
+        bridged(master.path) as domain,
+        Peer("listen", domain, "rt/diagnostics", ARRAY, 1000) as peer,
+    ):
+        seen = arrays(peer)
+        first = next(seen)
+        assert list(first) == ["cell: bus", "cell: SubDevice drive_1", "cell: connection c1"]
+        assert [row.level for row in first.values()] == [0, 0, 0]
+        assert first["cell: bus"].hardware_id == "eth1"
+        while next(seen)["cell: connection c1"].level != 0:
+            pass
+        master.connection_state = RESET
+        after = [next(seen)["cell: connection c1"] for _ in range(3)]
+        # One may have been on its way, and one made of what was read before.
+        assert after[2].level == 2
+        assert after[2].message == "Reset"
+
+
+def test_an_offer_has_the_name_hash_and_qos_of_an_rmw() -> None:
+    with (
+        FakeMaster() as master,
+        bridged(master.path) as domain,
+        Peer("listen", domain, "rt/diagnostics", ARRAY, 1000) as peer,
+    ):
+        offer = next(line for line in peer.lines() if line.startswith("offer "))
+    assert offer == f"offer {ARRAY} reliable typehash=RIHS01_{HASHES[DiagnosticArray]};"
+
+
+def test_joints_and_values_reach_another_vendor(robot: Master) -> None:
+    with bridged(robot.path, rate_hz=100.0) as domain:
+        with Peer("listen", domain, "rt/joint_states", JOINTS, 2) as peer:
+            for payload in peer.payloads():
+                state = STORE.deserialize_cdr(payload, "sensor_msgs/msg/JointState")
+                assert state.name == ["drive_1", "drive_2"]
+                assert list(state.position) == list(state.velocity) == list(state.effort) == [0, 0]
+        with Peer("listen", domain, LAMP_TOPIC, BOOL, 2) as peer:
+            for payload in peer.payloads():
+                assert STORE.deserialize_cdr(payload, "std_msgs/msg/Bool").data is False
+
+
+def test_another_vendor_sets_an_output_which_falls_back_when_it_is_silent(
+    robot: Master, lamp: Client
+) -> None:
+    with (
+        bridged(robot.path, allow_control=True) as domain,
+        Peer("send", domain, f"{LAMP_TOPIC}/set", BOOL) as peer,
+    ):
+        assert next(peer.lines()) == "matched"
+        peer.send(b"\x01")
+        lamp.wait_for(LAMP, True)
+        lamp.wait_for(LAMP, False)  # nobody said so: its lease has ended
+        peer.send(b"\x01")
+        lamp.wait_for(LAMP, True)
+        peer.send(b"\x00")
+        lamp.wait_for(LAMP, False)
+        assert peer.done() == 0
+
+
+def test_without_the_option_nobody_sets_anything(robot: Master) -> None:
+    with bridged(robot.path) as domain, listening(domain) as found:
+        while "rt/diagnostics" not in found.offers():
+            pass
+        assert found.requests() == set()
+
+
+def test_only_what_may_be_set_has_a_subscription(robot: Master) -> None:
+    with bridged(robot.path, allow_control=True) as domain, listening(domain) as found:
+        wanted = {f"rt/cell/outputs/el2904/standard_{n}/set" for n in (1, 2, 3, 4)}
+        wanted |= {f"rq/cell/{word}Request" for word in ("start", "stop", "restart")}
+        while not wanted <= found.requests():
+            pass
+        assert found.requests() == wanted  # no drive, no logic_control, which is armed
+
+
+GARBAGE = [b"", b"\x02", bytes(3), bytes(1000), b"\xff" * 40]
+
+
+def test_bytes_that_are_no_message_do_nothing(robot: Master, lamp: Client) -> None:
+    request = "std_srvs::srv::dds_::Trigger_Request_"
+    with (
+        bridged(robot.path, allow_control=True) as domain,
+        Peer("send", domain, "rq/cell/stopRequest", request) as calls,
+        Peer("send", domain, f"{LAMP_TOPIC}/set", BOOL) as sets,
+    ):
+        next(calls.lines())
+        next(sets.lines())
+        for garbage in GARBAGE:
+            calls.send(garbage[:16])  # one that is long enough would be a request
+            sets.send(garbage)
+        assert calls.done() == 0
+        sets.send(b"\x01")
+        lamp.wait_for(LAMP, True)
+        assert lamp.good("status")["state"] == "running"
+        assert sets.done() == 0
+
+
+class Found:
+    """What a participant sees of others."""
+
+    def __init__(self, participant: Any) -> None:
+        from cyclonedds.builtin import (
+            BuiltinDataReader,
+            BuiltinTopicDcpsPublication,
+            BuiltinTopicDcpsSubscription,
+        )
+
+        self._participant = participant  # what is in it goes with it
+        self._writers = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
+        self._readers = BuiltinDataReader(participant, BuiltinTopicDcpsSubscription)
+
+    def offers(self) -> set[str]:
+        return {row.topic_name for row in self._writers.read(100)}
+
+    def requests(self) -> set[str]:
+        """Topics somebody else subscribes to."""
+        names = {row.topic_name for row in self._readers.read(100)}
+        return {name for name in names if not name.startswith("DCPS")}
+
+
+@contextlib.contextmanager
+def listening(domain: int) -> Iterator[Found]:
+    """Join a domain that is on the loopback in this process already."""
+    from cyclonedds.domain import DomainParticipant
+
+    yield Found(DomainParticipant(domain))
+
+
+class Caller:
+    """Calls a service as `rmw_cyclonedds_cpp` does: a mark, and a header before each request."""
+
+    def __init__(self, domain: int, service: str) -> None:
+        from cyclonedds.core import Policy, Qos
+        from cyclonedds.domain import DomainParticipant
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+        from cyclonedds.util import duration
+
+        def qos(message: Any) -> Any:
+            return Qos(
+                Policy.Reliability.Reliable(duration(infinite=True)),
+                Policy.Durability.Volatile,
+                Policy.History.KeepLast(10),
+                Policy.Userdata(f"clientid=1.2.3;typehash=RIHS01_{HASHES[message]};".encode()),
+            )
+
+        me = DomainParticipant(domain)
+        self._writer = DataWriter(
+            me, Topic(me, f"rq{service}Request", TriggerRequest), qos=qos(TriggerRequest)
+        )
+        self._reader = DataReader(
+            me, Topic(me, f"rr{service}Reply", TriggerResponse), qos=qos(TriggerResponse)
+        )
+        self._number = 0
+
+    def marks(self) -> tuple[set[bytes], set[bytes]]:
+        """Return the user data of the service's reader and of its writer, once both are there."""
+        from cyclonedds.core import Policy
+
+        while True:
+            ends = [
+                (
+                    self._writer.get_matched_subscriptions,
+                    self._writer.get_matched_subscription_data,
+                ),
+                (self._reader.get_matched_publications, self._reader.get_matched_publication_data),
+            ]
+            first, second = (
+                {bytes(row(h).qos[Policy.Userdata].data) for h in handles()}
+                for handles, row in ends
+            )
+            if first and second:
+                return first, second
+
+    def call(self) -> TriggerResponse:
+        self.marks()  # as `wait_for_service`
+        self._number += 1
+        self._writer.write(TriggerRequest(0x1122334455667788, self._number))
+        until = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until:
+            for reply in self._reader.take(10):
+                if reply.sample_info.valid_data and reply.number == self._number:
+                    assert reply.client == 0x1122334455667788
+                    return reply
+        pytest.fail("no reply")
+
+
+def test_a_service_starts_and_stops_the_bus() -> None:
+    with (
+        master_running(name="estop") as master,
+        master.client() as client,
+        bridged(master.path, allow_control=True) as domain,
+    ):
+        stop, start = (Caller(domain, f"/cell/{word}") for word in ("stop", "start"))
+        (reader,), (writer,) = stop.marks()
+        mark, _, _ = reader.partition(b";")
+        assert mark.startswith(b"serviceid=")
+        assert mark == writer.partition(b";")[0]
+        assert mark != next(iter(start.marks()[0])).partition(b";")[0]
+        assert stop.call().message == "stop has begun"
+        while client.good("status")["state"] != "stopped":
+            pass
+        assert start.call().message == "start has begun"
+        while client.good("status")["state"] != "running":
+            pass
+
+
+def test_a_refusal_is_the_answer_and_a_warning() -> None:
+    with FakeMaster() as master:
+        master.access = "operator"
+        master.refuse["stop"] = {"error": "FSN_E_CLOSED", "text": "your role is operator"}
+        with bridged(master.path, allow_control=True) as domain:
+            reply = Caller(domain, "/cell/stop").call()
+            assert (reply.success, reply.message) == (False, "stop: your role is operator")
+            with Peer("listen", domain, "rt/diagnostics", ARRAY, 1000) as peer:
+                seen = arrays(peer)
+                row = next(seen)["cell: control"]
+                while row.level != 1:
+                    row = next(seen)["cell: control"]
+            assert row.message == "refused: stop: your role is operator"
+
+
+def test_an_observer_controls_nothing() -> None:
+    with FakeMaster() as master:
+        master.access = "observer"
+        with pytest.raises(EnvironmentFault, match="observer, which only reads"):
+            control.NodeControl(str(master.path))
+
+
+def test_processes_have_clients_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    with FakeMaster() as master:
+        acting = control.NodeControl(str(master.path))
+        topic = type("T", (), {})()
+        topic.kind = SignalKind.UNSIGNED
+        topic.symbol = type("S", (), {"name": "drive_1.0x6040:00"})()
+        send = SIGNALS[SignalKind.UNSIGNED]
+        for number in range(control._MOST_SENDERS + 1):
+            acting.set_output(topic, send(number), f"process {number}")
+        assert dict(acting.status().values)["outputs set"] == str(control._MOST_SENDERS)
+        assert acting.status().message == "refused: more than 8 processes set outputs"
+        assert master.values["drive_1.0x6040:00"] == control._MOST_SENDERS - 1
+        monkeypatch.setattr(control, "_IDLE_S", -1.0)  # all have been silent for long
+        acting.set_output(topic, send(77), "a new process")
+        assert master.values["drive_1.0x6040:00"] == 77
+        master.drop()
+        acting.set_output(topic, send(78), "a new process")
+        acting.close()
+
+
+def test_a_recording_opens_elsewhere_and_holds_what_was_sent(robot: Master, tmp_path: Path) -> None:
+    needed("mcap", "ros2")
+    from mcap.reader import make_reader
+
+    path = tmp_path / "run.mcap"
+    with (
+        bridged(robot.path, record=str(path)) as domain,
+        Peer("listen", domain, "rt/diagnostics", ARRAY, 3) as peer,
+    ):
+        received = list(peer.payloads())
+    with open(path, "rb") as file:
+        rows = list(make_reader(file, validate_crcs=True).iter_messages())
+    topics = {channel.topic for _, channel, _ in rows}
+    assert {"/diagnostics", "/joint_states", "/cell/outputs/el2904/standard_1"} <= topics
+    recorded = {m.data for _, c, m in rows if c.topic == "/diagnostics"}
+    for payload in received:  # on the wire padded to 4 bytes
+        assert {payload[: len(payload) - n] for n in range(4)} & recorded
+    for schema, channel, message in rows:
+        assert channel.message_encoding == "cdr"
+        assert schema.encoding == "ros2msg"
+        assert channel.metadata["topic_type_hash"] == STORE.hash_rihs01(schema.name)
+        found = STORE.deserialize_cdr(message.data, schema.name)
+        if channel.topic == "/joint_states":
+            assert not math.isnan(found.position[0])
+
+
+def test_a_program_that_reads_bags_reads_it(robot: Master, tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    path = tmp_path / "run.mcap"
+    with (
+        bridged(robot.path, record=str(path)) as domain,
+        Peer("listen", domain, "rt/diagnostics", ARRAY, 1) as peer,
+    ):
+        list(peer.payloads())
+    with AnyReader([path]) as reader:
+        names = {c.topic: c.msgtype for c in reader.connections}
+        assert names["/diagnostics"] == "diagnostic_msgs/msg/DiagnosticArray"
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
+
+
+def test_a_disk_that_is_full_ends_it_with_its_name(robot: Master) -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("needs /dev/full")
+    done = _command(
+        "--socket", robot.path, "--record", "/dev/full", "--overwrite", "--duration", "60s"
+    )
+    assert done.returncode == 3
+    assert done.stderr == "error: /dev/full: No space left on device\n"
+
+
+def _command(*words: object) -> subprocess.CompletedProcess[str]:
+    with own_domain() as domain:
+        return subprocess.run(
+            [
+                *(sys.executable, "-m", "fsoe_net.cli", "ros2", "--localhost"),
+                *("--domain", str(domain), *map(str, words)),
+            ],
+            capture_output=True, text=True, check=False, timeout=PATIENCE_S,
+        )  # fmt: skip
+
+
+def test_the_command_says_what_it_shows(robot: Master, tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    done = _command(
+        "--socket", robot.path, "--duration", "300ms", "--record", path, "--allow-control"
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    first, second, third = done.stdout.splitlines()
+    assert first.endswith(
+        " on this machine: /diagnostics, /joint_states, /fsoe_net; Ctrl-C ends it"
+    )
+    assert second == (
+        "every node there may set outputs (role here: maintainer); no emergency stop, no safety "
+        "function"
+    )
+    assert third.endswith(" messages")
+    again = _command("--socket", robot.path, "--record", path)
+    assert (again.returncode, again.stdout) == (1, "")
+    assert "--overwrite" in again.stderr
+
+
+def test_what_the_command_does_not_take(tmp_path: Path) -> None:
+    done = _command("--socket", tmp_path / "nobody")
+    assert done.returncode == 3
+    assert "nobody answers" in done.stderr
+    done = _command("--socket", "x", "--name", "my cell")
+    assert done.returncode == 2
+    assert "'my cell' is not a name of a node; 'my_cell' would be" in done.stderr
+
+
+def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    from click.testing import CliRunner
+
+    from fsoe_net.cli.main import cli
+
+    for name in [n for n in sys.modules if n.startswith(("fsoe_net.ros2.", "cyclonedds"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "cyclonedds", None)
+    result = CliRunner().invoke(cli, ["ros2", "--socket", "x"])
+    assert isinstance(result.exception, EnvironmentFault)
+    assert str(result.exception) == (
+        "ros2 needs cyclonedds, which is not installed; pip install 'fsoe-net[ros2]'"
+    )

@@ -1,0 +1,163 @@
+"""What the statuses say of a bus that is well, resets, stops and comes back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from fsoe_net.ros2.diagnostics import HOLD_S, Health, HealthLevel, HealthStatus
+from fsoe_net.run.attachment import Attachment
+from fsoe_net.testing import fake_master
+from fsoe_net.testing.fake_master import FakeMaster
+
+OK, WARN, ERROR, STALE = HealthLevel
+
+
+class Watched:
+    """A made-up fsn-master and what its statuses say, at a time of ours."""
+
+    def __init__(self, master: FakeMaster) -> None:
+        self.master = master
+        self.attachment = Attachment(master.path)
+        self.health = Health()
+
+    def at(self, now_s: float) -> dict[str, HealthStatus]:
+        view = self.attachment.look(0.0)
+        return {row.name: row for row in self.health.statuses(view, now_s)}
+
+    def levels(self, now_s: float) -> dict[str, HealthLevel]:
+        return {name: row.level for name, row in self.at(now_s).items()}
+
+
+@pytest.fixture
+def watched() -> Iterator[Watched]:
+    with FakeMaster() as master:
+        watched = Watched(master)
+        yield watched
+        watched.attachment.close()
+
+
+def test_all_is_well(watched: Watched) -> None:
+    found = watched.at(0.0)
+    assert {name: row.level for name, row in found.items()} == {
+        "bus": OK,
+        "SubDevice drive_1": OK,
+        "connection c1": OK,
+    }
+    assert found["connection c1"].message == "Data · ProcessData"
+    values = dict(found["connection c1"].values)
+    assert values["MainInstance"] == "logic"
+    assert values["connection ID"] == "1"
+    assert values["FSoE watchdog ms"] == "not known"
+    assert dict(found["bus"].values)["working counter"] == "0 of 0"
+    assert dict(found["bus"].values)["period 99.9 % us"] == "1010.0"
+
+
+@pytest.mark.parametrize(
+    ("state", "level", "text"),
+    [
+        (1, ERROR, "Reset"),
+        (2, ERROR, "Session"),
+        (4, ERROR, "Parameter"),
+        (5, WARN, "Data · FailSafeData"),
+        (6, OK, "Data · ProcessData"),
+        (0, ERROR, "Silent"),
+    ],
+)
+def test_each_state_has_its_level(
+    watched: Watched, state: int, level: HealthLevel, text: str
+) -> None:
+    watched.master.connection_state = state
+    row = watched.at(0.0)["connection c1"]
+    assert (row.level, row.message) == (level, text)
+
+
+def test_a_reset_that_is_over_already_is_an_error_for_a_time(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(fake_master.DIRECTION, "resets", 3)
+    assert watched.levels(0.0)["connection c1"] is OK  # before anybody looked
+    monkeypatch.setitem(fake_master.DIRECTION, "resets", 4)
+    monkeypatch.setitem(fake_master.DIRECTION, "reset_code", 6)
+    row = watched.at(1.0)["connection c1"]
+    assert row.level is ERROR
+    assert "last Reset: both ends sent: " in row.message
+    assert watched.levels(1.0 + HOLD_S * 0.99)["connection c1"] is ERROR
+    assert watched.levels(1.0 + HOLD_S)["connection c1"] is OK
+    monkeypatch.setitem(fake_master.DIRECTION, "resets", 1)  # the bus was opened again
+    assert watched.levels(20.0)["connection c1"] is OK
+    monkeypatch.setitem(fake_master.DIRECTION, "resets", 2)
+    assert watched.levels(21.0)["connection c1"] is ERROR
+
+
+@pytest.mark.parametrize(
+    ("change", "level", "text"),
+    [
+        ({"al": "SAFEOP+ERROR", "al_code": 0x1B}, ERROR, "SAFEOP+ERROR, AL status code 0x001b"),
+        ({"detail": "port 1 is open"}, WARN, "OP: port 1 is open"),
+        ({"known": False}, STALE, "not known now"),
+        ({"al": "none", "found_text": "absent, as it may be"}, OK, "absent, as it may be"),
+    ],
+)
+def test_a_subdevice(
+    watched: Watched,
+    monkeypatch: pytest.MonkeyPatch,
+    change: dict[str, object],
+    level: HealthLevel,
+    text: str,
+) -> None:
+    for key, value in change.items():
+        monkeypatch.setitem(fake_master.SUBDEVICE, key, value)
+    found = watched.at(0.0)
+    row = found["SubDevice drive_1"]
+    assert (row.level, row.message) == (level, text)
+    if level is OK:
+        assert found["connection c1"].message == "a SubDevice of it is absent, as it may be"
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("overruns", "the cycle was late"),
+        ("wkc_errors", "working counter was incomplete"),
+        ("lost_frames", "frames were lost"),
+    ],
+)
+def test_the_cycle_is_a_warning_while_a_counter_grows(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch, name: str, text: str
+) -> None:
+    monkeypatch.setitem(fake_master.STATISTICS, name, 7)
+    assert watched.levels(0.0)["bus"] is OK
+    monkeypatch.setitem(fake_master.STATISTICS, name, 8)
+    row = watched.at(0.1)["bus"]
+    assert (row.level, row.message) == (WARN, text)
+    assert watched.levels(0.2)["bus"] is OK
+
+
+def test_a_working_counter_that_is_incomplete_now_is_an_error(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(fake_master.STATISTICS, "expected_wkc", 9)
+    row = watched.at(0.0)["bus"]
+    assert (row.level, row.message) == (ERROR, "working counter 0 of 9")
+
+
+def test_a_stopped_bus_makes_everything_stale(watched: Watched) -> None:
+    watched.at(0.0)
+    watched.master.state = "stopped"
+    found = watched.at(1.0)
+    assert (found["bus"].level, found["bus"].message) == (WARN, "the bus does not run (stopped)")
+    assert found["connection c1"].level is found["SubDevice drive_1"].level is STALE
+    assert found["connection c1"].message == "not known now; last: Data · ProcessData"
+    watched.master.state = "failed"
+    assert watched.levels(2.0)["bus"] is ERROR
+
+
+def test_an_fsn_master_that_is_gone_is_an_error(watched: Watched) -> None:
+    watched.at(0.0)
+    watched.master.close()
+    found = watched.at(1.0)
+    assert found["bus"].level is ERROR
+    assert found["bus"].message.startswith("fsn-master does not answer: ")
+    assert found["connection c1"].level is STALE
