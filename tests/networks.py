@@ -24,7 +24,7 @@ def _without_functions() -> Path:
     shutil.copytree(EXAMPLES, folder, dirs_exist_ok=True)
     for path in folder.glob("*/network.yaml"):
         text = re.sub(r"^project:.*\n", "", path.read_text("utf-8"), flags=re.M)
-        path.write_text(text[: text.index("\n# Figures of an example")], "utf-8")
+        path.write_text(text.partition("\n# Figures of an example")[0], "utf-8")
     return folder
 
 

@@ -24,9 +24,9 @@ from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2.messages import HASHES, Header, Stamp, TriggerRequest, TriggerResponse
 from fsoe_net.ros2.recording import McapFile
 
-__all__ = ["Node", "Received", "header"]
+__all__ = ["HERE", "Node", "Received", "header"]
 
-_HERE = """<CycloneDDS><Domain Id="any">
+HERE = """<CycloneDDS><Domain Id="any">
 <General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex>
 <MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
@@ -75,7 +75,7 @@ class Node:
         self._recording = recording
         self._lock = threading.Lock()
         try:
-            self._domain = Domain(domain, _HERE) if here_only else None
+            self._domain = Domain(domain, HERE) if here_only else None
             self._participant = DomainParticipant(domain)
         except DDSException as exc:
             raise EnvironmentFault(

@@ -38,6 +38,7 @@ def test_there_are_ten_broken_examples():
         "el6910/network.yaml",
         "two-buses/network.yaml",
         "tool-exchange/network.yaml",
+        "legs/network.yaml",
     ],
 )
 def test_good_examples_are_clean(name: str):

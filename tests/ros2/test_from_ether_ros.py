@@ -1,0 +1,142 @@
+"""The page for users of ether_ros: its commands run, and what it names is there."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from master.rig import killed_at_the_end, program, when_it_listens
+from patience import PATIENCE_S
+from ros2.rig import own_domain
+from ros2.test_bridge import Found
+from tied import tied
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "howto" / "from-ether-ros.md").read_text("utf-8")
+COMMANDS = [
+    line.removeprefix("$ ")
+    for block in re.findall(r"^```console\n(.*?)^```", PAGE, re.M | re.S)
+    for line in block.splitlines()
+]
+NAMES = set(re.findall(r"/fsoe_net/[a-z0-9_/]+", PAGE))
+
+
+class Session:
+    """What a shell in a folder does with the commands of the page."""
+
+    def __init__(self, folder: Path, domain: int, stack: ExitStack) -> None:
+        self.folder, self._stack = folder, stack
+        programs = str(Path(sys.executable).parent)
+        self._env = os.environ | {
+            "PATH": f"{Path(program()).parent}:{programs}:{os.environ['PATH']}",
+            "ROS_DOMAIN_ID": str(domain),
+        }
+        self.beside: dict[str, subprocess.Popen[str]] = {}
+
+    def run(self, line: str) -> str:
+        words = shlex.split(line.removesuffix(" &"))
+        if line.endswith(" &"):
+            self._begin(words)
+            return ""
+        done = subprocess.run(
+            words, cwd=self.folder, env=self._env, capture_output=True, text=True,
+            check=False, timeout=PATIENCE_S,
+        )  # fmt: skip
+        assert done.returncode == 0, (line, done.stdout, done.stderr)
+        return done.stdout
+
+    def _begin(self, words: list[str]) -> None:
+        """Start a program of the page, and wait until it serves."""
+        process = subprocess.Popen(
+            tied(*words), cwd=self.folder, env=self._env, stdout=subprocess.PIPE, text=True
+        )
+        self.beside[words[0]] = self._stack.enter_context(killed_at_the_end(process))
+        if words[0] == "fsn-master":
+            here = Path.cwd()
+            os.chdir(self.folder)  # the path of a socket must be short
+            try:
+                when_it_listens(Path("legs.sock"), process).close()
+            finally:
+                os.chdir(here)
+        else:
+            assert process.stdout is not None
+            assert process.stdout.readline().startswith("domain ")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Session, dict[str, str]]]:
+    """Run every command of the page in its order; yield what each has said."""
+    folder = tmp_path_factory.mktemp("page")
+    for name in ("legs", "estop"):
+        shutil.copytree(ROOT / "examples" / name, folder / name)
+    with own_domain() as domain, ExitStack() as stack:
+        session = Session(folder / "legs", domain, stack)
+        said = {line: session.run(line) for line in COMMANDS}
+        from cyclonedds.domain import Domain, DomainParticipant
+
+        from fsoe_net.ros2.node import HERE
+
+        here = Domain(domain, HERE)
+        found = Found(DomainParticipant(domain))
+        wanted = {ros_topic(name) for name in NAMES}
+        while not wanted <= found.offers() | found.requests():
+            pass
+        del found, here
+        yield session, said
+
+
+def ros_topic(name: str) -> str:
+    """Return the topic of DDS behind a topic or service that the page names."""
+    is_service = name.count("/") == 2
+    return f"rq{name}Request" if is_service else f"rt{name}"
+
+
+def test_the_page_names_topics_and_services() -> None:
+    assert {"/fsoe_net/start", "/fsoe_net/stop", "/fsoe_net/restart"} <= NAMES
+    assert sum(name.endswith("/set") for name in NAMES) == 1
+    assert len(COMMANDS) == 14
+
+
+def test_each_command_does_what_the_page_says(session: tuple[Session, dict[str, str]]) -> None:
+    shell, said = session
+    words = "\n".join(said.values())
+    assert "found/network.yaml: 2 SubDevices" in words
+    assert "legs: no findings, 4 SubDevices, 1 FSoE connection" in words
+    assert "2 copies, 1 connection" in words
+    assert "stopped\nrunning\nrunning" in words
+    assert re.search(r"^front_right_leg\.kp_100_knee +5$", words, re.M)
+    assert "the legs have their gain" in words
+    assert "may change once within 10 s" in words
+    assert len(re.findall(r"^cycle \d+ +front_left_leg\.hip_angle = 0$", words, re.M)) >= 1
+    assert (shell.folder / "times.csv").stat().st_size > 100
+    assert (shell.folder / "times.svg").read_text("utf-8").startswith("<svg")
+
+
+def test_what_ran_beside_ends_by_a_signal(session: tuple[Session, dict[str, str]]) -> None:
+    from mcap.reader import make_reader
+
+    shell, _ = session
+    node = shell.beside["fsoe-net"]
+    node.send_signal(signal.SIGTERM)
+    assert node.wait(PATIENCE_S) == 0
+    with open(shell.folder / "walk.mcap", "rb") as file:
+        topics = {c.topic for _, c, _ in make_reader(file).iter_messages()}
+    assert "/fsoe_net/outputs/front_left_leg/kp_100_knee" in topics
+
+
+def test_every_part_of_the_program_is_on_the_page() -> None:
+    """Facts of ether_ros: its parameters, topics, services and commands."""
+    parts = """vendor_id product_code alias position assign_activate input_port output_port
+        period_ns sync0_shift run_time slaves_count /pdo_raw /pdo_in_slave_0 /pdo_out
+        /pdo_out_timer /pdo_listener /ethercat_communicatord thread clear /modify_output_bit
+        !start !stop !restart !variable !run !help !q"""
+    assert [part for part in parts.split() if part not in PAGE] == []
