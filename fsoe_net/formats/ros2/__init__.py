@@ -21,5 +21,10 @@ FORMAT = Format(
             Target(name=f"driver-{v}", write=_WRITE, options={"version": v}, is_folder=True)
             for v in ("2025", "2026-06", "2026-08")
         ),
+        Target(
+            name="ros2-control",
+            write="fsoe_net.formats.ros2.write_control:write_control",
+            suffixes=(".urdf.xacro",),
+        ),
     ),
 )

@@ -1,0 +1,41 @@
+"""Starts ros2_control on what `fsoe-net convert` has written. Not run with ROS so far."""
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.substitutions import Command, LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+
+def generate_launch_description():
+    """Return the controller manager, the state publisher and one broadcaster."""
+    own = FindPackageShare("fsoe_net_ros")
+    description = LaunchConfiguration("description")
+    robot = {"robot_description": ParameterValue(Command(["xacro ", description]), value_type=str)}
+    controllers = LaunchConfiguration("controllers")
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("description", description="ros2_control.urdf.xacro"),
+            DeclareLaunchArgument(
+                "controllers",
+                default_value=PathJoinSubstitution([own, "config", "controllers.yaml"]),
+            ),
+            Node(
+                package="robot_state_publisher",
+                executable="robot_state_publisher",
+                parameters=[robot],
+            ),
+            Node(
+                package="controller_manager",
+                executable="ros2_control_node",
+                parameters=[robot, controllers],
+                output="both",
+            ),
+            Node(
+                package="controller_manager",
+                executable="spawner",
+                arguments=["joint_state_broadcaster"],
+            ),
+        ]
+    )

@@ -1,0 +1,139 @@
+// ros2_control's view of a cell: nothing but names and return values. Written for Humble and Jazzy from
+// their public interfaces; CI compiles it against the stubs in test/stubs. Not built with ROS so far.
+#include <hardware_interface/hardware_info.hpp>
+#include <hardware_interface/system_interface.hpp>
+#include <hardware_interface/types/hardware_interface_return_values.hpp>
+#include <memory>
+#include <pluginlib/class_list_macros.hpp>
+#include <rclcpp/rclcpp.hpp>
+#include <rclcpp_lifecycle/state.hpp>
+#include <string>
+#include <vector>
+
+#include "fsoe_net_ros/cell.hpp"
+
+namespace fsoe_net_ros {
+
+using hardware_interface::CallbackReturn;
+using hardware_interface::return_type;
+
+class CellSystem : public hardware_interface::SystemInterface {
+public:
+    CallbackReturn on_init(const hardware_interface::HardwareInfo &info) override {
+        if (SystemInterface::on_init(info) != CallbackReturn::SUCCESS) {
+            return CallbackReturn::ERROR;
+        }
+        return guarded([this] {
+            Cell::Options options;
+            options.socket = parameter("socket", "");
+            if (options.socket.empty()) {
+                throw Fault("the hardware has no param `socket`: the control socket of fsn-master");
+            }
+            options.misses = number("misses", options.misses);
+            options.start_s = number("start_s", options.start_s);
+            options.lost_ms = number("lost_ms", options.lost_ms);
+            options.start = parameter("start", "false") == "true";
+            cell_ = std::make_unique<Cell>(options);
+            states_.clear();
+            commands_.clear();
+            for (const auto *components : {&info_.joints, &info_.gpios, &info_.sensors}) {
+                for (const auto &component : *components) {
+                    for (const auto &row : component.state_interfaces) {
+                        states_.push_back({component.name, row.name, cell_->add_state(component.name, row.name)});
+                    }
+                    for (const auto &row : component.command_interfaces) {
+                        commands_.push_back(
+                            {component.name, row.name, cell_->add_command(component.name, row.name)});
+                    }
+                }
+            }
+        });
+    }
+
+    std::vector<hardware_interface::StateInterface> export_state_interfaces() override {
+        std::vector<hardware_interface::StateInterface> found;
+        for (const auto &row : states_) {
+            found.emplace_back(row.component, row.name, const_cast<double *>(row.value));
+        }
+        return found;
+    }
+
+    std::vector<hardware_interface::CommandInterface> export_command_interfaces() override {
+        std::vector<hardware_interface::CommandInterface> found;
+        for (const auto &row : commands_) {
+            found.emplace_back(row.component, row.name, row.value);
+        }
+        return found;
+    }
+
+    CallbackReturn on_configure(const rclcpp_lifecycle::State &) override {
+        return guarded([this] { cell_->configure(); });
+    }
+    CallbackReturn on_activate(const rclcpp_lifecycle::State &) override {
+        return guarded([this] { cell_->activate(); });
+    }
+    CallbackReturn on_deactivate(const rclcpp_lifecycle::State &) override {
+        return guarded([this] { cell_->deactivate(); });
+    }
+    CallbackReturn on_cleanup(const rclcpp_lifecycle::State &) override {
+        return guarded([this] { cell_->cleanup(); });
+    }
+    CallbackReturn on_shutdown(const rclcpp_lifecycle::State &) override {
+        return guarded([this] { cell_->cleanup(); });
+    }
+    CallbackReturn on_error(const rclcpp_lifecycle::State &) override {
+        return guarded([this] { cell_->cleanup(); });
+    }
+
+    return_type read(const rclcpp::Time &, const rclcpp::Duration &) override {
+        return cell_->read() ? return_type::OK : failed();
+    }
+    return_type write(const rclcpp::Time &, const rclcpp::Duration &) override {
+        return cell_->write() ? return_type::OK : failed();
+    }
+
+private:
+    template <class T> struct Row {
+        std::string component, name;
+        T value;
+    };
+
+    template <class Work> CallbackReturn guarded(Work work) {
+        try {
+            work();
+            return CallbackReturn::SUCCESS;
+        } catch (const std::exception &fault) {
+            RCLCPP_ERROR(logger(), "%s", fault.what());
+            return CallbackReturn::ERROR;
+        }
+    }
+
+    return_type failed() {
+        RCLCPP_ERROR(logger(), "%s", cell_->fault().c_str());
+        return return_type::ERROR;
+    }
+
+    std::string parameter(const std::string &name, const std::string &otherwise) const {
+        const auto found = info_.hardware_parameters.find(name);
+        return found == info_.hardware_parameters.end() ? otherwise : found->second;
+    }
+
+    unsigned number(const std::string &name, unsigned otherwise) const {
+        const std::string text = parameter(name, std::to_string(otherwise));
+        if (text.empty() || text.size() > 6 ||
+            text.find_first_not_of("0123456789") != std::string::npos) {
+            throw Fault("param `" + name + "` of the hardware is no whole number: " + text);
+        }
+        return static_cast<unsigned>(std::stoul(text));
+    }
+
+    static rclcpp::Logger logger() { return rclcpp::get_logger("fsoe_net_ros"); }
+
+    std::unique_ptr<Cell> cell_;
+    std::vector<Row<const double *>> states_;
+    std::vector<Row<double *>> commands_;
+};
+
+}  // namespace fsoe_net_ros
+
+PLUGINLIB_EXPORT_CLASS(fsoe_net_ros::CellSystem, hardware_interface::SystemInterface)

@@ -1,0 +1,70 @@
+#include "control_socket.hpp"
+
+#include <cerrno>
+#include <cstring>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include "fsoe_net_ros/cell.hpp"
+
+namespace fsoe_net_ros {
+
+namespace {
+
+constexpr int kReplyMs = 5000;
+constexpr std::size_t kMostBytes = 16u << 20;
+
+}  // namespace
+
+ControlSocket::ControlSocket(const std::string &path) : path_(path), fd_(-1) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    if (path.empty() || path.size() >= sizeof address.sun_path) {
+        throw Fault("'" + path + "' is not the path of a control socket");
+    }
+    std::memcpy(address.sun_path, path.c_str(), path.size());
+    fd_ = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    if (fd_ < 0 || connect(fd_, reinterpret_cast<sockaddr *>(&address), sizeof address) != 0) {
+        const std::string why = std::strerror(errno);
+        if (fd_ >= 0) {
+            ::close(fd_);
+        }
+        throw Fault("nobody answers on " + path + ": " + why + "; is fsn-master running?");
+    }
+}
+
+ControlSocket::~ControlSocket() { ::close(fd_); }
+
+nlohmann::json ControlSocket::request(const std::string &line) {
+    const std::string sent = line + "\n";
+    if (send(fd_, sent.data(), sent.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(sent.size())) {
+        throw Fault("fsn-master at " + path_ + " is gone");
+    }
+    std::size_t end;
+    while ((end = received_.find('\n')) == std::string::npos) {
+        pollfd ready{fd_, POLLIN, 0};
+        if (poll(&ready, 1, kReplyMs) <= 0 || received_.size() > kMostBytes) {
+            throw Fault("fsn-master at " + path_ + " does not answer");
+        }
+        char buffer[1 << 16];
+        const ssize_t got = recv(fd_, buffer, sizeof buffer, 0);
+        if (got <= 0) {
+            throw Fault("fsn-master at " + path_ + " is gone");
+        }
+        received_.append(buffer, static_cast<std::size_t>(got));
+    }
+    const auto reply = nlohmann::json::parse(received_.substr(0, end), nullptr, false);
+    received_.erase(0, end + 1);
+    if (!reply.is_object() || !reply.contains("ok")) {
+        throw Fault(path_ + " does not speak the protocol of fsn-master");
+    }
+    if (reply["ok"] != true) {
+        const std::string hint = reply.value("hint", "");
+        throw Fault(line + ": " + reply.value("text", "refused") + (hint.empty() ? "" : "; " + hint));
+    }
+    return reply;
+}
+
+}  // namespace fsoe_net_ros

@@ -1,0 +1,28 @@
+/** The control socket of fsn-master (docs/reference/control-protocol.md): one line, one reply. */
+#ifndef FSOE_NET_ROS_CONTROL_SOCKET_HPP
+#define FSOE_NET_ROS_CONTROL_SOCKET_HPP
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+namespace fsoe_net_ros {
+
+class ControlSocket {
+public:
+    /** @throws Fault  nobody answers there. */
+    explicit ControlSocket(const std::string &path);
+    ~ControlSocket();
+    ControlSocket(const ControlSocket &) = delete;
+    ControlSocket &operator=(const ControlSocket &) = delete;
+
+    /** Sends a request and returns its reply. @throws Fault  it is refused, or no reply comes in 5 s. */
+    nlohmann::json request(const std::string &line);
+
+private:
+    std::string path_, received_;
+    int fd_;
+};
+
+}  // namespace fsoe_net_ros
+
+#endif

@@ -1,0 +1,109 @@
+// Drives the adapter, linked against the stubs, as a controller manager would: commands come as lines.
+//
+//   drive_system [PARAM=VALUE…] [s:COMPONENT/INTERFACE…] [c:COMPONENT/INTERFACE…]
+//
+// Lines: init configure activate deactivate cleanup · cycle N (read, write, 1 ms) · set COMPONENT/INTERFACE
+// VALUE · get COMPONENT/INTERFACE. Each line is answered by one.
+#include <chrono>
+#include <hardware_interface/system_interface.hpp>
+#include <iostream>
+#include <map>
+#include <memory>
+#include <sstream>
+#include <thread>
+
+extern "C" hardware_interface::SystemInterface *stub_create();
+
+using hardware_interface::CallbackReturn;
+using hardware_interface::return_type;
+
+namespace {
+
+hardware_interface::HardwareInfo info_of(int count, char **words) {
+    hardware_interface::HardwareInfo info;
+    std::map<std::string, hardware_interface::ComponentInfo> found;
+    for (int i = 1; i < count; ++i) {
+        const std::string word = words[i];
+        const auto slash = word.find('/');
+        if (word.rfind("s:", 0) == 0 || word.rfind("c:", 0) == 0) {
+            auto &component = found[word.substr(2, slash - 2)];
+            component.name = word.substr(2, slash - 2);
+            auto &rows = word[0] == 's' ? component.state_interfaces : component.command_interfaces;
+            rows.push_back({word.substr(slash + 1)});
+        } else {
+            const auto equal = word.find('=');
+            info.hardware_parameters[word.substr(0, equal)] = word.substr(equal + 1);
+        }
+    }
+    for (auto &row : found) {
+        info.gpios.push_back(row.second);
+    }
+    return info;
+}
+
+const char *cycles(hardware_interface::SystemInterface &system, int count) {
+    for (int i = 0; i < count; ++i) {
+        if (system.read({}, {}) != return_type::OK) {
+            return "read ERROR";
+        }
+        if (system.write({}, {}) != return_type::OK) {
+            return "write ERROR";
+        }
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return "OK";
+}
+
+}  // namespace
+
+int main(int count, char **words) {
+    std::unique_ptr<hardware_interface::SystemInterface> system(stub_create());
+    const auto info = info_of(count, words);
+    const rclcpp_lifecycle::State state;
+    std::vector<hardware_interface::StateInterface> states;
+    std::vector<hardware_interface::CommandInterface> commands;
+    std::string line;
+    while (std::getline(std::cin, line)) {
+        std::istringstream text(line);
+        std::string verb, name;
+        double value = 0;
+        text >> verb;
+        std::map<std::string, CallbackReturn (hardware_interface::SystemInterface::*)(
+                                  const rclcpp_lifecycle::State &)>
+            transitions{{"configure", &hardware_interface::SystemInterface::on_configure},
+                        {"activate", &hardware_interface::SystemInterface::on_activate},
+                        {"deactivate", &hardware_interface::SystemInterface::on_deactivate},
+                        {"cleanup", &hardware_interface::SystemInterface::on_cleanup}};
+        if (verb == "init") {
+            const bool good = system->on_init(info) == CallbackReturn::SUCCESS;
+            if (good) {
+                states = system->export_state_interfaces();
+                commands = system->export_command_interfaces();
+            }
+            std::cout << (good ? "SUCCESS" : "ERROR") << std::endl;
+        } else if (transitions.count(verb) != 0) {
+            const bool good = (system.get()->*transitions[verb])(state) == CallbackReturn::SUCCESS;
+            std::cout << (good ? "SUCCESS" : "ERROR") << std::endl;
+        } else if (verb == "cycle") {
+            int number = 0;
+            text >> number;
+            std::cout << cycles(*system, number) << std::endl;
+        } else if (verb == "get") {
+            text >> name;
+            for (const auto &row : states) {
+                if (row.get_name() == name) {
+                    std::cout << row.get_value() << std::endl;
+                }
+            }
+        } else if (verb == "set") {
+            text >> name >> value;
+            for (auto &row : commands) {
+                if (row.get_name() == name) {
+                    row.set_value(value);
+                }
+            }
+            std::cout << "OK" << std::endl;
+        }
+    }
+    return 0;
+}
