@@ -1,8 +1,8 @@
 """How sure it is that a piece of process data is an FSoE frame, in numbers and in words.
 
-`find_blocks` decides by the layout of the objects alone, which is what plans are built on. Files of other tools
-also have names and half-finished mappings, and a person has to decide about the doubtful ones. So
-the same structure is weighed here:
+`find_blocks` decides by the layout of the objects alone, which is what plans are built on. Files of
+other tools also have names and half-finished mappings, and a person has to decide about the
+doubtful ones. So the same structure is weighed here:
 
     place of the CRCs and the connection ID     40
     command, CRCs and connection ID on one index 30   (15 when one CRC is on a neighbour)

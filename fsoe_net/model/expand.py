@@ -1,8 +1,9 @@
 """Shorthand connections to ordinary transfers: the one place where that happens.
 
 A connection names two SubDevices and, where several frames could be meant, slots. When its net
-moves nothing between these frames, the two transfers are made here, from the layout of their frames alone
-(`DeviceLayout.frame_pairs`). Pure; what cannot be made is a trouble with its cause, for the rules.
+moves nothing between these frames, the two transfers are made here, from the layout of their frames
+alone (`DeviceLayout.frame_pairs`). Pure; what cannot be made is a trouble with its cause, for the
+rules.
 """
 
 from __future__ import annotations

@@ -8,8 +8,9 @@ indents that this has there.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import SequenceMatcher
+from itertools import chain
 
 __all__ = ["said", "with_lines_kept"]
 
@@ -39,28 +40,51 @@ def with_lines_kept(before: str, laid_out: str, after: str) -> str:
     for kind, begin, stop, first, last in SequenceMatcher(
         None, plain, new, autojunk=False
     ).get_opcodes():
-        theirs = [line for chunk in chunks[begin:stop] for line in chunk]
+        theirs = chunks[begin:stop]
         if kind == "equal":
-            lines += theirs
+            lines += chain.from_iterable(theirs)
             continue
-        trail = columns[:stop]
-        for number, line in enumerate(new[first:last]):
-            if last - first == stop - begin:
-                lines += chunks[begin + number][:-1]  # comments that the writer has dropped
-                trail = columns[: begin + number + 1] + trail[stop:]
-            moved = _moved(line, trail, columns[stop:])
-            trail.append(_columns(line, [moved]))
-            lines.append(moved.rstrip("\r\n") + end)
+        pairs = theirs if last - first == stop - begin else theirs[:1]
+        for line in _placed(new[first:last], columns[:stop], columns[stop:], pairs):
+            lines.append(line.rstrip("\r\n") + end)
         lost.append((len(lines), _comments_behind(theirs)))
-    lines += tail
-    # The writer takes the comment before a part for one behind the part above it.
+    lines = _with_comments([*lines, *tail], lost)
+    if not before.endswith("\n") and lines:
+        lines[-1] = lines[-1].rstrip("\r\n")
+    return "".join(lines)
+
+
+def _placed(
+    new: list[str], above: list[Columns], below: list[Columns], pairs: list[list[str]]
+) -> Iterator[str]:
+    """Yield lines of the writer with the indents of the text.
+
+    ``pairs`` are the chunks that they replace one by one, or the first of what they replace:
+    comments in them that the writer has dropped come before the line.
+    """
+    by_one = len(pairs) == len(new)
+    made: list[Columns] = []
+    for number, line in enumerate(new):
+        if number < len(pairs):
+            yield from pairs[number][:-1]
+        known = above[: len(above) - len(new) + number + 1] if by_one else above
+        moved = _moved(line, [*known, *made], below)
+        made.append(_columns(line, [moved]))
+        yield moved
+    for chunk in pairs[len(new) :]:
+        yield from chunk[:-1]
+
+
+def _with_comments(lines: list[str], lost: list[tuple[int, list[str]]]) -> list[str]:
+    """Return the lines with comments that went with a part and are not of it.
+
+    The writer takes the comment before a part for one behind the part above it.
+    """
     for at, comments in reversed(lost):
         with_comments = [*lines[:at], *comments, *lines[at:]]
         if comments and said(with_comments) == said(lines):
             lines = with_comments
-    if not before.endswith("\n") and lines:
-        lines[-1] = lines[-1].rstrip("\r\n")
-    return "".join(lines)
+    return lines
 
 
 def _chunks(own: list[str], plain: list[str]) -> tuple[list[list[str]], list[str]]:
@@ -78,14 +102,14 @@ def _chunks(own: list[str], plain: list[str]) -> tuple[list[list[str]], list[str
     ).get_opcodes():
         left += own[begin:stop]
         count = last - first
+        if not count:
+            continue
         # The last lines are those that say the same; what is more stands before the first.
-        found = left[-count:] if count else []
-        if count > len(left):
-            found = [*[""] * (count - len(left)), *left]
-        for number, line in enumerate(found):
-            chunks.append([*left[: len(left) - count], line] if number == 0 else [line])
-        if count:
-            left = []
+        more = max(len(left) - count, 0)
+        found = [""] * (count - len(left)) + left[more:]
+        chunks.append([*left[:more], found[0]])
+        chunks += [[line] for line in found[1:]]
+        left = []
     return chunks, left
 
 
@@ -141,8 +165,12 @@ def _is_word(line: str) -> bool:
     return line.strip() != "" and line.lstrip()[0] != "#"
 
 
-def _comments_behind(lines: list[str]) -> list[str]:
-    """Return the lines without a word of YAML at the end of a part that goes."""
+def _comments_behind(part: list[list[str]]) -> list[str]:
+    """Return the lines without a word of YAML at the end of a part that goes.
+
+    Those before its first line were kept already.
+    """
+    lines = [*chain.from_iterable(part)][len(part[0]) - 1 :] if part else []
     words = [n for n, line in enumerate(lines) if _is_word(line)]
     behind = lines[words[-1] + 1 :] if words else lines
     return behind if any(line.strip() for line in behind) else []
