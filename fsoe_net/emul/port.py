@@ -11,9 +11,9 @@ from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.fsoe.sub_instance import SubInstance
-from fsoe_net.model.ends import ResolvedEnd
 from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.signals import Signal, connection_signals
+from fsoe_net.model.transfer_ends import ResolvedEnd
 
 __all__ = ["Port", "main_port", "sub_port"]
 

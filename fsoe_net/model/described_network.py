@@ -13,9 +13,9 @@ from fsoe_net.model.description import (
     DescribedSubDevice,
     Description,
 )
-from fsoe_net.model.ends import ResolvedEnd
 from fsoe_net.model.network import ConnectionFacts, NetworkConfig, TransferKind
 from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.model.transfer_ends import ResolvedEnd
 
 __all__ = ["describe", "described_connections", "described_facts"]
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 from itertools import islice, product
 
 from fsoe_net.model.bus import Located, SubDevice
-from fsoe_net.model.ends import ResolvedTransfer, find_end
 from fsoe_net.model.layout import FramePair, FsoeBlock
 from fsoe_net.model.network import (
     ConnectionFacts,
@@ -24,6 +23,7 @@ from fsoe_net.model.network import (
     Transfer,
     TransferKind,
 )
+from fsoe_net.model.transfer_ends import ResolvedTransfer, find_end
 
 __all__ = ["Expansion", "NotExpanded", "Obstacle", "expand"]
 

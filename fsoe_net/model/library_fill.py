@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
-from fsoe_net.model.join import has_layout
+from fsoe_net.model.joined_descriptions import has_layout
 from fsoe_net.model.library import Library, LibraryDevice, LibraryIdentity, LibraryMapping
 
 __all__ = ["LibraryFill", "fill_from_library", "library_device", "library_role"]

@@ -19,11 +19,8 @@ from fsoe_net.model.description import (
     DescribedSubDevice,
     Description,
 )
-from fsoe_net.model.join import has_layout
-from fsoe_net.model.layout import FsoeBlock
-from fsoe_net.model.library import Library
-from fsoe_net.model.library_fill import fill_from_library, library_device
-from fsoe_net.model.links import (
+from fsoe_net.model.joined_descriptions import has_layout
+from fsoe_net.model.known_connections import (
     CopyLink,
     find_moves,
     link_answers,
@@ -31,6 +28,9 @@ from fsoe_net.model.links import (
     link_moves,
     state_facts,
 )
+from fsoe_net.model.layout import FsoeBlock
+from fsoe_net.model.library import Library
+from fsoe_net.model.library_fill import fill_from_library, library_device
 from fsoe_net.model.pairing import OpenPair, PairEnd, pair_by_lengths
 from fsoe_net.model.roles import FrameEnd, find_ends, give_roles, where_is
 

@@ -12,9 +12,9 @@ from functools import cached_property
 
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.model.bus import Direction, SubDevice, same_devices
-from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer, find_end
 from fsoe_net.model.expand import NotExpanded, Obstacle, expand
 from fsoe_net.model.network import ConnectionFacts, Net, NetworkConfig, TransferKind
+from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer, find_end
 
 __all__ = [
     "Connection",

@@ -6,9 +6,9 @@ import re
 from dataclasses import dataclass
 
 from fsoe_net.model.bus import Entry
-from fsoe_net.model.ends import ResolvedEnd
 from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.resolve import Connection
+from fsoe_net.model.transfer_ends import ResolvedEnd
 
 __all__ = ["Signal", "connection_signals", "signals_of", "split_name", "write_bits"]
 

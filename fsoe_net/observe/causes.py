@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fsoe_net.observe.candidate import Candidate
 from fsoe_net.observe.causes_bus import bus_causes
-from fsoe_net.observe.causes_ends import end_causes
+from fsoe_net.observe.causes_fsoe_ends import end_causes
 from fsoe_net.observe.causes_places import place_causes
 from fsoe_net.observe.causes_start import start_causes
 from fsoe_net.observe.evidence import IncidentEvidence

@@ -8,7 +8,7 @@ from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import ResetCode
 from fsoe_net.observe.bus_documents import PlannedConnection
 from fsoe_net.observe.candidate import Candidate, any_of, candidate, code_text
-from fsoe_net.observe.causes_ends import reported_codes
+from fsoe_net.observe.causes_fsoe_ends import reported_codes
 from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import LinkFacts, WireSide
 from fsoe_net.observe.incident import TriggerKind

@@ -9,9 +9,9 @@ import re
 from importlib.resources import files
 
 from fsoe_net.fsoe.pdu import Command, ResetCode, command_text, reset_code_text
-from fsoe_net.model.ends import ResolvedTransfer
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.signals import Signal
+from fsoe_net.model.transfer_ends import ResolvedTransfer
 from fsoe_net.observe.names import ConnectionNames, Naming
 from fsoe_net.observe.wire import LogicalImage
 from fsoe_net.plan.model import Plan

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Iterable, Iterator
 
-from fsoe_net.model.ends import ResolvedEnd
+from fsoe_net.model.transfer_ends import ResolvedEnd
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import Plan
 

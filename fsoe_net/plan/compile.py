@@ -13,10 +13,10 @@ from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Direction, Entry, EntryView, SubDevice, Watchdog
-from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.plan.fingerprint import safety_sha256
 from fsoe_net.plan.model import (
     NONE,

@@ -26,7 +26,7 @@ from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.formats.shared.writers import Written
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
-from fsoe_net.model.join import fill_devices, has_layout, join_buses
+from fsoe_net.model.joined_descriptions import fill_devices, has_layout, join_buses
 
 __all__ = ["Conversion", "convert_files"]
 

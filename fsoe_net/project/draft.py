@@ -17,7 +17,7 @@ from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.join import fill_devices, has_layout, join_buses
+from fsoe_net.model.joined_descriptions import fill_devices, has_layout, join_buses
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.project import match_project

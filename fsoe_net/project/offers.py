@@ -15,7 +15,7 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.join import has_layout
+from fsoe_net.model.joined_descriptions import has_layout
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import fill_from_library, library_device
 from fsoe_net.project.draft import Draft, Inputs, make_draft

@@ -14,7 +14,7 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import AnsweredDevice
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.join import has_layout
+from fsoe_net.model.joined_descriptions import has_layout
 from fsoe_net.model.library import Library
 
 __all__ = ["DeviceType", "list_types", "ring_of"]

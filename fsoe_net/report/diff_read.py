@@ -8,12 +8,12 @@ from collections.abc import Iterable, Mapping
 from fsoe_net.model.bus import Direction, Entry, Pdo, SubDevice, SyncManager, Watchdog
 from fsoe_net.model.described_network import described_connections, described_facts
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
-from fsoe_net.model.ends import ResolvedEnd
 from fsoe_net.model.layout import DeviceLayout, SmLayout, find_blocks, place_entries
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
+from fsoe_net.model.transfer_ends import ResolvedEnd
 from fsoe_net.plan.fingerprint import safety_sha256
 from fsoe_net.plan.model import NONE, Plan, PlanSubDevice
 from fsoe_net.report.diff_side import (

@@ -10,12 +10,12 @@ from fsoe_net.rules.connections import check_connections, check_drivers
 from fsoe_net.rules.context import Context
 from fsoe_net.rules.devices import check_devices
 from fsoe_net.rules.drives import check_drives
-from fsoe_net.rules.ends import check_ends
 from fsoe_net.rules.frames import check_frames
 from fsoe_net.rules.fsoe import check_fsoe
 from fsoe_net.rules.groups import check_groups
 from fsoe_net.rules.nets import check_nets
 from fsoe_net.rules.runtime import Runtime, check_runtime
+from fsoe_net.rules.transfer_ends import check_ends
 
 __all__ = ["check"]
 

@@ -8,8 +8,8 @@ from fsoe_net.model.expand import NotExpanded, Obstacle
 from fsoe_net.model.layout import FramePair
 from fsoe_net.model.network import Net, Transfer
 from fsoe_net.rules.context import Context, few, nearest
-from fsoe_net.rules.ends import is_main_device
 from fsoe_net.rules.runtime import ROS2, Runtime
+from fsoe_net.rules.transfer_ends import is_main_device
 
 __all__ = ["check_connections", "check_drivers"]
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.model.bus import Device, SubDevice
-from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.layout import FsoeBlock, SmLayout
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 
 __all__ = [
     "ACCEPTED",

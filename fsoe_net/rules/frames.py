@@ -8,9 +8,9 @@ from fsoe_net.diag.diagnostic import Edit, Fix, Related
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.pdu import is_frame_length
 from fsoe_net.model.bus import Direction, Entry
-from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.layout import FsoeBlock, SmLayout
 from fsoe_net.model.network import TransferKind
+from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.rules.context import Context, block_text, describe_end, touched_bytes
 
 __all__ = ["check_frames"]

@@ -7,10 +7,10 @@ from collections import defaultdict
 from fsoe_net.diag.diagnostic import Related
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, SubDevice
-from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.layout import FsoeBlock
 from fsoe_net.model.network import ConnectionFacts, Net, TransferKind
 from fsoe_net.model.resolve import Connection, main_instance_of, partner_block, shared_modules
+from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.rules.context import (
     Context,
     Guesses,
@@ -20,7 +20,7 @@ from fsoe_net.rules.context import (
     nearest,
     touched_bytes,
 )
-from fsoe_net.rules.ends import is_main_device
+from fsoe_net.rules.transfer_ends import is_main_device
 
 __all__ = ["check_nets"]
 

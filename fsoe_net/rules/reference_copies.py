@@ -14,8 +14,8 @@ from fsoe_net.model.description import (
     DescribedEnd,
     Description,
 )
-from fsoe_net.model.ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 
 __all__ = ["check_copies", "check_slots"]
 

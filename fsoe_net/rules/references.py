@@ -21,7 +21,7 @@ from fsoe_net.diag.diagnostic import (
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.join import has_layout
+from fsoe_net.model.joined_descriptions import has_layout
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.project import projects_of

@@ -13,8 +13,8 @@ import enum
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, SubDevice
-from fsoe_net.model.ends import ResolvedTransfer
 from fsoe_net.model.network import NetworkConfig, TransferKind
+from fsoe_net.model.transfer_ends import ResolvedTransfer
 from fsoe_net.rules.context import Context
 
 __all__ = ["ROS2", "Runtime", "check_runtime"]

@@ -9,12 +9,12 @@ from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.diag.printable import printable
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.description import DescribedSubDevice
-from fsoe_net.model.ends import ResolvedTransfer
 from fsoe_net.model.layout import FramePair
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import library_role
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scan import Scan
+from fsoe_net.model.transfer_ends import ResolvedTransfer
 from fsoe_net.project.check import library_of
 from fsoe_net.studio.cables import cables_of
 from fsoe_net.studio.changes import FACTS

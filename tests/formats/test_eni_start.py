@@ -18,7 +18,7 @@ from fsoe_net.formats.eni.write import eni_notes, write_eni
 from fsoe_net.formats.esi.read import load_esi
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.description import Description, StartFacts
-from fsoe_net.model.join import fill_devices
+from fsoe_net.model.joined_descriptions import fill_devices
 
 ESI = """<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices>
 <Device Physics="KK"><Type ProductCode="#x1af63052" RevisionNo="#x00130000">LOGIC</Type>

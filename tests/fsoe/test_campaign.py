@@ -14,7 +14,7 @@ from fsoe.devices import (
     strange_sub,
     strange_sub_that_takes_data,
 )
-from fsoe.links import DRAWN, SIZES, make_config, make_link
+from fsoe.lossy_links import DRAWN, SIZES, make_config, make_link
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.campaign import trials as campaign_module

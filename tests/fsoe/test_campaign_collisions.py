@@ -5,7 +5,7 @@ import random
 
 import pytest
 from fsoe.devices import strange_sub
-from fsoe.links import SIZES, make_config, make_link
+from fsoe.lossy_links import SIZES, make_config, make_link
 
 from fsoe_net.fsoe.campaign.channel import Channel, Way
 from fsoe_net.fsoe.campaign.faults import Freeze, Swap

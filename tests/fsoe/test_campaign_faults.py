@@ -5,7 +5,7 @@ import random
 from itertools import combinations
 
 import pytest
-from fsoe.links import DRAWN, make_config, make_link
+from fsoe.lossy_links import DRAWN, make_config, make_link
 
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.campaign.bit_errors import bit_error, bit_error_count, code_distance

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 from changed import compare
 from fsoe.devices import strange_sub
-from fsoe.links import make_link
+from fsoe.lossy_links import make_link
 from said import Said
 
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 from fsoe.devices import strange_main, strange_sub, strange_sub_that_takes_data
-from fsoe.links import make_link
+from fsoe.lossy_links import make_link
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -8,7 +8,7 @@ import random
 from dataclasses import dataclass, replace
 
 import pytest
-from fsoe.links import make_link
+from fsoe.lossy_links import make_link
 from fsoe.pair import CONNECTION_ID, Bench, is_reset, last_reset, make_sub, parts, right
 
 from fsoe_net.fsoe.campaign.channel import BACK, Way

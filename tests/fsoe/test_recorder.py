@@ -14,7 +14,7 @@ from fsoe.devices import (
     strange_sub,
     strange_sub_that_takes_data,
 )
-from fsoe.links import make_link
+from fsoe.lossy_links import make_link
 
 from fsoe_net.fsoe.campaign.channel import Way
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE

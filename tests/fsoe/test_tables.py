@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 from changed import compare
-from fsoe.links import make_link
+from fsoe.lossy_links import make_link
 from said import Said
 
 from fsoe_net.fsoe.campaign.channel import Way

@@ -12,7 +12,7 @@ from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot, Statis
 from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import Command, ResetCode
-from fsoe_net.observe import causes_bus, causes_ends, causes_places
+from fsoe_net.observe import causes_bus, causes_fsoe_ends, causes_places
 from fsoe_net.observe.bus_documents import (
     Layout,
     LayoutCopy,
@@ -180,7 +180,7 @@ def evidence(
 
 def failsafe(*ns: int) -> Iterator[Candidate]:
     one = link(state=OutsideState.DATA_FAILSAFE, time_in_failsafe_ns=ns)
-    return causes_ends._failsafe(evidence(one, kind=TriggerKind.REQUEST), one)
+    return causes_fsoe_ends._failsafe(evidence(one, kind=TriggerKind.REQUEST), one)
 
 
 GONE = {"al": "none"}
@@ -382,7 +382,7 @@ BOTH_DAMAGED = link(
             id="two replies that came later",
         ),
         pytest.param(
-            causes_ends._local(evidence(code=ResetCode.LOCAL, by="main")),
+            causes_fsoe_ends._local(evidence(code=ResetCode.LOCAL, by="main")),
             [
                 (
                     "local_reset",
@@ -401,7 +401,7 @@ BOTH_DAMAGED = link(
             id="the only connection of a main",
         ),
         pytest.param(
-            causes_ends._forgot(evidence(link(resets=(reset(),)))),
+            causes_fsoe_ends._forgot(evidence(link(resets=(reset(),)))),
             [],
             id="a wrong frame is refused, which is no restart",
         ),

@@ -188,6 +188,7 @@ def test_what_only_an_emulated_segment_does():
         "heal",
         "power_cycle",
         "local_reset",
+        "drive_fault",
         "output",
         "fsoe_address",
         "plug",

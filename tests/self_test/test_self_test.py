@@ -215,7 +215,7 @@ BROKEN = {
     "SRA polynomial": ("CRCs of FSoE", "fsoe/crc.py", "0x1814141AB", "0x1814141AF"),
     "monitor": ("C core and Python", "fsoe/monitor.py", "crcs != pdu.crcs", "False"),
     "decoder": ("recorded run", "fsoe/monitor.py", "State.DATA_PROCESS\n", "State.RESET\n"),
-    "rule": ("broken networks", "rules/ends.py", '"FSN203"', '"FSN205"'),
+    "rule": ("broken networks", "rules/transfer_ends.py", '"FSN203"', '"FSN205"'),
     "compiler": ("reference networks", "plan/codec.py", "zlib.crc32(", "1 ^ zlib.crc32("),
     "fingerprint": (
         "reference networks",

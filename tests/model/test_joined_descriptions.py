@@ -19,7 +19,7 @@ from fsoe_net.model.description import (
     Description,
     StartFacts,
 )
-from fsoe_net.model.join import fill_devices, has_layout, join_buses
+from fsoe_net.model.joined_descriptions import fill_devices, has_layout, join_buses
 
 
 def bare(made: DescribedSubDevice, **changes) -> DescribedSubDevice:

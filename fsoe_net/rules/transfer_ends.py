@@ -5,9 +5,9 @@ from __future__ import annotations
 from fsoe_net.diag.diagnostic import Edit, Fix, Related
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction
-from fsoe_net.model.ends import Miss, ResolvedEnd, ResolvedTransfer
 from fsoe_net.model.layout import Placed, SmLayout
 from fsoe_net.model.network import TransferKind
+from fsoe_net.model.transfer_ends import Miss, ResolvedEnd, ResolvedTransfer
 from fsoe_net.rules.context import Context, block_text, describe_end, few
 
 __all__ = ["check_ends", "is_main_device"]
