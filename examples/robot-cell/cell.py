@@ -28,6 +28,11 @@ ESTOP = ("el1904.0x6001:01", "el1904.0x6001:02")
 PATIENCE_S = 60.0
 REACTION_S = 1.0  # required_reaction_ms of the safety function in network.yaml
 OWN = "ROBOT_CELL_NAMESPACE"
+BUSY = (
+    "A machine that is busy for 100 ms loses FSoE connections, as it should. Try again on an idle "
+    "one, or as root for real-time priority"
+)
+STARTS = 5
 
 
 def enter_namespace() -> None:
@@ -40,13 +45,15 @@ def enter_namespace() -> None:
         "ip link set lo up && ip link add near type veth peer name far && ip link set near up && "
         'ip link set far up && exec "$@"'
     )
-    command = ["unshare", "-n" if root else "-rn", "sh", "-c", cable, "sh", sys.executable]
+    # Whatever becomes of this program: what it has started ends with its namespace of processes.
+    apart = ["unshare", "-n" if root else "-rn", "--pid", "--fork", "--kill-child", "--mount-proc"]
+    command = [*apart, "sh", "-c", cable, "sh", sys.executable]
     environment = os.environ | {OWN: "1"}
     done = subprocess.run([*command, *sys.argv], env=environment, check=False)
     if (
         done.returncode == 1
         and not root
-        and subprocess.run(["unshare", "-rn", "true"], capture_output=True, check=False).returncode
+        and subprocess.run([*apart, "true"], capture_output=True, check=False).returncode
     ):
         sys.exit("this system lets ordinary users have no network namespace; run it with sudo")
     sys.exit(done.returncode)
@@ -177,10 +184,7 @@ class Cell:
     def moving(self, rev_s: float) -> bool:
         """Return whether both axes are so fast."""
         if self.said == "waiting":
-            sys.exit(
-                "the axes stopped before the e-stop was pressed: a machine that is busy for 100 ms "
-                "loses FSoE connections, as it should. Try again, or as root for real-time priority"
-            )
+            sys.exit(f"the axes stopped before the e-stop was pressed. {BUSY}")
         found = self.client.get(*(f"{name}.0x606c:00" for name in AXES)).values
         return all(abs(int(v)) > rev_s * COUNTS_PER_REV for v in found.values())
 
@@ -214,7 +218,16 @@ def play(cell: Cell) -> None:
     wait_for("the reset of the safety logic", lambda: press_reset() or cell.all_in("data_process"))
     wait_for("the motion program", lambda: cell.client.status().clients >= 3)
     time.sleep(0.3)
-    press_start()
+    for _ in range(STARTS):
+        press_start()
+        wait_for("motion, or a stop", lambda: cell.said in ("moving", "waiting"))
+        if cell.said == "moving":
+            break
+        print("the axes did not come up; acknowledge, and start again")
+        cell.marks.clear()
+        wait_for("the reset", lambda: press_reset() or cell.all_in("data_process"))
+    else:
+        sys.exit(f"the axes did not come up. {BUSY}")
     wait_for("motion", lambda: cell.moving(4.0))
     time.sleep(1.0)
     wait_for("both axes fast", lambda: cell.moving(5.0))
