@@ -13,11 +13,19 @@ from dataclasses import dataclass
 from fsoe_net.model.bus import Direction, Located
 from fsoe_net.model.layout import DeviceLayout, Placed
 
-__all__ = ["AXIS_STEP", "CONTROLWORD", "DriveAxis", "DriveSetup", "axis_name", "drive_axes"]
+__all__ = [
+    "AXIS_STEP",
+    "CONTROLWORD",
+    "MOST_AXES",
+    "DriveAxis",
+    "DriveSetup",
+    "axis_name",
+    "drive_axes",
+]
 
 CONTROLWORD = 0x6040
 AXIS_STEP = 0x800
-_AXES = 8
+MOST_AXES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,7 +57,7 @@ def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
             found.setdefault(placed.entry.index, (sm.sm.index, placed))
     outputs, inputs = sides[Direction.OUTPUT], sides[Direction.INPUT]
     axes = []
-    for number in range(_AXES):
+    for number in range(MOST_AXES):
         base = number * AXIS_STEP
         if CONTROLWORD + base not in outputs:
             break  # 0x7040 alone is an output of a terminal (ETG.5001)

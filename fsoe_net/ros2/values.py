@@ -11,12 +11,12 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from fsoe_net.model.drives import AXIS_STEP, MOST_AXES
 from fsoe_net.ros2.names import legal_token, unused
 from fsoe_net.run.control_values import Symbol, Value
 
 __all__ = ["Joint", "SignalKind", "SignalTopic", "find_joints", "signal_topics"]
 
-_AXES, _AXIS = 8, 0x800
 # Actual values of CiA 402 (IEC 61800-7-201), and the driver's names of the same.
 _PARTS = {"position": 0x6064, "velocity": 0x606C, "effort": 0x6077}
 _ENTRY = re.compile(r"0x([0-9a-fA-F]{4})(?::00)?")
@@ -80,7 +80,7 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
     inputs = [s for s in symbols if not s.is_output]
     for subdevice in dict.fromkeys(s.subdevice for s in inputs):
         own = [s for s in inputs if s.subdevice == subdevice]
-        for axis in range(_AXES):
+        for axis in range(MOST_AXES):
             parts = {part: _part(own, part, axis) for part in _PARTS}
             if not parts["position"]:
                 break
@@ -97,7 +97,7 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
 
 
 def _part(symbols: Sequence[Symbol], part: str, axis: int) -> str:
-    index = _PARTS[part] + axis * _AXIS
+    index = _PARTS[part] + axis * AXIS_STEP
     for symbol in symbols:
         entry = _ENTRY.fullmatch(symbol.entry)
         if entry is not None and int(entry.group(1), 16) == index:
