@@ -17,10 +17,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from motion import COUNTS_PER_REV
-from plot import FSOE, STATES, Picture, fsoe_word, state_of
+sys.dont_write_bytecode = True  # an installation has no file that its record does not name
 
-import fsoe_net
+from motion import COUNTS_PER_REV  # noqa: E402
+from plot import FSOE, STATES, Picture, fsoe_word, state_of  # noqa: E402
+
+import fsoe_net  # noqa: E402
 
 HERE = Path(__file__).parent
 AXES = ("axis_1", "axis_2")

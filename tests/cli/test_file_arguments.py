@@ -61,7 +61,7 @@ READERS = {
     ("replay", "files"): "WRONG",
 }
 # Parameters of the same type that are no document: what is written, and control sockets.
-NOT_READ = {"output", "socket", "capture", "stats", "plot", "snapshot"}
+NOT_READ = {"output", "socket", "capture", "stats", "plot", "snapshot", "record"}
 # A script is read when fsn-master answers; tests of the console and of signatures have these.
 ELSEWHERE = {
     ("console", "script"),

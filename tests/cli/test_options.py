@@ -183,11 +183,12 @@ WRITERS = {
 
 
 def test_every_command_that_writes_has_the_flag():
-    written = {"--output", "--capture", "--plot", "--stats", "--snapshot"}
+    written = {"--output", "--capture", "--plot", "--stats", "--snapshot", "--record"}
     writers = {c for c, o in options() if long_name(o) in written}
     assert writers == {c for c, o in options() if long_name(o) == "--overwrite"}
     assert set(WRITERS) == writers - {
         "accept",
+        "ros2",
         "incident",
         "install-master",
         "monitor",
