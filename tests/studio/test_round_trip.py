@@ -139,7 +139,9 @@ def test_drawn_files_keep_what_no_change_touches(
         assert len(lost) <= 12, lost
         left = set(re.findall(r"# note \d+", workspace.text))
         # A note in the line of a value that is removed goes with it.
-        gone = change["change"] == "set" and change["value"] is None
+        gone = change["change"] == "confirm" or (
+            change["change"] == "set" and change["value"] is None
+        )
         assert len(notes - left) <= int(gone) or change["change"] == "disconnect", (before, change)
         notes = left
     workspace.save(workspace.version)
