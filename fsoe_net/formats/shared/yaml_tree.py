@@ -23,6 +23,10 @@ from fsoe_net.formats.shared.files import Collector, read_bytes
 __all__ = ["MapNode", "Node", "Places", "ScalarNode", "SeqNode", "load_yaml", "parse_yaml"]
 
 MAX_DEPTH = 64
+# What newer builds of libyaml say of a flow list in more than 1000 others, before it is read.
+_TOO_DEEP = "exceeded maximum nesting depth"
+_DEEPER = f"nested deeper than {MAX_DEPTH} levels"
+_FLATTER = "no file of this kind needs more than a dozen levels"
 MAX_PARTS = 4_000_000  # of about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
 MAX_ALIASED = 1_000_000
 
@@ -253,6 +257,9 @@ def _syntax_error(exc: yaml.YAMLError, file: str, text: str, out: Collector) -> 
     mark = getattr(exc, "problem_mark", None) or getattr(exc, "context_mark", None)
     span = Span(file, mark.line + 1, mark.column + 1) if mark else Span(file, 1, 1)
     problem = getattr(exc, "problem", None) or str(exc).splitlines()[0]
+    if problem == _TOO_DEEP:
+        out.add("FSN103", span, _DEEPER, hint=_FLATTER)
+        return
     context = getattr(exc, "context", None)
     start = getattr(exc, "context_mark", None)
     related: tuple[Related, ...] = ()
@@ -389,12 +396,7 @@ class _Builder:
     def _open(self, event: Any, *, is_map: bool) -> None:
         place = self._place_of(event)
         if len(self._stack) >= MAX_DEPTH:
-            self._refuse(
-                "FSN103",
-                _span(self._file, place),
-                f"nested deeper than {MAX_DEPTH} levels",
-                "no file of this kind needs more than a dozen levels",
-            )
+            self._refuse("FSN103", _span(self._file, place), _DEEPER, _FLATTER)
         node = MapNode(self._file, place) if is_map else SeqNode(self._file, place)
         self._top = _Open(node, event.anchor, self._count, self._aliased)
         self._stack.append(self._top)
