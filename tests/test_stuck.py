@@ -75,10 +75,11 @@ def test_a_test_that_hangs_fails_and_tells_where(tmp_path, workers):
 
 @pytest.mark.parametrize("workers", [(), ("-n", "1")], ids=["alone", "beside others"])
 def test_code_that_serves_no_signal_is_ended_too(tmp_path, workers):
-    limits = ["-o", "timeout=20", "-o", "faulthandler_timeout=2"]
+    # Longer than a worker needs to begin: pytest itself waits twice as long for its first word.
+    limits = ["-o", "timeout=40", "-o", "faulthandler_timeout=8"]
     done = _pytest(tmp_path, _DEAF, *limits, "-o", "faulthandler_exit_on_timeout=true", *workers)
     assert done.returncode == 1
-    assert "Timeout (0:00:02)!" in done.stderr
+    assert "Timeout (0:00:08)!" in done.stderr
     assert "in test_that_hears_nothing" in done.stderr
 
 

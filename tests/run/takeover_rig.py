@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 import signal
 import socket
 import struct
@@ -162,6 +163,7 @@ def finish(emulator, wire, program):
 
 def planned(network, _other):
     """Three take-overs while clients read all the time; the intervention log goes on."""
+    shutil.rmtree("log", ignore_errors=True)  # of a run that was no good
     Path("log").mkdir()
     kept = ("--intervention-log", "log")
     emulator, wire, program, client = start(network, *kept)
