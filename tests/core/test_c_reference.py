@@ -8,6 +8,7 @@ from cli.tool import fsn
 from run.support import needs_core
 
 from fsoe_net.core.status import status_table
+from fsoe_net.run.axis import AxisJob, AxisMode
 
 ROOT = Path(__file__).parents[2]
 
@@ -68,3 +69,12 @@ def test_explain_knows_every_status() -> None:
     assert wrong.returncode == 2
     assert "Did you mean FSN_E_BUS_SILENT?" in wrong.stderr
     assert "FSN_E_PLAN_CRC  CRC-32 does not fit" in fsn("explain").stdout
+
+
+def test_numbers_of_axes_are_those_of_the_header():
+    header = (HEADERS / "axis.h").read_text("utf-8")
+    jobs = header[header.index("enum fsn_axis_job {") :].split("};")[0]
+    names = re.findall(r"FSN_AXIS_JOB_(\w+)", jobs)
+    assert names == [job.name for job in AxisJob]
+    for mode in AxisMode:
+        assert f"FSN_AXIS_{mode.name} = {mode.value}," in header
