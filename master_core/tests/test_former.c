@@ -304,9 +304,9 @@ static void says_it_and_stays(int fd, void *room) {
     pause();
 }
 
+/** Hears what is requested, and says nothing more. */
 static void shuts_the_door(int fd, void *room) {
-    CHECK(next_word(fd) == HANDOVER_END);
-    shutdown(fd, SHUT_RDWR);
+    shutdown(fd, SHUT_WR);
     (void)room;
     pause(); /* it closes the bus in its own time */
 }
@@ -333,7 +333,7 @@ static void a_take_over_ends_the_former(void) {
         if (parts[i].part == stands_still) {
             say(former.fd, HANDOVER_FOLLOWS);
         }
-        if (parts[i].part == does_not_listen) {
+        if (parts[i].status == FSN_E_BUS_BUSY) { /* before it is requested: however late it runs */
             struct pollfd polled = {.fd = former.fd, .events = POLLIN};
             CHECK(poll(&polled, 1, 10000) == 1);
         }

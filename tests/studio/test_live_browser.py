@@ -261,7 +261,7 @@ def test_a_person_controls_a_bus_for_as_long_as_the_page_is_in_sight(
         page.get_by_role("button", name="Give control back").click()
         page.get_by_text("Control is given back").wait_for()
         # From here on the lease is that of people.
-        monkeypatch.setattr(live_control, "LEASE_MS", 1500)
+        monkeypatch.setattr(live_control, "LEASE_MS", 5000)
         page.get_by_role("button", name="Take control").click()
         page.get_by_label(f"New value of {MODE}").fill("9")
         page.keyboard.press("Enter")
