@@ -315,7 +315,7 @@ static void each_interface_may_go(void) {
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
         poll_until(rig, n, FSN_AL_NONE);
         for (int polls = 0; strcmp(look(rig, n).detail, "neither near nor near2 has a link") != 0;
-             polls++) { /* which is written behind the state */
+             polls++) { /* what was said of the first loss is looked at again */
             CHECK(polls < PATIENCE_MS / 2);
             fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
             pause_ms(2);

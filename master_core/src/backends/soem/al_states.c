@@ -180,11 +180,19 @@ static void note_gap(struct fsn_soem *bus, struct node *node) {
     }
 }
 
-/** Links and counters of one SubDevice after the other. */
+/** Links and counters of one SubDevice after the other; of a lost one, where it is cut off by now:
+ *  one gap may hide another, and the first frames that are lost show neither. */
 static void poll_links(struct fsn_soem *bus) {
     bus->next_link = (uint16_t)(bus->next_link >= bus->slave_count ? 1 : bus->next_link + 1);
     const struct place *place = &bus->places[bus->next_link];
-    if (place->node == SOEM_NO_NODE || place->al_status == 0) {
+    if (place->node == SOEM_NO_NODE) {
+        return;
+    }
+    if (place->al_status == 0) {
+        struct node *lost = &bus->nodes[place->node];
+        if (lost->group == FSN_NONE && lost->known.seen.found == FSN_FOUND_NOTHING) {
+            note_loss(bus, lost);
+        }
         return;
     }
     const uint16_t station = bus->slaves[bus->next_link].configadr;
