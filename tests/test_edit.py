@@ -1,9 +1,14 @@
 """Files of a network that a program changes: only what it changes is changed."""
 
+import io
 import shutil
+from datetime import date
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ruamel.yaml import YAML
 from run.support import EXAMPLES, ROOT
 
 import fsoe_net
@@ -171,3 +176,173 @@ def test_what_cannot_be_put_in_is_refused_and_nothing_is_lost(monkeypatch):
     edited.document["a"] = 2
     with pytest.raises(ValueError, match=r"x\.yaml cannot be edited: .*change it in the text"):
         edited.text  # noqa: B018 - it raises
+
+
+def test_a_text_of_several_lines_goes_whole():
+    """What looks like a comment in it is a part of it; one behind it is not."""
+    edited = EditedText("b: |\n  x\n  # no comment\n# of c\nc: 1\nd: >-\n  y\n\n", "x.yaml")
+    del edited.document["b"]
+    assert edited.text == "# of c\nc: 1\nd: >-\n  y\n\n"
+    edited.document["e"] = 1
+    assert edited.text == "# of c\nc: 1\nd: >-\n  y\ne: 1\n\n"
+    del edited.document["d"]
+    assert edited.text == "# of c\nc: 1\ne: 1\n\n"
+
+
+def test_lists_and_maps_may_become_empty_and_be_filled_again():
+    edited = EditedText("a:\n  # of the first\n  - 1\n  - 2 # two\nb: {c: 1}\n", "x.yaml")
+    edited.document["a"].clear()
+    edited.document["b"].clear()
+    assert _yaml().load(edited.text) == {"a": [], "b": {}}
+    edited.settle()
+    edited.document["a"] += [{"d": 1}, 2]
+    edited.document["b"]["e"] = [3]
+    assert _yaml().load(edited.text) == {"a": [{"d": 1}, 2], "b": {"e": [3]}}
+    edited.document.clear()
+    assert _yaml().load(edited.text) == {}
+
+
+def test_what_an_alias_shares_is_changed_in_both_places():
+    text = "a: &x\n  - {b: 1}  # of b\n  - 2\nc: *x\nd: [*x, *x]\n"
+    edited = EditedText(text, "x.yaml")
+    assert edited.document["a"] is edited.document["c"] is edited.document["d"][1]
+    edited.document["c"][0]["b"] = 3
+    assert edited.text == text.replace("b: 1", "b: 3")
+    edited.document["c"].append(4)
+    edited.document["a"].remove(2)
+    assert edited.text == "a: &x\n  - {b: 3}  # of b\n  - 4\nc: *x\nd: [*x, *x]\n"
+    edited.settle()
+    assert edited.document["a"] is edited.document["d"][0]
+    del edited.document["d"]
+    assert edited.text == "a: &x\n  - {b: 3}  # of b\n  - 4\nc: *x\n"
+
+
+def test_what_many_aliases_repeat_is_not_compared_again_and_again():
+    lines = ["a0: &a0 [x, x]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 40)]
+    edited = EditedText("\n".join(lines) + "\n", "x.yaml")
+    edited.document["a0"][1] = "y"
+    assert edited.text.splitlines() == ["a0: &a0 [x, y]", *lines[1:]]
+    edited.settle()
+    assert edited.text == edited.before
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("a: 1\na: 2\n", "line 2: the key 'a' is given twice"),
+        ("{a: 1}: 2\n", "line 1: a key must be a word"),
+        ("a: *b\n", r"found undefined alias|alias \*b has no anchor before it"),
+        ("a: 1\n---\nb: 2\n", "more than one document"),
+        ("a: " + "[" * 70 + "]" * 70 + "\n", "nested deeper than 64 levels"),
+        ("a: [1\n", "x.yaml cannot be edited"),
+    ],
+)
+def test_a_text_that_is_no_map_of_one_meaning_is_refused(text, why):
+    with pytest.raises(fsoe_net.InputError, match=why):
+        EditedText(text, "x.yaml")
+
+
+def test_parts_may_move_and_change_their_kind():
+    edited = EditedText("a: # of a\n  - b: 1 # of b\n    c: [2]\n  - 3\nd: 4\n", "x.yaml")
+    document = edited.document
+    document["d"] = {"e": document["a"].pop(0)}
+    document["a"][0] = [5.5, None, True, "yes", date(2026, 11, 25), (6, 7), float("-inf"), "1"]
+    document["a"], document["d"] = document["d"], document["a"]
+    document["f"] = document.pop("a")
+    found = _yaml().load(edited.text)
+    assert list(found) == ["d", "f"]
+    assert found["f"] == {"e": {"b": 1, "c": [2]}}
+    assert found["d"] == [[5.5, None, True, "yes", date(2026, 11, 25), [6, 7], float("-inf"), "1"]]
+
+
+SCALARS = (
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**9), 10**9)
+    | st.sampled_from([0.5, -12.25, 1000.0])
+    | st.sampled_from(["", "x", "a b", "yes", "0x1", "010", "1e3", "# no", "- 1", "a: b", "é", "~"])
+)
+TREES = st.dictionaries(
+    st.sampled_from("abcdefgh"),
+    st.recursive(
+        SCALARS,
+        lambda inner: (
+            st.lists(inner, max_size=5) | st.dictionaries(st.sampled_from("abcdef"), inner)
+        ),
+        max_leaves=12,
+    ),
+    min_size=1,
+)
+
+
+@st.composite
+def written_texts(draw):
+    """Texts with comments, blank lines, and lists laid out in one way or another."""
+    yaml = YAML()
+    offset = draw(st.sampled_from([0, 2]))
+    yaml.indent(mapping=draw(st.sampled_from([2, 4])), sequence=offset + 2, offset=offset)
+    yaml.default_flow_style = draw(st.sampled_from([False, None]))
+    stream = io.StringIO()
+    yaml.width = 1000
+    yaml.dump(draw(TREES), stream)
+    lines = []
+    for number, line in enumerate(stream.getvalue().splitlines()):
+        kind = draw(st.sampled_from(["", "", "before", "blank", "behind"]))
+        indent = line[: len(line) - len(line.lstrip())]
+        lines += [f"{indent}# note {number}"] if kind == "before" else [""] * (kind == "blank")
+        lines.append(f"{line}  # note {number}" if kind == "behind" else line)
+    end = draw(st.sampled_from(["\n", "\r\n"]))
+    return end.join(lines) + draw(st.sampled_from(["", end]))
+
+
+def change_something(draw, place):
+    """Change, add or remove one thing somewhere."""
+    inner = [v for v in (place.values() if isinstance(place, dict) else place) if v]
+    inner = [v for v in inner if isinstance(v, dict | list)]
+    if inner and draw(st.booleans()):
+        return change_something(draw, draw(st.sampled_from(inner)))
+    value = draw(SCALARS | st.lists(SCALARS, max_size=2) | TREES)
+    if isinstance(place, dict):
+        key = draw(st.sampled_from(list(place) or ["a"]))
+        if draw(st.booleans()):
+            place.pop(key, None)
+        place[draw(st.sampled_from([key, "z"]))] = value
+        if draw(st.booleans()):
+            del place[draw(st.sampled_from(list(place)))]
+    elif place and draw(st.booleans()):
+        del place[draw(st.integers(0, len(place) - 1))]
+    elif place and draw(st.booleans()):
+        place[draw(st.integers(0, len(place) - 1))] = value
+    else:
+        place.insert(draw(st.integers(0, len(place))), value)
+    return None
+
+
+@given(st.data())
+def test_any_change_of_any_text_says_what_the_maps_and_lists_say(data):
+    text = data.draw(written_texts())
+    edited = EditedText(text, "x.yaml")
+    assert edited.text == text
+    assert edited.document == YAML(typ="safe", pure=True).load(text)
+    for _ in range(data.draw(st.integers(1, 3))):
+        change_something(data.draw, edited.document)
+    made = edited.text
+    assert YAML(typ="safe", pure=True).load(made) == edited.document
+    assert made.count("\r") == (made.count("\n") if "\r" in text else 0)
+    edited.settle()
+    assert edited.text == made
+
+
+def test_lines_far_from_a_change_are_the_same_and_comments_of_what_stays_stay():
+    rows = [f"  # before {n}\n  - {{x: {n},   y: 2}}  # of {n}\n" for n in range(400)]
+    edited = EditedText("a:\n" + "".join(rows) + "b: 1\n", "x.yaml")
+    del edited.document["a"][::2]
+    edited.document["a"][7]["x"] = -1
+    edited.document["a"].insert(100, {"x": 5})
+    wanted = [r if n % 2 else r.splitlines(keepends=True)[0] for n, r in enumerate(rows)]
+    wanted[15] = "  # before 15\n  - {x: -1, y: 2}    # of 15\n"
+    lines = edited.text.splitlines(keepends=True)
+    assert "  - x: 5\n" in lines
+    lines.remove("  - x: 5\n")
+    assert "".join(lines) == "a:\n" + "".join(wanted) + "b: 1\n"

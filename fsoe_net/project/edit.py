@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.errors import InputError
@@ -17,8 +17,10 @@ from fsoe_net.formats.shared.files import (
 )
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
+from fsoe_net.project.changed_lines import ChangedLines, change_rows, spans_of, whole_of
 from fsoe_net.project.findings import Findings
-from fsoe_net.project.lines_kept import said, with_lines_kept
+from fsoe_net.project.lines_kept import with_lines_kept
+from fsoe_net.project.yaml_parts import EditedMap, Part, adopt, is_same, read_text
 
 if TYPE_CHECKING:
     from ruamel.yaml import YAML
@@ -102,21 +104,12 @@ class EditedText:
     document: Any
 
     def __init__(self, text: str, path: str) -> None:
-        from ruamel.yaml.error import YAMLError
-        from ruamel.yaml.util import load_yaml_guess_indent
-
-        self.before, self._path = text, path
-        given = text.replace("\r\n", "\n")  # the reader takes "\r" for a part of comments
-        indent = offset = None
+        self._path = path
         try:
-            try:
-                self.document, indent, offset = load_yaml_guess_indent(given, yaml=_yaml())
-            except IndexError:  # the guess stumbles over lines of dashes only
-                self.document = _yaml().load(given)
-        except (YAMLError, ValueError) as exc:
+            self._read = read_text(text)
+        except ValueError as exc:
             raise InputError(f"{path} cannot be edited: {exc}") from exc
-        self._indent = (4 if indent is None else indent, 2 if offset is None else offset)
-        self._laid_out = self._dumped()
+        self.before, self.document = text, self._read.root.value
 
     @property
     def text(self) -> str:
@@ -126,42 +119,58 @@ class EditedText:
             ValueError: Something in `document` is nothing that YAML can hold, or the lines beside a
                 change are laid out in such a way that it cannot be put there.
         """
-        after = self._dumped()
-        if after == self._laid_out:
+        if is_same(self._read.root, self.document):
             return self.before
-        text = with_lines_kept(self.before, self._laid_out, after)
-        # What the writer makes is compared first, which is quicker; it has faults of its own.
-        if said([text]) != said([after]) and _loaded(text) != self.document:
-            raise ValueError(
-                f"{self._path} cannot be edited: the lines beside the change are laid out in an "
-                "odd way; change it in the text"
-            )
-        return text
+        for spans in (spans_of(self._read, self.document), [whole_of(self._read, self.document)]):
+            text = None if spans is None else self._with(spans)
+            # The writer has faults of its own, and lines may mean something else where they stand.
+            if text is not None and is_same(_root(text), self.document):
+                return text
+        raise ValueError(
+            f"{self._path} cannot be edited: the lines beside the change are laid out in an "
+            "odd way; change it in the text"
+        )
 
     def settle(self) -> None:
         """Count further changes from the text as it is now."""
-        self.before, self._laid_out = self.text, self._dumped()
+        self.before = self.text
+        self._read = read_text(self.before)
+        adopt(self._read.root, self.document)
 
-    def _dumped(self) -> str:
+    def _with(self, spans: Sequence[ChangedLines]) -> str:
+        lines = list(self._read.lines)
+        for span in reversed(spans):
+            lines[span.begin : span.stop] = [self._written(span)] if span.rows else []
+        text = "".join(lines)
+        return text if self.before.endswith("\n") else text.removesuffix("\n").removesuffix("\r")
+
+    def _written(self, span: ChangedLines) -> str:
+        """Return lines of the text after the change; ruamel.yaml reads and writes only these."""
         from ruamel.yaml.error import YAMLError
 
-        stream = io.StringIO()
-        yaml = _yaml()  # a new one: after an error, one writes nothing more and does not say so
-        yaml.indent(mapping=2, sequence=self._indent[0], offset=self._indent[1])
+        before = "".join(self._read.lines[span.begin : span.stop])
         try:
-            yaml.dump(self.document, stream)
+            document = _yaml().load(before.replace("\r\n", "\n"))  # it takes "\r" into comments
+            laid_out = self._dumped(document)
+            change_rows(document, span)
+            return with_lines_kept(before, laid_out, self._dumped(document))
         except YAMLError as exc:
             raise ValueError(f"{self._path} cannot be written: {exc}") from exc
+
+    def _dumped(self, document: Any) -> str:
+        stream = io.StringIO()
+        yaml = _yaml()  # a new one: after an error, one writes nothing more and does not say so
+        column = self._read.dash_column
+        yaml.indent(mapping=2, sequence=column + 2, offset=column)
+        yaml.dump(document, stream)
         return stream.getvalue()
 
 
-def _loaded(text: str) -> object:
-    from ruamel.yaml.error import YAMLError
-
+def _root(text: str) -> Part:
     try:
-        return _yaml().load(text)
-    except (YAMLError, ValueError):
-        return None
+        return read_text(text).root
+    except ValueError:
+        return Part(None, 0, 0)
 
 
 def _yaml() -> YAML:
@@ -174,5 +183,8 @@ def _yaml() -> YAML:
     yaml.representer.add_representer(
         type(None),
         lambda representer, _: representer.represent_scalar("tag:yaml.org,2002:null", "null"),
+    )
+    yaml.representer.add_representer(
+        EditedMap, lambda representer, value: representer.represent_dict(dict(value))
     )
     return yaml

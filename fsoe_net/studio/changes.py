@@ -152,11 +152,9 @@ def _network(request: Mapping[str, object], resolution: Resolution) -> Change:
         values["cycle_us"] = number_of(request, "cycle_us", LONGEST_CYCLE_US)
 
     def change(document: Any) -> None:
-        for key, value in values.items():
-            if key in document:
-                document[key] = value
-            else:  # in front, where a person looks for it
-                document.insert(int(next(iter(document), None) == "version"), key, value)
+        new = {key: value for key, value in values.items() if key not in document}
+        rest = {key: document.pop(key) for key in list(document) if key != "version"}
+        document.update(new | rest | values)  # in front, where a person looks for it
 
     return change
 

@@ -70,23 +70,16 @@ def row_of(rows: Any, part: Located) -> Any:
         InputError: It stands in another file, or is shared by an anchor.
     """
     for row in rows or ():
-        place = getattr(row, "lc", None)
-        if place is not None and (place.line + 1, place.col + 1) == (
-            part.span.line,
-            part.span.column,
-        ):
+        if getattr(row, "place", None) == (part.span.line, part.span.column):
             return row
     raise InputError(f"{part.span}: this part cannot be changed here; change it in the text")
 
 
 def list_in(parent: Any, key: str) -> Any:
-    """Return a list of the file, made where it is not there; an empty ``[]`` gets lines."""
-    rows = parent.get(key)
-    if rows is None:
-        rows = parent[key] = []
-    if not rows and hasattr(rows, "fa"):
-        rows.fa.set_block_style()
-    return rows
+    """Return a list of the file, made where it is not there."""
+    if parent.get(key) is None:
+        parent[key] = []
+    return parent[key]
 
 
 def subdevice_row(document: Any, resolution: Resolution, name: str) -> tuple[Any, Any]:
