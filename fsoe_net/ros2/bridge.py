@@ -7,11 +7,23 @@ import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2.control import NodeControl, settable
 from fsoe_net.ros2.diagnostics import Health, HealthStatus
-from fsoe_net.ros2.messages import SIGNALS, DiagnosticArray, DiagnosticStatus, JointState, KeyValue
+from fsoe_net.ros2.messages import (
+    SIGNALS,
+    DiagnosticArray,
+    DiagnosticStatus,
+    JointState,
+    KeyValue,
+    ParameterResult,
+    SetParametersRequest,
+    SetParametersResponse,
+    TriggerRequest,
+    TriggerResponse,
+)
 from fsoe_net.ros2.names import legal_text
 from fsoe_net.ros2.node import Node, header
 from fsoe_net.ros2.recording import McapFile
@@ -59,6 +71,7 @@ class Bridge:
         self._ending = threading.Event()
         self._health = Health()
         self._offered: tuple[tuple[str, str], ...] = ()
+        self._settable: dict[str, SignalTopic] = {}
         self._readers: list[object] = []
         self._attachment = Attachment(path)
         self.recording: McapFile | None = None
@@ -72,7 +85,16 @@ class Bridge:
             raise
         if self.control is not None:
             for word in ("start", "stop", "restart"):
-                self._node.serve(f"/{options.name}/{word}", self.control.bus_request(word))
+                self._node.serve(
+                    f"/{options.name}/{word}",
+                    (TriggerRequest, TriggerResponse),
+                    self.control.bus_request(word),
+                )
+            self._node.serve(
+                f"/{options.name}/set_parameters",
+                (SetParametersRequest, SetParametersResponse),
+                self._set_parameters,
+            )
         self._values = threading.Thread(target=self._follow_values, name="values", daemon=True)
         self._values.start()
 
@@ -188,7 +210,13 @@ class Bridge:
             )
             for topic in topics
         ]
+        self._settable = {t.symbol.name: t for t in topics}
         self._offered = offered
+
+    def _set_parameters(self, request: Any, who: str) -> tuple[list[ParameterResult]]:
+        assert self.control is not None  # noqa: S101 - it is served only then
+        results = self.control.set_parameters(self._settable, request, who)
+        return ([ParameterResult(done, legal_text(text)) for done, text in results],)
 
 
 class _Shown:

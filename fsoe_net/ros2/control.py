@@ -7,16 +7,17 @@ from here, and no output of a drive is set: a program in the cycle moves axes.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from fsoe_net.diag.printable import printable
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.ros2.diagnostics import HealthLevel, HealthStatus
 from fsoe_net.ros2.values import Joint, SignalKind, SignalTopic
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_values import BusState
+from fsoe_net.run.control_values import BusState, Value
 
 __all__ = ["LEASE_MS", "NodeControl", "settable"]
 
@@ -25,6 +26,7 @@ LEASE_MS = 1000
 _CONTROLWORD = ("0x6040", "0x6040:00", "control_word", "controlword")
 _IDLE_S = 10.0
 _MOST_SENDERS = 8  # of the 32 clients of fsn-master
+_MOST_AT_ONCE = 256  # parameters of a request; meanwhile no other one is served
 
 
 @dataclass(slots=True)
@@ -79,21 +81,56 @@ class NodeControl:
 
     def set_output(self, topic: SignalTopic, message: Any, who: str) -> None:
         """Set an output to what a message holds; a refusal shows in the status."""
+        self._set_value(topic, topic.kind.python(message.data), who)
+
+    def set_parameters(
+        self, offered: Mapping[str, SignalTopic], request: Any, who: str
+    ) -> list[tuple[bool, str]]:
+        """Set outputs that a service has by their names, each on its own.
+
+        Args:
+            offered: What may be set, by its name.
+            request: A `fsoe_net.ros2.messages.SetParametersRequest`.
+            who: Sent it.
+
+        Returns:
+            Of each whether it was set, and why not.
+        """
+        refusals = [
+            self._set_parameter(offered.get(p.name), p.name, p.value.python(), who)
+            for p in request.parameters[:_MOST_AT_ONCE]
+        ]
+        more = len(request.parameters) - len(refusals)
+        if more:
+            refusals += [self._refuse(f"more than {_MOST_AT_ONCE} parameters at once")] * more
+        return [(not text, text) for text in refusals]
+
+    def _set_parameter(
+        self, topic: SignalTopic | None, name: str, value: bool | float | None, who: str
+    ) -> str:
+        if topic is None:
+            return self._refuse(f"{printable(name)} is no output that nodes may set")
+        if value is None or not topic.kind.takes(value):
+            return self._refuse(f"{name} takes a value as std_msgs/msg/{topic.kind.value} has it")
+        return self._set_value(topic, topic.kind.python(value), who)
+
+    def _set_value(self, topic: SignalTopic, value: Value, who: str) -> str:
+        """Set an output; return why not, or nothing."""
         self._forget_idle()
-        value = topic.kind.python(message.data)
         try:
             client = self._client(who)
             client.set({topic.symbol.name: value}, typed=topic.kind is SignalKind.REAL)
             self._set += 1
         except ControlRefused as refused:
-            self._refuse(str(refused))
+            return self._refuse(str(refused))
         except EnvironmentFault as fault:
             gone = self._senders.pop(who, None)
             if gone is not None:
                 gone.client.close()
-            self._refuse(str(fault))
+            return self._refuse(str(fault))
+        return ""
 
-    def bus_request(self, word: str) -> Callable[[], tuple[bool, str]]:
+    def bus_request(self, word: str) -> Callable[[Any, str], tuple[bool, str]]:
         """Return what a service does: ``start``, ``stop`` or ``restart``."""
         requests: dict[str, Callable[[Client], BusState]] = {
             "start": Client.start,
@@ -114,14 +151,15 @@ class NodeControl:
         text = f"refused: {self._last}" if self._refused else "other nodes may set outputs"
         return HealthStatus(level=level, name="control", message=text, values=values)
 
-    def _request(self, word: str, request: Callable[[Client], BusState]) -> tuple[bool, str]:
+    def _request(
+        self, word: str, request: Callable[[Client], BusState], *_: object
+    ) -> tuple[bool, str]:
         try:
             with Client(self._path) as client:
                 request(client)
             return True, f"{word} has begun"
         except EnvironmentFault as fault:
-            self._refuse(str(fault))
-            return False, str(fault)
+            return False, self._refuse(str(fault))
 
     def _client(self, who: str) -> Client:
         sender = self._senders.get(who)
@@ -145,6 +183,7 @@ class NodeControl:
         for who in [w for w, s in self._senders.items() if s.last_s < before]:
             self._senders.pop(who).client.close()
 
-    def _refuse(self, text: str) -> None:
+    def _refuse(self, text: str) -> str:
         self._refused += 1
         self._last = text
+        return text

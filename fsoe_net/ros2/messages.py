@@ -21,6 +21,9 @@ __all__ = [
     "Header",
     "JointState",
     "KeyValue",
+    "ParameterResult",
+    "SetParametersRequest",
+    "SetParametersResponse",
     "Stamp",
     "TriggerRequest",
     "TriggerResponse",
@@ -130,6 +133,62 @@ class TriggerResponse(IdlStruct, typename="std_srvs::srv::dds_::Trigger_Response
     message: str
 
 
+@dataclass
+class _ParameterValue(IdlStruct, typename="rcl_interfaces::msg::dds_::ParameterValue_"):
+    """A value with its type: `rcl_interfaces/msg/ParameterType`, 1 bool, 2 integer, 3 double."""
+
+    type: types.uint8
+    bool_value: bool
+    integer_value: types.int64
+    double_value: types.float64
+    string_value: str
+    byte_array_value: types.sequence[types.byte]
+    bool_array_value: types.sequence[bool]
+    integer_array_value: types.sequence[types.int64]
+    double_array_value: types.sequence[types.float64]
+    string_array_value: types.sequence[str]
+
+    def python(self) -> bool | int | float | None:
+        """Return its value; ``None`` where it is no bool and no number."""
+        return {1: self.bool_value, 2: self.integer_value, 3: self.double_value}.get(self.type)
+
+
+@dataclass
+class _Parameter(IdlStruct, typename="rcl_interfaces::msg::dds_::Parameter_"):
+    """A name and its value."""
+
+    name: str
+    value: _ParameterValue
+
+
+@dataclass
+class ParameterResult(IdlStruct, typename="rcl_interfaces::msg::dds_::SetParametersResult_"):
+    """What became of one of them."""
+
+    successful: bool
+    reason: str
+
+
+@dataclass
+class SetParametersRequest(IdlStruct, typename="rcl_interfaces::srv::dds_::SetParameters_Request_"):
+    """Values to be set, each on its own."""
+
+    client: types.uint64
+    number: types.int64
+    parameters: types.sequence[_Parameter]
+
+
+@dataclass
+class SetParametersResponse(
+    IdlStruct, typename="rcl_interfaces::srv::dds_::SetParameters_Response_"
+):
+    """What became of each, in the same order."""
+
+    client: types.uint64
+    number: types.int64
+    results: types.sequence[ParameterResult]
+
+
 # Of the message definitions as REP 2016 has them ("RIHS01"): endpoints announce them.
 HASHES: dict[type[IdlStruct], str] = {
     DiagnosticArray: "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
@@ -139,6 +198,8 @@ HASHES: dict[type[IdlStruct], str] = {
     _UInt64: "fbdc52018fc13755dce18024d1a671c856aa8b4aaf63adfb095b608f98e8c943",
     _Float64: "705ba9c3d1a09df43737eb67095534de36fd426c0587779bda2bc51fe790182a",
     TriggerRequest: "d010825374ce8918e72bfd826c82603e60f45419e932ea976f807b74a863a199",
+    SetParametersRequest: "130d46386b7e84ea9ecf60608a4d83cbe5e5cb7c6cc5b712b7a4e3a6c254e932",
+    SetParametersResponse: "7a0e8140a0b8d98308fa81a5403a766e610af29a239caf54b7553227906fc266",
     TriggerResponse: "2d946c21e2fc3f1e9ca6986a8191d85fcc70097a8bb7771a053564bc47009cdf",
 }
 

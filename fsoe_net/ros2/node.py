@@ -21,7 +21,7 @@ from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.ros2.messages import HASHES, Header, Stamp, TriggerRequest, TriggerResponse
+from fsoe_net.ros2.messages import HASHES, Header, Stamp
 from fsoe_net.ros2.recording import McapFile
 
 __all__ = ["HERE", "Node", "Received", "header"]
@@ -124,25 +124,32 @@ class Node:
         """Take no more of it."""
         self._readers.pop(reader, None)
 
-    def serve(self, name: str, answer: Callable[[], tuple[bool, str]]) -> None:
-        """Serve ``std_srvs/srv/Trigger`` to callers whose rmw is Cyclone DDS.
+    def serve(
+        self,
+        name: str,
+        types: tuple[type[IdlStruct], type[IdlStruct]],
+        answer: Callable[[Any, str], tuple[Any, ...]],
+    ) -> None:
+        """Serve requests to callers whose rmw is Cyclone DDS.
 
         Args:
             name: Of the service, with its slash.
-            answer: Does it, and says whether it was done, and what there is to say.
+            types: Of a request and of its reply, in `HASHES`.
+            answer: Does what a request of a process says, and returns the fields of the reply.
         """
         # A caller waits until a reader and a writer have the same mark: who serves, and a number.
         number = len(self._readers).to_bytes(4, "big")
         mark = ".".join(f"{b:x}" for b in self._participant.guid.bytes[:12] + number)
         mark = f"serviceid={mark};"
-        writer = self._writer(f"rr{name}Reply", TriggerResponse, _qos(TriggerResponse, extra=mark))
+        asked, replied = types
+        writer = self._writer(f"rr{name}Reply", replied, _qos(replied, extra=mark))
 
-        def received(request: TriggerRequest, sender: str) -> None:
-            done, text = answer()
+        def received(request: Any, sender: str) -> None:
+            fields = answer(request, sender)
             _wait_for_reader(writer, sender)
-            _write(self, writer, TriggerResponse(request.client, request.number, done, text))
+            _write(self, writer, replied(request.client, request.number, *fields))
 
-        reader = self._reader(f"rq{name}Request", TriggerRequest, _qos(TriggerRequest, extra=mark))
+        reader = self._reader(f"rq{name}Request", asked, _qos(asked, extra=mark))
         self._readers[reader] = received
 
     def _writer(self, topic: str, message: type[IdlStruct], qos: Qos) -> DataWriter:

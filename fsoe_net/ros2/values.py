@@ -55,6 +55,12 @@ class SignalKind(enum.Enum):
             return math.nan if value is None else float(value)
         return int(value or 0)
 
+    def takes(self, value: float) -> bool:
+        """Whether a value of a parameter is one of this kind; whole numbers are real ones, too."""
+        if isinstance(value, bool) or self is SignalKind.BOOL:
+            return isinstance(value, bool) and self is SignalKind.BOOL
+        return self is SignalKind.REAL or isinstance(value, int)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalTopic:

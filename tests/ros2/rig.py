@@ -39,13 +39,22 @@ needed("rosbags", "peers")
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E402
 
+_SERVICES = {
+    "std_srvs/srv/Trigger": ("", "bool success\nstring message\n"),
+    "rcl_interfaces/srv/SetParameters": (
+        "rcl_interfaces/Parameter[] parameters\n",
+        "rcl_interfaces/SetParametersResult[] results\n",
+    ),
+}
+
 
 def typestore() -> Any:
-    """Return the types of ROS 2 Jazzy as `rosbags` knows them, and those of Trigger."""
+    """Return the types of ROS 2 Jazzy as `rosbags` knows them, and those of services."""
     store = get_typestore(Stores.ROS2_JAZZY)
-    for part, text in (("Request", ""), ("Response", "bool success\nstring message\n")):
-        found = get_types_from_msg(text, f"std_srvs/srv/Trigger_{part}")
-        store.register({name.replace("/srv/msg/", "/srv/"): row for name, row in found.items()})
+    for service, texts in _SERVICES.items():
+        for part, text in zip(("Request", "Response"), texts, strict=True):
+            found = get_types_from_msg(text, f"{service}_{part}")
+            store.register({name.replace("/srv/msg/", "/srv/"): row for name, row in found.items()})
     return store
 
 
@@ -132,6 +141,45 @@ class Peer:
         self.process.wait()
         self.stdin.close()
         self.stdout.close()
+
+
+class System:
+    """The adapter as a process that takes one line and answers one; a context manager."""
+
+    def __init__(self, program: Path, *words: str) -> None:
+        self.process = subprocess.Popen(
+            tied(program, *words),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def ask(self, line: str) -> str:
+        assert self.process.stdin is not None
+        assert self.process.stdout is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+        return self.process.stdout.readline().strip()
+
+    def goes(self, *lines: str) -> None:
+        for line in lines:
+            assert self.ask(line) in ("SUCCESS", "OK"), (line, self.end())
+
+    def until(self, line: str, answer: str) -> None:
+        while self.ask(line) != answer:
+            assert self.ask("cycle 5") == "OK"
+
+    def end(self) -> str:
+        """Let it end; return what it has logged."""
+        return self.process.communicate()[1]
+
+    def __enter__(self) -> System:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.process.kill()
+        self.process.communicate()
 
 
 @contextlib.contextmanager

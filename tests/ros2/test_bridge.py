@@ -18,7 +18,7 @@ from patience import PATIENCE_S
 from ros2.rig import Peer, bridged, needed, own_domain, typestore
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.ros2 import control
+from fsoe_net.ros2 import control, messages
 from fsoe_net.ros2.messages import HASHES, SIGNALS, DiagnosticArray, TriggerRequest, TriggerResponse
 from fsoe_net.ros2.values import SignalKind
 from fsoe_net.testing.fake_master import FakeMaster
@@ -186,7 +186,13 @@ def listening(domain: int) -> Iterator[Found]:
 class Caller:
     """Calls a service as `rmw_cyclonedds_cpp` does: a mark, and a header before each request."""
 
-    def __init__(self, domain: int, service: str) -> None:
+    def __init__(
+        self,
+        domain: int,
+        service: str,
+        request: Any = TriggerRequest,
+        reply: Any = TriggerResponse,
+    ) -> None:
         from cyclonedds.core import Policy, Qos
         from cyclonedds.domain import DomainParticipant
         from cyclonedds.pub import DataWriter
@@ -203,12 +209,9 @@ class Caller:
             )
 
         me = DomainParticipant(domain)
-        self._writer = DataWriter(
-            me, Topic(me, f"rq{service}Request", TriggerRequest), qos=qos(TriggerRequest)
-        )
-        self._reader = DataReader(
-            me, Topic(me, f"rr{service}Reply", TriggerResponse), qos=qos(TriggerResponse)
-        )
+        self._writer = DataWriter(me, Topic(me, f"rq{service}Request", request), qos=qos(request))
+        self._reader = DataReader(me, Topic(me, f"rr{service}Reply", reply), qos=qos(reply))
+        self._request = request
         self._number = 0
 
     def marks(self) -> tuple[set[bytes], set[bytes]]:
@@ -230,10 +233,11 @@ class Caller:
             if first and second:
                 return first, second
 
-    def call(self) -> TriggerResponse:
+    def call(self, *fields: Any) -> Any:
+        """Send a request; return the reply."""
         self.marks()  # as `wait_for_service`
         self._number += 1
-        self._writer.write(TriggerRequest(0x1122334455667788, self._number))
+        self._writer.write(self._request(0x1122334455667788, self._number, *fields))
         until = time.monotonic() + PATIENCE_S
         while time.monotonic() < until:
             for reply in self._reader.take(10):
@@ -261,6 +265,47 @@ def test_a_service_starts_and_stops_the_bus() -> None:
         assert start.call().message == "start has begun"
         while client.good("status")["state"] != "running":
             pass
+
+
+def parameter(name: str, value: object) -> Any:
+    """Return a parameter as `ros2 param set` sends it."""
+    fields = {bool: "bool_value", int: "integer_value", float: "double_value", str: "string_value"}
+    kind = list(fields).index(type(value)) + 1
+    held = dict(zip(fields.values(), (False, 0, 0.0, ""), strict=True))
+    held[fields[type(value)]] = value
+    return messages._Parameter(name, messages._ParameterValue(kind, *held.values(), *([],) * 5))
+
+
+def test_a_service_sets_outputs_and_says_why_not(robot: Master, lamp: Client) -> None:
+    with bridged(robot.path, allow_control=True) as domain:
+        caller = Caller(
+            domain,
+            "/cell/set_parameters",
+            messages.SetParametersRequest,
+            messages.SetParametersResponse,
+        )
+        while not caller.call([parameter(LAMP, True)]).results[0].successful:
+            pass  # which outputs there are comes from the bus, a moment later
+        lamp.wait_for(LAMP, True)
+        lamp.wait_for(LAMP, False)  # it was not sent again
+        odd = {
+            LAMP: 1,
+            "drive_1.0x6060:00": 8,  # an axis
+            "el6910.logic_control": 1,  # can restart the machine
+            "no\x1b[2J.lamp": True,
+        }
+        reply = caller.call([parameter(LAMP, True), *(parameter(*row) for row in odd.items())])
+        assert [(r.successful, r.reason) for r in reply.results] == [
+            (True, ""),
+            (False, f"{LAMP} takes a value as std_msgs/msg/Bool has it"),
+            (False, "drive_1.0x6060:00 is no output that nodes may set"),
+            (False, "el6910.logic_control is no output that nodes may set"),
+            (False, "no\\u001b[2J.lamp is no output that nodes may set"),
+        ]
+        lamp.wait_for(LAMP, True)
+        many = caller.call([parameter(LAMP, "on")] * 257).results
+        assert (len(many), many[-1].reason) == (257, "more than 256 parameters at once")
+        assert caller.call([]).results == []
 
 
 def test_a_refusal_is_the_answer_and_a_warning() -> None:

@@ -56,6 +56,45 @@ def foreign(message: Any) -> Any:
     return kind(**found)
 
 
+VALUE_FIELDS = {
+    "type": st.integers(0, 9),
+    "bool_value": st.booleans(),
+    "integer_value": st.integers(-(2**63), 2**63 - 1),
+    "double_value": st.floats(width=64, allow_nan=False),
+    "string_value": TEXTS,
+    "byte_array_value": st.lists(st.integers(0, 255), max_size=3),
+    "bool_array_value": st.lists(st.booleans(), max_size=3),
+    "integer_array_value": st.lists(st.integers(-(2**63), 2**63 - 1), max_size=3),
+    "double_array_value": st.lists(st.floats(width=64, allow_nan=False), max_size=3),
+    "string_array_value": st.lists(TEXTS, max_size=3),
+}
+ARRAYS = {"byte": "uint8", "bool": "bool", "integer": "int64", "double": "float64"}
+
+
+@given(st.lists(st.tuples(TEXTS, st.fixed_dictionaries(VALUE_FIELDS)), max_size=3))
+def test_a_request_to_set_parameters_is_what_another_program_makes_of_it(rows: Any) -> None:
+    """Behind the 16 bytes in front of it, of the caller."""
+    import numpy
+
+    kinds = {n: STORE.types[f"rcl_interfaces/msg/{n}"] for n in ("Parameter", "ParameterValue")}
+    parameters = []
+    for name, fields in rows:
+        arrays = {
+            f"{kind}_array_value": numpy.array(fields[f"{kind}_array_value"], dtype=word)
+            for kind, word in ARRAYS.items()
+        }
+        value = kinds["ParameterValue"](**fields | arrays)
+        parameters.append(kinds["Parameter"](name, value))
+    name = "rcl_interfaces/srv/SetParameters_Request"
+    payload = bytes(STORE.serialize_cdr(STORE.types[name](parameters), name))
+    read = messages.SetParametersRequest.deserialize(payload[:4] + bytes(16) + payload[4:])
+    assert [p.name for p in read.parameters] == [name for name, _ in rows]
+    for own, (_, fields) in zip(read.parameters, rows, strict=True):
+        assert {key: getattr(own.value, key) for key in fields} == fields
+        known = {1: "bool_value", 2: "integer_value", 3: "double_value"}.get(fields["type"])
+        assert own.value.python() == (known and fields[known])
+
+
 @pytest.mark.parametrize("message", HASHES, ids=ros_name)
 def test_the_hash_of_each_type_is_that_of_its_definition(message: Any) -> None:
     assert STORE.hash_rihs01(ros_name(message)) == f"RIHS01_{HASHES[message]}"

@@ -18,7 +18,8 @@ from cli.tool import fsn
 from master.rig import Client, Master
 from master.rig import running as master_running
 from networks import EXAMPLES, example
-from tied import tied
+from ros2.rig import System
+from run.test_live_bus import ESTOP, on_the_wire
 
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.compile import compile_plan
@@ -91,45 +92,6 @@ target_include_directories(fsn_client PUBLIC {CORE}/include {CORE}/src)
     ):
         done = subprocess.run(map(str, words), capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
-
-
-class System:
-    """The adapter as a process that takes one line and answers one; a context manager."""
-
-    def __init__(self, program: Path, *words: str) -> None:
-        self.process = subprocess.Popen(
-            tied(program, *words),
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-
-    def ask(self, line: str) -> str:
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        self.process.stdin.write(line + "\n")
-        self.process.stdin.flush()
-        return self.process.stdout.readline().strip()
-
-    def goes(self, *lines: str) -> None:
-        for line in lines:
-            assert self.ask(line) in ("SUCCESS", "OK"), (line, self.end())
-
-    def until(self, line: str, answer: str) -> None:
-        while self.ask(line) != answer:
-            assert self.ask("cycle 5") == "OK"
-
-    def end(self) -> str:
-        """Let it end; return what it has logged."""
-        return self.process.communicate()[1]
-
-    def __enter__(self) -> System:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.process.kill()
-        self.process.communicate()
 
 
 @pytest.fixture(scope="module")
@@ -243,6 +205,16 @@ def test_an_answer_that_is_none_is_an_error(program: Path) -> None:
             system.goes("init")
             assert system.ask("configure") == "ERROR"
             assert "the bus does not run (failed)" in system.end()
+
+
+def test_the_states_of_a_connection_are_those_of_real_frames(program: Path, tmp_path: Path) -> None:
+    """fsn-master on SOEM and emulated SubDevices with FSoE: e-stop, a cable cut, and back."""
+    seen = on_the_wire("adapter", ESTOP, program, tmp=tmp_path, script="ros2_rig.py")
+    assert seen["pressed"] == ["1", "5"]  # Data, with FailSafeData
+    assert seen["released"] == ["1", "6"]
+    assert seen["cut"] == "read ERROR"
+    assert "SubDevices" in seen["said"]
+    assert seen["back"] == "1"
 
 
 @pytest.mark.parametrize("name", ["el6910", "estop", "legs"])
