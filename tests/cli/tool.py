@@ -7,6 +7,7 @@ takes several times as long as most commands.
 from __future__ import annotations
 
 import atexit
+import contextlib
 import json
 import os
 import subprocess
@@ -45,7 +46,12 @@ def fsn(
 def _ask(request: str) -> int:
     """Let the server run one command; returns how it ended, as `subprocess` does."""
     global _server
-    if _server is None or _server.poll() is not None:
+    if _server is not None and _server.poll() is not None:  # a test that hung has ended it
+        for pipe in (_server.stdin, _server.stdout):
+            with contextlib.suppress(BrokenPipeError):
+                pipe.close()
+        _server = None
+    if _server is None:
         _server = subprocess.Popen(
             tied(sys.executable, "-c", _SERVE.format(path=sys.path)),
             stdin=subprocess.PIPE,
