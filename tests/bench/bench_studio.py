@@ -1,6 +1,7 @@
-"""Measures studio in Chromium: the first page, and the live one.
+"""Measures studio in Chromium: the first page, a change in it, and the live page.
 
-The first page: of an example and of 100 SubDevices, from the address to the drawing. Live: 60
+The first page: of an example and of 100 SubDevices, from the address to the drawing; a change in
+the drawing of those, to its finding. Live: 60
 connections and 20 signals: an emulated run in which devices are pulled and put back all the time,
 and a real fsn-master at 1 kHz: pictures a second, processor, events and cycles that miss. Prints
 what came and the limits; asserts nothing.
@@ -25,6 +26,7 @@ from studio.browser import ARGUMENTS, CHROMIUM
 from studio.server_rig import running
 
 CONNECTIONS, SIGNALS, SECONDS, FIRST_PAGES = 60, 20, 10, 9
+CHANGES = 20
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SIZE = {"width": 1920, "height": 1080}
 # What the stream brings to the page, by a listener of its own: nothing of the page is changed.
@@ -154,10 +156,34 @@ def first_page(browser: Any, path: Path) -> None:
             page.locator(".card").first.wait_for()
             took.append(time.monotonic() - begin)
             page.close()
-    took.sort()
     print(f"first page of {path.parent.name}, {FIRST_PAGES} times:")
+    show(took, 500)
+
+
+def show(took: list[float], limit_ms: int) -> None:
+    took.sort()
     middle, longest = took[len(took) // 2] * 1000, took[-1] * 1000
-    print(f"  median {middle:.0f} ms, longest {longest:.0f} ms, limit: 500 ms")
+    print(f"  median {middle:.0f} ms, longest {longest:.0f} ms, limit: {limit_ms} ms")
+
+
+def changes(browser: Any, path: Path) -> None:
+    """Print how long it takes from a change in the drawing to its finding, and back."""
+    took = []
+    with running(path) as studio:
+        page = browser.new_page(viewport=SIZE)
+        page.goto(studio.url)
+        page.get_by_role("button", name="s5", exact=False).first.click()
+        found = page.get_by_text("FSN414")
+        for number in range(CHANGES):
+            wrong = number % 2 == 0
+            page.get_by_label("Position").fill("7" if wrong else "5")
+            begin = time.monotonic()
+            page.keyboard.press("Enter")
+            found.first.wait_for(state="attached" if wrong else "detached")
+            took.append(time.monotonic() - begin)
+        page.close()
+    print(f"a change in the drawing of 100 SubDevices to its finding, {CHANGES} times:")
+    show(took, 300)
 
 
 def main() -> None:
@@ -166,7 +192,9 @@ def main() -> None:
         (Path(text) / "none").mkdir()
         first_page(browser, EXAMPLES / "el6910" / "network.yaml")
         (Path(text) / "hundred").mkdir()
-        first_page(browser, write_big_network(Path(text) / "hundred", 100, 100))
+        hundred = write_big_network(Path(text) / "hundred", 100, 196)
+        first_page(browser, hundred)
+        changes(browser, hundred)
         for cycle_us in (1000, 20_000):
             emulated(browser, Path(text), cycle_us)
         master(browser, Path(text))
