@@ -9,7 +9,7 @@ from fsoe_net.emul.device import EmulatedDevice
 from fsoe_net.emul.drive.axis import EmulatedAxis
 from fsoe_net.emul.drive.wiring import WiredAxis
 from fsoe_net.emul.port import Port, main_port, sub_port
-from fsoe_net.emul.setup import ConnectionSetup, choose_setups
+from fsoe_net.emul.setup import FsoeSetup, choose_setups
 from fsoe_net.fsoe.sub_instance import SubInstance
 from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.drives import AXIS_STEP, DriveSetup, drive_axes
@@ -33,7 +33,7 @@ class EmulatedDevices:
         devices: Devices by SubDevice name.
     """
 
-    def __init__(self, setups: list[ConnectionSetup], devices: dict[str, EmulatedDevice]) -> None:
+    def __init__(self, setups: list[FsoeSetup], devices: dict[str, EmulatedDevice]) -> None:
         self.setups = setups
         self.devices = devices
         self.mains: dict[str, Port] = {}

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import cast
 
-from fsoe_net.emul.setup import ConnectionSetup
-from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.emul.setup import FsoeSetup
 from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.fsoe.sub_instance import SubInstance
@@ -27,7 +26,7 @@ class Port:
     ``receives`` and ``sends`` name the safe data; ``safe`` is what the end sends while enabled.
     """
 
-    setup: ConnectionSetup
+    setup: FsoeSetup
     instance: MainInstance | SubInstance
     rx_sm: int
     rx_byte: int
@@ -52,39 +51,23 @@ class Port:
         return self.receives[name].read(self.instance.received_safe_data)
 
 
-def main_port(setup: ConnectionSetup, session_ids: SessionIds) -> Port:
+def main_port(setup: FsoeSetup, session_ids: SessionIds) -> Port:
     """Build the end in the safety master."""
     c = setup.connection
-    to_sub = safe_data_length(c.to_sub.transfer.size_bytes)
-    to_main = safe_data_length(c.to_main.transfer.size_bytes)
-    config = MainConfig(
-        connection_id=setup.connection_id,
-        address=setup.address,
-        watchdog_ms=setup.watchdog_ms,
-        safe_out_bytes=to_sub,
-        safe_in_bytes=to_main,
-        app_parameters=setup.app_parameters,
-    )
-    instance = MainInstance(config, session_ids=session_ids)
+    instance = MainInstance(setup.main, session_ids=session_ids)
     # Names of safe data are those of the SubInstance; the slots of a logic are mere numbers.
     return _port(setup, instance, c.to_main.destination, c.to_sub.source, named_by_sub=True)
 
 
-def sub_port(setup: ConnectionSetup, session_ids: SessionIds) -> Port:
+def sub_port(setup: FsoeSetup, session_ids: SessionIds) -> Port:
     """Build the end in a safe input, output or drive."""
     c = setup.connection
-    config = SubConfig(
-        address=setup.address,
-        safe_out_bytes=safe_data_length(c.to_sub.transfer.size_bytes),
-        safe_in_bytes=safe_data_length(c.to_main.transfer.size_bytes),
-        app_parameter_bytes=len(setup.app_parameters),
-    )
-    instance = SubInstance(config, session_ids=session_ids)
+    instance = SubInstance(setup.sub, session_ids=session_ids)
     return _port(setup, instance, c.to_sub.destination, c.to_main.source, named_by_sub=False)
 
 
 def _port(
-    setup: ConnectionSetup,
+    setup: FsoeSetup,
     instance: MainInstance | SubInstance,
     rx: ResolvedEnd,
     tx: ResolvedEnd,

@@ -4,27 +4,43 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fsoe_net.fsoe.config import MainConfig, SubConfig
+from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.resolve import Connection, Resolution
 
-__all__ = ["ConnectionSetup", "choose_setups"]
+__all__ = ["FsoeSetup", "choose_setups"]
 
 DEFAULT_WATCHDOG_MS = 100  # what TwinSAFE starts with
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConnectionSetup:
-    """A connection with all its facts. ``chosen`` names those that no file states."""
+class FsoeSetup:
+    """What both ends of a connection run with.
+
+    ``main`` configures its MainInstance; ``chosen`` names what of it no file states.
+    """
 
     connection: Connection
-    connection_id: int
-    address: int
-    watchdog_ms: int
-    app_parameters: bytes
+    main: MainConfig
     chosen: tuple[str, ...]
 
+    @property
+    def sub(self) -> SubConfig:
+        """Configuration of its SubInstance."""
+        return SubConfig(
+            address=self.main.address,
+            safe_out_bytes=self.main.safe_out_bytes,
+            safe_in_bytes=self.main.safe_in_bytes,
+            app_parameter_bytes=len(self.main.app_parameters),
+        )
 
-def choose_setups(resolution: Resolution) -> list[ConnectionSetup]:
-    """Complete the facts of every connection: lowest free numbers, in the order of connections."""
+
+def choose_setups(resolution: Resolution) -> list[FsoeSetup]:
+    """Complete the facts of every connection: lowest free numbers, in the order of connections.
+
+    Raises:
+        ConfigError: A fact is outside its range.
+    """
     rows = resolution.connections
     used_ids = {c.stated.connection_id for c in rows}
     used_addresses = {c.stated.address for c in rows}
@@ -37,12 +53,16 @@ def choose_setups(resolution: Resolution) -> list[ConnectionSetup]:
         watchdog_ms = stated.watchdog_ms
         names = ("connection_id", "address", "watchdog_ms")
         setups.append(
-            ConnectionSetup(
+            FsoeSetup(
                 connection=connection,
-                connection_id=next(ids) if connection_id is None else connection_id,
-                address=next(addresses) if address is None else address,
-                watchdog_ms=DEFAULT_WATCHDOG_MS if watchdog_ms is None else watchdog_ms,
-                app_parameters=stated.app_parameters,
+                main=MainConfig(
+                    connection_id=next(ids) if connection_id is None else connection_id,
+                    address=next(addresses) if address is None else address,
+                    watchdog_ms=DEFAULT_WATCHDOG_MS if watchdog_ms is None else watchdog_ms,
+                    safe_out_bytes=safe_data_length(connection.to_sub.transfer.size_bytes),
+                    safe_in_bytes=safe_data_length(connection.to_main.transfer.size_bytes),
+                    app_parameters=stated.app_parameters,
+                ),
                 chosen=tuple(name for name in names if getattr(stated, name) is None),
             )
         )

@@ -14,7 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fsoe_net.emul.setup import ConnectionSetup, choose_setups
+from fsoe_net.emul.setup import choose_setups
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.campaign.shrink import shrink
 from fsoe_net.fsoe.campaign.trials import (
@@ -26,8 +26,7 @@ from fsoe_net.fsoe.campaign.trials import (
     trial_count,
 )
 from fsoe_net.fsoe.campaign.walk import MainFactory, SubFactory, TrialConnection
-from fsoe_net.fsoe.config import MainConfig, SubConfig
-from fsoe_net.fsoe.pdu import safe_data_length
+from fsoe_net.fsoe.config import MainConfig
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.run.device import divert_stdout
 from fsoe_net.run.scenario_run import DEFAULT_CYCLE_NS
@@ -89,39 +88,19 @@ def campaign_links(
     if connection is not None and connection not in names:
         raise InputError(f"no connection {connection!r}; there are {', '.join(names)}")
     cycle_ns = resolution.network.cycle_ns or DEFAULT_CYCLE_NS
-    mains = [_main(setup) for setup in setups]
+    mains = [setup.main for setup in setups]
     return tuple(
         TrialConnection(
-            name=name,
-            main=main,
-            sub=_sub(main),
-            other=_other(main, mains),
+            name=setup.connection.name,
+            main=setup.main,
+            sub=setup.sub,
+            other=_other(setup.main, mains),
             cycle_ns=cycle_ns,
             main_factory=main_factory,
             sub_factory=sub_factory,
         )
-        for name, main in zip(names, mains, strict=True)
-        if connection in (None, name)
-    )
-
-
-def _main(setup: ConnectionSetup) -> MainConfig:
-    return MainConfig(
-        connection_id=setup.connection_id,
-        address=setup.address,
-        watchdog_ms=setup.watchdog_ms,
-        safe_out_bytes=safe_data_length(setup.connection.to_sub.transfer.size_bytes),
-        safe_in_bytes=safe_data_length(setup.connection.to_main.transfer.size_bytes),
-        app_parameters=setup.app_parameters,
-    )
-
-
-def _sub(main: MainConfig) -> SubConfig:
-    return SubConfig(
-        address=main.address,
-        safe_out_bytes=main.safe_out_bytes,
-        safe_in_bytes=main.safe_in_bytes,
-        app_parameter_bytes=len(main.app_parameters),
+        for setup in setups
+        if connection in (None, setup.connection.name)
     )
 
 

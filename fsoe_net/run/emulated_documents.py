@@ -165,8 +165,8 @@ def fsoe_json(network: EmulatedDevices) -> list[dict[str, Any]]:
                     {
                         "object": 0xE901 + 0x10 * number,
                         "address": p.instance.config.address,
-                        "connection_id": p.setup.connection_id,
-                        "watchdog_ms": p.setup.watchdog_ms,
+                        "connection_id": p.setup.main.connection_id,
+                        "watchdog_ms": p.setup.main.watchdog_ms,
                     }
                     for number, p in enumerate(mains)
                 ],

@@ -109,12 +109,12 @@ def _connection(index: int, port: Port) -> Iterator[_Row]:
     values = (
         _VERSION,
         _word(instance.config.address),
-        _word(setup.connection_id if port.is_main else instance.connection_id),
-        _word(setup.watchdog_ms if given else 0),
+        _word(setup.main.connection_id if port.is_main else instance.connection_id),
+        _word(setup.main.watchdog_ms if given else 0),
         bytes(6),
         _word(0 if port.is_main else 1),
         _word(2),
-        _word(len(setup.app_parameters)),
+        _word(len(setup.main.app_parameters)),
     )
     yield index, 0, bytes([len(values)])
     for sub, value in enumerate(values, 1):

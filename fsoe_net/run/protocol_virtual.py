@@ -83,7 +83,7 @@ class _Emulation:
             _step(settled, Action.PRESS, "reset"),
             _step(settled + _SETTLE_NS, Action.RELEASE, "reset"),
         )
-        self._watchdog_ns = max(s.watchdog_ms for s in first.network.setups) * _MS
+        self._watchdog_ns = max(s.main.watchdog_ms for s in first.network.setups) * _MS
 
     def _start(self, session: Session) -> None:
         """Run until all connections whose ends are there have reached Data."""

@@ -84,9 +84,9 @@ class Session(ScenarioRun):
             sub=connection.sub.name,
             state=state_word(main, sub),
             wire_state=wire.state.word,
-            connection_id=setup.connection_id,
-            address=setup.address,
-            watchdog_ms=setup.watchdog_ms,
+            connection_id=setup.main.connection_id,
+            address=setup.main.address,
+            watchdog_ms=setup.main.watchdog_ms,
             chosen=setup.chosen,
             time_to_data_ms=None if to_data is None else to_data / 1e6,
             fsoe_cycle_ms={

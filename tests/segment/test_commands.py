@@ -169,13 +169,19 @@ def test_devices_tell_what_they_are():
     main, sub = Sdo(session.segment, 1), Sdo(session.segment, 0)
     setup = session.network.setups[0]
     assert sub.read(0xF980, 0) == 1
-    assert sub.read(0xF980, 1) == setup.address
+    assert sub.read(0xF980, 1) == setup.main.address
     for index in (0x9081, 0xE901):  # its frame is mapped from 0x7080 and 0x6080
         assert main.read(index, 0) == 8
         told = [main.read(index, n) for n in (1, 2, 3, 4, 6)]
-        assert told == [0x3130, setup.address, setup.connection_id, setup.watchdog_ms, 0]
+        assert told == [
+            0x3130,
+            setup.main.address,
+            setup.main.connection_id,
+            setup.main.watchdog_ms,
+            0,
+        ]
     assert main.read(0xEA00, 1) == 100
-    assert [sub.read(0x9001, n) for n in (0, 2, 3, 4, 6)] == [8, setup.address, 0, 0, 1]
+    assert [sub.read(0x9001, n) for n in (0, 2, 3, 4, 6)] == [8, setup.main.address, 0, 0, 1]
     session.step_devices(0)
     instance = session.network.mains["el1918-ek1914"].instance
     for state, number in zip(State, range(100, 104), strict=False):
