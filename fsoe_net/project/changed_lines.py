@@ -125,23 +125,20 @@ def _spans(read: ReadText, part: Part, value: Any, stop: int) -> list[ChangedLin
     found: dict[int, list[ChangedLines]] = {}
     written = [False] * len(rows)
     for at, row in enumerate(rows):
-        if row.number is None:
+        number = row.number
+        if number is None or not (row.stays or _is_whole_lines(part, number)):
             _write_with_those_beside(rows, at, written)
         elif row.stays and row.differs:
-            inner = _spans(read, part.parts[row.number], row.value, ends[row.number])
-            written[at] = inner is None
+            inner = _spans(read, part.parts[number], row.value, ends[number])
+            written[at] = written[at] or inner is None
             found[at] = inner or []
-    for at, row in enumerate(rows):
-        if row.stays or written[at]:
-            continue
-        assert row.number is not None  # noqa: S101 - only what was there goes
-        if all(part.has_own_line[row.number : row.number + 2]):
-            found[at] = [_cut(read, part, row.number, ends[row.number])]
-        else:
-            _write_with_those_beside(rows, at, written)
     if not any(row.stays for row in rows):
         return None
     return _joined(read, part, rows, ends, written, found)
+
+
+def _is_whole_lines(part: Part, number: int) -> bool:
+    return all(part.has_own_line[number : number + 2])
 
 
 def _cut(read: ReadText, part: Part, number: int, stop: int) -> ChangedLines:
@@ -181,8 +178,12 @@ def _joined(
     spans: list[ChangedLines] = []
     stop = len(rows)
     while stop:
+        last_row = rows[stop - 1]
         if not written[stop - 1]:
-            spans += reversed(found.get(stop - 1, []))
+            if last_row.stays or last_row.number is None:
+                spans += reversed(found.get(stop - 1, []))
+            else:
+                spans.append(_cut(read, part, last_row.number, ends[last_row.number]))
             stop -= 1
             continue
         begin = stop - 1

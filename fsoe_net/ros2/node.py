@@ -141,15 +141,15 @@ class Node:
         number = len(self._readers).to_bytes(4, "big")
         mark = ".".join(f"{b:x}" for b in self._participant.guid.bytes[:12] + number)
         mark = f"serviceid={mark};"
-        asked, replied = types
-        writer = self._writer(f"rr{name}Reply", replied, _qos(replied, extra=mark))
+        asking, answering = types
+        writer = self._writer(f"rr{name}Reply", answering, _qos(answering, extra=mark))
 
         def received(request: Any, sender: str) -> None:
             fields = answer(request, sender)
             _wait_for_reader(writer, sender)
-            _write(self, writer, replied(request.client, request.number, *fields))
+            _write(self, writer, answering(request.client, request.number, *fields))
 
-        reader = self._reader(f"rq{name}Request", asked, _qos(asked, extra=mark))
+        reader = self._reader(f"rq{name}Request", asking, _qos(asking, extra=mark))
         self._readers[reader] = received
 
     def _writer(self, topic: str, message: type[IdlStruct], qos: Qos) -> DataWriter:
