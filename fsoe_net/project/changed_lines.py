@@ -178,28 +178,33 @@ def _joined(
     spans: list[ChangedLines] = []
     stop = len(rows)
     while stop:
-        last_row = rows[stop - 1]
-        if not written[stop - 1]:
-            if last_row.stays or last_row.number is None:
-                spans += reversed(found.get(stop - 1, []))
-            else:
-                spans.append(_cut(read, part, last_row.number, ends[last_row.number]))
-            stop -= 1
-            continue
         begin = stop - 1
-        while begin and (written[begin - 1] or not _begins_a_line(part, rows[begin:stop])):
-            begin -= 1
-        group = rows[begin:stop]
-        stays = any(row.stays and row.number is not None for row in group)
-        if not stays or not _begins_a_line(part, group):
-            return None
-        numbers = [row.number for row in group if row.number is not None]
-        first, last = part.lines[numbers[0]], ends[numbers[-1]]
-        while last > first and _is_behind(read.lines[last - 1], part.column):
-            last -= 1
-        spans.append(ChangedLines(first, last, part, group))
+        row = rows[begin]
+        if written[begin]:
+            while begin and (written[begin - 1] or not _begins_a_line(part, rows[begin:stop])):
+                begin -= 1
+            lines = _lines_of(read, part, rows[begin:stop], ends)
+            if lines is None:
+                return None
+            spans.append(lines)
+        elif row.stays or row.number is None:
+            spans += reversed(found.get(begin, []))
+        else:
+            spans.append(_cut(read, part, row.number, ends[row.number]))
         stop = begin
     return spans[::-1]
+
+
+def _lines_of(read: ReadText, part: Part, rows: list[_Row], ends: list[int]) -> ChangedLines | None:
+    """Return the lines of rows beside each other; ``None``: they are no whole lines, or all go."""
+    stays = any(row.stays and row.number is not None for row in rows)
+    if not stays or not _begins_a_line(part, rows):
+        return None
+    numbers = [row.number for row in rows if row.number is not None]
+    begin, stop = part.lines[numbers[0]], ends[numbers[-1]]
+    while stop > begin and _is_behind(read.lines[stop - 1], part.column):
+        stop -= 1
+    return ChangedLines(begin, stop, part, rows)
 
 
 def _begins_a_line(part: Part, rows: list[_Row]) -> bool:
