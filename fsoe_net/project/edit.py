@@ -161,7 +161,7 @@ class EditedText:
         stream = io.StringIO()
         yaml = _yaml()  # a new one: after an error, one writes nothing more and does not say so
         column = self._read.dash_column
-        yaml.indent(mapping=2, sequence=column + 2, offset=column)
+        yaml.indent(mapping=self._read.key_column, sequence=column + 2, offset=column)
         yaml.dump(document, stream)
         return stream.getvalue()
 

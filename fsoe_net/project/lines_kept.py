@@ -44,8 +44,9 @@ def with_lines_kept(before: str, laid_out: str, after: str) -> str:
         if kind == "equal":
             lines += chain.from_iterable(theirs)
             continue
-        pairs = theirs if last - first == stop - begin else theirs[:1]
-        for line in _placed(new[first:last], columns[:stop], columns[stop:], pairs):
+        by_one = last - first == stop - begin
+        pairs, place = (theirs, stop) if by_one else (theirs[:1], begin)
+        for line in _placed(new[first:last], columns[:place], columns[place:], pairs):
             lines.append(line.rstrip("\r\n") + end)
         lost.append((len(lines), _comments_behind(theirs)))
     lines = _with_comments([*lines, *tail], lost)

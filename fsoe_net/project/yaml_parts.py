@@ -75,12 +75,14 @@ class ReadText:
         lines: Its lines, with their ends; the last one has one, too.
         is_linked: Whether it has anchors, aliases or tags, which no part can be read without.
         dash_column: Of the first list in lines, counted from the key that it stands under.
+        key_column: Of the first map in lines under a key, in the same way.
     """
 
     root: Part
     lines: list[str]
     is_linked: bool
     dash_column: int
+    key_column: int
 
 
 def read_text(text: str) -> ReadText:
@@ -111,7 +113,7 @@ class _Reader:
         self._anchors: dict[str, Part] = {}
         self._root: Part | None = None
         self._is_linked = False
-        self._dash_column: int | None = None
+        self._columns: dict[type, int] = {}
         parser: Any = _LOADER(text)
         try:
             self._read(iter(parser.get_event, None))
@@ -121,7 +123,8 @@ class _Reader:
             self._root or Part(None, 0, 0),
             self._lines,
             self._is_linked,
-            2 if self._dash_column is None else self._dash_column,
+            dash_column=self._columns.get(list, 2),
+            key_column=self._columns.get(EditedMap, 2),
         )
 
     def _read(self, events: Iterator[Any]) -> None:
@@ -163,8 +166,8 @@ class _Reader:
         part.is_block = not event.flow_style
         if isinstance(value, EditedMap):
             value.place = (part.line + 1, part.column + 1)
-        elif part.is_block and self._dash_column is None and self._stack and not event.anchor:
-            self._dash_column = max(part.column - self._stack[-1].column, 0)
+        if part.is_block and self._stack and self._keys[-1] is not _NO_KEY and not event.anchor:
+            self._columns.setdefault(type(value), part.column - self._stack[-1].column)
         self._take(event, part)
         if len(self._stack) >= _MOST_DEPTH:
             raise ValueError(f"it is nested deeper than {_MOST_DEPTH} levels")
