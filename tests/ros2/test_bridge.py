@@ -124,7 +124,8 @@ def test_without_the_option_nobody_sets_anything(robot: Master) -> None:
 def test_only_what_may_be_set_has_a_subscription(robot: Master) -> None:
     with bridged(robot.path, allow_control=True) as domain, listening(domain) as found:
         wanted = {f"rt/cell/outputs/el2904/standard_{n}/set" for n in (1, 2, 3, 4)}
-        wanted |= {f"rq/cell/{word}Request" for word in ("start", "stop", "restart")}
+        services = ("start", "stop", "restart", "set_parameters")
+        wanted |= {f"rq/cell/{word}Request" for word in services}
         while not wanted <= found.requests():
             pass
         assert found.requests() == wanted  # no drive, no logic_control, which is armed
