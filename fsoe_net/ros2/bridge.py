@@ -127,7 +127,7 @@ class Bridge:
         self._attachment.take_events()
         found = self._health.statuses(view, time.monotonic())
         if self.control is not None:
-            found.append(self.control.status())
+            found.append(self.control.status(self._node.unreadable))
         self._node.publish("/diagnostics", self._array(found, view))
         return view
 

@@ -26,6 +26,7 @@ LEASE_MS = 1000
 _CONTROLWORD = ("0x6040", "0x6040:00", "control_word", "controlword")
 _IDLE_S = 10.0
 _MOST_SENDERS = 8  # of the 32 clients of fsn-master
+_LONGEST_NAME = 100  # that is said again
 _MOST_AT_ONCE = 256  # parameters of a request; meanwhile no other one is served
 
 
@@ -96,20 +97,24 @@ class NodeControl:
         Returns:
             Of each whether it was set, and why not.
         """
-        refusals = [
-            self._set_parameter(offered.get(p.name), p.name, p.value.python(), who)
-            for p in request.parameters[:_MOST_AT_ONCE]
-        ]
-        more = len(request.parameters) - len(refusals)
-        if more:
-            refusals += [self._refuse(f"more than {_MOST_AT_ONCE} parameters at once")] * more
+        if len(request.parameters) > _MOST_AT_ONCE:
+            text = self._refuse(f"more than {_MOST_AT_ONCE} parameters at once: nothing was set")
+            return [(False, text)]
+        refusals: list[str] = []
+        fault = ""  # of the control socket: it is not waited for once more
+        for each in request.parameters:
+            topic, value = offered.get(each.name), each.value.python()
+            refusals.append(fault or self._set_parameter(topic, each.name, value, who))
+            if refusals[-1] and topic is not None and who not in self._senders:
+                fault = refusals[-1]
         return [(not text, text) for text in refusals]
 
     def _set_parameter(
         self, topic: SignalTopic | None, name: str, value: bool | float | None, who: str
     ) -> str:
         if topic is None:
-            return self._refuse(f"{printable(name)} is no output that nodes may set")
+            short = printable(name[:_LONGEST_NAME])
+            return self._refuse(f"{short} is no output that nodes may set")
         if value is None or not topic.kind.takes(value):
             return self._refuse(f"{name} takes a value as std_msgs/msg/{topic.kind.value} has it")
         return self._set_value(topic, topic.kind.python(value), who)
@@ -139,14 +144,19 @@ class NodeControl:
         }
         return partial(self._request, word, requests[word])
 
-    def status(self) -> HealthStatus:
-        """Return what was done and refused."""
+    def status(self, unreadable: int = 0) -> HealthStatus:
+        """Return what was done and refused.
+
+        Args:
+            unreadable: So many messages could not be read.
+        """
         level = HealthLevel.WARN if self._refused else HealthLevel.OK
         values = (
             ("role", self.access),
             ("outputs set", str(self._set)),
             ("refused", str(self._refused)),
             ("last refusal", self._last),
+            ("unreadable", str(unreadable)),
         )
         text = f"refused: {self._last}" if self._refused else "other nodes may set outputs"
         return HealthStatus(level=level, name="control", message=text, values=values)

@@ -33,6 +33,7 @@ HERE = """<CycloneDDS><Domain Id="any">
 <Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
 _DEPTH = 10  # of rmw_qos_profile_default and rmw_qos_profile_services_default
 _FOUND_S = 1.0
+_MOST_UNREADABLE = 1000  # one after the other; then others have their turn
 _WAIT = duration(milliseconds=100)
 
 Received = Callable[[Any, str], None]
@@ -71,7 +72,7 @@ class Node:
     """
 
     def __init__(self, domain: int, *, here_only: bool, recording: McapFile | None = None) -> None:
-        self.unsent = 0
+        self.unsent = self.unreadable = 0
         self._recording = recording
         self._lock = threading.Lock()
         try:
@@ -168,9 +169,18 @@ class Node:
             received = self._readers.get(reader)
             if received is None:
                 continue
-            for message in reader.take(_DEPTH):
+            while (message := self._next(reader)) is not None:
                 if message.sample_info.valid_data:
                     received(message, _sender(reader, message))
+
+    def _next(self, reader: DataReader) -> Any:
+        """Return the next message that can be read; ``None``: there is none."""
+        for _ in range(_MOST_UNREADABLE):
+            try:
+                return next(iter(reader.take(1)), None)
+            except Exception:  # whatever bytes of the network do to its decoder
+                self.unreadable += 1
+        return None
 
 
 def _sender(reader: DataReader, message: IdlStruct) -> str:

@@ -131,6 +131,31 @@ def test_only_what_may_be_set_has_a_subscription(robot: Master) -> None:
         assert found.requests() == wanted  # no drive, no logic_control, which is armed
 
 
+def test_a_request_that_cannot_be_read_is_counted_and_the_next_one_served(robot: Master) -> None:
+    kinds = messages.SetParametersRequest, messages.SetParametersResponse
+    bad = kinds[0](0, 1, [parameter("bad", True)]).serialize(use_version_2=False)
+    bad = bad.replace(b"bad\0", b"\xff\xfe\xff\0")  # no UTF-8
+    request = "rcl_interfaces::srv::dds_::SetParameters_Request_"
+    with (
+        bridged(robot.path, allow_control=True) as domain,
+        Peer("listen", domain, "rt/diagnostics", ARRAY, 1000) as peer,
+        Peer("send", domain, "rq/cell/set_parametersRequest", request) as sends,
+    ):
+        next(sends.lines())
+        for payload in (bad, bad[:40], bad[:20] + b"\xff" * 40):
+            sends.send(payload[4:])
+        assert sends.done() == 0
+        seen = arrays(peer)
+        while not int(dict(pairs(next(seen)["cell: control"]))["unreadable"]):
+            pass
+        (result,) = Caller(domain, "/cell/set_parameters", *kinds).call([parameter("x", 1)]).results
+        assert result.reason == "x is no output that nodes may set"
+
+
+def pairs(row: Any) -> list[tuple[str, str]]:
+    return [(value.key, value.value) for value in row.values]
+
+
 GARBAGE = [b"", b"\x02", bytes(3), bytes(1000), b"\xff" * 40]
 
 
@@ -304,8 +329,10 @@ def test_a_service_sets_outputs_and_says_why_not(robot: Master, lamp: Client) ->
             (False, "no\\u001b[2J.lamp is no output that nodes may set"),
         ]
         lamp.wait_for(LAMP, True)
-        many = caller.call([parameter(LAMP, "on")] * 257).results
-        assert (len(many), many[-1].reason) == (257, "more than 256 parameters at once")
+        (many,) = caller.call([parameter(LAMP, True)] * 257).results
+        assert many.reason == "more than 256 parameters at once: nothing was set"
+        (long,) = caller.call([parameter("\x1b" * 100_000, True)]).results
+        assert long.reason == "\\u001b" * 100 + " is no output that nodes may set"
         assert caller.call([]).results == []
 
 
