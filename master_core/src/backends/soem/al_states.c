@@ -48,8 +48,11 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
     }
     const int named = bus->places[before].node;
     uint16_t links = 0;
-    (void)ecx_FPRD(bus->context.port, bus->slaves[before].configadr, ECT_REG_DLSTAT, sizeof links,
-                   &links, EC_TIMEOUTRET);
+    const bool known = ecx_FPRD(bus->context.port, bus->slaves[before].configadr, ECT_REG_DLSTAT,
+                                sizeof links, &links, EC_TIMEOUTRET) == 1;
+    if (!known && node->known.seen.found == FSN_FOUND_NOTHING) {
+        return; /* what was said before stays, until its links are known */
+    }
     links = etohs(links);
     unsigned port = 0;
     while (port < FSN_PORTS && ((bus->slaves[before].activeports & (1u << port)) == 0 ||
