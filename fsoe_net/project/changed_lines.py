@@ -6,6 +6,7 @@ whole lines, each with what is to be said there.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,49 +70,81 @@ def _rows_of(part: Part, value: Any) -> list[_Row]:
     """Return what becomes of each part of a map or list, and what is new, in the order of both.
 
     Maps and lists are known again as the same objects; what else differs in the same place has been
-    changed, and what is too many there has gone or has come.
+    changed, and what is too many there has gone or has come. What has moved has gone and come.
     """
     now = list(value.items()) if isinstance(value, dict) else [(None, v) for v in value]
-    known = {id(p.value): n for n, p in enumerate(part.parts)}
-    of_key = {key: n for n, key in enumerate(part.keys)}
+    found = _known_again(
+        part.keys if part.keys else [_mark(p.value) for p in part.parts],
+        [key if part.keys else _mark(each) for key, each in now],
+    )
     rows: list[_Row] = []
     old, new = 0, 0
-    for at, (key, each) in enumerate(now):
-        if isinstance(value, dict):
-            number = of_key.get(key, -1)
-        elif isinstance(each, dict | list):  # an alias may have put one into more than one place
-            is_next = old < len(part.parts) and part.parts[old].value is each
-            number = old if is_next else known.get(id(each), -1)
-        else:
-            number = _next_scalar(part, old, each, len(now) - at)
-        if number < old:
-            continue
+    for at in _longest_rising(found):
+        (key, each), number = now[at], found[at]
+        assert number is not None  # noqa: S101 - only numbers rise
         rows += _gap(part, range(old, number), now[new:at])
         rows.append(_Row(number, key, each, differs=not is_same(part.parts[number], each)))
         old, new = number + 1, at + 1
     return rows + _gap(part, range(old, len(part.parts)), now[new:])
 
 
-def _next_scalar(part: Part, old: int, value: Any, left: int) -> int:
-    """Return which of the next parts of a list is a scalar of this value; -1: none.
+def _known_again(old: list[Any], new: list[Any]) -> list[int | None]:
+    """Return which of the old ones each new one is; those that are equal in the same order.
 
-    No further than as many parts can go as there are too many.
+    What is alike at the begin and at the end counts first: of equal scalars any might be meant.
     """
-    for number in range(old, min(len(part.parts), old + max(len(part.parts) - old - left, 0) + 1)):
-        if is_same(part.parts[number], value):
-            return number
-    return -1
+    shorter = min(len(old), len(new))
+    begin = next((n for n in range(shorter) if old[n] != new[n]), shorter)
+    most = shorter - begin
+    end = next((n for n in range(most) if old[-1 - n] != new[-1 - n]), most)
+    places: dict[object, list[int]] = {}
+    for n in reversed(range(begin, len(old) - end)):
+        places.setdefault(old[n], []).append(n)
+    middle = [
+        stack.pop() if (stack := places.get(mark)) else None for mark in new[begin : len(new) - end]
+    ]
+    return [*range(begin), *middle, *range(len(old) - end, len(old))]
+
+
+def _mark(value: Any) -> object:
+    """Return by what an item of a list is known again."""
+    return id(value) if isinstance(value, dict | list) else (type(value).__name__, repr(value))
+
+
+def _longest_rising(numbers: list[int | None]) -> list[int]:
+    """Return the places of the longest run of numbers that rise, with others between them.
+
+    By patience sorting: of each length the run with the smallest end is kept.
+    """
+    ends: list[int] = []
+    at_ends: list[int] = []
+    before: dict[int, int] = {}
+    for at, number in enumerate(numbers):
+        if number is None:
+            continue
+        length = bisect_left(ends, number)
+        ends[length : length + 1] = [number]
+        at_ends[length : length + 1] = [at]
+        if length:
+            before[at] = at_ends[length - 1]
+    run: list[int] = []
+    at_last = at_ends[-1] if at_ends else None
+    while at_last is not None:
+        run.append(at_last)
+        at_last = before.get(at_last)
+    return run[::-1]
 
 
 def _gap(part: Part, old: range, new: list[tuple[Any, Any]]) -> list[_Row]:
-    """Return rows between two that are known: changed ones, then what has gone or has come."""
+    """Return rows between two that are known: changed ones, what has come, what has gone."""
     key_of = (lambda n: part.keys[n]) if part.keys else (lambda _: None)
     ends = [part.parts[n].value for n in old], [value for _, value in new]
     is_scalars = not any(isinstance(value, dict | list) for values in ends for value in values)
     pairs = min(len(old), len(new)) if is_scalars and not part.keys else 0
     rows = [_Row(n, None, v) for n, (_, v) in zip(old[:pairs], new[:pairs], strict=True)]
-    rows += [_Row(n, key_of(n), stays=False) for n in old[pairs:]]
-    return rows + [_Row(None, key, value) for key, value in new[pairs:]]
+    # What has come is written behind what is before it, whatever comments stand behind what goes.
+    rows += [_Row(None, key, value) for key, value in new[pairs:]]
+    return rows + [_Row(n, key_of(n), stays=False) for n in old[pairs:]]
 
 
 def _spans(read: ReadText, part: Part, value: Any, stop: int) -> list[ChangedLines] | None:
@@ -126,8 +159,10 @@ def _spans(read: ReadText, part: Part, value: Any, stop: int) -> list[ChangedLin
     written = [False] * len(rows)
     for at, row in enumerate(rows):
         number = row.number
-        if number is None or not (row.stays or _is_whole_lines(part, number)):
-            _write_with_those_beside(rows, at, written)
+        if number is None:
+            _write_with(rows, at, written, 1)
+        elif not row.stays and not _is_whole_lines(part, number):
+            _write_with(rows, at, written, 2)
         elif row.stays and row.differs:
             inner = _spans(read, part.parts[number], row.value, ends[number])
             written[at] = written[at] or inner is None
@@ -142,18 +177,22 @@ def _is_whole_lines(part: Part, number: int) -> bool:
 
 
 def _cut(read: ReadText, part: Part, number: int, stop: int) -> ChangedLines:
-    """Return lines that go; comments behind them, which are about what follows, stay."""
-    behind = part.parts[number].last + 1
+    """Return lines that go; comments behind them, which are about what follows, stay.
+
+    So do blank lines behind the last part, unless there is one before it.
+    """
+    begin, behind = part.lines[number], part.parts[number].last + 1
+    is_apart = number + 1 < len(part.parts) or not read.lines[begin - 1].strip()
     has_comment = any(line.strip() for line in read.lines[behind:stop])
-    return ChangedLines(part.lines[number], behind if has_comment else stop, part, [])
+    return ChangedLines(begin, stop if is_apart and not has_comment else behind, part, [])
 
 
-def _write_with_those_beside(rows: list[_Row], at: int, written: list[bool]) -> None:
-    """Those beside it show how it is laid out."""
-    for beside in (_kept_beside(rows, at, -1), _kept_beside(rows, at, 1)):
-        if beside is not None:
-            begin, stop = min(at, beside), max(at, beside) + 1
-            written[begin:stop] = [True] * (stop - begin)
+def _write_with(rows: list[_Row], at: int, written: list[bool], most: int) -> None:
+    """Write a row with so many of the two beside it: they show how it is laid out."""
+    found = [n for n in (_kept_beside(rows, at, -1), _kept_beside(rows, at, 1)) if n is not None]
+    for beside in found[:most]:
+        begin, stop = min(at, beside), max(at, beside) + 1
+        written[begin:stop] = [True] * (stop - begin)
 
 
 def _kept_beside(rows: list[_Row], at: int, step: int) -> int | None:
@@ -202,7 +241,7 @@ def _lines_of(read: ReadText, part: Part, rows: list[_Row], ends: list[int]) -> 
         return None
     numbers = [row.number for row in rows if row.number is not None]
     begin, stop = part.lines[numbers[0]], ends[numbers[-1]]
-    while stop > begin and _is_behind(read.lines[stop - 1], part.column):
+    while stop > begin and _is_behind(read.lines[stop - 1], part.column + part.is_level):
         stop -= 1
     return ChangedLines(begin, stop, part, rows)
 
@@ -232,26 +271,43 @@ def change_rows(written: Any, span: ChangedLines) -> None:
     _change(written, span.part, span.rows, set())
 
 
+def _drop_comments_inside(written: Any, key: Any, old: Part) -> None:
+    """Drop comments before the first part of a value, which would come before another value.
+
+    ruamel.yaml keeps them behind that of the key itself: in its third place, and in the fourth.
+    """
+    tokens = None if isinstance(written, list) else written.ca.items.get(key)
+    if tokens is not None and old.is_block:
+        of_key = tokens[2].value.partition("\n")[0] if tokens[2] is not None else ""
+        tokens[3] = None
+        if of_key:
+            tokens[2].value = f"{of_key}\n"
+        else:
+            tokens[2] = None
+
+
 def _change(written: Any, part: Part, rows: list[_Row], done: set[int]) -> None:
     """Change a map or list; one that an alias shows in a second place, once."""
     if id(part) in done:
         return
     done.add(id(part))
-    at = 0
-    for row in rows:
-        is_map = isinstance(part.value, dict)
-        place = row.key if is_map else at
-        if not row.stays:
-            del written[place]
-            continue
+    _remove(written, part, [row for row in rows if row.number is not None])
+    for at, row in enumerate(row for row in rows if row.stays):
         if row.number is None:
-            written.insert(*((at, row.key, row.value) if is_map else (at, row.value)))
+            where = (at, row.key) if isinstance(part.value, dict) else (at,)
+            written.insert(*where, row.value)
         elif row.differs:
+            place = row.key if isinstance(part.value, dict) else at
             old = part.parts[row.number]
             if row.value is old.value and old.parts and row.value:
                 _change(written[place], old, _rows_of(old, row.value), done)
             else:
-                if old.is_block:  # a comment before its first part would come before the value
-                    written.ca.items.pop(place, None)
+                _drop_comments_inside(written, place, old)
                 written[place] = row.value
-        at += 1
+
+
+def _remove(written: Any, part: Part, rows: list[_Row]) -> None:
+    """Remove what goes; the rows are those of parts, which stand there as they did."""
+    for at, row in reversed(list(enumerate(rows))):
+        if not row.stays:
+            del written[row.key if isinstance(part.value, dict) else at]

@@ -95,7 +95,8 @@ class EditedText:
 
     Attributes:
         before: The text.
-        document: Its maps and lists, as `dict` and `list`, to be changed in place.
+        document: Its maps and lists, as `dict` and `list`, to be changed in place. One that moves,
+            or is replaced, is written anew: comments in it go.
 
     Raises:
         InputError: The text cannot be read.
@@ -119,17 +120,23 @@ class EditedText:
             ValueError: Something in `document` is nothing that YAML can hold, or the lines beside a
                 change are laid out in such a way that it cannot be put there.
         """
-        if is_same(self._read.root, self.document):
-            return self.before
-        for spans in (spans_of(self._read, self.document), [whole_of(self._read, self.document)]):
-            text = None if spans is None else self._with(spans)
-            # The writer has faults of its own, and lines may mean something else where they stand.
-            if text is not None and is_same(_root(text), self.document):
-                return text
-        raise ValueError(
-            f"{self._path} cannot be edited: the lines beside the change are laid out in an "
-            "odd way; change it in the text"
+        why = (
+            "cannot be edited: the lines beside the change are laid out in an odd way; change it "
+            "in the text"
         )
+        try:
+            if is_same(self._read.root, self.document):
+                return self.before
+            lines = spans_of(self._read, self.document)
+            for spans in (lines, [whole_of(self._read, self.document)]):
+                text, fault = (None, "") if spans is None else self._with(spans)
+                # Lines may mean something else where they stand, and the writer has its faults.
+                if text is not None and is_same(_root(text), self.document):
+                    return text
+                why = f"cannot be written: {fault}" if fault else why
+        except RecursionError:
+            why = "cannot be written: it is nested too deep"
+        raise ValueError(f"{self._path} {why}")
 
     def settle(self) -> None:
         """Count further changes from the text as it is now."""
@@ -137,25 +144,30 @@ class EditedText:
         self._read = read_text(self.before)
         adopt(self._read.root, self.document)
 
-    def _with(self, spans: Sequence[ChangedLines]) -> str:
+    def _with(self, spans: Sequence[ChangedLines]) -> tuple[str | None, str]:
+        """Return the text with these lines written, or ``None`` and why the writer refuses."""
+        from ruamel.yaml.error import YAMLError
+
         lines = list(self._read.lines)
-        for span in reversed(spans):
-            lines[span.begin : span.stop] = [self._written(span)] if span.rows else []
+        try:
+            for span in reversed(spans):
+                lines[span.begin : span.stop] = [self._written(span)] if span.rows else []
+        except YAMLError as exc:
+            return None, str(exc)
+        except (AttributeError, LookupError, TypeError):  # it reads a key in another way
+            return None, ""
         text = "".join(lines)
-        return text if self.before.endswith("\n") else text.removesuffix("\n").removesuffix("\r")
+        if not self.before.endswith("\n"):
+            text = text.removesuffix("\n").removesuffix("\r")
+        return text, ""
 
     def _written(self, span: ChangedLines) -> str:
         """Return lines of the text after the change; ruamel.yaml reads and writes only these."""
-        from ruamel.yaml.error import YAMLError
-
         before = "".join(self._read.lines[span.begin : span.stop])
-        try:
-            document = _yaml().load(before.replace("\r\n", "\n"))  # it takes "\r" into comments
-            laid_out = self._dumped(document)
-            change_rows(document, span)
-            return with_lines_kept(before, laid_out, self._dumped(document))
-        except YAMLError as exc:
-            raise ValueError(f"{self._path} cannot be written: {exc}") from exc
+        document = _yaml().load(before.replace("\r\n", "\n"))  # it takes "\r" into comments
+        laid_out = self._dumped(document)
+        change_rows(document, span)
+        return with_lines_kept(before, laid_out, self._dumped(document))
 
     def _dumped(self, document: Any) -> str:
         stream = io.StringIO()

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import SequenceMatcher
 from itertools import chain
 
-__all__ = ["said", "with_lines_kept"]
+__all__ = ["with_lines_kept"]
 
 Columns = list[tuple[int, int]]
 _DASHES = re.compile(r" *(?:- +)*")
@@ -46,7 +46,9 @@ def with_lines_kept(before: str, laid_out: str, after: str) -> str:
             continue
         by_one = last - first == stop - begin
         pairs, place = (theirs, stop) if by_one else (theirs[:1], begin)
+        before_words = {} if by_one else _comments_before(theirs[1:])
         for line in _placed(new[first:last], columns[:place], columns[place:], pairs):
+            lines += before_words.pop(_words(line), ())
             lines.append(line.rstrip("\r\n") + end)
         lost.append((len(lines), _comments_behind(theirs)))
     lines = _with_comments([*lines, *tail], lost)
@@ -83,7 +85,7 @@ def _with_comments(lines: list[str], lost: list[tuple[int, list[str]]]) -> list[
     """
     for at, comments in reversed(lost):
         with_comments = [*lines[:at], *comments, *lines[at:]]
-        if comments and said(with_comments) == said(lines):
+        if comments and _said(with_comments) == _said(lines):
             lines = with_comments
     return lines
 
@@ -166,6 +168,24 @@ def _is_word(line: str) -> bool:
     return line.strip() != "" and line.lstrip()[0] != "#"
 
 
+def _comments_before(part: list[list[str]]) -> dict[str, list[str]]:
+    """Return comments by the words of the line that they stand before."""
+    found: dict[str, list[str]] = {}
+    comments: list[str] = []
+    for line in chain.from_iterable(part):
+        if line.lstrip().startswith("#"):
+            comments.append(line)
+        elif comments:
+            found[_words(line)] = comments
+            comments = []
+    return found
+
+
+def _words(line: str) -> str:
+    """Return what a line says, wherever it stands, and whether or not an item begins there."""
+    return "".join(line.split()).lstrip("-")
+
+
 def _comments_behind(part: list[list[str]]) -> list[str]:
     """Return the lines without a word of YAML at the end of a part that goes.
 
@@ -177,7 +197,7 @@ def _comments_behind(part: list[list[str]]) -> list[str]:
     return behind if any(line.strip() for line in behind) else []
 
 
-def said(lines: Iterable[str]) -> object:
+def _said(lines: Iterable[str]) -> object:
     """Return what lines of YAML say, to be compared; a class where they are no YAML.
 
     One that looks like a comment may belong to a longer value.

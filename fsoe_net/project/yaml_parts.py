@@ -49,6 +49,7 @@ class Part:
         column: The same.
         last: The last line that is said in, from 0; comments may follow.
         is_block: Whether its parts stand on lines of their own.
+        is_level: Whether the dashes of a list stand in the column of its key.
         keys: Of a map, one for each of its parts.
         parts: What is in it.
         lines: Where each of those begins, its key or dash included; from 0.
@@ -60,6 +61,7 @@ class Part:
     column: int
     last: int = 0
     is_block: bool = False
+    is_level: bool = False
     keys: list[Any] = field(default_factory=list)
     parts: list[Part] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
@@ -143,9 +145,10 @@ class _Reader:
                 self._close(event)
             elif kind is yaml.AliasEvent:
                 self._is_linked = True
-                if event.anchor not in self._anchors:
-                    raise ValueError(f"alias *{event.anchor} has no anchor before it")
-                self._take(event, self._anchors[event.anchor])
+                part = self._anchors.get(event.anchor)
+                if part is None or part in self._stack:
+                    raise ValueError(f"alias *{event.anchor} has no whole value before it")
+                self._take(event, part)
             elif kind is yaml.DocumentStartEvent:
                 documents += 1
                 if documents > 1:
@@ -167,7 +170,9 @@ class _Reader:
         if isinstance(value, EditedMap):
             value.place = (part.line + 1, part.column + 1)
         if part.is_block and self._stack and self._keys[-1] is not _NO_KEY and not event.anchor:
-            self._columns.setdefault(type(value), part.column - self._stack[-1].column)
+            column = part.column - self._stack[-1].column
+            self._columns.setdefault(type(value), column)
+            part.is_level = column == 0
         self._take(event, part)
         if len(self._stack) >= _MOST_DEPTH:
             raise ValueError(f"it is nested deeper than {_MOST_DEPTH} levels")
@@ -235,6 +240,7 @@ def is_same(part: Part, value: Any, known: dict[tuple[int, int], bool] | None = 
     known = {} if known is None else known
     pair = (id(part), id(value))
     if pair not in known:
+        known[pair] = True  # until it is shown to differ: a value may hold itself
         each = list(value.values()) if isinstance(value, dict) else value
         known[pair] = len(each) == len(part.parts) and (
             (not isinstance(value, dict) or list(value) == part.keys)

@@ -153,8 +153,10 @@ def _network(request: Mapping[str, object], resolution: Resolution) -> Change:
 
     def change(document: Any) -> None:
         new = {key: value for key, value in values.items() if key not in document}
-        rest = {key: document.pop(key) for key in list(document) if key != "version"}
-        document.update(new | rest | values)  # in front, where a person looks for it
+        document.update({key: value for key, value in values.items() if key in document})
+        if new:  # in front, where a person looks for it
+            behind = list(document)[int(next(iter(document), None) == "version") :]
+            document.update(new | {key: document.pop(key) for key in behind})
 
     return change
 

@@ -420,3 +420,21 @@ def test_a_line_that_somebody_deletes_stays_deleted_whatever_ends_it(tmp_path: P
     workspace = Workspace(str(file))
     workspace.replace(workspace.version, "version: 1\nname: x\n# new\nsubdevices: []\n")
     assert workspace.text == "version: 1\r\nname: x\n# new\r\nsubdevices: []\r\n"
+
+
+def test_name_and_cycle_are_changed_where_they_stand(tmp_path: Path) -> None:
+    """Wherever `version` is, and with what stands behind them."""
+    file = tmp_path / "network.yaml"
+    text = "name: legs   # the machine\nversion: 1\ncycle_us: 1000  # of SOEM\nsubdevices: []\n"
+    file.write_text(text, "utf-8")
+    workspace = Workspace(str(file))
+    workspace.change(workspace.version, {"change": "network", "name": "arm", "cycle_us": 2000})
+    assert workspace.text == text.replace("legs ", "arm  ").replace("1000", "2000")
+
+
+def test_the_last_subdevice_goes_and_the_blank_line_behind_it_stays(tmp_path: Path) -> None:
+    shutil.copytree(EXAMPLES, tmp_path / "examples")
+    workspace = Workspace(str(tmp_path / "examples" / "el6910" / "network.yaml"))
+    last = workspace.checked.resolution.network.subdevices[-1].name
+    workspace.change(workspace.version, {"change": "remove", "subdevice": last})
+    assert "\n\nnets:\n" in workspace.text
