@@ -40,6 +40,7 @@ def choose_setups(resolution: Resolution) -> list[FsoeSetup]:
 
     Raises:
         ConfigError: A fact is outside its range.
+        PduSizeError: A frame has a length that FSoE has not.
     """
     rows = resolution.connections
     used_ids = {c.stated.connection_id for c in rows}

@@ -17,6 +17,7 @@ __all__ = [
     "net_of",
     "new_name_of",
     "number_of",
+    "remove_row",
     "row_of",
     "subdevice_row",
 ]
@@ -75,6 +76,11 @@ def row_of(rows: Any, part: Located) -> Any:
     raise InputError(f"{part.span}: this part cannot be changed here; change it in the text")
 
 
+def remove_row(rows: Any, row: Any) -> None:
+    """Remove this item of a list of the file, and none that says the same."""
+    del rows[next(n for n, each in enumerate(rows) if each is row)]
+
+
 def list_in(parent: Any, key: str) -> Any:
     """Return a list of the file, made where it is not there."""
     if parent.get(key) is None:
@@ -110,8 +116,8 @@ def disconnected(document: Any, connection: Connection) -> None:
         if not way.made:
             parts.append(("transfers", way.transfer))
     for key, part in parts:
-        net[key].remove(row_of(net[key], part))
+        remove_row(net[key], row_of(net[key], part))
         if not net[key]:
             del net[key]
     if not net.get("transfers") and not net.get("connections"):
-        document["nets"].remove(net)
+        remove_row(document["nets"], net)

@@ -22,6 +22,7 @@ from fsoe_net.studio.rows import (
     name_of,
     new_name_of,
     number_of,
+    remove_row,
     subdevice_row,
 )
 
@@ -169,7 +170,7 @@ def _remove(request: Mapping[str, object], resolution: Resolution) -> Change:
         _remove_from_nets(document, name)
         _remove_from_groups(document, name)
         rows, row = subdevice_row(document, resolution, name)
-        rows.remove(row)
+        remove_row(rows, row)
 
     return change
 
@@ -185,7 +186,7 @@ def _remove_from_nets(document: Any, name: str) -> None:
             _without(net, "connections", lambda row: name in (row.get("main"), row.get("sub"))),
         ]
         if any(gone) and not net.get("transfers") and not net.get("connections"):
-            document["nets"].remove(net)
+            remove_row(document["nets"], net)
 
 
 def _remove_from_groups(document: Any, name: str) -> None:
@@ -194,7 +195,7 @@ def _remove_from_groups(document: Any, name: str) -> None:
         if name in names:
             names.remove(name)
             if not names:
-                document["groups"].remove(group)
+                remove_row(document["groups"], group)
     if "groups" in document and not document["groups"]:
         del document["groups"]
 
@@ -203,7 +204,7 @@ def _without(parent: Any, key: str, goes: Callable[[Any], bool]) -> bool:
     """Remove items of a list, and the list with its last one; return whether there were some."""
     gone = [row for row in _maps(parent.get(key)) if goes(row)]
     for row in gone:
-        parent[key].remove(row)
+        remove_row(parent[key], row)
     if gone and not parent[key]:
         del parent[key]
     return bool(gone)

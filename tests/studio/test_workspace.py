@@ -11,7 +11,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.studio.changes import DRAWN, change_of
 from fsoe_net.studio.document import state_of
-from fsoe_net.studio.rows import row_of
+from fsoe_net.studio.rows import remove_row, row_of
 from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
 
@@ -438,3 +438,11 @@ def test_the_last_subdevice_goes_and_the_blank_line_behind_it_stays(tmp_path: Pa
     last = workspace.checked.resolution.network.subdevices[-1].name
     workspace.change(workspace.version, {"change": "remove", "subdevice": last})
     assert "\n\nnets:\n" in workspace.text
+
+
+def test_of_rows_that_say_the_same_the_one_that_is_meant_goes() -> None:
+    first, second = {"main": "a"}, {"main": "a"}
+    rows = [first, second]
+    remove_row(rows, second)
+    assert len(rows) == 1
+    assert rows[0] is first
