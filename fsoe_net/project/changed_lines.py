@@ -182,13 +182,16 @@ def _cut(read: ReadText, part: Part, number: int, stop: int) -> ChangedLines:
     So do blank lines behind the last part, unless there is one before it.
     """
     begin, behind = part.lines[number], part.parts[number].last + 1
-    is_apart = number + 1 < len(part.parts) or not read.lines[begin - 1].strip()
+    is_apart = number + 1 < len(part.parts) or not read.lines[max(begin - 1, 0)].strip()
     has_comment = any(line.strip() for line in read.lines[behind:stop])
     return ChangedLines(begin, stop if is_apart and not has_comment else behind, part, [])
 
 
 def _write_with(rows: list[_Row], at: int, written: list[bool], most: int) -> None:
     """Write a row with so many of the two beside it: they show how it is laid out."""
+    if at and rows[at].number is None and rows[at - 1].number is None:
+        written[at] = True  # with the new one before it
+        return
     found = [n for n in (_kept_beside(rows, at, -1), _kept_beside(rows, at, 1)) if n is not None]
     for beside in found[:most]:
         begin, stop = min(at, beside), max(at, beside) + 1
