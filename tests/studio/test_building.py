@@ -118,6 +118,25 @@ def test_the_example_is_taken_and_its_things_can_be_tried(page: Any) -> None:
     assert b"EtherCATConfig" in Path(download.value.path()).read_bytes()
 
 
+TYPED = """async () => {
+    document.querySelector('[aria-label^="Connection el1918 to ek1914"]').dispatchEvent(
+        new KeyboardEvent('keydown', { key: 'Enter', bubbles: true }));
+    while (!document.querySelector('#field-FSoE-watchdog-ms')) await new Promise(setTimeout);
+    const field = document.querySelector('#field-FSoE-watchdog-ms');
+    field.value = '20';
+    field.dispatchEvent(new InputEvent('input', { bubbles: true }));
+    await new Promise((done) => setTimeout(done, 500));
+    return field.value;
+}"""
+
+
+def test_what_is_typed_at_once_is_kept(page: Any) -> None:
+    """Before the page has done what it does after it was drawn."""
+    page.get_by_role("button", name="Take the e-stop example").click()
+    page.get_by_role("button", name="Connection el1918 to ek1914").focus()
+    assert page.evaluate(TYPED) == "20"
+
+
 def test_files_are_dropped_and_their_subdevices_added(page: Any) -> None:
     _drop(page, {"maker.xml": ESI.read_bytes(), "scan.json": SCAN.read_bytes()})
     page.get_by_text("A bus of 3 SubDevices").wait_for()

@@ -163,7 +163,10 @@ function OfNetwork({ state, act }) {
 function Field({ label, help, value, most, proposed, isName, set }) {
   const [typed, setTyped] = useState(value ?? "");
   const sent = useRef(/** @type {string | null} */ (null)); // Enter sends, and so does leaving the field
+  const known = useRef(value);
   useEffect(() => {
+    if (known.current === value) return; // on a busy machine somebody has typed before this runs
+    known.current = value;
     setTyped(value ?? "");
     sent.current = null;
   }, [value]);
