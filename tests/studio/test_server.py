@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import socket
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ import pytest
 from studio.server_rig import Browser, Studio, running
 
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.studio import workspace as workspace_module
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Workspace
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -188,3 +190,20 @@ def test_a_port_that_is_taken_is_named(path: Path) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(EnvironmentFault, match=f"port {port} .* give another --port"):
             Studio(Workspace(str(path)), port=port)
+
+
+def test_the_first_page_asks_for_all_its_modules_at_once() -> None:
+    """One round after the other would add up; views that nobody looks at come later."""
+    assets = Path(workspace_module.__file__).parent / "assets"
+    needed: set[str] = set()
+    left = {"app.js"}
+    while left:
+        name = left.pop()
+        needed.add(name)
+        folder = name.rpartition("/")[0]
+        text = (assets / name).read_text("utf-8")
+        found = re.findall(r'^import [^;]*?from\s*"\./([^"]+)"', text, re.MULTILINE)
+        left |= {f"{folder}/{n}" if folder else n for n in found} - needed
+    page = (assets / "index.html").read_text("utf-8")
+    assert set(re.findall(r'modulepreload" href="/assets/([^"]+)"', page)) == needed - {"app.js"}
+    assert not {name for name in needed if name.startswith("live")}

@@ -2,13 +2,28 @@
 import { render } from "./vendor/preact.js";
 import { useCallback, useEffect, useRef, useState } from "./vendor/hooks.js";
 import { html, worst } from "./html.js";
-import { Live } from "./live.js";
 import { Network } from "./network.js";
-import { Protocol } from "./protocol.js";
-import { Records } from "./records.js";
 import { GONE, listen, request, state as fetchState } from "./server.js";
 
 /** @typedef {import("./types").State} State */
+
+/** @param {() => Promise<any>} load Of a view that comes when somebody looks at it. */
+function later(load) {
+  /** @type {any} */
+  let View = null;
+  return function Later(/** @type {any} */ props) {
+    const [there, show] = useState(View !== null);
+    useEffect(() => {
+      const took = (/** @type {any} */ found) => ((View = found), show(true));
+      if (!there) load().then(took, () => {}); // a server that is gone is said above
+    }, []);
+    return there ? html`<${View} ...${props} />` : html`<p class="wait" role="status">Loading …</p>`;
+  };
+}
+const Live = later(() => import("./live.js").then((found) => found.Live));
+const Protocol = later(() => import("./protocol.js").then((found) => found.Protocol));
+const Records = later(() => import("./records.js").then((found) => found.Records));
+
 
 /** Views by the fragment of their address: name, component. @type {Record<string, [string, any]>} */
 const VIEWS = {
