@@ -218,6 +218,22 @@ def test_what_an_alias_shares_is_changed_in_both_places():
     assert edited.text == "a: &x\n  - {b: 3}  # of b\n  - 4\nc: *x\n"
 
 
+def test_what_goes_from_an_alias_goes_once():
+    edited = EditedText("a: &x\n  k: 1\n  l: 2\n  # of a\nb: *x\n", "x.yaml")
+    del edited.document["b"]["l"]
+    assert edited.text == "a: &x\n  k: 1\n  # of a\nb: *x\n"
+
+
+def test_what_comes_into_a_map_has_its_indent():
+    """Not that of a list which goes behind it."""
+    text = "a:\n    b: 1\n    c: 2\nb:\n- 1\n- a: 1\n  b: 2\nc: 3\n"
+    edited = EditedText(text, "x.yaml")
+    edited.document["a"]["z"] = edited.document["a"].pop("b")
+    edited.document["z"] = True
+    del edited.document["b"], edited.document["c"]
+    assert edited.text == "a:\n    c: 2\n    z: 1\nz: true\n"
+
+
 def test_what_many_aliases_repeat_is_not_compared_again_and_again():
     lines = ["a0: &a0 [x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 40)]

@@ -69,8 +69,8 @@ def spans_of(read: ReadText, value: Any) -> list[ChangedLines] | None:
 def _rows_of(part: Part, value: Any) -> list[_Row]:
     """Return what becomes of each part of a map or list, and what is new, in the order of both.
 
-    Maps and lists are known again as the same objects; what else differs in the same place has been
-    changed, and what is too many there has gone or has come. What has moved has gone and come.
+    Maps and lists are known again as the same objects. Scalars that differ in the same place were
+    changed; what is left over was removed or added. An item that moved counts as both.
     """
     now = list(value.items()) if isinstance(value, dict) else [(None, v) for v in value]
     found = _known_again(

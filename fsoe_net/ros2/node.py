@@ -174,7 +174,7 @@ class Node:
                     received(message, _sender(reader, message))
 
     def _next(self, reader: DataReader) -> Any:
-        """Return the next message that can be read; ``None``: there is none."""
+        """Return the next message that can be read, or ``None``; others are counted."""
         for _ in range(_MOST_UNREADABLE):
             try:
                 return next(iter(reader.take(1)), None)
