@@ -68,7 +68,7 @@ def test_parts_of_a_network_are_known_by_their_number():
     """A dict that is keyed by id() forgets what the key was, and keeps nothing alive."""
     users = {p.name for p in MODULES if re.search(r"\bid\(", p.read_text("utf-8"))}
     # Where identity is meant: same_devices, and maps and lists that a person edits in place.
-    assert users == {"bus.py", "changed_lines.py", "yaml_parts.py"}
+    assert users == {"bus.py", "changed_text.py", "yaml_parts.py"}
 
 
 def test_types_of_connections_only_get_fewer():

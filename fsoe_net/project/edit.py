@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
+
+import yaml
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import (
@@ -17,14 +18,11 @@ from fsoe_net.formats.shared.files import (
 )
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
-from fsoe_net.project.changed_lines import ChangedLines, change_rows, spans_of, whole_of
+from fsoe_net.project.changed_text import changed_text
 from fsoe_net.project.findings import Findings
-from fsoe_net.project.lines_kept import with_lines_kept
-from fsoe_net.project.yaml_parts import EditedMap, Part, adopt, is_same, read_text
+from fsoe_net.project.yaml_parts import Part, adopt, is_same, read_text
 
 if TYPE_CHECKING:
-    from ruamel.yaml import YAML
-
     from fsoe_net.project.network import Network
 
 __all__ = ["EditedText", "NetworkEdit"]
@@ -127,15 +125,17 @@ class EditedText:
         try:
             if is_same(self._read.root, self.document):
                 return self.before
-            lines = spans_of(self._read, self.document)
-            for spans in (lines, [whole_of(self._read, self.document)]):
-                text, fault = (None, "") if spans is None else self._with(spans)
-                # Lines may mean something else where they stand, and the writer has its faults.
-                if text is not None and is_same(_root(text), self.document):
+            text = changed_text(self._read, self.document)
+            if text is not None:
+                if not self.before.endswith("\n"):
+                    text = text.removesuffix("\n").removesuffix("\r")
+                # Lines may mean something else where they stand.
+                if is_same(_root(text), self.document):
                     return text
-                why = f"cannot be written: {fault}" if fault else why
         except RecursionError:
             why = "cannot be written: it is nested too deep"
+        except yaml.YAMLError as exc:
+            why = f"cannot be written: {exc}"
         raise ValueError(f"{self._path} {why}")
 
     def settle(self) -> None:
@@ -144,59 +144,9 @@ class EditedText:
         self._read = read_text(self.before)
         adopt(self._read.root, self.document)
 
-    def _with(self, spans: Sequence[ChangedLines]) -> tuple[str | None, str]:
-        """Return the text with these lines written, or ``None`` and why the writer refuses."""
-        from ruamel.yaml.error import YAMLError
-
-        lines = list(self._read.lines)
-        try:
-            for span in reversed(spans):
-                lines[span.begin : span.stop] = [self._written(span)] if span.rows else []
-        except YAMLError as exc:
-            return None, str(exc)
-        except (AttributeError, LookupError, TypeError):  # it reads a key in another way
-            return None, ""
-        text = "".join(lines)
-        if not self.before.endswith("\n"):
-            text = text.removesuffix("\n").removesuffix("\r")
-        return text, ""
-
-    def _written(self, span: ChangedLines) -> str:
-        """Return lines of the text after the change; ruamel.yaml reads and writes only these."""
-        before = "".join(self._read.lines[span.begin : span.stop])
-        document = _yaml().load(before.replace("\r\n", "\n"))  # it takes "\r" into comments
-        laid_out = self._dumped(document)
-        change_rows(document, span)
-        return with_lines_kept(before, laid_out, self._dumped(document))
-
-    def _dumped(self, document: Any) -> str:
-        stream = io.StringIO()
-        yaml = _yaml()  # a new one: after an error, one writes nothing more and does not say so
-        column = self._read.dash_column
-        yaml.indent(mapping=self._read.key_column, sequence=column + 2, offset=column)
-        yaml.dump(document, stream)
-        return stream.getvalue()
-
 
 def _root(text: str) -> Part:
     try:
         return read_text(text).root
     except ValueError:
         return Part(None, 0, 0)
-
-
-def _yaml() -> YAML:
-    """Return a reader and writer that keeps quotes, long lines and nulls as they are."""
-    from ruamel.yaml import YAML
-
-    yaml = YAML()
-    yaml.preserve_quotes = True
-    yaml.width = 1_000_000
-    yaml.representer.add_representer(
-        type(None),
-        lambda representer, _: representer.represent_scalar("tag:yaml.org,2002:null", "null"),
-    )
-    yaml.representer.add_representer(
-        EditedMap, lambda representer, value: representer.represent_dict(dict(value))
-    )
-    return yaml

@@ -1,8 +1,9 @@
-"""The maps and lists of a text of YAML, as parts that know in which lines they stand."""
+"""The maps and lists of a text of YAML, as parts that know where they stand."""
 
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import date
@@ -10,12 +11,23 @@ from typing import Any
 
 import yaml
 
-__all__ = ["EditedMap", "Part", "ReadText", "adopt", "is_same", "read_text"]
+__all__ = [
+    "EditedMap",
+    "Part",
+    "PartRow",
+    "ReadText",
+    "adopt",
+    "is_same",
+    "plain_value",
+    "read_text",
+]
 
 _NO_KEY = object()
 _LOADER = getattr(yaml, "CLoader", yaml.Loader)
 _MOST_DEPTH = 64
-_DASH = re.compile(r" *-(?: +|$)")
+_ANCHOR_OR_TAG = re.compile(r"(?:[&!]\S*\s+)*")
+# Behind a key or a dash: what belongs to any value that may stand there.
+_HEAD = re.compile(r"\s*[:-](?:[ \t]+[&!]\S*)*")
 _INTEGER = re.compile(r"[-+]?(?:[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _WORDS = {
@@ -45,27 +57,52 @@ class Part:
 
     Attributes:
         value: Itself: a map, a list, or a scalar.
-        line: Where it begins, from 0.
-        column: The same.
-        last: The last line that is said in, from 0; comments may follow.
-        is_block: Whether its parts stand on lines of their own.
-        is_level: Whether the dashes of a list stand in the column of its key.
-        keys: Of a map, one for each of its parts.
-        parts: What is in it.
-        lines: Where each of those begins, its key or dash included; from 0.
-        has_own_line: Whether nothing stands before it in that line.
+        begin: Where it begins in the text, an anchor and a tag not included.
+        stop: Where it ends.
+        column: Of its keys or dashes, where `is_block`.
+        is_block: Whether its rows stand on lines of their own.
+        rows: What is in it.
+        place: Its line and column, from 1, with an anchor or a tag.
     """
 
     value: Any
-    line: int
-    column: int
-    last: int = 0
+    begin: int
+    stop: int
+    column: int = 0
     is_block: bool = False
-    is_level: bool = False
-    keys: list[Any] = field(default_factory=list)
-    parts: list[Part] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
-    has_own_line: list[bool] = field(default_factory=list)
+    rows: list[PartRow] = field(default_factory=list)
+    place: tuple[int, int] = (1, 1)
+
+
+@dataclass(slots=True, eq=False)
+class PartRow:
+    """A pair of a map, or an item of a list.
+
+    Attributes:
+        part: Its value; an alias shows one that stands in another place.
+        key: In a map.
+        begin: Where its key or dash begins in the text; in a list in brackets, its value.
+        head: Where those end, with a colon, an anchor and a tag.
+        at: Where its value, or the alias, begins.
+        stop: Where that ends.
+    """
+
+    part: Part
+    key: Any
+    begin: int
+    head: int
+    at: int
+    stop: int
+
+    @property
+    def is_lines(self) -> bool:
+        """Whether its value is a map or list in lines."""
+        return self.part.is_block and self.part.begin == self.at
+
+    @property
+    def space(self) -> str:
+        """What is missing before a value where there was nothing."""
+        return " " if self.begin < self.head == self.at else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,18 +110,36 @@ class ReadText:
     """A text that was read.
 
     Attributes:
+        text: Itself; its last line has an end.
         root: All of it.
-        lines: Its lines, with their ends; the last one has one, too.
-        is_linked: Whether it has anchors, aliases or tags, which no part can be read without.
         dash_column: Of the first list in lines, counted from the key that it stands under.
         key_column: Of the first map in lines under a key, in the same way.
+        starts: Where its lines begin.
     """
 
+    text: str
     root: Part
-    lines: list[str]
-    is_linked: bool
     dash_column: int
     key_column: int
+    starts: list[int]
+
+    def line_of(self, at: int) -> int:
+        """Return the line that a place is in, from 0."""
+        return bisect_right(self.starts, at) - 1
+
+    def column_of(self, at: int) -> int:
+        """Return the column of a place, from 0."""
+        return at - self.starts[self.line_of(at)]
+
+    def line_end(self, at: int) -> int:
+        """Return where the line of a place ends, before its line end."""
+        begin, stop = self.starts[self.line_of(at)], self.line_behind(at)
+        return begin + len(self.text[begin:stop].rstrip("\r\n"))
+
+    def line_behind(self, at: int) -> int:
+        """Return where the line behind that of a place begins."""
+        line = self.line_of(at) + 1
+        return self.starts[line] if line < len(self.starts) else len(self.text)
 
 
 def read_text(text: str) -> ReadText:
@@ -107,14 +162,18 @@ class _Reader:
     """Builds parts from events of the parser; nothing recurses."""
 
     def __init__(self, text: str) -> None:
-        self._lines = text.splitlines(keepends=True)
-        if self._lines and not self._lines[-1].endswith("\n"):
-            self._lines[-1] += "\r\n" if self._lines[0].endswith("\r\n") else "\n"
+        lines = text.splitlines(keepends=True)
+        if lines and not lines[-1].endswith("\n"):
+            text += "\r\n" if lines[0].endswith("\r\n") else "\n"
+        self._text = text
+        self._starts = [0]
+        for line in lines[:-1]:
+            self._starts.append(self._starts[-1] + len(line))
         self._stack: list[Part] = []
         self._keys: list[Any] = []  # of maps in the stack that wait for a value, else `_NO_KEY`
+        self._key_marks: list[tuple[int, int]] = []
         self._anchors: dict[str, Part] = {}
-        self._root: Part | None = None
-        self._is_linked = False
+        self._root = Part(None, 0, 0)
         self._columns: dict[type, int] = {}
         parser: Any = _LOADER(text)
         try:
@@ -122,11 +181,11 @@ class _Reader:
         finally:
             parser.dispose()
         self.result = ReadText(
-            self._root or Part(None, 0, 0),
-            self._lines,
-            self._is_linked,
+            text,
+            self._root,
             dash_column=self._columns.get(list, 2),
             key_column=self._columns.get(EditedMap, 2),
+            starts=self._starts,
         )
 
     def _read(self, events: Iterator[Any]) -> None:
@@ -135,8 +194,9 @@ class _Reader:
             kind = type(event)
             if kind is yaml.ScalarEvent:
                 plain = not event.style and not event.tag
-                value = _scalar(event.value) if plain else event.value
-                self._take(event, self._made(event, value))
+                value = plain_value(event.value) if plain else event.value
+                part = self._scalar(event, value)
+                self._take(event, part, part.begin, part.stop)
             elif kind is yaml.MappingStartEvent:
                 self._open(event, EditedMap())
             elif kind is yaml.SequenceStartEvent:
@@ -144,79 +204,113 @@ class _Reader:
             elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
                 self._close(event)
             elif kind is yaml.AliasEvent:
-                self._is_linked = True
-                part = self._anchors.get(event.anchor)
-                if part is None or part in self._stack:
+                found = self._anchors.get(event.anchor)
+                if found is None or found in self._stack:
                     raise ValueError(f"alias *{event.anchor} has no whole value before it")
-                self._take(event, part)
+                begin, stop = self._offset(event.start_mark), self._offset(event.end_mark)
+                self._take(event, found, begin, stop)
             elif kind is yaml.DocumentStartEvent:
                 documents += 1
                 if documents > 1:
                     raise ValueError("there is more than one document")
 
-    def _made(self, event: Any, value: Any) -> Part:
+    def _offset(self, mark: Any) -> int:
+        at = self._starts[mark.line] if mark.line < len(self._starts) else len(self._text)
+        return int(at + mark.column)
+
+    def _scalar(self, event: Any, value: Any) -> Part:
+        begin, stop = self._offset(event.start_mark), self._offset(event.end_mark)
+        if event.style in ("|", ">"):
+            # Its end is the begin of the line behind it: blank lines count where "+" keeps them.
+            lines = self._text[begin:stop]
+            is_kept = "+" in lines.partition("\n")[0].partition("#")[0]
+            lines = lines.removesuffix("\n").removesuffix("\r") if is_kept else lines.rstrip()
+            stop = begin + len(lines)
+        if event.anchor is not None or event.tag is not None:
+            found = _ANCHOR_OR_TAG.match(self._text, begin, stop)
+            begin = found.end() if found else begin
+        return self._made(event, value, begin, stop)
+
+    def _made(self, event: Any, value: Any, begin: int, stop: int) -> Part:
         mark = event.start_mark
-        # The end of a text in lines of its own is the begin of the line behind it.
-        is_lines = getattr(event, "style", None) in ("|", ">")
-        part = Part(value, mark.line, mark.column, last=event.end_mark.line - is_lines)
+        part = Part(value, begin, stop, place=(mark.line + 1, mark.column + 1))
         if event.anchor is not None:
             self._anchors[event.anchor] = part
-        self._is_linked = self._is_linked or event.anchor is not None or event.tag is not None
         return part
 
     def _open(self, event: Any, value: Any) -> None:
-        part = self._made(event, value)
+        begin, stop = self._offset(event.start_mark), self._offset(event.end_mark)
+        if event.anchor is not None or event.tag is not None:
+            # It ends behind a bracket or a dash below its key, else before a dash or key.
+            is_behind = event.flow_style or (value == [] and self._text[stop : stop + 1] != "-")
+            begin = stop - bool(is_behind)
+        part = self._made(event, value, begin, stop)
         part.is_block = not event.flow_style
+        line = bisect_right(self._starts, begin) - 1
+        part.column = begin - self._starts[line]
         if isinstance(value, EditedMap):
-            value.place = (part.line + 1, part.column + 1)
-        if part.is_block and self._stack and self._keys[-1] is not _NO_KEY and not event.anchor:
-            column = part.column - self._stack[-1].column
-            self._columns.setdefault(type(value), column)
-            part.is_level = column == 0
-        self._take(event, part)
+            value.place = part.place
+        if part.is_block and self._stack and self._keys[-1] is not _NO_KEY:
+            self._columns.setdefault(type(value), part.column - self._stack[-1].column)
+        self._take(event, part, begin, stop)
         if len(self._stack) >= _MOST_DEPTH:
             raise ValueError(f"it is nested deeper than {_MOST_DEPTH} levels")
         self._stack.append(part)
         self._keys.append(_NO_KEY)
+        self._key_marks.append((0, 0))
 
     def _close(self, event: Any) -> None:
         done = self._stack.pop()
         self._keys.pop()
-        if not done.is_block:
-            done.last = event.end_mark.line
+        self._key_marks.pop()
+        done.stop = done.rows[-1].stop if done.is_block else self._offset(event.end_mark)
         if self._stack:
-            self._stack[-1].last = max(self._stack[-1].last, done.last)
+            self._stack[-1].rows[-1].stop = done.stop
 
-    def _take(self, event: Any, part: Part) -> None:
+    def _take(self, event: Any, part: Part, at: int, stop: int) -> None:
         if not self._stack:
             self._root = part
             return
-        top, mark = self._stack[-1], event.start_mark
-        top.last = max(top.last, part.last, mark.line)
-        before = "" if mark.column == 0 else self._lines[mark.line][: mark.column]
+        top = self._stack[-1]
         if not isinstance(top.value, dict):
             top.value.append(part.value)
-            top.lines.append(mark.line)
-            top.has_own_line.append(
-                _DASH.fullmatch(before) is not None and before.index("-") == top.column
-            )
+            begin = self._dash(top, event) if top.is_block else at
+            top.rows.append(PartRow(part, None, begin, self._head(begin, at), at, stop))
         elif self._keys[-1] is _NO_KEY:
+            line = event.start_mark.line + 1
             if not isinstance(part.value, str | int | float | None):
-                raise ValueError(f"line {mark.line + 1}: a key must be a word")
+                raise ValueError(f"line {line}: a key must be a word")
             if part.value in top.value:
-                raise ValueError(f"line {mark.line + 1}: the key {part.value!r} is given twice")
+                raise ValueError(f"line {line}: the key {part.value!r} is given twice")
             self._keys[-1] = part.value
-            top.lines.append(mark.line)
-            top.has_own_line.append(not before.strip())
-            return
+            self._key_marks[-1] = self._offset(event.start_mark), stop
         else:
             top.value[self._keys[-1]] = part.value
-            top.keys.append(self._keys[-1])
+            begin, key_stop = self._key_marks[-1]
+            row = PartRow(part, self._keys[-1], begin, self._head(key_stop, at), at, stop)
+            top.rows.append(row)
             self._keys[-1] = _NO_KEY
-        top.parts.append(part)
+
+    def _head(self, begin: int, at: int) -> int:
+        found = _HEAD.match(self._text, begin, at)
+        return found.end() if found else begin
+
+    def _dash(self, top: Part, event: Any) -> int:
+        """Return where the dash is that an item stands behind, or in a line below it."""
+        line: int = event.start_mark.line
+        while line:
+            at = self._starts[line] + top.column
+            if self._text.startswith("-", at) and not self._is_comment(line):
+                break
+            line -= 1
+        return self._starts[line] + top.column
+
+    def _is_comment(self, line: int) -> bool:
+        stop = self._starts[line + 1] if line + 1 < len(self._starts) else len(self._text)
+        return self._text[self._starts[line] : stop].lstrip().startswith("#")
 
 
-def _scalar(text: str) -> Any:
+def plain_value(text: str) -> Any:
     """Return the value of a plain scalar by the core schema of YAML 1.2 (section 10.3.2)."""
     if text in _WORDS:
         return _WORDS[text]
@@ -242,9 +336,9 @@ def is_same(part: Part, value: Any, known: dict[tuple[int, int], bool] | None = 
     if pair not in known:
         known[pair] = True  # until it is shown to differ: a value may hold itself
         each = list(value.values()) if isinstance(value, dict) else value
-        known[pair] = len(each) == len(part.parts) and (
-            (not isinstance(value, dict) or list(value) == part.keys)
-            and all(is_same(p, v, known) for p, v in zip(part.parts, each, strict=True))
+        known[pair] = len(each) == len(part.rows) and (
+            (not isinstance(value, dict) or list(value) == [row.key for row in part.rows])
+            and all(is_same(row.part, v, known) for row, v in zip(part.rows, each, strict=True))
         )
     return known[pair]
 
@@ -265,8 +359,8 @@ def adopt(part: Part, value: Any, known: set[int] | None = None) -> None:
         return
     known.add(id(part))
     if isinstance(value, EditedMap):
-        value.place = (part.line + 1, part.column + 1)
+        value.place = part.place
     part.value = value
     each = value.values() if isinstance(value, dict) else value
-    for own, other in zip(part.parts, each, strict=True):
-        adopt(own, other, known)
+    for row, other in zip(part.rows, each, strict=True):
+        adopt(row.part, other, known)

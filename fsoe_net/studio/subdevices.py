@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ruamel.yaml.comments import CommentedMap
-from ruamel.yaml.scalarint import HexInt
-
 from fsoe_net.errors import InputError
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.project.offers import Addition
+from fsoe_net.project.yaml_words import Hex
 from fsoe_net.studio.rows import (
     Change,
     disconnected,
@@ -62,16 +60,14 @@ def added(
         taken[position] = name
         fields: dict[str, object] = {"name": name, "position": position, "config": ""}
         if row.revision is not None:
-            fields["revision"] = HexInt(row.revision, width=8)
+            fields["revision"] = Hex(row.revision)
         made.append(fields)
 
     def change(document: Any, configs: Sequence[str]) -> None:
         parent = document["buses"][bus] if network.buses else document
         found = list_in(parent, "subdevices")
         for fields, config in zip(made, configs, strict=True):
-            item = CommentedMap({**fields, "config": config})
-            item.fa.set_flow_style()
-            found.append(item)
+            found.append({**fields, "config": config})
 
     return change
 

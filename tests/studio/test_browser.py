@@ -71,7 +71,7 @@ def test_a_connection_is_removed_drawn_confirmed_and_saved(page: Any, cell: Path
         field = page.get_by_role("textbox", name=label)
         field.fill(value)
         field.press("Enter")
-    _holds(page, "watchdog_ms: 100\n")
+    _holds(page, "watchdog_ms: 100}")
     page.keyboard.press("Control+s")
     _verdict(page, "· saved")
     saved = cell.read_text("utf-8")
