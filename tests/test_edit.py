@@ -487,6 +487,7 @@ ODD = [
     ("a: &x [1]\nb: *x\n", put("b", 2), "a: &x [1]\nb: 2\n"),
     ("x: &x {}\ny:\n  <<: *x\n  b: 1\n", lambda d: d["y"].pop("<<"), "x: &x {}\ny:\n  b: 1\n"),
     # comments and lines beside
+    ("a:\n  b: 1\n\n  c: 2\n\n", lambda d: d.update(z=d["a"].pop("c")), "a:\n  b: 1\n\nz: 2\n"),
     ("a: legs   # c\n", put("a", "x"), "a: x      # c\n"),
     ("a: arm  # c\n", put("a", "long"), "a: long  # c\n"),
     ("---\na: 1\n...\n", put("b", 2), "---\na: 1\nb: 2\n...\n"),

@@ -182,10 +182,9 @@ class _Changes:
         text, parts, at = self._read.text, [], 0
         # What is put in at a place stands before what goes there; else in the order of the changes.
         for begin, stop, new in sorted(self._changes, key=lambda change: change[:2]):
-            if begin < at:
-                raise _OddLayoutError
+            # Blank lines that go may be where something comes.
             parts += [text[at:begin], new]
-            at = stop
+            at = max(at, stop)
         return "".join([*parts, text[at:]])
 
     def set(self, holder: Part, row: PartRow, value: Any) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from functools import partial
 
 import pytest
 from cli.tool import fsn
@@ -32,8 +33,10 @@ def on_the_wire(case, network, *commands, tmp, good):
         done = run_program("run/scan_rig.py", case, network, *commands, cwd=folder)
         seen = done.stdout + done.stderr
         assert "Traceback (most recent" not in done.stdout
-        if done.returncode == 0 and good(json.loads(done.stdout.splitlines()[-1])):
-            return json.loads(done.stdout.splitlines()[-1]), folder
+        if done.returncode == 0:
+            found = json.loads(done.stdout.splitlines()[-1])
+            if good(found, folder):
+                return found, folder
     pytest.fail(f"{ATTEMPTS} times: {seen}")
 
 
@@ -57,14 +60,15 @@ CHANGES = {
 }
 
 
-def as_expected(network, seen):
+def as_expected(network, seen, folder):
     for (_, code, words), check in zip(CHANGES[network], seen["checks"], strict=True):
         found = [row for row in check["found"] if row[0] != "FSN512" or code == "FSN512"]
         if [row[0] for row in found] != ([code] if code else []):
             return False
         if found and words not in found[0][1]:
             return False
-    return seen["scan"][0] == 0
+    # On a busy machine a device may answer too late: then it is tried again.
+    return seen["scan"][0] == 0 and told_by_devices(folder / "found/scan.json") == TOLD[network]
 
 
 # Objects with the parameters of FSoE connections, by position: of MainInstances, of SubInstances.
@@ -96,19 +100,18 @@ def told_by_devices(file):
 def test_each_change_on_the_wire_is_its_finding(network, tmp_path):
     commands = [row[0] for row in CHANGES[network]]
     seen, folder = on_the_wire(
-        "steps", network, *commands, tmp=tmp_path, good=lambda s: as_expected(network, s)
+        "steps", network, *commands, tmp=tmp_path, good=partial(as_expected, network)
     )
     assert "goes to PREOP" in seen["checks"][0]["err"]
     assert "brought to PREOP" in seen["scan"][1]
     files = folder / "found"
-    assert told_by_devices(files / "scan.json") == TOLD[network]
     done = fsn("check", "network.yaml", "--scan", "scan.json", "--format", "json", cwd=files)
     codes = {d["code"] for d in json.loads(done.stdout)["diagnostics"]}
     assert codes <= {"FSN125", "FSN232", "FSN512", "FSN406", "FSN408", "FSN411"}
 
 
 def test_a_bus_in_operation_goes_on(tmp_path):
-    def good(seen):
+    def good(seen, _):
         return "no request scan" in seen["err"] or (seen["data"] and seen["found"] == [])
 
     seen, _ = on_the_wire("attached", ESTOP, tmp=tmp_path, good=good)
