@@ -97,7 +97,7 @@ def told_by_devices(file):
 
 @pytest.mark.shows("R8")
 @pytest.mark.parametrize("network", [ESTOP, ROBOT])
-def test_each_change_on_the_wire_is_its_finding(network, tmp_path):
+def test_a_change_on_the_wire_is_its_finding(network, tmp_path):
     commands = [row[0] for row in CHANGES[network]]
     seen, folder = on_the_wire(
         "steps", network, *commands, tmp=tmp_path, good=partial(as_expected, network)
