@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 import os
+import signal
 import sys
 
 import click
@@ -136,6 +137,7 @@ def main() -> None:
         echo(shown.getvalue(), nl=False, err=True)
         sys.exit(exc.exit_code)
     except (click.Abort, KeyboardInterrupt):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # who presses it again sees no traceback
         echo("interrupted", err=True)
         sys.exit(130)
     except InputError as exc:

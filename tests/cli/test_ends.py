@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Facts
@@ -27,6 +29,7 @@ from fsoe_net.cli import (
     test_protocol_output,
 )
 from fsoe_net.cli import live_bus as cli_live_bus
+from fsoe_net.cli import main as cli_main
 from fsoe_net.cli.accept_output import print_record
 from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
@@ -275,3 +278,19 @@ def test_a_live_run_shows_its_connections_as_it_goes(monkeypatch: pytest.MonkeyP
         "fsn-master (process ?) starts on eth1; Ctrl-C stops it; control socket ?",
     ]
     assert "el1918-ek1914" in shown.export_text()
+
+
+def test_who_interrupts_twice_sees_no_traceback(monkeypatch: pytest.MonkeyPatch):
+    before = signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(cli_main, "cli", Facts(main=_interrupted))
+    monkeypatch.setattr(cli_main, "echo", lambda *_, **__: os.kill(os.getpid(), signal.SIGINT))
+    try:
+        with pytest.raises(SystemExit) as ended:
+            cli_main.main()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ended.value.code == 130
+
+
+def _interrupted(**_: object) -> None:
+    raise KeyboardInterrupt

@@ -271,6 +271,7 @@ PAYLOADS: dict[str, tuple[str, Callable[[World], bool]]] = {
 }
 
 
+@pytest.mark.uncounted
 @pytest.mark.shows("R7")
 @pytest.mark.parametrize("name", PAYLOADS)
 def test_a_confined_payload_leaves_no_mark(name: str, world: World):

@@ -225,6 +225,7 @@ def test_a_device_that_answers_to_any_address():
     assert 6 in run_trials(make_config(), "addressing", range(400)).codes
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("name", DRAWN)
 @pytest.mark.parametrize(
     "factories",

@@ -35,6 +35,7 @@ def _cycles_to_data(out: int, inn: int, app: bytes) -> tuple[int, dict[int, int]
     return sum(count.values()), count
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("app", [b"", bytes(range(5)), bytes(range(64))], ids=len)
 @pytest.mark.parametrize("out", SIZES)
 def test_chunk_counts_of_all_size_pairs(out, app):
