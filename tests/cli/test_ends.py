@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import signal
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace as Facts
@@ -19,6 +20,7 @@ from run.test_live_run import OPTIONS, RESOLUTION, Process
 from fsoe_net.cli import (
     campaign,
     campaign_output,
+    console,
     emulate,
     emulate_output,
     line_editor,
@@ -294,3 +296,17 @@ def test_who_interrupts_twice_sees_no_traceback(monkeypatch: pytest.MonkeyPatch)
 
 def _interrupted(**_: object) -> None:
     raise KeyboardInterrupt
+
+
+def test_ctrl_c_at_the_prompt_leaves_the_line(monkeypatch: pytest.MonkeyPatch, capsys):
+    keys = iter([KeyboardInterrupt, EOFError])
+
+    def pressed(_: str) -> None:
+        raise next(keys)
+
+    monkeypatch.setattr("builtins.input", pressed)
+    monkeypatch.setattr(console, "line_editor", lambda _: nullcontext())
+    status = Facts(interface="eth1", backend="soem", state="running")
+    room = Facts(keeper=Facts(call=lambda _: status), tell=lambda: None, owned=list, run_line=None)
+    assert console._prompt(room) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == [""]
