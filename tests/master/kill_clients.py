@@ -31,6 +31,7 @@ MODE = "drive_1.0x6060:00"
 STOP = 8
 LAMP = "el2904.standard_1"
 MISSES = 3
+STOPPED = os.WSTOPPED | os.WEXITED | os.WNOHANG | os.WNOWAIT
 
 # Speaks the protocol by hand: what a program may do to the memory is no matter of our library.
 VICTIM = """
