@@ -105,6 +105,8 @@ def one_victim(master: rig.Master, realtime: RealTime, how: str, chance: random.
             moved = cycles(realtime, chance.randrange(1, 30), expected)
             if chance.randrange(3) == 0:
                 process.send_signal(signal.SIGSTOP)
+                while not os.waitid(os.P_PID, process.pid, STOPPED):  # it may write once more
+                    cycles(realtime, 1, expected)
                 cycles(realtime, MISSES + 2, expected)
                 assert how == "scribble" or realtime[MODE] == STOP
         finally:
