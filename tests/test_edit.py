@@ -458,7 +458,13 @@ ODD = [
     ("- - a: 1\n    b: 2\n- 3\n", lambda d: d[0][0].pop("a"), "- - b: 2\n- 3\n"),
     ("- - 1  # c\n", put(0, 5), "- 5    # c\n"),
     ("-   - 1\n    - 2\n", put(0, {"a": [1]}), "-   a:\n      - 1\n"),
+    ("a:\n  -\n# - x\n    b: 1\n  - 2\n", lambda d: d["a"].pop(0), "a:\n  - 2\n"),
+    ("a:\n    b: 1\nc: 2\n", put("c", {"d": [1]}), "a:\n    b: 1\nc:\n    d:\n      - 1\n"),
+    ("a: []\n", put("a", [{"b": "x" * 99}]), f"a:\n  - b: {'x' * 99}\n"),
+    ("b: |\n  # x\n# c\nc: 1\n", lambda d: d.update(a=d.pop("b"), c=d.pop("c")),
+     'a: "# x\\n"\n# c\nc: 1\n'),
     # brackets
+    ("a: [\n  1,\n  2,\n]\n", lambda d: d["a"].pop(0), "a: [\n  2,\n]\n"),
     ("a: {b: , c: 1}\n", lambda d: d["a"].update(b=2), "a: {b: 2, c: 1}\n"),
     ("a: [1, 2, 3]\n", lambda d: d["a"].__delitem__(slice(1, 3)), "a: [1]\n"),
     ("a: [1, 2, 3]\n", lambda d: d["a"].insert(0, [0]), "a: [[0], 1, 2, 3]\n"),

@@ -291,7 +291,7 @@ class _Changes:
         if not head.strip(" "):
             for each in gone:
                 self._cut(part, each, has_next=True)
-            place = self._place_above(part, row, gone)
+            place = self._place_above(part, row)
             self._put_lines(place, place, lines)
             return
         # It stands behind the dash of a list that it is in: so does the one that is first now.
@@ -331,16 +331,15 @@ class _Changes:
             place = read.line_behind(place)
         return place
 
-    def _place_above(self, part: Part, row: PartRow, gone: list[PartRow]) -> int:
+    def _place_above(self, part: Part, row: PartRow) -> int:
         """Return where lines above a row begin: above comments that stand right above it.
 
-        Those at the begin of the text are about all of it. Those that go are above.
+        Those at the begin of the text are about all of it.
         """
         read = self._read
         place = read.starts[read.line_of(row.begin)]
-        most = read.line_behind(gone[-1].stop) if gone else 0
         top = place
-        while top > most and self._is_comment(read.starts[read.line_of(top - 1)], part.column):
+        while top and self._is_comment(read.starts[read.line_of(top - 1)], part.column):
             top = read.starts[read.line_of(top - 1)]
         return top or place
 
