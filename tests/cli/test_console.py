@@ -162,8 +162,6 @@ class Terminal:
         return os.waitstatus_to_exitcode(status)
 
 
-# Where Ctrl-C meets what counts lines, a lock of that stays closed.
-@pytest.mark.uncounted
 def test_the_prompt(master, tmp_path):
     terminal = Terminal(master.path, tmp_path)
     terminal.until("fsn> ")
@@ -171,17 +169,24 @@ def test_the_prompt(master, tmp_path):
     terminal.until("1 set: drive_1.0x6040:00")
     terminal.send("stat\n")
     terminal.until("did you mean state?")
+    assert terminal.end() == 0
+    history = tmp_path / "fsoe-net" / "console_history"
+    assert history.stat().st_mode & 0o777 == 0o600
+    assert "stat\n" in history.read_text("utf-8")
+
+
+# Where Ctrl-C meets what counts lines, a lock of that stays closed.
+@pytest.mark.uncounted
+def test_ctrl_c_at_the_prompt_ends_the_command_only(master, tmp_path):
+    terminal = Terminal(master.path, tmp_path)
     terminal.until("fsn> ")
     terminal.send("wait 1h\n")
     terminal.until("\n")
-    terminal.send("\x03")  # Ctrl-C, which may come before the command has begun
+    terminal.send("\x03")  # which may come before the command has begun
     terminal.until("fsn> ", again="\x03")
     terminal.send("echo still here\n")
     terminal.until("\r\nstill here")
     assert terminal.end() == 0
-    history = tmp_path / "fsoe-net" / "console_history"
-    assert history.stat().st_mode & 0o777 == 0o600
-    assert "wait 1h" in history.read_text("utf-8")
 
 
 def test_the_prompt_survives_a_restart_of_fsn_master(master, tmp_path):

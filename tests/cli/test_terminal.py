@@ -62,7 +62,6 @@ def estop(tmp_path: Path) -> Path:
 
 
 @pytest.mark.uncounted
-@pytest.mark.uncounted
 @pytest.mark.shows("R24")
 @pytest.mark.parametrize(
     "command",

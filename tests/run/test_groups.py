@@ -230,6 +230,7 @@ def test_a_scenario_names_groups(tmp_path):
     assert "gripper" in done.stdout + done.stderr
 
 
+@pytest.mark.uncounted
 @needs_core
 def test_the_protocol_tries_each_combination():
     resolution = resolved(NETWORK)

@@ -20,6 +20,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 NETWORKS = sorted(p.parent.name for p in EXAMPLES.glob("*/network.yaml"))
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("name", NETWORKS)
 def test_every_connection_is_drawn_again_as_it_was(tmp_path: Path, name: str) -> None:
     shutil.copytree(EXAMPLES, tmp_path / "examples")
@@ -118,6 +119,7 @@ CHANGES = st.fixed_dictionaries(
 )
 
 
+@pytest.mark.uncounted
 @settings(max_examples=30)
 @given(written(), st.sampled_from(["\n", "\r\n"]), st.lists(CHANGES, max_size=4))
 def test_drawn_files_keep_what_no_change_touches(
