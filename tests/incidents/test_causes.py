@@ -17,7 +17,6 @@ from incidents.seeds_tried import NAMED
 from fsoe_net.observe.causes_table import CAUSES
 
 
-@pytest.mark.uncounted
 @pytest.mark.shows("R21")
 @pytest.mark.parametrize("name", SEEDS)
 def test_the_cause_is_named_first(name, tmp_path):
