@@ -5,7 +5,7 @@ BUILD := $(or $(FSN_BUILD),build)
 PY := $(VENV)/bin/python
 FSN := $(VENV)/bin/fsoe-net
 
-.PHONY: demo robot-cell test master clean
+.PHONY: demo robot-cell test test-python test-c master clean
 .DEFAULT_GOAL := demo
 
 demo: $(VENV)/.ready
@@ -26,9 +26,14 @@ robot-cell: $(VENV)/bin/fsn-master
 # The real-time executable, beside the tool in the virtual environment.
 master: $(VENV)/bin/fsn-master
 
-test: $(VENV)/.ready-test master
-	PATH="$(abspath $(VENV))/bin:$$PATH" scripts/test
-	PATH="$(abspath $(VENV))/bin:$$PATH" scripts/test-c
+# One after the other; make -j2 runs both at once, and what they build knows nothing of it.
+test: test-python test-c
+
+test-python: $(VENV)/.ready-test master
+	MAKEFLAGS= PATH="$(abspath $(VENV))/bin:$$PATH" scripts/test
+
+test-c: $(VENV)/.ready-test
+	MAKEFLAGS= PATH="$(abspath $(VENV))/bin:$$PATH" scripts/test-c
 
 # Built again when a source of the compiled part or of the packaging changes.
 SOURCES := pyproject.toml CMakeLists.txt $(shell find master_core/src master_core/include \
