@@ -48,6 +48,7 @@ def test_both_forms_of_the_estop_move_the_same_bytes():
     assert copies("network.yaml") == copies("estop.urdf.xacro", "transfers.yaml")
 
 
+@pytest.mark.uncounted
 @needs_core
 @pytest.mark.parametrize("name", FOLDERS)
 def test_scenario_passes_in_virtual_time(name: str):

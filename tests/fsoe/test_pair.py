@@ -57,6 +57,7 @@ def test_known_cycle_counts(size, cycles):
     assert _cycles_to_data(size, size, b"")[0] == cycles
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("out", SIZES)
 def test_process_data_of_all_size_pairs(out):
     for inn in SIZES:

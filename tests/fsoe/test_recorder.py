@@ -83,6 +83,7 @@ def test_a_start_up_replays(turns):
     _same(recorder, turns // 2)
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("name", [name for name in DRAWN if name != "parameters"])
 @pytest.mark.parametrize("cycle", [3, 9, 40])
 def test_each_class_of_faults_replays(name, cycle):

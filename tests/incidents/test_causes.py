@@ -30,6 +30,7 @@ def test_the_cause_is_named_first(name, tmp_path):
         assert device in found.likely.title
 
 
+@pytest.mark.uncounted
 @pytest.mark.shows("R21")
 @pytest.mark.parametrize("name", NOTHING)
 def test_nothing_is_named_where_nothing_is(name, tmp_path):

@@ -62,6 +62,7 @@ def test_running_connection_is_found(out, inn, noise):
     assert all(s.sequence for s in seen[8:])
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize(("out", "inn"), SIZES)
 @pytest.mark.parametrize("quick", [(), (0,), (1,), (0, 1)])
 @pytest.mark.parametrize("joined", [0, 61, 62, 63, 64])

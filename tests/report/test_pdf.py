@@ -72,6 +72,7 @@ def test_for_print_each_picture_has_its_own_rules_and_plain_colours():
     assert "position:running(head)" in page
 
 
+@pytest.mark.uncounted
 @needs_library
 @of_library
 def test_the_same_report_gives_the_same_bytes_with_head_and_number_on_each_page(tmp_path: Path):

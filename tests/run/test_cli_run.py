@@ -51,6 +51,7 @@ el1918-ek1914  Data · ProcessData       1       14     2.00 ms    28 ms  0
     )
 
 
+@pytest.mark.uncounted
 @needs_core
 def test_json_is_one_document(fsn):
     scenario = str(ROBOT / "scenario.yaml")

@@ -43,6 +43,7 @@ def test_steps_of_functions_connections_devices_and_faults() -> None:
     assert protocol.failed_steps == ()
 
 
+@pytest.mark.uncounted
 @pytest.mark.shows("R13")
 @needs_core
 def test_the_emulated_bus_measures_and_closes_no_step() -> None:

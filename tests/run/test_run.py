@@ -28,6 +28,7 @@ def run(name: str, scenario: str, tmp_path: Path) -> Run:
     return run_virtual(made, made.duration_ns)
 
 
+@pytest.mark.uncounted
 @pytest.mark.parametrize("name", ["estop", "el6910"])
 def test_example_scenarios_hold_in_virtual_time(name: str):
     made = session(name, EXAMPLES / name / "scenario.yaml")

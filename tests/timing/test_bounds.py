@@ -60,6 +60,7 @@ def test_no_other_cycle_exceeds_a_bound(what: Attack, cycle: float, k: int) -> N
     assert 0.5 * found.bound < found.worst <= found.bound + 1e-6
 
 
+@pytest.mark.uncounted
 @pytest.mark.shows("R9")
 @pytest.mark.parametrize("fault", ["none", "breaks", "any"])
 @pytest.mark.parametrize("to_main", [True, False])
