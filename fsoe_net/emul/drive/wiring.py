@@ -99,17 +99,19 @@ class WiredAxis:
 
     def report(self) -> None:
         """Write what acts into the safe data of the drive, unless a scenario has set it."""
-        safe = self.axis.safe
         for port, name, index, subindex in self._reports:
-            if name not in port.reported:
-                continue
-            acts = {
-                _STO: safe.torque_off,
-                _SS1: safe.stopping or (safe.torque_off and _is_demanded(self._ss1)),
-                _SLS: safe.limit_watched and self._is_limited(subindex),
-                _ACKNOWLEDGE: safe.violated,
-            }
-            port.reported[name] = int(acts[index])
+            if name in port.reported:
+                port.reported[name] = int(self._acts(index, subindex))
+
+    def _acts(self, index: int, subindex: int) -> bool:
+        safe = self.axis.safe
+        if index == _STO:
+            return safe.torque_off
+        if index == _SS1:
+            return safe.stopping or (safe.torque_off and _is_demanded(self._ss1))
+        if index == _SLS:
+            return safe.limit_watched and self._is_limited(subindex)
+        return safe.violated  # what is acknowledged
 
     def _is_limited(self, subindex: int) -> bool:
         return any(
