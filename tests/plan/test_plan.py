@@ -17,10 +17,10 @@ from fsoe_net.errors import CoreMissing, PlanFormatError
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.bus import EntryView
 from fsoe_net.model.resolve import resolve
-from fsoe_net.plan.codec import decode_plan
+from fsoe_net.plan.codec import decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan, stop_value
 from fsoe_net.plan.image import igh_image
-from fsoe_net.plan.model import NONE, Plan, PlanSdo
+from fsoe_net.plan.model import NONE, Plan, PlanBus, PlanGroup, PlanSdo
 from fsoe_net.plan.show import plan_json, plan_text
 from fsoe_net.project.check import check_files
 
@@ -178,6 +178,28 @@ def test_every_truncation_and_change_is_refused():
         changed[at] ^= 0x55
         with pytest.raises(PlanFormatError):
             decode_plan(bytes(changed))
+
+
+def test_tables_that_contradict_the_format_are_refused():
+    plan = compile_plan(example("estop"))
+    bus = PlanBus(name="a", cycle_ns=1_000_000, first_subdevice=0, subdevice_count=2)
+    group = PlanGroup(name="g", place="", first_subdevice=1, subdevice_count=1)
+    for change, words in [
+        ({"buses": (bus,)}, "a plan with buses has two of them at least"),
+        ({"buses": (bus, bus), "groups": (group,)}, "a plan with groups has one bus"),
+    ]:
+        with pytest.raises(PlanFormatError, match=words):
+            decode_plan(encode_plan(replace(plan, **change)))
+
+
+def test_a_name_outside_the_strings_is_refused():
+    data = bytearray(compile_plan(example("estop")).to_bytes())
+    _, name_at = struct.unpack_from("<II", data, 32)  # what a SubDevice begins with
+    (strings_bytes,) = struct.unpack_from("<I", data, 32 + 9 * 16 + 8)
+    struct.pack_into("<I", data, name_at, strings_bytes)
+    struct.pack_into("<I", data, 16, zlib.crc32(bytes(data[:16]) + bytes(4) + bytes(data[20:])))
+    with pytest.raises(PlanFormatError, match=f"string {strings_bytes} lies outside the strings"):
+        decode_plan(bytes(data))
 
 
 @pytest.mark.shows("R2")
