@@ -203,6 +203,12 @@ def test_copy_from_no_process_data_is_named():
     assert "no SubDevice's process data" in named[0].message
 
 
+def test_images_of_what_is_no_bus_are_none():
+    out = Collector()
+    assert load_eni_images(b"<EtherCATConfig/>", out) is None
+    assert [d.code for d in out.diagnostics] == ["FSN141"]
+
+
 @pytest.mark.uncounted
 def test_wrapped_counter_is_guessed_at():
     text = write_eni(bus(350))

@@ -337,6 +337,19 @@ def test_what_is_missing_at_a_cut_is_named(text: str, why: str):
     assert said.hint == "paste the whole output; what is missing cannot be guessed"
 
 
+def test_xml_that_is_broken_is_named_at_its_place():
+    out = Collector()
+    assert load_igh_text(XML.replace("</Vendor>", "</Vendr>", 1).encode(), out) is None
+    (said,) = out.diagnostics
+    assert (said.code, str(said.span)) == ("FSN118", "<text>:6:5")
+
+
+def test_a_last_subdevice_without_anything_is_a_cut():
+    text = SOEM[: SOEM.index("End slaveinfo")] + "Slave:2\n Name:Other\n"
+    found = read(text, "FSN146", reader=load_soem_text)
+    assert [s.truncated for s in found.subdevices] == [False, True]
+
+
 @pytest.mark.parametrize("mark", ["...", "[...]", "--More--", "\u2026"])
 def test_lines_left_out_by_hand_are_a_cut(mark: str):
     lines = PDOS.splitlines(keepends=True)
