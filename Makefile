@@ -29,10 +29,12 @@ master: $(VENV)/bin/fsn-master
 # One after the other; make -j2 runs both at once, and what they build knows nothing of it.
 test: test-python test-c
 
-test-python: $(VENV)/.ready-test master
+test-python test-c: $(VENV)/.ready-test master
+
+test-python:
 	MAKEFLAGS= PATH="$(abspath $(VENV))/bin:$$PATH" scripts/test
 
-test-c: $(VENV)/.ready-test
+test-c:
 	MAKEFLAGS= PATH="$(abspath $(VENV))/bin:$$PATH" scripts/test-c
 
 # Built again when a source of the compiled part or of the packaging changes.
