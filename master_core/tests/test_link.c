@@ -33,6 +33,7 @@ static struct {
     const char *driver;
     int mtu;
     atomic_bool running[2]; /**< per interface: it has a carrier */
+    atomic_bool down[2]; /**< per port: its interface went down, and nobody has read that error */
     atomic_int send_fails;
     atomic_int polls;
     atomic_bool frozen;             /**< the clock */
@@ -129,6 +130,12 @@ int ppoll(struct pollfd *fds, nfds_t count, const struct timespec *timeout, cons
     CHECK(count == 2 && fds[0].fd == rig.segment->sockets[0] && fds[0].events == POLLIN);
     CHECK(fds[1].fd == rig.segment->sockets[1] && fds[1].events == POLLIN && mask == NULL);
     CHECK(timeout->tv_sec == 0 && timeout->tv_nsec <= 5000000);
+    for (int port = 0; port < 2; port++) {
+        fds[port].revents = atomic_load(&os.down[port]) ? POLLERR : 0;
+    }
+    if (fds[0].revents + fds[1].revents != 0) {
+        return 1;
+    }
     struct timespec left = *timeout; /* the kernel writes what is left of it */
     return (int)syscall(SYS_ppoll, fds, count, &left, NULL, (size_t)0);
 }
@@ -154,6 +161,16 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
     }
     *now = (struct timespec){.tv_sec = 1000000000, .tv_nsec = 5};
     return 0;
+}
+
+ssize_t recv(int fd, void *bytes, size_t size, int flags) {
+    for (int port = 0; port < 2; port++) {
+        if (fd == rig.segment->sockets[port] && atomic_exchange(&os.down[port], false)) {
+            errno = ENETDOWN;
+            return -1;
+        }
+    }
+    return recvfrom(fd, bytes, size, flags, NULL, NULL);
 }
 
 ssize_t send(int fd, const void *bytes, size_t size, int flags) {
@@ -364,6 +381,21 @@ static void a_ring_opens_without_a_carrier(unsigned gone) {
     end();
 }
 
+/** The kernel reports it until it is read; a thread that does not read it waits no longer. */
+static void an_interface_that_goes_down_is_read_once(void) {
+    begin();
+    CHECK(plug((struct fsn_segment_link_options){.interface = "a", .interface2 = "b"}, NULL) ==
+          FSN_OK);
+    for (int port = 0; port < 2; port++) {
+        atomic_store(&os.down[port], true);
+        while (atomic_load(&os.down[port])) {
+            usleep(1000);
+        }
+    }
+    CHECK(answer_at(0, 1) == 2);
+    end();
+}
+
 int main(void) {
     close(STDIN_FILENO); /* 0 is a descriptor like any other */
     const int open_before = open_files();
@@ -373,6 +405,7 @@ int main(void) {
     an_answer_that_cannot_be_sent_is_counted();
     a_ring_opens_without_a_carrier(0);
     a_ring_opens_without_a_carrier(1);
+    an_interface_that_goes_down_is_read_once();
     CHECK(open_files() == open_before);
     return 0;
 }

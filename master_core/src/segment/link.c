@@ -109,12 +109,11 @@ static bool take_next(struct fsn_segment *s) {
     if (ppoll(ready, PORTS, &timeout, NULL) <= 0) {
         return false;
     }
-    for (uint32_t port = 0; port < PORTS; port++) {
-        if ((ready[port].revents & POLLIN) != 0) {
-            take(s, port, MSG_DONTWAIT);
-        }
+    bool taken = false;
+    for (uint32_t port = 0; port < PORTS; port++) { /* an error, too: read once, it is gone */
+        taken |= ready[port].revents != 0 && take(s, port, MSG_DONTWAIT);
     }
-    return true;
+    return taken;
 }
 
 /** Whether the far end of an interface is up: its last SubDevice sees no link otherwise. */
