@@ -106,6 +106,8 @@ class Running:
         try:
             return self.client.snapshot()
         except FsnError:
+            if self.process.poll() is not None:  # nothing comes any more: say why
+                sys.exit(f"the run has ended: {self.process.communicate()[1]}")
             return None
 
     def in_data(self):
