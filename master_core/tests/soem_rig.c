@@ -63,6 +63,15 @@ static void add_sync(uint8_t *bytes, size_t len) {
     build_fix_crc(bytes, len);
 }
 
+void link_segment(struct fsn_segment *segment, const char *second) {
+    struct fsn_segment_link_options options = {
+        .interface = "far", .interface2 = second, .priority = 1};
+    if (fsn_segment_link(segment, &options, NULL) != FSN_OK) {
+        options.priority = 0;
+        CHECK(fsn_segment_link(segment, &options, NULL) == FSN_OK);
+    }
+}
+
 struct rig *set_up_plans(const char *second, uint8_t *bytes, const uint8_t *of_segment,
                          size_t len) {
     struct rig *rig = calloc(1, sizeof *rig);
@@ -71,8 +80,7 @@ struct rig *set_up_plans(const char *second, uint8_t *bytes, const uint8_t *of_s
     CHECK(fsn_plan_load(bytes, len, &rig->plan, NULL) == FSN_OK);
     CHECK(fsn_plan_load(of_segment, len, &rig->plan_of_segment, NULL) == FSN_OK);
     CHECK(fsn_segment_create(rig->plan_of_segment, &rig->segment) == FSN_OK);
-    const struct fsn_segment_link_options options = {.interface = "far", .interface2 = second};
-    CHECK(fsn_segment_link(rig->segment, &options, NULL) == FSN_OK);
+    link_segment(rig->segment, second);
     rig->live = (struct fsn_live_options){
         .interface = "near", .redundant = second != NULL ? "near2" : NULL, .dc_every = 5};
     return rig;

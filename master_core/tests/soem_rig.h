@@ -28,6 +28,9 @@ void pause_ms(long ms);
 /** A main at position 0 and three subs behind it. */
 uint8_t *build(size_t *len);
 
+/** Puts SubDevices on the far end, or on both far ends. They answer in time however busy this
+ *  machine is: where it may, their thread goes before others. */
+void link_segment(struct fsn_segment *segment, const char *second);
 struct rig *set_up_with(const char *second);
 /** The subs start SYNC0, and clocks are on for that alone. */
 struct rig *set_up_with_sync(void);

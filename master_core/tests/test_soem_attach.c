@@ -38,13 +38,15 @@ static struct fsn_bus_attachment describe(struct rig *rig) {
     return attachment;
 }
 
+/** Attaches until it goes as wanted. A busy machine may stop the cycle for longer than a SubDevice
+ *  stays in OP: where all shall be there, who has left is brought back. */
 static void until(struct rig *rig, const struct fsn_bus_attachment *attachment, fsn_status wanted) {
-    for (int tries = 0;; tries++) {
-        const fsn_status status = attach(rig->plan, attachment, NULL, &rig->fault);
-        if (status == wanted) {
-            return;
+    const uint64_t end = now_ns() + PATIENCE_MS * UINT64_C(1000000);
+    while (attach(rig->plan, attachment, NULL, &rig->fault) != wanted) {
+        CHECK(now_ns() < end);
+        if (wanted == FSN_OK) {
+            fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
         }
-        CHECK(tries < TRIES);
     }
 }
 

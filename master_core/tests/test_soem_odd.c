@@ -19,8 +19,7 @@ static struct rig *set_up_changed(void (*change)(struct fsn_plan *plan)) {
     change(rig->plan);
     change(rig->plan_of_segment);
     CHECK(fsn_segment_create(rig->plan_of_segment, &rig->segment) == FSN_OK);
-    const struct fsn_segment_link_options options = {.interface = "far"};
-    CHECK(fsn_segment_link(rig->segment, &options, NULL) == FSN_OK);
+    link_segment(rig->segment, NULL);
     return rig;
 }
 
