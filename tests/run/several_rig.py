@@ -30,20 +30,32 @@ def are_gone(running):
     return not any(word.startswith("data") for n, word in words(running).items() if n in ACROSS)
 
 
+def status(running, *, drives):
+    """Of a cycle that was whole on the first bus, and whole or lost on the other one."""
+
+    def found():
+        seen = running.client.status()
+        cell, other = seen.buses
+        wanted = other.expected_wkc if drives else 0
+        return (cell.actual_wkc, other.actual_wkc) == (cell.expected_wkc, wanted) and seen
+
+    return wait_for("a status of such a cycle", found)
+
+
 def lost(network):
     """The further bus goes and comes back: what is on the first does not notice."""
     emulator = Emulator(network, interfaces=FAR)
     running = Running(network, "--format", "json", interfaces=NEAR)
-    before, said = resets(running), running.client.status()
+    before, said = resets(running), status(running, drives=True)
     emulator.do("break drive_1")
     wait_for("the loss", lambda: are_gone(running))
-    away = running.client.status()
+    away = status(running, drives=False)
     stay, count = words(running), resets(running)
     wait_for("more cycles", lambda: running.cycles() > away.cycles + 500)
     later = resets(running)
     emulator.do("heal drive_1")
     wait_for("Data again", running.in_data)
-    back = running.client.status()
+    back = status(running, drives=True)
     vendor = running.client.sdo_read("drive_2", 0x1018, 1, "uint32").value
     monitor = subprocess.run(
         [*FSN, "monitor", "--socket", str(running.socket), "--once"],
