@@ -321,6 +321,83 @@ static void any_datagram(void) {
     tear_down(&rig);
 }
 
+/** A sync manager or an FMMU as it comes, mostly where others are. */
+static void odd_register(uint64_t *seed, uint16_t *at, uint8_t bytes[16], uint16_t *size) {
+    const uint16_t start = (uint16_t)((next_random(seed) % 4 == 0 ? 0x2FF0 : 0x1100) +
+                                      4 * (next_random(seed) % 8));
+    const uint8_t length = (uint8_t)(1 + next_random(seed) % 12);
+    const uint16_t number = next_random(seed) % 4;
+    memset(bytes, 0, 16);
+    if (next_random(seed) % 3 == 0) {
+        static const uint8_t controls[] = {0x64, 0x20, 0x64, 0x20, 0x26, 0x22};
+        *at = (uint16_t)(0x0800 + 8 * number);
+        *size = 8;
+        fsn_put16(bytes, start);
+        bytes[2] = length;
+        bytes[4] = controls[next_random(seed) % 6];
+        bytes[6] = 1;
+        return;
+    }
+    const bool whole = next_random(seed) % 4 != 0;
+    *at = (uint16_t)(0x0600 + 16 * number);
+    *size = 16;
+    bytes[0] = (uint8_t)(4 * (next_random(seed) % 8));
+    bytes[4] = length;
+    bytes[6] = whole ? 0 : next_random(seed) % 8;
+    bytes[7] = whole ? 7 : next_random(seed) % 8;
+    fsn_put16(bytes + 8, (uint16_t)(start + next_random(seed) % 4));
+    bytes[10] = whole ? 0 : next_random(seed) % 8;
+    bytes[11] = next_random(seed) % 4;
+    bytes[12] = 1;
+}
+
+/** An FMMU inside a sync manager does not ask it each time: beside a segment where all do, nothing
+ *  differs, whatever the registers say. */
+static void an_fmmu_inside_a_sync_manager_does_as_others(void) {
+    struct rig rigs[2] = {set_up(), set_up()};
+    struct esc *escs[2];
+    uint64_t seed = 11;
+    unsigned inside = 0;
+    for (int r = 0; r < 2; r++) {
+        set_stations(&rigs[r]);
+        to_op(&rigs[r], 1001, 0, 9);
+        escs[r] = &rigs[r].segment->escs[0];
+    }
+    for (int round = 0; round < 50000; round++) {
+        uint8_t data[64], inputs[8], outputs[2][9];
+        uint8_t command = (uint8_t)(LRD + next_random(&seed) % 3);
+        uint16_t adp = (uint16_t)(next_random(&seed) % 48), at = 0;
+        uint16_t size = (uint16_t)(1 + next_random(&seed) % 48);
+        for (unsigned i = 0; i < sizeof data; i++) {
+            data[i] = (uint8_t)next_random(&seed);
+        }
+        memcpy(inputs, data + 5, sizeof inputs);
+        if (round % 8 == 0) {
+            command = FPWR;
+            adp = 1001;
+            odd_register(&seed, &at, data, &size);
+        }
+        int counter[2];
+        bool fresh[2];
+        for (int r = 0; r < 2; r++) {
+            CHECK(round % 5 != 0 ||
+                  fsn_segment_write_inputs(rigs[r].segment, 1, inputs, 8) == FSN_OK);
+            counter[r] = datagram(&rigs[r], command, adp, at, data, size);
+            CHECK(fsn_segment_read_outputs(rigs[r].segment, 0, outputs[r], 9, &fresh[r]) == FSN_OK);
+        }
+        for (unsigned i = 0; i < escs[1]->fmmu_count; i++) {
+            inside += escs[0]->fmmus[i].inside != 0;
+            escs[1]->fmmus[i].inside = 0;
+        }
+        CHECK(counter[0] == counter[1] && memcmp(rigs[0].data, rigs[1].data, size) == 0);
+        CHECK(fresh[0] == fresh[1] && memcmp(outputs[0], outputs[1], 9) == 0);
+        CHECK(memcmp(escs[0]->memory, escs[1]->memory, sizeof escs[0]->memory) == 0);
+    }
+    CHECK(inside > 1000);
+    tear_down(&rigs[0]);
+    tear_down(&rigs[1]);
+}
+
 /** FMMUs that end before they begin, or whose bits need more bytes than 16 bits can count: they map
  *  nothing. */
 static void fmmus_of_nonsense_map_nothing(void) {
@@ -405,6 +482,7 @@ int main(void) {
     watchdog_takes_it_out_of_op();
     unplugging_cuts_all_behind();
     any_datagram();
+    an_fmmu_inside_a_sync_manager_does_as_others();
     fmmus_of_nonsense_map_nothing();
     no_answer_into_a_mailbox_too_short();
     no_real_interface_is_taken();

@@ -39,9 +39,13 @@ static int64_t correction(const struct esc *esc) {
     return c->phase_ns + drifted(since(esc, c->compared_ns), c->rate_ppb);
 }
 
-uint64_t esc_system_time(const struct esc *esc) {
+static uint64_t corrected_time(const struct esc *esc, int64_t correction_ns) {
     return esc_local_time(esc, esc->now_ns) + fsn_get64(esc->memory + REG_DC_OFFSET) +
-           (uint64_t)correction(esc);
+           (uint64_t)correction_ns;
+}
+
+uint64_t esc_system_time(const struct esc *esc) {
+    return corrected_time(esc, correction(esc));
 }
 
 static void show_difference(struct esc *esc) {
@@ -76,14 +80,14 @@ void esc_clock_compare(struct esc *esc, const uint8_t *time, uint16_t size_bytes
         return;
     }
     const uint32_t theirs = fsn_get32(time) + fsn_get32(esc->memory + REG_DC_DELAY);
-    const int64_t apart = (int32_t)((uint32_t)esc_system_time(esc) - theirs);
+    const int64_t before_ns = correction(esc);
+    const int64_t apart = (int32_t)((uint32_t)corrected_time(esc, before_ns) - theirs);
     const uint64_t passed_ns = since(esc, c->compared_ns);
     const int64_t loop_ns = c->deaf ? 0 : passed_ns < LOOP_NS ? (int64_t)passed_ns : LOOP_NS;
-    c->phase_ns = correction(esc);
     c->compared_ns = esc->now_ns;
     esc_clock_served(esc);
     const int64_t step = bounded(apart / 8, loop_ns / 10);
-    c->phase_ns -= step;
+    c->phase_ns = before_ns - step;
     if (step == apart / 8 && loop_ns > 0) {
         const int64_t more = bounded(apart * (BILLION / 256) / (int64_t)passed_ns, 2000);
         c->rate_ppb = bounded(c->rate_ppb - more, MOST_PPB);

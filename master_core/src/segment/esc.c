@@ -337,7 +337,6 @@ void esc_power_on(struct esc *esc) {
     esc->answer_due_ns = 0;
     load_watchdog(esc);
     esc_sm_load(esc);
-    esc_fmmu_load(esc);
     esc_clock_reset(esc, true);
     objects_reset(&esc->objects);
     show_identity(esc, esc->faults.is_other ? &esc->faults.other : &esc->identity);

@@ -129,6 +129,7 @@ struct esc_fmmu {
     uint16_t length, physical;
     uint8_t start_bit, end_bit, physical_bit;
     bool read, write, whole_bytes;
+    uint8_t inside; /**< 1 + place in esc.sms of the process data it lies in, one way; 0: ask */
 };
 
 /** Its distributed clock: quartz, then what the control loop makes of it. */
@@ -231,7 +232,7 @@ void esc_clock_outputs(struct esc *esc);
 /** AL status code of a device whose SYNC0 cannot be used; 0: it can, or is off. */
 uint16_t esc_clock_fault(const struct esc *esc);
 
-/** Reads the registers of all sync managers, of all FMMUs anew (sm.c, fmmu.c). */
+/** Reads the registers of all sync managers and FMMUs anew (sm.c, fmmu.c). */
 void esc_sm_load(struct esc *esc);
 void esc_fmmu_load(struct esc *esc);
 
@@ -239,6 +240,9 @@ void esc_fmmu_load(struct esc *esc);
 bool esc_sm_allows(const struct esc *esc, uint16_t address, uint16_t size_bytes, bool write);
 /** Process data that the bus is about to read: the newest set is put into the memory (sm.c). */
 void esc_sm_before_read(struct esc *esc, uint16_t address, uint16_t size_bytes);
+/** The same of one sync manager with process data, first and behind its last byte (sm.c). */
+void esc_sm_take_inputs(struct esc *esc, const struct esc_sm *sm);
+void esc_sm_give_outputs(struct esc *esc, const struct esc_sm *sm);
 /** The bus has read or written (sm.c). */
 void esc_sm_after_read(struct esc *esc, uint16_t address, uint16_t size_bytes);
 void esc_sm_after_write(struct esc *esc, uint16_t address, uint16_t size_bytes);

@@ -22,6 +22,27 @@ static bool get_fmmu(const struct esc *esc, unsigned number, struct esc_fmmu *fm
     return (r[12] & 1) != 0 && any;
 }
 
+/** The sync manager that decides about all that an FMMU maps, and lets it pass each time: there is
+ *  no other one, it holds process data, and the FMMU goes its way only. */
+static uint8_t inside(const struct esc *esc, const struct esc_fmmu *f) {
+    const uint32_t end = (uint32_t)f->physical + f->length;
+    uint8_t found = 0;
+    for (uint8_t n = 0; n < esc->sm_count; n++) {
+        const struct esc_sm *sm = &esc->sms[n];
+        const uint32_t sm_end = (uint32_t)sm->start + sm->length;
+        if (f->physical >= sm_end || end <= sm->start) {
+            continue;
+        }
+        if (found != 0 || sm->mailbox || f->physical < sm->start || end > sm_end) {
+            return 0;
+        }
+        found = (uint8_t)(n + 1);
+    }
+    const bool one_way =
+        found != 0 && f->read != f->write && f->read == esc->sms[found - 1].from_device;
+    return one_way && f->whole_bytes && end <= ESC_MEMORY_BYTES ? found : 0;
+}
+
 void esc_fmmu_load(struct esc *esc) {
     esc->fmmu_count = 0;
     esc->fmmu_begin = UINT32_MAX;
@@ -33,6 +54,7 @@ void esc_fmmu_load(struct esc *esc) {
             const uint32_t bounded = end < UINT32_MAX ? (uint32_t)end : UINT32_MAX;
             esc->fmmu_begin = f->logical < esc->fmmu_begin ? f->logical : esc->fmmu_begin;
             esc->fmmu_end = bounded > esc->fmmu_end ? bounded : esc->fmmu_end;
+            f->inside = inside(esc, f);
             esc->fmmu_count++;
         }
     }
@@ -117,6 +139,36 @@ static bool write_bits(struct esc *esc, const struct esc_fmmu *f, uint32_t logic
     return hit && esc_write(esc, f->physical, bytes, (uint16_t)needed);
 }
 
+static bool write_part(struct esc *esc, const struct esc_fmmu *f, const struct part *p,
+                       const struct datagram *d, uint32_t logical) {
+    const uint8_t *from = d->data + p->in_datagram;
+    if (f->inside == 0) {
+        return f->whole_bytes ? esc_write(esc, p->address, from, p->length)
+                              : write_bits(esc, f, logical, d->data, d->size_bytes);
+    }
+    const struct esc_sm *sm = &esc->sms[f->inside - 1];
+    memcpy(esc->memory + p->address, from, p->length);
+    if (p->address + p->length == sm->start + sm->length) {
+        esc_sm_give_outputs(esc, sm);
+    }
+    return true;
+}
+
+static bool read_part(struct esc *esc, const struct esc_fmmu *f, const struct part *p,
+                      const struct datagram *d, uint32_t logical) {
+    uint8_t *to = d->data + p->in_datagram;
+    if (f->inside == 0) {
+        return f->whole_bytes ? esc_read(esc, p->address, to, p->length, false)
+                              : read_bits(esc, f, logical, d->data, d->size_bytes);
+    }
+    const struct esc_sm *sm = &esc->sms[f->inside - 1];
+    if (p->address == sm->start) {
+        esc_sm_take_inputs(esc, sm);
+    }
+    memcpy(to, esc->memory + p->address, p->length);
+    return true;
+}
+
 void esc_fmmu_pass(struct esc *esc, struct datagram *d) {
     const uint32_t logical = d->position | ((uint32_t)d->offset << 16);
     const bool wants_read = d->command != CMD_LWR;
@@ -132,16 +184,13 @@ void esc_fmmu_pass(struct esc *esc, struct datagram *d) {
     for (unsigned i = 0; i < esc->fmmu_count && wants_write; i++) {
         const struct esc_fmmu *f = &esc->fmmus[i];
         if (f->write && overlap(f, logical, d->size_bytes, &p)) {
-            written |= f->whole_bytes ? esc_write(esc, p.address, d->data + p.in_datagram, p.length)
-                                      : write_bits(esc, f, logical, d->data, d->size_bytes);
+            written |= write_part(esc, f, &p, d, logical);
         }
     }
     for (unsigned i = 0; i < esc->fmmu_count && wants_read; i++) {
         const struct esc_fmmu *f = &esc->fmmus[i];
         if (f->read && overlap(f, logical, d->size_bytes, &p)) {
-            read |= f->whole_bytes
-                        ? esc_read(esc, p.address, d->data + p.in_datagram, p.length, false)
-                        : read_bits(esc, f, logical, d->data, d->size_bytes);
+            read |= read_part(esc, f, &p, d, logical);
         }
     }
     /* Once per SubDevice and direction, however many FMMUs there are. */

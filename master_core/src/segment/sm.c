@@ -23,6 +23,7 @@ void esc_sm_load(struct esc *esc) {
     for (unsigned n = 0; n < ESC_SMS; n++) {
         esc->sm_count += get_sm(esc, n, &esc->sms[esc->sm_count]);
     }
+    esc_fmmu_load(esc); /* where they lie in these */
 }
 
 static uint8_t *status(struct esc *esc, unsigned number) {
@@ -57,18 +58,24 @@ bool esc_sm_allows(const struct esc *esc, uint16_t address, uint16_t size_bytes,
     return true;
 }
 
+void esc_sm_take_inputs(struct esc *esc, const struct esc_sm *sm) {
+    struct esc_buffer *b = &esc->buffers[sm->number];
+    if (b->fresh) {
+        const uint32_t size = sm->length < b->size_bytes ? sm->length : b->size_bytes;
+        if ((uint32_t)sm->start + size <= ESC_MEMORY_BYTES) {
+            memcpy(esc->memory + sm->start, b->device, size);
+        }
+        b->fresh = false;
+    }
+}
+
 void esc_sm_before_read(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     for (unsigned n = 0; n < esc->sm_count; n++) {
         const struct esc_sm *sm = &esc->sms[n];
-        struct esc_buffer *b = &esc->buffers[sm->number];
         /* The newest set is taken when its first byte is read, so that a set read in several
          * datagrams is whole. */
-        if (b->fresh && sm->from_device && !sm->mailbox && holds(address, size_bytes, sm->start)) {
-            const uint32_t size = sm->length < b->size_bytes ? sm->length : b->size_bytes;
-            if ((uint32_t)sm->start + size <= ESC_MEMORY_BYTES) {
-                memcpy(esc->memory + sm->start, b->device, size);
-            }
-            b->fresh = false;
+        if (sm->from_device && !sm->mailbox && holds(address, size_bytes, sm->start)) {
+            esc_sm_take_inputs(esc, sm);
         }
     }
 }
@@ -84,7 +91,7 @@ void esc_sm_after_read(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     }
 }
 
-static void outputs_written(struct esc *esc, const struct esc_sm *sm) {
+void esc_sm_give_outputs(struct esc *esc, const struct esc_sm *sm) {
     struct esc_buffer *b = &esc->buffers[sm->number];
     const uint8_t state = esc_state(esc);
     if (b->size_bytes == 0 || (state != AL_SAFEOP && state != AL_OP)) {
@@ -110,7 +117,7 @@ void esc_sm_after_write(struct esc *esc, uint16_t address, uint16_t size_bytes) 
             *status(esc, sm->number) |= SM_FULL;
             esc_mailbox_in(esc);
         } else {
-            outputs_written(esc, sm);
+            esc_sm_give_outputs(esc, sm);
         }
     }
 }
