@@ -415,6 +415,7 @@ def _histogram(ffi: Any, lib: Any, h: Any) -> Histogram:
     def percentile(per_million: int) -> int:
         return int(lib.fsn_histogram_percentile(ffi.addressof(h), per_million))
 
+    times = ffi.unpack(h.bucket, len(h.bucket)) if h.count else ()
     return Histogram(
         count=h.count,
         sum_ns=h.sum_ns,
@@ -423,7 +424,7 @@ def _histogram(ffi: Any, lib: Any, h: Any) -> Histogram:
         p99_ns=percentile(990_000),
         p999_ns=percentile(999_000),
         max_ns=h.max_ns,
-        buckets=tuple((int(lib.fsn_histogram_floor(n)), k) for n, k in enumerate(h.bucket) if k),
+        buckets=tuple((int(lib.fsn_histogram_floor(n)), k) for n, k in enumerate(times) if k),
     )
 
 

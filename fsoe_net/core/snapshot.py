@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
 from fsoe_net.fsoe.monitor import OutsideState
@@ -15,6 +16,7 @@ __all__ = [
     "Histogram",
     "Snapshot",
     "Statistics",
+    "bars_of",
     "bucket_end",
 ]
 
@@ -24,7 +26,7 @@ class Histogram:
     """Times in nanoseconds; see ``struct fsn_histogram``.
 
     ``buckets`` holds, for each bucket that is not empty, its smallest time and how many times fell
-    into it; a bucket is at most a quarter of its smallest time wide (below 4 ns: 1 ns). Percentiles
+    into it; a bucket is at most a 64th of its smallest time wide (below 64 ns: 1 ns). Percentiles
     are the upper end of a bucket, never above ``max_ns``.
     """
 
@@ -67,11 +69,25 @@ class Histogram:
 def bucket_end(floor_ns: int) -> int:
     """Return where the bucket with this smallest time ends, ns: the smallest time of the next.
 
-    A bucket is a quarter of the power of two below it wide, and 1 ns below 4 ns.
+    A bucket is a 64th of the power of two below it wide, and 1 ns below 64 ns.
     """
-    if floor_ns < 4:
-        return floor_ns + 1
-    return floor_ns + (1 << (floor_ns.bit_length() - 3))
+    return floor_ns + max(1, 1 << floor_ns.bit_length() >> 7)
+
+
+def bars_of(buckets: Iterable[Sequence[int]]) -> list[tuple[int, int, int]]:
+    """Return buckets together as bars to draw, sixteen at most for each factor of two in time.
+
+    Returns:
+        For each bar the first time in it and the first behind it, ns, and how many times fell into
+        it; only bars that hold some.
+    """
+    bars: dict[int, tuple[int, int, int]] = {}
+    for floor_ns, times in buckets:
+        wide = max(1, 1 << floor_ns.bit_length() >> 5)
+        first = floor_ns // wide * wide
+        before = bars[first][2] if first in bars else 0
+        bars[first] = (first, first + wide, before + times)
+    return list(bars.values())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

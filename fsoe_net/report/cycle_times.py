@@ -7,7 +7,7 @@ import io
 import math
 from collections.abc import Iterable
 
-from fsoe_net.core.snapshot import Histogram, Statistics, bucket_end
+from fsoe_net.core.snapshot import Histogram, Statistics, bars_of
 from fsoe_net.document.markup import escape, svg_text
 from fsoe_net.document.model import Column, Table, cell
 
@@ -155,11 +155,9 @@ def histogram_picture(key: str, histogram: Histogram) -> str:
 class _Axis:
     """Logarithmic time to places in the picture, whole decades."""
 
-    def __init__(self, histogram: Histogram) -> None:
-        least = max(1, histogram.buckets[0][0])
-        most = bucket_end(histogram.buckets[-1][0])
-        self.first = math.floor(math.log10(least))
-        self.last = max(self.first + 1, math.ceil(math.log10(most)))
+    def __init__(self, least_ns: int, most_ns: int) -> None:
+        self.first = math.floor(math.log10(max(1, least_ns)))
+        self.last = max(self.first + 1, math.ceil(math.log10(most_ns)))
 
     def x(self, ns: float) -> float:
         share = (math.log10(max(1.0, ns)) - self.first) / (self.last - self.first)
@@ -167,9 +165,9 @@ class _Axis:
 
 
 def _panel(name: str, histogram: Histogram, top: float) -> str:
-    axis = _Axis(histogram)
-    total = sum(count for _, count in histogram.buckets)
-    most = max(count for _, count in histogram.buckets)
+    bars = bars_of(histogram.buckets)
+    axis = _Axis(bars[0][0], bars[-1][1])
+    most = max(count for _, _, count in bars)
     base = top + 24 + _PLOT
     parts = [
         svg_text(_LEFT, top + 14, name, "start"),
@@ -183,14 +181,14 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
         ),
         f'<line class="axis" x1="{_LEFT}" y1="{base}" x2="{_WIDTH - _RIGHT}" y2="{base}"/>',
     ]
-    for floor_ns, count in histogram.buckets:
-        left, right = axis.x(floor_ns), axis.x(bucket_end(floor_ns))
+    for floor_ns, end_ns, count in bars:
+        left, right = axis.x(floor_ns), axis.x(end_ns)
         # A single time among millions must be seen: bars are logarithmic too.
         tall = _PLOT * math.log1p(count) / math.log1p(most)
         parts.append(
             f'<rect class="bar" x="{left:.1f}" y="{base - tall:.1f}" width="{right - left:.1f}" '
-            f'height="{tall:.1f}"><title>{_time(floor_ns)} … {_time(bucket_end(floor_ns))}: '
-            f"{count} of {total}</title></rect>"
+            f'height="{tall:.1f}"><title>{_time(floor_ns)} … {_time(end_ns)}: '
+            f"{count} of {histogram.count}</title></rect>"
         )
     for ns in (histogram.p50_ns, histogram.p99_ns, histogram.p999_ns):
         x = axis.x(ns)

@@ -186,7 +186,10 @@ def _period(row: Mapping[str, Any]) -> Histogram | None:
     floors = [floor for floor, _ in buckets]
     if floors != sorted(set(floors)) or sum(times for _, times in buckets) != values["count"]:
         raise ValueError("buckets of the bus cycle do not rise or are not all there")
-    return Histogram(**values, buckets=buckets)
+    period = Histogram(**values, buckets=buckets)
+    if period.at_most(500_000) != period.p50_ns:
+        raise ValueError("buckets of the bus cycle are not as wide as those of this version")
+    return period
 
 
 def measured_ms(value: Any) -> float | None:

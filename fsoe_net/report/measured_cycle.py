@@ -30,7 +30,7 @@ _SHARES = (990_000, 999_000, 999_990)
 _HEADS = ("Cycles", "Min", "Mean", "p99", "p99.9", "p99.999", "Max")
 _REMARK = (
     "From one cycle to the next. Min, mean and max are exact. A percentile is the upper end of the "
-    "histogram bucket in which it fell, never above max: the true one is at most a fifth less. "
+    "histogram bucket in which it fell, never above max: the true one is at most 1.6 % less. "
     "It is stated when so many cycles were measured that one of them may lie above it."
 )
 

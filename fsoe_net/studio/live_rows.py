@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
+from fsoe_net.core.snapshot import bars_of
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
@@ -111,12 +112,17 @@ def subdevice_row(subdevice: SubDeviceSnapshot) -> Row:
     }
 
 
+def _pairs(buckets: Iterable[Iterable[Any]]) -> list[tuple[int, int]]:
+    """Return buckets of a file as numbers."""
+    return [(int(floor), int(times)) for floor, times in buckets]
+
+
 def statistics_row(statistics: Mapping[str, Any]) -> Row:
     """Return counters and histograms of a bus cycle, from `Statistics.to_json`."""
     histograms = {
         name: {
             **{key: int(h[key]) for key in ("count", "mean_ns", "p99_ns", "max_ns")},
-            "buckets": [[int(floor), int(times)] for floor, times in h["buckets"]],
+            "bars": [[floor, times] for floor, _, times in bars_of(_pairs(h["buckets"]))],
         }
         for name in _HISTOGRAMS
         if (h := statistics[name])["buckets"]

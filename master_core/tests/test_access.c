@@ -288,28 +288,30 @@ static void arguments_are_looked_at(void) {
 
 /** Where a bucket begins, and the value that so many of a million stay below. */
 static void percentiles_are_ends_of_buckets(void) {
-    static const uint64_t floors[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32};
+    static const uint64_t floors[][2] = {{0, 0},     {1, 1},     {63, 63},   {64, 64},
+                                         {65, 65},   {127, 127}, {128, 128}, {129, 130},
+                                         {191, 254}, {192, 256}, {193, 260}, {256, 512}};
     for (uint32_t i = 0; i < sizeof floors / sizeof floors[0]; i++) {
-        CHECK(fsn_histogram_floor(i) == floors[i]);
+        CHECK(fsn_histogram_floor((uint32_t)floors[i][0]) == floors[i][1]);
     }
-    CHECK(fsn_histogram_floor(FSN_BUCKETS - 1) == UINT64_C(7) << 30);
+    CHECK(fsn_histogram_floor(FSN_BUCKETS - 1) == UINT64_C(127) << 26);
     struct fsn_histogram h = {0};
     CHECK(fsn_histogram_percentile(NULL, 500000) == 0);
     CHECK(fsn_histogram_percentile(&h, 500000) == 0);
     h = (struct fsn_histogram){.count = 10, .max_ns = 1000};
-    h.bucket[8] = 5;  /* 8 and 9 ns */
-    h.bucket[12] = 4; /* 16 to 19 ns */
+    h.bucket[132] = 5; /* 136 and 137 ns */
+    h.bucket[196] = 4; /* 272 to 275 ns */
     h.bucket[FSN_BUCKETS - 1] = 1;
     static const struct {
         uint32_t per_million;
         uint64_t below;
-    } table[] = {{0, 9},       {1, 9},         {500000, 9},    {500001, 19},
-                 {900000, 19}, {900001, 1000}, {1000000, 1000}};
+    } table[] = {{0, 137},      {1, 137},       {500000, 137},  {500001, 275},
+                 {900000, 275}, {900001, 1000}, {1000000, 1000}};
     for (uint32_t i = 0; i < sizeof table / sizeof table[0]; i++) {
         CHECK(fsn_histogram_percentile(&h, table[i].per_million) == table[i].below);
     }
-    h.max_ns = 17; /* never more than the longest */
-    CHECK(fsn_histogram_percentile(&h, 900000) == 17);
+    h.max_ns = 273; /* never more than the longest */
+    CHECK(fsn_histogram_percentile(&h, 900000) == 273);
 }
 
 static void nothing_is_refused(void) {

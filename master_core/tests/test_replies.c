@@ -121,7 +121,7 @@ static void all_differs(void) {
                                   : n < 19980 ? 64
                                   : n < 19998 ? 256
                                               : 1024;
-            fsn_rt_count(histograms[i], (100 + i) * much);
+            fsn_rt_count(rt, histograms[i], (100 + i) * much);
         }
     }
     for (uint32_t i = 0; i < 2; i++) {

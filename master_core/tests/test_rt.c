@@ -374,28 +374,29 @@ static void virtual_time_reads_no_clock(void) {
 
 /** Bucket by bucket, as fsn/core.h says. */
 static void times_fall_into_their_buckets(void) {
+    struct fsn_histogram *times = &on.rt.statistics.period;
+    set_up(1);
     for (uint32_t bucket = 0; bucket < FSN_BUCKETS; bucket++) {
-        const uint32_t exponent = bucket / 4 + 1;
-        const uint64_t from = bucket < 4 ? bucket : (uint64_t)(4 + bucket % 4) << (exponent - 2);
-        const uint64_t next =
-            bucket < 4 ? bucket + 1 : (uint64_t)(5 + bucket % 4) << (exponent - 2);
-        const uint64_t last = bucket + 1 < FSN_BUCKETS ? next - 1 : UINT64_MAX;
-        struct fsn_histogram times = {0};
-        fsn_rt_count(&times, from);
-        fsn_rt_count(&times, last);
-        CHECK(times.bucket[bucket] == 2 && times.count == 2 && times.min_ns == from);
-        CHECK(times.max_ns == last && times.sum_ns == from + last);
+        const uint32_t shift = bucket < 64 ? 0 : bucket / 64 - 1;
+        const uint64_t from = bucket < 64 ? bucket : (uint64_t)(64 + bucket % 64) << shift;
+        const uint64_t last =
+            bucket + 1 < FSN_BUCKETS ? from + (UINT64_C(1) << shift) - 1 : UINT64_MAX;
+        *times = (struct fsn_histogram){0};
+        fsn_rt_count(&on.rt, times, from);
+        fsn_rt_count(&on.rt, times, last);
+        CHECK(times->bucket[bucket] == 2 && times->count == 2 && times->min_ns == from);
+        CHECK(times->max_ns == last && times->sum_ns == from + last);
     }
-    struct fsn_histogram times = {0};
+    *times = (struct fsn_histogram){0};
     static const uint64_t some[] = {9, 3, 12, 3, 0};
     for (uint32_t i = 0; i < 5; i++) {
-        fsn_rt_count(&times, some[i]);
+        fsn_rt_count(&on.rt, times, some[i]);
     }
-    CHECK(counted(&times, 5, 0, 12, 27) && times.bucket[3] == 2 && times.bucket[0] == 1);
-    fsn_rt_count(&times, UINT64_C(1) << 33);
-    fsn_rt_count(&times, UINT64_C(1) << 34);
-    fsn_rt_count(&times, UINT64_C(1) << 63);
-    CHECK(times.bucket[FSN_BUCKETS - 1] == 3);
+    CHECK(counted(times, 5, 0, 12, 27) && times->bucket[3] == 2 && times->bucket[0] == 1);
+    fsn_rt_count(&on.rt, times, UINT64_C(1) << 33);
+    fsn_rt_count(&on.rt, times, UINT64_C(1) << 34);
+    fsn_rt_count(&on.rt, times, UINT64_C(1) << 63);
+    CHECK(times->bucket[FSN_BUCKETS - 1] == 3);
 }
 
 /* -- what it keeps -------------------------------------------------------------------------- */
@@ -466,6 +467,39 @@ static void pictures_take_turns(void) {
     CHECK(shown.cycles == 3 && words == on.pictures[1] + STATISTICS_WORDS);
     (void)fsn_words_take(on.pictures[0], &shown, sizeof shown);
     CHECK(shown.cycles == 2);
+}
+
+static bool shown_is_all(void) {
+    static struct fsn_statistics shown;
+    (void)fsn_words_take(on.pictures[on.shown.whole % FSN_RT_PICTURES], &shown, sizeof shown);
+    return memcmp(&shown, &on.rt.statistics, sizeof shown) == 0;
+}
+
+/** A picture shows every time, those of the cycle before as well, however many were counted. */
+static void each_picture_shows_all_times(void) {
+    set_up(MOST);
+    struct fsn_statistics *s = &on.rt.statistics;
+    for (uint32_t cycle = 0; cycle < 100; cycle++) {
+        on.script[cycle].round_trip_ns = cycle % 3 * 1000;
+        wall.tick_ns = 1 + (uint64_t)cycle * cycle * cycle;
+        fsn_rt_count(&on.rt, &s->latency, UINT64_C(1) << cycle % 40);
+        fsn_rt_count(&on.rt, &s->period, CYCLE_NS + cycle * 10000);
+        for (uint32_t more = cycle / 50 * cycle; more > 0; more--) {
+            fsn_rt_count(&on.rt, &s->dc_offset, more);
+        }
+        fsn_rt_cycle(&on.rt, wall.now_ns, true);
+        CHECK(shown_is_all());
+    }
+    /* Shown before its frames go out, a cycle counts its times behind that: the next one shows it.
+     */
+    atomic_store(&on.rt.show_first, true);
+    fsn_rt_cycle(&on.rt, wall.now_ns, true);
+    CHECK(!shown_is_all());
+    atomic_store(&on.rt.show_first, false);
+    fsn_rt_cycle(&on.rt, wall.now_ns, false);
+    CHECK(shown_is_all());
+    fsn_rt_cycle(&on.rt, wall.now_ns, false);
+    CHECK(shown_is_all());
 }
 
 /* -- whom a reset is put down to ------------------------------------------------------------- */
@@ -638,6 +672,7 @@ int main(void) {
     a_record_holds_the_cycle();
     a_record_tells_times_exactly();
     pictures_take_turns();
+    each_picture_shows_all_times();
     a_reset_is_put_down_to_its_end();
     parameters_are_compared_with_the_plan();
     silence_begins_after_its_time();

@@ -323,8 +323,8 @@ static void any_datagram(void) {
 
 /** A sync manager or an FMMU as it comes, mostly where others are. */
 static void odd_register(uint64_t *seed, uint16_t *at, uint8_t bytes[16], uint16_t *size) {
-    const uint16_t start = (uint16_t)((next_random(seed) % 4 == 0 ? 0x2FF0 : 0x1100) +
-                                      4 * (next_random(seed) % 8));
+    const uint16_t start =
+        (uint16_t)((next_random(seed) % 4 == 0 ? 0x2FF0 : 0x1100) + 4 * (next_random(seed) % 8));
     const uint8_t length = (uint8_t)(1 + next_random(seed) % 12);
     const uint16_t number = next_random(seed) % 4;
     memset(bytes, 0, 16);

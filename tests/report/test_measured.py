@@ -22,17 +22,17 @@ from fsoe_net.report.compose import compose_report
 from fsoe_net.report.evidence import Evidence, RunEvidence, read_evidence
 from fsoe_net.report.measured_cycle import measured_cycle
 
-# Buckets of an octave are a quarter of it wide: 917 504 … 1 048 575 ns holds 1 ms, the next one
-# ends at 1 310 719 ns; 4 194 304 … 5 242 879 ns holds 5 ms.
-COMMON, LATE, LATEST = 917_504, 1_048_576, 4_194_304
+# Buckets are a 64th of their octave wide: 999 424 … 1 007 615 ns holds 1 ms, the next one ends at
+# 1 015 807 ns; 4 980 736 … 5 046 271 ns holds 5 ms.
+COMMON, LATE, LATEST = 999_424, 1_007_616, 4_980_736
 
 
 def histogram(common: int, late: int, latest: int) -> Histogram:
     rows = ((COMMON, common), (LATE, late), (LATEST, latest))
     return Histogram(
-        count=common + late + latest, min_ns=950_000,
-        sum_ns=1_000_001 * (common + late + latest), p50_ns=1_048_575,
-        p99_ns=1_048_575, p999_ns=1_048_575, max_ns=5_000_000,
+        count=common + late + latest, min_ns=999_500,
+        sum_ns=1_000_001 * (common + late + latest), p50_ns=1_007_615,
+        p99_ns=1_007_615, p999_ns=1_007_615, max_ns=5_000_000,
         buckets=tuple(row for row in rows if row[1]),
     )  # fmt: skip
 
@@ -54,11 +54,11 @@ def measured(*evidence: Evidence, live: object = None) -> list[tuple[Any, ...]]:
     ("period", "share"),
     [
         # 199 998 of 200 000: one more than the first bucket has
-        (histogram(199_997, 2, 1), 1_310_719),
-        (histogram(199_998, 1, 1), 1_048_575),
+        (histogram(199_997, 2, 1), 1_015_807),
+        (histogram(199_998, 1, 1), 1_007_615),
         # the smallest number that has one: the 99 999th of 100 000
         (histogram(99_998, 0, 2), 5_000_000),
-        (histogram(99_999, 0, 1), 1_048_575),
+        (histogram(99_999, 0, 1), 1_007_615),
     ],
 )
 def test_the_highest_percentile_is_the_upper_end_of_its_bucket(
@@ -68,8 +68,8 @@ def test_the_highest_percentile_is_the_upper_end_of_its_bucket(
     numbers = [cell[0] for cell in row[1:]]
     assert all(isinstance(n, Number) for n in numbers)
     values = [n.value for n in numbers]
-    assert values[:3] == [period.count, 0.95, 1.000001]
-    assert values[3:] == [1.048575, 1.048575, share / 1e6, 5.0]
+    assert values[:3] == [period.count, 0.9995, 1.000001]
+    assert values[3:] == [1.007615, 1.007615, share / 1e6, 5.0]
     assert [n.unit for n in numbers] == ["cycles", *["ms"] * 6]
     assert numbers[5].source == "run.json, upper end of a histogram bucket"
     assert numbers[6].source == "run.json"
@@ -78,7 +78,7 @@ def test_the_highest_percentile_is_the_upper_end_of_its_bucket(
 def test_fewer_than_100_000_cycles_have_no_such_percentile() -> None:
     (row,) = measured(run(histogram(99_998, 0, 1)))
     assert row[6][0].text == "not stated: fewer than 100 000 cycles"
-    assert row[5][0].value == 1.048575
+    assert row[5][0].value == 1.007615
     (row,) = measured(run(histogram(98, 0, 1)))
     words = [f"not stated: fewer than {n} cycles" for n in ("100", "1 000", "100 000")]
     assert [cell[0].text for cell in row[4:7]] == words
@@ -111,9 +111,10 @@ def test_the_block_on_timing_has_it_or_says_that_nothing_was_measured() -> None:
 
 
 @pytest.mark.parametrize(
-    ("floor", "end"), [(0, 1), (3, 4), (4, 5), (7, 8), (8, 10), (14, 16), (COMMON, LATE)]
+    ("floor", "end"),
+    [(0, 1), (63, 64), (64, 65), (127, 128), (128, 130), (254, 256), (COMMON, LATE)],
 )
-def test_a_bucket_is_a_quarter_of_its_octave(floor: int, end: int) -> None:
+def test_a_bucket_is_a_64th_of_its_octave(floor: int, end: int) -> None:
     assert bucket_end(floor) == end
 
 
@@ -123,6 +124,7 @@ def test_a_bucket_is_a_quarter_of_its_octave(floor: int, end: int) -> None:
         {"buckets": [[COMMON, 4]]},
         {"buckets": [[LATE, 4], [COMMON, 1]]},
         {"buckets": 3},
+        {"p50_ns": 1_048_575},  # its buckets were wider
         {"max_ns": None},
     ],
 )

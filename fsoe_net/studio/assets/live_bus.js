@@ -77,7 +77,7 @@ const us = (/** @type {number} */ ns) => `${(ns / 1000).toFixed(ns < 10_000 ? 1 
 
 /** @param {{ histogram: import("./types").Histogram, name: string }} props */
 function Bars({ histogram: h, name }) {
-  const tops = h.buckets.map(([, times]) => Math.log10(times + 1));
+  const tops = h.bars.map(([, times]) => Math.log10(times + 1));
   const top = Math.max(...tops, 1);
   const step = 100 / Math.max(1, tops.length);
   const text = `mean ${us(h.mean_ns)}, 99 % below ${us(h.p99_ns)}, longest ${us(h.max_ns)}`;
@@ -85,7 +85,7 @@ function Bars({ histogram: h, name }) {
       aria-label=${`${name}: how often which time, log scale; ${text}`}>
       ${tops.map((t, n) => html`<rect key=${n} x=${n * step} width=${step * 0.9} y=${30 - (29 * t) / top} height=${(29 * t) / top} />`)}
     </svg>
-    <p class="ends"><small>${us(h.buckets[0][0])}</small><small>how often, log scale</small><small>${us(h.buckets[h.buckets.length - 1][0])}</small></p>
+    <p class="ends"><small>${us(h.bars[0][0])}</small><small>how often, log scale</small><small>${us(h.bars[h.bars.length - 1][0])}</small></p>
     <p><small>${text}</small></p>`;
 }
 

@@ -324,8 +324,8 @@ export interface Histogram {
   mean_ns: number;
   p99_ns: number;
   max_ns: number;
-  /** Smallest time of a bucket, how often. */
-  buckets: [number, number][];
+  /** Smallest time in a bar, how often. */
+  bars: [number, number][];
 }
 
 export interface LiveStatistics {

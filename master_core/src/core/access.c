@@ -75,8 +75,10 @@ bool fsn_core_event(struct fsn_core *core, struct fsn_event *event) {
 }
 
 uint64_t fsn_histogram_floor(uint32_t bucket) {
-    /* mutants: of 4 both say 4 */
-    return bucket < 4 ? bucket : (uint64_t)(4 + bucket % 4) << (bucket / 4 - 1);
+    /* mutants: of 64 both say 64 */
+    return bucket < FSN_OCTAVE
+               ? bucket
+               : (uint64_t)(FSN_OCTAVE + bucket % FSN_OCTAVE) << (bucket / FSN_OCTAVE - 1);
 }
 
 uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram, uint32_t per_million) {

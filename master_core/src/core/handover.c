@@ -104,12 +104,17 @@ fsn_status fsn_core_continue(struct fsn_core *core, const struct fsn_statistics 
     if (core->running || rt->statistics.cycles > 0) {
         return FSN_E_STATE;
     }
-    const struct fsn_statistics own = rt->statistics;
-    rt->statistics = *statistics;
-    rt->statistics.copies = own.copies;
-    rt->statistics.merged_copies = own.merged_copies;
-    rt->statistics.realtime = own.realtime;
-    rt->statistics.locked = own.locked;
+    struct fsn_statistics *s = &rt->statistics;
+    const uint32_t copies = s->copies, merged = s->merged_copies;
+    const uint32_t realtime = s->realtime, locked = s->locked;
+    *s = *statistics;
+    s->copies = copies;
+    s->merged_copies = merged;
+    s->realtime = realtime;
+    s->locked = locked;
+    for (uint32_t picture = 0; picture < FSN_RT_PICTURES; picture++) {
+        rt->snapshot.unshown[picture].count = FSN_RT_COUNTED + 1; /* all of the histograms */
+    }
     if (rt->image_bytes > 0) {
         memcpy(rt->image, image, rt->image_bytes);
     }

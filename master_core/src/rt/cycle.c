@@ -100,10 +100,10 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     rt->ops->send(rt->bus);
     const uint64_t work_ns = timed ? clock_ns() - now_ns : 0;
     if (timed) {
-        fsn_rt_count(&s->copy, after_copy - before_copy);
-        fsn_rt_count(&s->work, work_ns);
+        fsn_rt_count(rt, &s->copy, after_copy - before_copy);
+        fsn_rt_count(rt, &s->work, work_ns);
         if (rt->input.round_trip_ns != 0) {
-            fsn_rt_count(&s->round_trip, rt->input.round_trip_ns);
+            fsn_rt_count(rt, &s->round_trip, rt->input.round_trip_ns);
         }
     }
     if (!first) {
@@ -136,7 +136,7 @@ static uint64_t steer(struct fsn_rt *rt, uint64_t next_ns) {
     }
     const int64_t distance = dc_distance(rt, rt->input.dc_time_ns - late_ns);
     const int64_t most = (int64_t)rt->cycle_ns / FSN_RT_STEERED;
-    fsn_rt_count(&rt->statistics.dc_offset, (uint64_t)(distance < 0 ? -distance : distance));
+    fsn_rt_count(rt, &rt->statistics.dc_offset, (uint64_t)(distance < 0 ? -distance : distance));
     if (!rt->follow_dc) {
         return next_ns;
     }
@@ -163,10 +163,10 @@ void fsn_rt_loop(struct fsn_rt *rt) {
         const uint64_t now = clock_ns();
         const uint64_t late = now > next ? now - next : 0;
         if (before != 0) {
-            fsn_rt_count(&s->period, now - before);
+            fsn_rt_count(rt, &s->period, now - before);
         }
         if (!rt->free_run) {
-            fsn_rt_count(&s->latency, late);
+            fsn_rt_count(rt, &s->latency, late);
         }
         before = now;
         rt->late_ns = rt->free_run ? 0 : late;

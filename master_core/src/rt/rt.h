@@ -13,6 +13,7 @@
 enum {
     FSN_RT_EVENTS = 256,  /**< slots of the event ring, a power of two */
     FSN_RT_PICTURES = 2,  /**< pictures that the cycle shows in turn */
+    FSN_RT_COUNTED = 12,  /**< times that two cycles count, six each */
     FSN_RT_STEERED = 100, /**< a reference clock moves a cycle by this part of it at most */
 };
 
@@ -68,9 +69,23 @@ struct fsn_rt_ring {
 struct fsn_rt_shown {
     _Atomic uint32_t begun, whole; /**< pictures so far; number n lies at n % FSN_RT_PICTURES */
 };
+
+/** A time that was counted: the words of its histogram and its bucket in the statistics. */
+struct fsn_rt_counted {
+    uint32_t histogram, bucket;
+};
+
+/** What a picture does not show yet of the histograms: they are too large to be copied in each
+ *  cycle. More times than fit: all of them. */
+struct fsn_rt_unshown {
+    uint32_t count;
+    struct fsn_rt_counted counted[FSN_RT_COUNTED];
+};
+
 struct fsn_rt_snapshot {
     struct fsn_rt_shown *shown;               /**< beside the words: another process may see both */
     _Atomic uint64_t *words[FSN_RT_PICTURES]; /**< statistics, connections, image, each padded */
+    struct fsn_rt_unshown unshown[FSN_RT_PICTURES];
 };
 
 /** Ring of the last cycles. Slot n of a cycle: sequence, struct fsn_cycle, working counters, image,
@@ -131,8 +146,8 @@ struct fsn_rt {
     atomic_bool stop;
 };
 
-/** Counts a time. */
-void fsn_rt_count(struct fsn_histogram *histogram, uint64_t time_ns);
+/** Counts a time in one of the histograms of its statistics. */
+void fsn_rt_count(struct fsn_rt *rt, struct fsn_histogram *histogram, uint64_t time_ns);
 
 /** Executes every copy of the plan. Cost: O(copies); nothing depends on the data. */
 void fsn_rt_copy_all(uint8_t *image, const struct fsn_rt_copy *copies,
