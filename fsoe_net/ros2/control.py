@@ -25,7 +25,7 @@ LEASE_MS = 1000
 """Of silence of a process, after which the outputs it has set take their stop values."""
 _CONTROLWORD = ("0x6040", "0x6040:00", "control_word", "controlword")
 _IDLE_S = 10.0
-_MOST_SENDERS = 8  # of the 32 clients of fsn-master
+_MOST_SENDERS = 8  # of the 64 clients of fsn-master
 _LONGEST_NAME = 100  # that is said again
 _MOST_AT_ONCE = 256  # parameters of a request; meanwhile no other one is served
 

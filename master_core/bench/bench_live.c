@@ -2,9 +2,9 @@
  * SOEM's own send and receive without any of it, and the system calls alone, in turn and on the
  * same CPU.
  *
- *  bench_live [SECONDS [CPU [SECONDS_AT_1_KHZ]]]: needs root; makes a network namespace of its own.
- *  A third of the seconds of each part are SOEM's. The emulator has the higher priority, so that
- *  answers are there when send() returns: what is left is our own time. */
+ *  bench_live [SECONDS [CPU [SECONDS_WITH_PERIOD]]]: needs root; makes a network namespace of its
+ * own. A third of the seconds of each part are SOEM's. The emulator has the higher priority, so
+ * that answers are there when send() returns: what is left is our own time. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -82,8 +82,13 @@ struct figures {
 
 static void count(struct fsn_histogram *h, uint64_t time_ns) {
     uint32_t b = 0;
-    while (b + 1 < FSN_BUCKETS && fsn_histogram_floor(b + 1) <= time_ns) {
-        b++;
+    for (uint32_t above = FSN_BUCKETS; above - b > 1;) {
+        const uint32_t middle = (b + above) / 2;
+        if (fsn_histogram_floor(middle) <= time_ns) {
+            b = middle;
+        } else {
+            above = middle;
+        }
     }
     h->bucket[b]++;
     h->count++;
@@ -262,7 +267,12 @@ static void compare(uint32_t pairs, uint32_t standard, uint64_t cycle_ns, double
         .interface = "far", .priority = PRIORITY + 1, .cpu = cpu + 1};
     CHECK(fsn_segment_create(plan, &segment) == FSN_OK);
     CHECK(fsn_segment_link(segment, &link, NULL) == FSN_OK);
-    printf("%u copies, %s\n", fsn_plan_copy_count(plan), cycle_ns == 0 ? "free running" : "1 kHz");
+    printf("%u copies, ", fsn_plan_copy_count(plan));
+    if (cycle_ns == 0) {
+        printf("free running\n");
+    } else {
+        printf("%g kHz\n", 1e6 / (double)cycle_ns);
+    }
     static const char *const names[] = {"SOEM alone", "core, copies, monitor",
                                         "send() and recv() alone"};
     enum { SOEM, CORE, LEAST, WHO };
@@ -306,7 +316,7 @@ int main(int argc, char **argv) {
     setvbuf(stdout, NULL, _IOLBF, 0);
     const double seconds = argc > 1 ? atof(argv[1]) : 8;
     const int cpu = argc > 2 ? atoi(argv[2]) : (int)sysconf(_SC_NPROCESSORS_ONLN) - 1;
-    const double seconds_1khz = argc > 3 ? atof(argv[3]) : seconds;
+    const double paced = argc > 3 ? atof(argv[3]) : seconds;
     if (unshare(CLONE_NEWNET) != 0 ||
         system("ip link set lo up && ip link add near type veth peer name far && "
                "ip link set near up && ip link set far up") != 0) {
@@ -319,6 +329,8 @@ int main(int argc, char **argv) {
     }
     compare(1, 0, 0, seconds, cpu);
     compare(MOST_PAIRS, 4, 0, seconds, cpu); /* 424 copies */
-    compare(MOST_PAIRS, 4, 1000000, seconds_1khz, cpu);
+    compare(MOST_PAIRS, 4, 1000000, paced, cpu);
+    compare(1, 0, 1000000, paced, cpu);
+    compare(1, 0, 250000, paced, cpu);
     return 0;
 }

@@ -286,6 +286,9 @@ DROPPED = {
 }
 
 
+PLACES = 68
+
+
 def closed(clients: list[Client]) -> None:
     for client in clients:
         client.close()
@@ -293,7 +296,7 @@ def closed(clients: list[Client]) -> None:
 
 def test_too_many_clients() -> None:
     with running() as master:
-        clients = [master.client() for _ in range(36)]
+        clients = [master.client() for _ in range(PLACES)]
         try:
             for client in clients:
                 client.good("events on")  # who listens is not idle
@@ -321,7 +324,7 @@ def test_clients_that_do_nothing_lock_nobody_out() -> None:
         other.good("events on")
         writer.good("lease 0")
         writer.good(f"set {MODE}=1")
-        idle = [master.client() for _ in range(50)]
+        idle = [master.client() for _ in range(PLACES + 14)]
         try:
             first = other.event("dropped")
             assert first == {
@@ -341,7 +344,7 @@ def test_clients_that_do_nothing_lock_nobody_out() -> None:
             assert idle[0].line() == DROPPED
             with pytest.raises(EOFError):
                 idle[0].line()
-            for client in idle[-34:]:  # the places of 36, without the two that do something
+            for client in idle[2 - PLACES :]:  # all places but those of the two that do something
                 assert client.good("hello")["ok"]
             assert writer.value(MODE) == 1
         finally:
@@ -359,7 +362,7 @@ while True:
         idle[-1].sendall(b"hello\\n")
     except BrokenPipeError:
         pass  # turned away already
-    if len(idle) > 32:
+    if len(idle) > 64:
         print(idle[-1].makefile().readline(), end="", flush=True)
         if input() == "end":
             break
@@ -369,7 +372,7 @@ while True:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="becomes another user, which takes root")
 def test_root_always_gets_in() -> None:
-    """Of 36 places four are for root and the user of fsn-master."""
+    """Of all places four are for root and the user of fsn-master."""
     with running("--allow-user", "nobody") as master:
         master.directory.chmod(0o755)
         words = tied(sys.executable, "-I", "-c", _IDLE, master.path)
@@ -380,7 +383,7 @@ def test_root_always_gets_in() -> None:
             assert nobody.stdout is not None
             assert '"text":"too many clients"' in nobody.stdout.readline()
             clients = [master.client() for _ in range(4)]
-            assert [c.good("status")["clients"] for c in clients][-1] == 36
+            assert [c.good("status")["clients"] for c in clients][-1] == PLACES
             # Others wait until somebody has been silent for some seconds.
             answer = ""
             while '"ok":true' not in answer:

@@ -19,7 +19,7 @@
 struct fsn_control;
 
 enum {
-    FSN_CONTROL_SHARED = 32,  /**< clients at once */
+    FSN_CONTROL_SHARED = 64,  /**< clients at once */
     FSN_CONTROL_RESERVED = 4, /**< more of them for operators and maintainers */
     FSN_CONTROL_CLIENTS = FSN_CONTROL_SHARED + FSN_CONTROL_RESERVED,
     FSN_CONTROL_FDS = FSN_CONTROL_CLIENTS + 1,
