@@ -37,8 +37,8 @@ STATUS: Row = {
 }  # fmt: skip
 _HISTOGRAM: Row = {
     "count": 2, "sum_ns": 2_000_000, "min_ns": 990_000, "max_ns": 1_010_000,
-    "percentiles_ns": {"p50": 991_231, "p99": 1_010_000, "p999": 1_010_000},
-    "buckets": [[983_040, 1], [1_007_616, 1]],
+    "percentiles_ns": {"p50": 1_000_000, "p99": 1_010_000, "p999": 1_010_000},
+    "buckets": [[999_424, 2]],
 }  # fmt: skip
 _VALUES = {"int": 0, "bool": True, "Histogram": _HISTOGRAM}
 STATISTICS: Row = {f.name: _VALUES[str(f.type)] for f in fields(Statistics)}

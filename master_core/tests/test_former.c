@@ -19,7 +19,7 @@
 #include "handover.h"
 #include "log.h"
 
-enum { ROOM_BYTES = 65536 }; /**< enough for the e-stop pair */
+enum { ROOM_BYTES = 1 << 18 }; /**< enough for the e-stop pair */
 
 static struct fsn_plan *plan;
 static struct options options = {.interface = "test0", .cycle_ns = 1000000};
