@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -112,17 +112,15 @@ def subdevice_row(subdevice: SubDeviceSnapshot) -> Row:
     }
 
 
-def _pairs(buckets: Iterable[Iterable[Any]]) -> list[tuple[int, int]]:
-    """Return buckets of a file as numbers."""
-    return [(int(floor), int(times)) for floor, times in buckets]
-
-
 def statistics_row(statistics: Mapping[str, Any]) -> Row:
     """Return counters and histograms of a bus cycle, from `Statistics.to_json`."""
     histograms = {
         name: {
             **{key: int(h[key]) for key in ("count", "mean_ns", "p99_ns", "max_ns")},
-            "bars": [[floor, times] for floor, _, times in bars_of(_pairs(h["buckets"]))],
+            "bars": [
+                [first, times]
+                for first, _, times in bars_of((int(f), int(n)) for f, n in h["buckets"])
+            ],
         }
         for name in _HISTOGRAMS
         if (h := statistics[name])["buckets"]
