@@ -74,6 +74,8 @@ static struct {
     struct fsn_wkc script_wkc[MOST][DATAGRAMS];
     uint8_t script_stale[MOST][SMS];
     uint64_t sent_ns;       /**< when the last frames went out */
+    uint64_t seen;          /**< cycles that were counted and observed by then */
+    uint32_t shown_to_all;  /**< pictures by then */
     const int32_t *far_ppb; /**< the script is a reference clock that runs so much faster */
     uint32_t cycles, stop_after, sent;
 } on;
@@ -108,6 +110,8 @@ static void send(void *bus) {
     CHECK(bus == &on);
     on.sent++;
     on.sent_ns = wall.now_ns;
+    on.seen = on.rt.statistics.cycles;
+    on.shown_to_all = on.shown.whole;
 }
 
 static const struct fsn_bus_ops ops = {.name = "script", .receive = receive, .send = send};
@@ -482,8 +486,8 @@ static void each_picture_shows_all_times(void) {
     for (uint32_t cycle = 0; cycle < 100; cycle++) {
         on.script[cycle].round_trip_ns = cycle % 3 * 1000;
         wall.tick_ns = 1 + (uint64_t)cycle * cycle * cycle;
-        fsn_rt_count(&on.rt, &s->latency, UINT64_C(1) << cycle % 40);
-        fsn_rt_count(&on.rt, &s->period, CYCLE_NS + cycle * 10000);
+        on.rt.late_ns = UINT64_C(1) << cycle % 40;
+        on.rt.period_ns = CYCLE_NS + cycle * 10000;
         for (uint32_t more = cycle / 50 * cycle; more > 0; more--) {
             fsn_rt_count(&on.rt, &s->dc_offset, more);
         }
@@ -500,6 +504,21 @@ static void each_picture_shows_all_times(void) {
     CHECK(shown_is_all());
     fsn_rt_cycle(&on.rt, wall.now_ns, false);
     CHECK(shown_is_all());
+}
+
+/** Frames wait for nobody who only looks, but where a successor may follow them. */
+static void frames_go_out_first(void) {
+    set_up(3);
+    fsn_rt_cycle(&on.rt, 1, false);
+    CHECK(on.seen == 0 && on.shown_to_all == 0);
+    CHECK(on.rt.statistics.cycles == 1 && on.shown.whole == 1);
+    atomic_store(&on.rt.show_first, true);
+    fsn_rt_cycle(&on.rt, 2, false);
+    CHECK(on.seen == 2 && on.shown_to_all == 2);
+    CHECK(on.rt.statistics.cycles == 2 && on.shown.whole == 2);
+    atomic_store(&on.rt.show_first, false);
+    fsn_rt_cycle(&on.rt, 3, false);
+    CHECK(on.seen == 2 && on.shown_to_all == 2);
 }
 
 /* -- whom a reset is put down to ------------------------------------------------------------- */
@@ -673,6 +692,7 @@ int main(void) {
     a_record_tells_times_exactly();
     pictures_take_turns();
     each_picture_shows_all_times();
+    frames_go_out_first();
     a_reset_is_put_down_to_its_end();
     parameters_are_compared_with_the_plan();
     silence_begins_after_its_time();

@@ -77,24 +77,43 @@ static void mark(const struct fsn_rt *rt, const char *marker) {
     }
 }
 
+/** What this cycle counts and observes. Nothing here changes what is sent, so it waits for that
+ *  where it may. */
+static void observe(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
+    struct fsn_statistics *s = &rt->statistics;
+    judge_input(rt);
+    fsn_rt_monitor(rt, now_ns);
+    s->cycles++;
+    s->bytes_copied += rt->bytes_per_cycle;
+    s->now_ns = now_ns;
+    if (!timed) {
+        return;
+    }
+    if (rt->period_ns != 0) {
+        fsn_rt_count(rt, &s->period, rt->period_ns);
+    }
+    if (!rt->free_run) {
+        fsn_rt_count(rt, &s->latency, rt->late_ns);
+    }
+    if (rt->input.round_trip_ns != 0) {
+        fsn_rt_count(rt, &s->round_trip, rt->input.round_trip_ns);
+    }
+}
+
 void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     struct fsn_statistics *s = &rt->statistics;
     clear_input(rt);
     rt->ops->receive(rt->bus, &rt->input);
-    judge_input(rt);
     const uint64_t before_copy = timed ? clock_ns() : 0;
     fsn_rt_copy_all(rt->image, rt->copies, rt->groups, rt->group_count);
     const uint64_t after_copy = timed ? clock_ns() : 0;
-    fsn_rt_monitor(rt, now_ns);
     write_outputs(rt);
     fsn_rt_clients_write(rt);
-    s->cycles++;
-    s->bytes_copied += rt->bytes_per_cycle;
-    s->now_ns = now_ns;
     /* Who follows must never find older outputs than those that went out: to FSoE they would be new
      * frames of a broken chain. Newer ones are sent by the successor. */
     const bool first = atomic_load_explicit(&rt->show_first, memory_order_relaxed);
     if (first) {
+        observe(rt, now_ns, timed);
         fsn_rt_publish(rt);
     }
     rt->ops->send(rt->bus);
@@ -102,11 +121,9 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     if (timed) {
         fsn_rt_count(rt, &s->copy, after_copy - before_copy);
         fsn_rt_count(rt, &s->work, work_ns);
-        if (rt->input.round_trip_ns != 0) {
-            fsn_rt_count(rt, &s->round_trip, rt->input.round_trip_ns);
-        }
     }
     if (!first) {
+        observe(rt, now_ns, timed);
         fsn_rt_publish(rt);
     }
     fsn_rt_record(rt, work_ns);
@@ -161,15 +178,9 @@ void fsn_rt_loop(struct fsn_rt *rt) {
             sleep_until(next);
         }
         const uint64_t now = clock_ns();
-        const uint64_t late = now > next ? now - next : 0;
-        if (before != 0) {
-            fsn_rt_count(rt, &s->period, now - before);
-        }
-        if (!rt->free_run) {
-            fsn_rt_count(rt, &s->latency, late);
-        }
+        rt->period_ns = before != 0 ? now - before : 0;
         before = now;
-        rt->late_ns = rt->free_run ? 0 : late;
+        rt->late_ns = !rt->free_run && now > next ? now - next : 0;
         rt->left_out = rt->late_ns / rt->cycle_ns;
         s->overruns += rt->left_out; /* in the picture of this cycle already, as its time is */
         mark(rt, "fsn: cycle begins");

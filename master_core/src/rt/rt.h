@@ -132,8 +132,9 @@ struct fsn_rt {
 
     /* The thread's own part. */
     uint64_t cycle_ns;
-    uint64_t late_ns;  /**< how late this cycle woke up; 0 in virtual time */
-    uint64_t left_out; /**< cycles left out right before this one, for it woke up so late */
+    uint64_t period_ns; /**< since the cycle before woke up; 0 in the first one */
+    uint64_t late_ns;   /**< how late this cycle woke up; 0 in virtual time */
+    uint64_t left_out;  /**< cycles left out right before this one, for it woke up so late */
     bool free_run, follow_dc;
     bool goes_on;           /**< the first cycle keeps to the times of another core */
     uint64_t dc_shift_ns;   /**< frames reach the reference clock so long before SYNC0 */
