@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 from fsoe_net.core.module import compiled
@@ -50,17 +51,7 @@ class CoreMonitor:
     def counts(self, direction: int) -> DirectionCounts:
         """Return the counters of a direction as they are now."""
         d = self._monitor.status.direction[direction]
-        return DirectionCounts(
-            frames=d.frames,
-            right=d.right,
-            wrong=d.wrong,
-            unchecked=d.unchecked,
-            resets=d.resets,
-            command=d.command,
-            connection_id=d.connection_id,
-            reset_code=d.reset_code,
-            last_new_ns=d.last_new_ns,
-        )
+        return DirectionCounts(**{f.name: getattr(d, f.name) for f in fields(DirectionCounts)})
 
     def sequence(self, direction: int) -> int:
         """Return the number of the next frame of a direction, 0 while it is not known."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 from fsoe_net.core.core import direction_snapshot
@@ -161,14 +161,7 @@ class Scanner:
         """Return what was seen so far."""
         c = self._ffi.new("struct fsn_scan_counts *")
         self._lib.fsn_scan_counts(self._scan, c)
-        return ScanCounts(
-            packets=c.packets,
-            ethercat=c.ethercat,
-            malformed=c.malformed,
-            datagrams=c.datagrams,
-            unanswered=c.unanswered,
-            dropped=c.dropped,
-        )
+        return ScanCounts(**{f.name: getattr(c, f.name) for f in fields(ScanCounts)})
 
 
 def _place(p: Any) -> FoundPlace:

@@ -6,7 +6,7 @@ import errno
 import os
 import socket
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 
 from fsoe_net.core.core import CorePlan
 from fsoe_net.core.module import compiled, raise_status
@@ -326,15 +326,7 @@ class Segment:
         """Return what the segment has seen."""
         c = self._ffi.new("struct fsn_segment_counts *")
         self._lib.fsn_segment_counts(self._pointer, c)
-        return SegmentCounts(
-            frames=c.frames,
-            datagrams=c.datagrams,
-            lost=c.lost,
-            foreign=c.foreign,
-            unsent=c.unsent,
-            send_errno=c.send_errno,
-            work_ns=c.work_ns,
-        )
+        return SegmentCounts(**{f.name: getattr(c, f.name) for f in fields(SegmentCounts)})
 
     def link(self, link: SegmentLink) -> None:
         """Answer on one or two veth or tap interfaces, in a thread, until `unlink`.

@@ -160,15 +160,6 @@ class Pdu(NamedTuple):
         except struct.error as exc:
             raise FsoeError(f"a field of {self} does not fit: {exc}") from exc
 
-    @classmethod
-    def decode(cls, data: bytes) -> Pdu:
-        """Take a frame apart; CRCs are not checked.
-
-        Raises:
-            PduSizeError: No FSoE frame has this length.
-        """
-        return decode_pdu(data)
-
 
 def _layout(safe_bytes: int) -> struct.Struct:
     """Return command, then block and CRC in turn, then ConnID; see `safe_data_length`."""

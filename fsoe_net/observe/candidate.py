@@ -50,22 +50,12 @@ def candidate(
     return Candidate(
         key=key,
         score=min(score, 99),
-        title=_fill(cause.title, words),
-        looks=_fill(cause.looks, words),
-        measure=_fill(cause.measure, words),
-        change=_fill(cause.change, words),
+        title=cause.title.format_map(words),
+        looks=cause.looks.format_map(words),
+        measure=cause.measure.format_map(words),
+        change=cause.change.format_map(words),
         evidence=tuple(line for line in evidence if line),
     )
-
-
-def _fill(text: str, words: dict[str, str]) -> str:
-    """Names may hold braces, so this is no `str.format`."""
-    parts = text.split("{")
-    filled = parts[0]
-    for part in parts[1:]:
-        word, _, rest = part.partition("}")
-        filled += words[word] + rest
-    return filled
 
 
 def any_of(names: Sequence[str]) -> str:

@@ -74,10 +74,6 @@ class _Bench:
         scene = Scene(
             channel=channel,
             way=faults[0].way,
-            frame=b"",
-            in_data=False,
-            frames=(),
-            index=0,
             watchdog_cycles=self._link.watchdog_cycles,
         )
         injection = Injection(faults=faults, patient=self._patient)

@@ -298,10 +298,6 @@ class _Lane:
         scene = Scene(
             channel=self._wrong,
             way=Way.TO_SUB,
-            frame=b"",
-            in_data=False,
-            frames=(),
-            index=0,
             watchdog_cycles=link.watchdog_cycles,
         )
         return Case(link=link, scene=scene, injection=Injection(faults=(), miswired=True))

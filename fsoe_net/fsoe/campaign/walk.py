@@ -165,10 +165,10 @@ class Scene:
 
     channel: Channel
     way: Way
-    frame: bytes
-    in_data: bool
-    frames: tuple[bytes, ...]
-    index: int
+    frame: bytes = b""
+    in_data: bool = False
+    frames: tuple[bytes, ...] = ()
+    index: int = 0
     watchdog_cycles: int
     startup_cycles: int = 0
 

@@ -12,11 +12,11 @@
 #include <sys/stat.h>
 #include <sys/time.h>
 #include <sys/un.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "fsn/plan.h"
 #include "rt/bytes.h"
+#include "rt/clock.h"
 #include "rt/shared.h"
 #include "rt/words.h"
 
@@ -42,12 +42,6 @@ struct answer {
     int fd[FDS];
     size_t fds;
 };
-
-static uint64_t clock_ns(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
 
 static fsn_status refuse(struct fsn_realtime_fault *fault, fsn_status status, const char *what,
                          const char *text) {
@@ -455,9 +449,9 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
                              struct fsn_realtime_cycle *cycle) {
     const struct fsn_shared_inputs *inputs = realtime->inputs;
     const uint64_t before = realtime->cycle.cycle;
-    uint64_t now_ns = clock_ns();
+    uint64_t now_ns = fsn_clock_ns(CLOCK_MONOTONIC);
     const uint64_t until_ns = timeout_ns < UINT64_MAX - now_ns ? now_ns + timeout_ns : UINT64_MAX;
-    for (uint32_t sleeps = 1;; sleeps++, now_ns = clock_ns()) {
+    for (uint32_t sleeps = 1;; sleeps++, now_ns = fsn_clock_ns(CLOCK_MONOTONIC)) {
         const uint32_t whole = atomic_load_explicit(&inputs->shown.whole, memory_order_acquire);
         if (whole != realtime->taken && take(realtime, whole)) {
             break;

@@ -15,10 +15,10 @@
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "plan/plan_internal.h"
+#include "rt/clock.h"
 #include "rt/wire.h"
 
 #ifndef PACKET_IGNORE_OUTGOING
@@ -280,17 +280,12 @@ void fsn_port_discard(int socket) {
     }
 }
 
-static uint64_t clock_ns(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
-
 /** Counts EtherCAT packets, whoever sent them, until the time is over. */
 static unsigned hear(int fd, uint64_t listen_ns) {
-    const uint64_t end_ns = clock_ns() + listen_ns;
+    const uint64_t end_ns = fsn_clock_ns(CLOCK_MONOTONIC) + listen_ns;
     unsigned heard = 0;
-    for (uint64_t now = clock_ns(); now < end_ns && heard < 1000; now = clock_ns()) {
+    for (uint64_t now = fsn_clock_ns(CLOCK_MONOTONIC); now < end_ns && heard < 1000;
+         now = fsn_clock_ns(CLOCK_MONOTONIC)) {
         struct pollfd polled = {.fd = fd, .events = POLLIN};
         if (poll(&polled, 1, (int)((end_ns - now) / 1000000u) + 1) <= 0) {
             continue;
@@ -335,24 +330,13 @@ fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn
 }
 
 int fsn_port_try(const char *interface) {
-    uint8_t nop[60] = {0xFF,
-                       0xFF,
-                       0xFF,
-                       0xFF,
-                       0xFF,
-                       0xFF,
-                       FSN_PORT_OURS >> 8,
-                       FSN_PORT_OURS & 0xFF,
-                       0,
-                       0,
-                       0,
-                       0,
-                       ETHERCAT >> 8,
-                       ETHERCAT & 0xFF,
-                       0x0D,
-                       0x10};
+    static const uint8_t head[] = {FSN_PORT_OURS >> 8, FSN_PORT_OURS & 0xFF, 0,    0,   0, 0,
+                                   ETHERCAT >> 8,      ETHERCAT & 0xFF,      0x0D, 0x10};
+    uint8_t nop[60] = {0};
     unsigned number;
     int fd;
+    memset(nop, 0xFF, 6);
+    memcpy(nop + 6, head, sizeof head);
     nop[22] = 1; /* one byte */
     if (open_raw(interface, &fd, &number, NULL) != FSN_OK) {
         return errno;

@@ -4,15 +4,9 @@
 
 #include <errno.h>
 #include <string.h>
-#include <time.h>
 
 #include "rt/bytes.h"
-
-static uint64_t clock_ns(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
+#include "rt/clock.h"
 
 static void sleep_until(uint64_t at_ns) {
     const struct timespec at = {.tv_sec = (time_t)(at_ns / 1000000000u),
@@ -104,9 +98,9 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     struct fsn_statistics *s = &rt->statistics;
     clear_input(rt);
     rt->ops->receive(rt->bus, &rt->input);
-    const uint64_t before_copy = timed ? clock_ns() : 0;
+    const uint64_t before_copy = timed ? fsn_clock_ns(CLOCK_MONOTONIC) : 0;
     fsn_rt_copy_all(rt->image, rt->copies, rt->groups, rt->group_count);
-    const uint64_t after_copy = timed ? clock_ns() : 0;
+    const uint64_t after_copy = timed ? fsn_clock_ns(CLOCK_MONOTONIC) : 0;
     write_outputs(rt);
     fsn_rt_clients_write(rt);
     /* Who follows must never find older outputs than those that went out: to FSoE they would be new
@@ -117,7 +111,7 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
         fsn_rt_publish(rt);
     }
     rt->ops->send(rt->bus);
-    const uint64_t work_ns = timed ? clock_ns() - now_ns : 0;
+    const uint64_t work_ns = timed ? fsn_clock_ns(CLOCK_MONOTONIC) - now_ns : 0;
     if (timed) {
         fsn_rt_count(rt, &s->copy, after_copy - before_copy);
         fsn_rt_count(rt, &s->work, work_ns);
@@ -170,14 +164,15 @@ static uint64_t align(const struct fsn_rt *rt, uint64_t next_ns) {
 
 void fsn_rt_loop(struct fsn_rt *rt) {
     struct fsn_statistics *s = &rt->statistics;
-    uint64_t next = align(rt, (rt->goes_on ? s->now_ns : clock_ns()) + rt->cycle_ns);
+    uint64_t next =
+        align(rt, (rt->goes_on ? s->now_ns : fsn_clock_ns(CLOCK_MONOTONIC)) + rt->cycle_ns);
     rt->goes_on = false;
     uint64_t before = 0;
     while (!atomic_load_explicit(&rt->stop, memory_order_relaxed)) {
         if (!rt->free_run) {
             sleep_until(next);
         }
-        const uint64_t now = clock_ns();
+        const uint64_t now = fsn_clock_ns(CLOCK_MONOTONIC);
         rt->period_ns = before != 0 ? now - before : 0;
         before = now;
         rt->late_ns = !rt->free_run && now > next ? now - next : 0;

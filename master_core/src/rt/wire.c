@@ -6,9 +6,9 @@
 #include <poll.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <time.h>
 
 #include "rt/bytes.h"
+#include "rt/clock.h"
 
 enum {
     /* One cycle reads at most this many packets per port, so that a flood cannot hold it up; enough
@@ -19,12 +19,6 @@ enum {
     CMD_FRMW = 14,
     DATAGRAM_HEAD = 10,
 };
-
-static uint64_t clock_ns(clockid_t clock) {
-    struct timespec now;
-    clock_gettime(clock, &now);
-    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
 
 /** Counts for other threads; nobody else writes it. */
 static void count_one(_Atomic uint32_t *counter) {
@@ -58,7 +52,7 @@ static void write_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame, 
     datagram[2] = (uint8_t)station;
     datagram[3] = (uint8_t)(station >> 8);
     if (with_dc) {
-        wire->dc_sent_ns = clock_ns(CLOCK_MONOTONIC);
+        wire->dc_sent_ns = fsn_clock_ns(CLOCK_MONOTONIC);
         const uint64_t time =
             wire->dc_sent_ns + atomic_load_explicit(&wire->dc_base, memory_order_relaxed);
         fsn_put32(datagram + DATAGRAM_HEAD, (uint32_t)time);
@@ -89,7 +83,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
         }
     }
     count_one(&wire->sent);
-    wire->sent_ns = clock_ns(wire->wait_ns != 0 ? CLOCK_MONOTONIC : CLOCK_REALTIME);
+    wire->sent_ns = fsn_clock_ns(wire->wait_ns != 0 ? CLOCK_MONOTONIC : CLOCK_REALTIME);
     /* The second port last: on a closed ring its frames only pass through. */
     for (uint32_t port = 0; port < FSN_WIRE_PORTS && wire->sockets[port] >= 0; port++) {
         for (uint32_t f = 0; f < wire->frame_count; f++) {
@@ -241,7 +235,7 @@ static uint64_t drain_all(struct fsn_wire *wire, struct fsn_bus_input *input) {
 
 /** Waits for packets until the time is over; false when it is. */
 static bool wait_until(const struct fsn_wire *wire, uint64_t end_ns) {
-    const uint64_t now = clock_ns(CLOCK_MONOTONIC);
+    const uint64_t now = fsn_clock_ns(CLOCK_MONOTONIC);
     if (now >= end_ns) {
         return false;
     }
@@ -263,7 +257,7 @@ static uint64_t collect(struct fsn_wire *wire, struct fsn_bus_input *input) {
     while (!complete(wire) && wait_until(wire, end_ns)) {
         drain_all(wire, input);
     }
-    return complete(wire) ? clock_ns(CLOCK_MONOTONIC) : 0;
+    return complete(wire) ? fsn_clock_ns(CLOCK_MONOTONIC) : 0;
 }
 
 /** Moves one input into the image, whole: from the reply in which it differs from what was sent,

@@ -15,9 +15,9 @@
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "rt/clock.h"
 #include "segment/segment_internal.h"
 
 enum {
@@ -32,12 +32,6 @@ enum {
 #ifndef PACKET_IGNORE_OUTGOING
 #define PACKET_IGNORE_OUTGOING 23
 #endif
-
-static uint64_t clock_ns(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
 
 #ifdef FSN_TEST_RIG
 enum { TEST_RIG = 1 };
@@ -66,7 +60,7 @@ static bool take(struct fsn_segment *s, uint32_t port, int flags) {
     static _Thread_local uint8_t frame[MAX_FRAME];
     const ssize_t got = recv(s->sockets[port], frame, sizeof frame, flags);
     if (got > 0) {
-        fsn_segment_send(s, port, frame, (size_t)got, clock_ns());
+        fsn_segment_send(s, port, frame, (size_t)got, fsn_clock_ns(CLOCK_MONOTONIC));
     }
     return got > 0;
 }
@@ -76,12 +70,12 @@ static void answer(struct fsn_segment *s) {
     static _Thread_local uint8_t frame[MAX_FRAME];
     for (;;) {
         uint32_t port;
-        const uint64_t start = clock_ns();
+        const uint64_t start = fsn_clock_ns(CLOCK_MONOTONIC);
         const size_t len = fsn_segment_receive(s, frame, sizeof frame, start, &port);
         if (len == 0) {
             return;
         }
-        const uint64_t end = clock_ns();
+        const uint64_t end = fsn_clock_ns(CLOCK_MONOTONIC);
         const bool sent = send(s->sockets[port], frame, len, 0) >= 0;
         const int error = errno;
         pthread_mutex_lock(&s->lock);
@@ -96,7 +90,7 @@ static void answer(struct fsn_segment *s) {
 
 /** Takes what comes in until a held frame is due; false when nothing came for a while. */
 static bool take_next(struct fsn_segment *s) {
-    const uint64_t until_due = fsn_segment_wait(s, clock_ns());
+    const uint64_t until_due = fsn_segment_wait(s, fsn_clock_ns(CLOCK_MONOTONIC));
     if (until_due >= WAIT_NS && s->sockets[1] < 0) {
         return take(s, 0, 0); /* one system call instead of two; the socket has a time-out */
     }
@@ -126,7 +120,7 @@ static bool has_carrier(int socket_fd, const char *interface) {
 
 /** Each end of a ring is plugged in or not; the other one serves on. */
 static void poll_carriers(struct fsn_segment *s, uint64_t *due_ns) {
-    const uint64_t now = clock_ns();
+    const uint64_t now = fsn_clock_ns(CLOCK_MONOTONIC);
     if (s->sockets[1] < 0 || now < *due_ns) {
         return;
     }
@@ -141,7 +135,7 @@ static void *serve(void *context) {
     while (!atomic_load(&s->stop)) {
         poll_carriers(s, &carriers_ns);
         if (!take_next(s)) {
-            fsn_segment_idle(s, clock_ns());
+            fsn_segment_idle(s, fsn_clock_ns(CLOCK_MONOTONIC));
         }
         answer(s);
     }

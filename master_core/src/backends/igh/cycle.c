@@ -9,18 +9,13 @@
 
 #include <errno.h>
 #include <string.h>
-#include <time.h>
+
+#include "rt/clock.h"
 
 enum { TRIES = 8, NAP_NS = 50000, NS_PER_S = 1000000000 };
 
 /** EtherCAT counts its time from the year 2000. */
 static const uint64_t epoch_ns = UINT64_C(946684800) * NS_PER_S;
-
-static uint64_t clock_ns(clockid_t clock) {
-    struct timespec now;
-    clock_gettime(clock, &now);
-    return (uint64_t)now.tv_sec * NS_PER_S + (uint64_t)now.tv_nsec;
-}
 
 /* -- receiving ------------------------------------------------------------------------------ */
 
@@ -49,10 +44,10 @@ static bool poll_domains(struct fsn_igh *bus) {
 
 /** ecrt.h does not wait for replies; who needs them polls. */
 static void collect(struct fsn_igh *bus) {
-    const uint64_t end_ns = bus->wait_ns != 0 ? clock_ns(CLOCK_MONOTONIC) + bus->wait_ns : 0;
+    const uint64_t end_ns = bus->wait_ns != 0 ? fsn_clock_ns(CLOCK_MONOTONIC) + bus->wait_ns : 0;
     for (;;) {
         receive_frames(bus);
-        if (poll_domains(bus) || bus->wait_ns == 0 || clock_ns(CLOCK_MONOTONIC) >= end_ns) {
+        if (poll_domains(bus) || bus->wait_ns == 0 || fsn_clock_ns(CLOCK_MONOTONIC) >= end_ns) {
             return;
         }
         const struct timespec nap = {.tv_nsec = NAP_NS};
@@ -127,11 +122,11 @@ static bool queue(const struct igh_area *area) {
  *  itself is never set: the cycle follows it (fsn_thread_options.follow_dc), and two that follow
  *  each other would drift together. */
 static void tell_time(struct fsn_igh *bus) {
-    const uint64_t now_ns = clock_ns(CLOCK_MONOTONIC);
+    const uint64_t now_ns = fsn_clock_ns(CLOCK_MONOTONIC);
     if (bus->app_set_ns == 0) {
         /* SYNC0 comes a whole number of cycles after the first time: with that it is as with SOEM.
          */
-        const uint64_t first_ns = clock_ns(CLOCK_REALTIME) - epoch_ns;
+        const uint64_t first_ns = fsn_clock_ns(CLOCK_REALTIME) - epoch_ns;
         bus->app_ns = first_ns - first_ns % bus->cycle_ns;
     } else {
         bus->app_ns += now_ns - bus->app_set_ns;

@@ -5,7 +5,8 @@
 
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
+
+#include "rt/clock.h"
 
 enum {
     REG_FEATURES = 0x0008,
@@ -25,12 +26,6 @@ enum {
 };
 
 static const uint64_t try_ns = 2000000000u;
-
-static uint64_t clock_ns(void) {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
-}
 
 static struct node *node_at(const struct fsn_soem *bus, uint16_t slave) {
     const int node = bus->places[slave].node;
@@ -97,10 +92,10 @@ static uint16_t look(struct fsn_soem *bus, uint16_t of, bool running, struct fsn
 static bool read_base(struct fsn_soem *bus, uint16_t station) {
     for (int tries = 0; tries < TRIES; tries++) {
         uint64_t time = 0;
-        const uint64_t before = clock_ns();
+        const uint64_t before = fsn_clock_ns(CLOCK_MONOTONIC);
         if (ecx_FPRD(bus->context.port, station, ECT_REG_DCSYSTIME, sizeof time, &time,
                      EC_TIMEOUTRET) == 1) {
-            bus->dc_base = etohll(time) - (before + (clock_ns() - before) / 2);
+            bus->dc_base = etohll(time) - (before + (fsn_clock_ns(CLOCK_MONOTONIC) - before) / 2);
             return true;
         }
     }
@@ -110,14 +105,16 @@ static bool read_base(struct fsn_soem *bus, uint16_t station) {
 /** Distributes the time until all show it. Returns who does not; 0: all do. */
 static uint16_t compensate(struct fsn_soem *bus, uint16_t of) {
     const uint16_t station = bus->slaves[of].configadr;
-    const uint64_t end_ns = clock_ns() + try_ns;
+    const uint64_t end_ns = fsn_clock_ns(CLOCK_MONOTONIC) + try_ns;
     struct fsn_bus_clocks seen = bus->clocks;
     uint16_t loop = htoes(LOOP_DEFAULT);
     uint16_t worst = of;
     int steady = 0;
     soem_drain(bus);
     (void)ecx_BWR(bus->context.port, 0, REG_LOOP, sizeof loop, &loop, EC_TIMEOUTRET3);
-    for (int frame = 0; frame < MOST_FRAMES && steady < STEADY && clock_ns() < end_ns; frame++) {
+    for (int frame = 0;
+         frame < MOST_FRAMES && steady < STEADY && fsn_clock_ns(CLOCK_MONOTONIC) < end_ns;
+         frame++) {
         uint64_t time = 0;
         (void)ecx_FRMW(bus->context.port, station, ECT_REG_DCSYSTIME, sizeof time, &time,
                        EC_TIMEOUTRET);
@@ -293,9 +290,9 @@ static void set_after(struct fsn_soem *bus, uint16_t slave, uint16_t of) {
 static void set_here(struct fsn_soem *bus, uint16_t slave) {
     const uint16_t station = bus->slaves[slave].configadr;
     uint64_t values[3];
-    const uint64_t before = clock_ns();
+    const uint64_t before = fsn_clock_ns(CLOCK_MONOTONIC);
     if (read_both(bus, station, station, values)) {
-        const uint64_t now = before + (clock_ns() - before) / 2;
+        const uint64_t now = before + (fsn_clock_ns(CLOCK_MONOTONIC) - before) / 2;
         const uint64_t base = atomic_load(&bus->frames.wire.dc_base);
         write_offset(bus, slave, values[2] + base + now - values[1]);
     }
