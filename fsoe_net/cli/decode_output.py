@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from typing import Protocol
 
 import click
 
@@ -66,31 +65,6 @@ class _Lines:
     def flush(self) -> None:
         click.echo("".join(self._lines), nl=False)
         self._lines.clear()
-
-
-class Output(Protocol):
-    """Takes what is decoded, in order; ``wrong`` counts frames with a wrong CRC."""
-
-    wrong: int
-    unchecked: bool
-
-    def begin(self, source: str) -> None:
-        """Begin a source: a file or ``hex``."""
-
-    def row(self, row: DecodedFrame) -> None:
-        """Print one frame."""
-
-    def damaged(self, message: str) -> None:
-        """Say that a capture could not be read to its end."""
-
-    def end_of_frames(self) -> None:
-        """Close the frames of a source."""
-
-    def found(self, connections: list[Found], counts: ScanCounts, facts: CaptureFacts) -> None:
-        """Print what was found in a capture."""
-
-    def end(self) -> None:
-        """Close the document."""
 
 
 def _meaning(row: DecodedFrame, data: bytes) -> str:
@@ -391,3 +365,6 @@ def _counts_json(d: DirectionSnapshot) -> dict[str, object]:
             "max": d.interval_max_ns / 1e6,
         },
     }
+
+
+Output = TextOutput | JsonOutput

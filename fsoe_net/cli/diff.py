@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 
 import click
 
@@ -74,18 +75,7 @@ def _print_json(a: Side, b: Side, difference: Difference) -> None:
         "same": difference.same,
         "a": {"path": a.path, "format": a.format},
         "b": {"path": b.path, "format": b.format},
-        "changes": [
-            {
-                "kind": c.kind,
-                "area": c.area,
-                "where": c.where,
-                "what": c.what or None,
-                "before": c.before,
-                "after": c.after,
-                "entries": list(c.entries),
-            }
-            for c in difference.changes
-        ],
+        "changes": [asdict(c) | {"what": c.what or None} for c in difference.changes],
         "not_compared": list(difference.not_compared),
     }
     echo(json.dumps(document, indent=2, ensure_ascii=False))

@@ -66,22 +66,6 @@ class CaptureFacts(NamedTuple):
     other_links: int
 
 
-class _Named:
-    """Which connection of the network each one found is, and whether its roles are swapped."""
-
-    def __init__(self, scanner: Scanner, naming: Naming) -> None:
-        self._scanner = scanner
-        self._naming = naming
-        self._known: dict[int, tuple[ConnectionNames | None, bool]] = {}
-
-    def of(self, sighting: Sighting) -> tuple[ConnectionNames | None, bool]:
-        # A start-up shows the roles for certain, so the guess is taken back.
-        if sighting.connection not in self._known or sighting.frame[0] == Command.SESSION:
-            found = self._scanner.connections()[sighting.connection]
-            self._known[sighting.connection] = self._naming.find_in(found)
-        return self._known[sighting.connection]
-
-
 def naming_of(resolution: Resolution | None) -> Naming:
     """Return the names that a network gives to what is captured; none without a network."""
     if resolution is None:
@@ -104,7 +88,7 @@ class CaptureDecoder:
     def __init__(self, name: str, stream: BinaryIO, naming: Naming) -> None:
         self._reader, self._scanner = CaptureReader(name, stream), Scanner()
         self._naming = naming
-        self._named = _Named(self._scanner, naming)
+        self._known: dict[int, tuple[ConnectionNames | None, bool]] = {}
         self._start_ns = -1
 
     def sightings(self) -> Iterator[Sighting]:
@@ -122,7 +106,11 @@ class CaptureDecoder:
 
     def frame_of(self, s: Sighting) -> DecodedFrame:
         """Return a frame with its names."""
-        names, swapped = self._named.of(s)
+        # A start-up shows the roles for certain, so the guess is taken back.
+        if s.connection not in self._known or s.frame[0] == Command.SESSION:
+            found = self._scanner.connections()[s.connection]
+            self._known[s.connection] = self._naming.find_in(found)
+        names, swapped = self._known[s.connection]
         return DecodedFrame(
             s.packet,
             (s.time_ns - self._start_ns) / 1e6,

@@ -27,8 +27,9 @@ from fsoe_net.project.check import Checked, library_of, whole_network
 from fsoe_net.project.compare import read_side
 from fsoe_net.project.installed import installed_files
 from fsoe_net.project.known import AcceptedRecord
-from fsoe_net.project.signatures import Signers, check_signatures
+from fsoe_net.project.signatures import check_signatures
 from fsoe_net.project.simulate import prepare
+from fsoe_net.project.ssh_signatures import SshSigners
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan
@@ -121,7 +122,7 @@ def make_report(
     scenario: str | None = None,
     against: str | None = None,
     accepted: AcceptedRecord | None = None,
-    signers: Signers | None = None,
+    signers: SshSigners | None = None,
     protocol: str | None = None,
     self_test: str | None = None,
     loading: LoadOptions | None = None,
@@ -269,7 +270,7 @@ def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:
     return GivenRecord(source=found.source, record=found.record, fits=fits)
 
 
-def _signed(accepted: AcceptedRecord, signers: Signers) -> Signatures:
+def _signed(accepted: AcceptedRecord, signers: SshSigners) -> Signatures:
     """Return the signatures beside a record; one that was replaced meanwhile has none."""
     signed = check_signatures(accepted.source.path, signers)
     against = [f"{r.what}: {r.fix}" for r in signed.refusals]

@@ -6,7 +6,6 @@ import datetime
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import read_source, replaced_files
@@ -16,13 +15,12 @@ from fsoe_net.model.acceptance import Acceptance, CheckedSignature, SignedBy
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.written import principal_of
 from fsoe_net.project.known import AcceptedRecord, read_record
-from fsoe_net.project.ssh_signatures import ssh_sign
+from fsoe_net.project.ssh_signatures import SshSigners, ssh_sign
 from fsoe_net.report.sign_off import Refusal
 
 __all__ = [
     "ROLES",
     "SignedRecord",
-    "Signers",
     "check_signatures",
     "sign_record",
 ]
@@ -30,17 +28,6 @@ __all__ = [
 ROLES = ("author", "verifier")
 _MOST_BYTES = 1 << 16
 _AS_SIGNED = "take it as it was signed, or have the record made and signed anew"
-
-
-class Signers(Protocol):
-    """Who may sign; each kind of signatures has one class of them."""
-
-    def key_of(self, data: bytes, signature: bytes, *, principal: str, day: str) -> str:
-        """Return what names the key of a signature that holds.
-
-        Raises:
-            InputError: It does not hold.
-        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +66,7 @@ def sign_record(path: str, role: str, key: str, *, overwrite: bool) -> CheckedSi
     )
 
 
-def check_signatures(path: str, signers: Signers) -> SignedRecord:
+def check_signatures(path: str, signers: SshSigners) -> SignedRecord:
     """Check the signatures of a record, and the files that it holds the SHA-256 of.
 
     Raises:
@@ -133,7 +120,7 @@ def _principal(role: str, person: SignedBy) -> str:
 
 
 def _checked(
-    path: str, data: bytes, role: str, person: SignedBy, signers: Signers
+    path: str, data: bytes, role: str, person: SignedBy, signers: SshSigners
 ) -> CheckedSignature:
     principal = _principal(role, person)
     if person.date > datetime.date.today().isoformat():

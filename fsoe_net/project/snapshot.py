@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from fsoe_net import __version__
-from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.diag.words import counted, summary
 from fsoe_net.document.model import (
     Cell,
     Column,
     Document,
     Level,
-    Number,
     Part,
     Picture,
     Section,
@@ -19,19 +18,16 @@ from fsoe_net.document.model import (
     cell,
     code,
     muted,
+    stated,
     strong,
 )
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.project.check import Checked
+from fsoe_net.report.model import LEVELS
 from fsoe_net.report.network_picture import network_picture
 
 __all__ = ["snapshot"]
 
-_LEVELS = {
-    Severity.ERROR: Level.ERROR,
-    Severity.WARNING: Level.WARNING,
-    Severity.INFO: Level.NOTE,
-}
 _FILE = "network file"
 
 
@@ -46,7 +42,7 @@ def snapshot(checked: Checked, path: str) -> Document:
     worst = min((d.level for d in found), key=lambda level: level.rank, default=None)
     verdict = Verdict("No findings", Level.NOTE)
     if worst is not None:
-        verdict = Verdict(summary(found), _LEVELS[worst])
+        verdict = Verdict(summary(found), LEVELS[worst])
     sections = [Section(key="findings", title="Findings", parts=(_findings(found),))]
     if resolution is not None:
         sections = [
@@ -68,9 +64,9 @@ def snapshot(checked: Checked, path: str) -> Document:
 def _bus(checked: Checked, resolution: Resolution) -> tuple[Part, ...]:
     rows = tuple(
         (
-            cell(_number(sub.position, "on the bus")),
+            cell(stated(sub.position, "", "on the bus")),
             cell(strong(sub.name)),
-            cell(_number(sub.alias, _FILE)) if sub.alias else (),
+            cell(stated(sub.alias, "", _FILE)) if sub.alias else (),
             cell(
                 muted("not known")
                 if sub.device is None
@@ -102,9 +98,9 @@ def _slots(resolution: Resolution) -> Table:
             taken = 0 if pair.takes is None else pair.takes.frame_bytes
             row = (
                 cell(sub.name),
-                cell(_number(pair.slot, "process data")),
-                cell(_number(pair.sent_bytes, "process data", "bytes")),
-                cell(_number(taken, "process data", "bytes")),
+                cell(stated(pair.slot, "", "process data")),
+                cell(stated(pair.sent_bytes, "bytes", "process data")),
+                cell(stated(taken, "bytes", "process data")),
                 cell(f"with {partner}" if partner else muted("free")),
             )
             rows.append(row)
@@ -139,17 +135,13 @@ def _row(connection: Connection) -> tuple[Cell, ...]:
 
 
 def _stated(value: int | None, unit: str = "") -> Cell:
-    return cell(muted("not stated") if value is None else _number(value, _FILE, unit))
-
-
-def _number(value: int, source: str, unit: str = "") -> Number:
-    return Number(value=value, text=str(value), unit=unit, source=source)
+    return cell(muted("not stated") if value is None else stated(value, unit, _FILE))
 
 
 def _findings(found: list[Diagnostic]) -> Table:
     rows = tuple(
         (
-            cell(Verdict(d.level.value, _LEVELS[d.level]), code(d.code)),
+            cell(Verdict(d.level.value, LEVELS[d.level]), code(d.code)),
             cell(d.message, muted(d.hint)),
             cell(code(str(d.span))),
         )

@@ -9,7 +9,7 @@ from itertools import chain
 
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
-from fsoe_net.diag.words import counted
+from fsoe_net.diag.words import counted, summary
 from fsoe_net.document.model import (
     Bullets,
     Column,
@@ -29,7 +29,7 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.report.first_page import first_page
 from fsoe_net.report.inputs import ReportInputs
-from fsoe_net.report.model import Point, PointKind, ReportDocument, ReportSection
+from fsoe_net.report.model import LEVELS, Point, PointKind, ReportDocument, ReportSection
 from fsoe_net.report.section_copies import copies
 from fsoe_net.report.section_evidence import bus_evidence
 from fsoe_net.report.section_functions import causes_and_effects, function_pages
@@ -56,11 +56,6 @@ _APPENDICES: tuple[_Make, ...] = (
     bus_evidence,
     fingerprint,
 )
-_LEVELS = {
-    Severity.ERROR: Level.ERROR,
-    Severity.WARNING: Level.WARNING,
-    Severity.INFO: Level.NOTE,
-}
 
 
 def compose_report(inputs: ReportInputs) -> ReportDocument:
@@ -98,19 +93,6 @@ def compose_report(inputs: ReportInputs) -> ReportDocument:
 
 def _has_error(inputs: ReportInputs) -> bool:
     return any(d.level is Severity.ERROR for d in inputs.diagnostics)
-
-
-def _counts(found: Sequence[Diagnostic]) -> str:
-    words = []
-    for level, word in (
-        (Severity.ERROR, "error"),
-        (Severity.WARNING, "warning"),
-        (Severity.INFO, "note"),
-    ):
-        count = sum(d.level is level for d in found)
-        if count:
-            words.append(f"{count} {word}{'' if count == 1 else 's'}")
-    return ", ".join(words)
 
 
 def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
@@ -201,7 +183,7 @@ def _of_findings(inputs: ReportInputs) -> Verdict:
     found = inputs.diagnostics
     if not found:
         return Verdict("no findings", Level.CLEAR)
-    counts = _counts(found)
+    counts = summary(found)
     worst = min((d.level for d in found), key=lambda level: level.rank)
     if worst is Severity.ERROR:
         return Verdict(f"NOT ACCEPTABLE: {counts}", Level.ERROR)
@@ -275,7 +257,7 @@ def _findings(found: Sequence[Diagnostic], inputs: ReportInputs, last: int) -> T
             )
         rows.append(
             (
-                cell(Verdict(d.level.value, _LEVELS[d.level]), code(d.code)),
+                cell(Verdict(d.level.value, LEVELS[d.level]), code(d.code)),
                 tuple(items),
                 cell(code(str(d.span))),
             )

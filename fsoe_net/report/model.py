@@ -5,10 +5,17 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from fsoe_net.diag.diagnostic import Diagnostic
-from fsoe_net.document.model import Document, Section, Verdict
+from fsoe_net.diag.diagnostic import Diagnostic, Severity
+from fsoe_net.document.model import Document, Level, Section, Verdict
 
-__all__ = ["Point", "PointKind", "ReportDocument", "ReportSection"]
+__all__ = ["LEVELS", "Point", "PointKind", "ReportDocument", "ReportSection"]
+
+LEVELS = {
+    Severity.ERROR: Level.ERROR,
+    Severity.WARNING: Level.WARNING,
+    Severity.INFO: Level.NOTE,
+}
+"""How findings are shown."""
 
 
 class PointKind(enum.Enum):

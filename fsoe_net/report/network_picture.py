@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.words import counted
-from fsoe_net.document.markup import escape, svg_text
+from fsoe_net.document.markup import escape, shortened, svg_text
 from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.resolve import Connection, Resolution
 
@@ -66,7 +66,9 @@ def _bus(subs: Sequence[SubDevice], wrong: _Places) -> tuple[list[str], int]:
         parts.append(
             f'<line x1="{before}" y1="{y + 16}" x2="{x}" y2="{y + 16}" class="bus"/>'
             f'<rect x="{x}" y="{y}" width="{_BOX}" height="32" rx="4" class="box"/>'
-            + svg_text(x + _BOX / 2, y + 21, f"{sign}{sub.position} {_short(sub.name)}", "middle")
+            + svg_text(
+                x + _BOX / 2, y + 21, f"{sign}{sub.position} {shortened(sub.name, 20)}", "middle"
+            )
         )
     rows = -(-len(subs) // _PER_ROW)
     return parts, _MARGIN + rows * 48 + _GAP
@@ -86,7 +88,7 @@ def _card(
     parts = [
         f'<rect x="{x}" y="{y}" width="{_CARD}" height="{height}" rx="6" '
         f'class="box {"main" if is_left else "sub"}"/>',
-        svg_text(x + 12, y + 20, _short(sub.name), "start", "name"),
+        svg_text(x + 12, y + 20, shortened(sub.name, 20), "start", "name"),
         svg_text(x + 12, y + 37, role, "start", "small"),
     ]
     for n, slot in enumerate(_slots(sub)):
@@ -126,7 +128,3 @@ def _line(
 
 def _is_wrong(part: Located, wrong: _Places) -> bool:
     return (part.span.file, part.span.line) in wrong
-
-
-def _short(text: str, most: int = 20) -> str:
-    return text if len(text) <= most else f"{text[: most - 1]}…"

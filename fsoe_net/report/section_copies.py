@@ -11,7 +11,6 @@ from fsoe_net.document.model import (
     Heading,
     Item,
     Level,
-    Number,
     Paragraph,
     Part,
     Picture,
@@ -20,6 +19,7 @@ from fsoe_net.document.model import (
     Verdict,
     cell,
     muted,
+    stated,
     strong,
 )
 from fsoe_net.plan.image import IghDomain, igh_image
@@ -61,11 +61,9 @@ def copies(inputs: ReportInputs) -> ReportSection:
         Paragraph(
             (
                 Text("Every bus cycle "),
-                Number(
-                    value=len(plan.copies), text=str(len(plan.copies)), unit="copies", source=_PLAN
-                ),
+                stated(len(plan.copies), "copies", _PLAN),
                 Text(" move "),
-                Number(value=moved, text=str(moved), unit="bytes", source=_PLAN),
+                stated(moved, "bytes", _PLAN),
                 Text(
                     ", unmodified and in the cycle in which the source arrived. Each copy goes "
                     "from an input to an output, in whole bytes inside one sync manager."
@@ -140,9 +138,7 @@ def _copy_table(plan: Plan, domain: IghDomain) -> Table:
         rows.append(
             (
                 cell(strong(f"{n}"), muted(_name(plan, c))),
-                cell(
-                    Number(value=c.size_bytes, text=str(c.size_bytes), unit="bytes", source=_PLAN)
-                ),
+                cell(stated(c.size_bytes, "bytes", _PLAN)),
                 *ends,
                 tuple(verdicts),
             )
@@ -163,20 +159,12 @@ def _copy_table(plan: Plan, domain: IghDomain) -> Table:
 def _range_items(place: _Range | None) -> tuple[Item, ...]:
     if place is None:
         return (Verdict("no place in the image", Level.ERROR),)
+    logical = f"logical 0x{place.first:08x} … 0x{place.end - 1:08x}"
     words = ", ".join(str(n) for n in place.datagrams)
+    first = place.datagrams[0] if place.datagrams else -1
     return (
-        Number(
-            value=place.first,
-            text=f"logical 0x{place.first:08x} … 0x{place.end - 1:08x}",
-            unit="",
-            source=_IMAGE,
-        ),
-        Number(
-            value=place.datagrams[0] if place.datagrams else -1,
-            text=f"datagram {words}",
-            unit="",
-            source=_IMAGE,
-        ),
+        stated(place.first, "", _IMAGE, logical),
+        stated(first, "", _IMAGE, f"datagram {words}"),
     )
 
 
@@ -235,18 +223,9 @@ def _datagrams(domain: IghDomain) -> Table:
     rows = tuple(
         (
             cell(strong(str(n))),
-            cell(
-                Number(
-                    value=d.offset_bytes,
-                    text=f"0x{d.offset_bytes:08x}",
-                    unit="",
-                    source=_IMAGE,
-                )
-            ),
-            cell(Number(value=d.size_bytes, text=str(d.size_bytes), unit="bytes", source=_IMAGE)),
-            cell(
-                Number(value=d.working_counter, text=str(d.working_counter), unit="", source=_IMAGE)
-            ),
+            cell(stated(d.offset_bytes, "", _IMAGE, f"0x{d.offset_bytes:08x}")),
+            cell(stated(d.size_bytes, "bytes", _IMAGE)),
+            cell(stated(d.working_counter, "", _IMAGE)),
         )
         for n, d in enumerate(domain.datagrams)
     )

@@ -11,7 +11,6 @@ from fsoe_net.document.model import (
     Column,
     Heading,
     Level,
-    Number,
     Paragraph,
     Part,
     Table,
@@ -68,12 +67,7 @@ def identity(inputs: ReportInputs) -> ReportSection:
             ("FSoE connections", len(resolution.connections), "connections"),
             ("Copies", len(resolution.transfers), "copies per bus cycle"),
         ):
-            rows.append(
-                (
-                    cell(what),
-                    cell(Number(value=count, text=str(count), unit=unit, source=files)),
-                )
-            )
+            rows.append((cell(what), cell(stated(count, unit, files))))
     ns = None if network is None else network.cycle_ns
     rows.append((cell("Bus cycle"), _cycle(ns)))
     if network is not None:

@@ -124,14 +124,7 @@ def _rates(rows: Sequence[WatchdogBudget]) -> Table:
             ),
             (
                 cell(strong("logical connections")),
-                cell(
-                    Number(
-                        value=len(rows),
-                        text=str(len(rows)),
-                        unit="connections",
-                        source="network files",
-                    )
-                ),
+                cell(stated(len(rows), "connections", "network files")),
             ),
         ),
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
     BLANK,
@@ -30,7 +29,7 @@ from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.report.diff_types import Change
 from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs, Signatures
-from fsoe_net.report.model import Point, PointKind, ReportSection
+from fsoe_net.report.model import LEVELS, Point, PointKind, ReportSection
 
 __all__ = ["change_log", "fingerprint", "open_points", "sign_off"]
 
@@ -325,11 +324,6 @@ def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> Re
 
 
 def _findings(inputs: ReportInputs) -> Table:
-    levels = {
-        Severity.ERROR: Level.ERROR,
-        Severity.WARNING: Level.WARNING,
-        Severity.INFO: Level.NOTE,
-    }
     rows = []
     for d in inputs.diagnostics:
         justified = inputs.justification(d)
@@ -339,7 +333,7 @@ def _findings(inputs: ReportInputs) -> Table:
             said.append(muted(f"fix: {d.hint}"))
         rows.append(
             (
-                cell(Verdict(d.level.value, levels[d.level]), code(d.code)),
+                cell(Verdict(d.level.value, LEVELS[d.level]), code(d.code)),
                 (*said, muted(str(d.span))),
                 BLANK if justified is None else cell(justified.by, muted(justified.reason)),
             )

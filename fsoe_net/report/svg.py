@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fsoe_net.diag.words import counted
-from fsoe_net.document.markup import escape, svg_text
+from fsoe_net.document.markup import escape, shortened, svg_text
 from fsoe_net.plan.model import NONE, Plan
 from fsoe_net.plan.show import entry_at
 
@@ -98,7 +98,7 @@ def _box(
     address = f"alias {sub.alias}+{sub.position}" if sub.alias else f"position {sub.position}"
     cls = "main" if is_main else "sub" if is_sub else "plain"
     middle = x + _BOX_WIDTH / 2
-    name = _short(sub.name, 22)
+    name = shortened(sub.name, 22)
     return (
         f"<g><title>{escape(sub.name)}: vendor 0x{sub.vendor_id:08x}, product "
         f"0x{sub.product_code:08x}</title>"
@@ -106,13 +106,7 @@ def _box(
         f'class="box {cls}"/>'
         + svg_text(middle, y + (19 if line else 24), name, "middle", "name")
         + svg_text(middle, y + (37 if line else 46), f"{role} · {address}", "middle", "small")
-        + (
-            svg_text(
-                middle, y + 53, line if len(line) <= 28 else line[:27] + "…", "middle", "small"
-            )
-            if line
-            else ""
-        )
+        + (svg_text(middle, y + 53, shortened(line, 28), "middle", "small") if line else "")
         + "</g>"
     )
 
@@ -124,7 +118,7 @@ def _arcs(plan: Plan, place: dict[int, tuple[float, float]]) -> list[str]:
     for number, connection in enumerate(plan.connections):
         line, middle, wanted = _arc(number, place[connection.main], place[connection.sub])
         identity = connection.connection_id
-        label = f"ConnID {identity}" if identity else _short(connection.name, 22)
+        label = f"ConnID {identity}" if identity else shortened(connection.name, 22)
         wide = 7.6 * len(label) + 4
         base = _free_line(middle, wanted, wide, taken)
         taken.append((middle, base, wide))
@@ -151,10 +145,6 @@ def _free_line(
         if all(abs(x - middle) >= (other + wide) / 2 for x, _, other in near):
             return base
     return wanted
-
-
-def _short(text: str, most: int) -> str:
-    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def _arc(
@@ -201,7 +191,7 @@ def _byte_row(
     name = plan.subdevices[sm.subdevice].name
     entry = entry_at(plan, sm_number, 8 * first)
     last = first + size - 1
-    shown = name if len(name) <= 9 else name[:8] + "…"
+    shown = shortened(name, 9)
     label = str(first) if size == 1 else f"{first} … {last}"
     wide = 6.2 * len(label)
     middle = left + unit * (first + size / 2)

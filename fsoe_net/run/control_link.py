@@ -121,36 +121,28 @@ class ControlLink:
 
     def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
         """Return the events that have come, after waiting for the first one at most ``wait_s``."""
-        until = time.monotonic() + (0.0 if self._events else wait_s)
+        return self._come(self._events, wait_s)
+
+    def _wait_cycles(self, wait_s: float) -> tuple[list[dict[str, Any]], int]:
+        """Return the watched cycles that have come, and how many this side has dropped."""
+        found = self._come(self._cycles, wait_s)
+        lost, self._cycles_lost = self._cycles_lost, 0
+        return found, lost
+
+    def _come(self, kept: deque[dict[str, Any]], wait_s: float) -> list[dict[str, Any]]:
+        until = time.monotonic() + (0.0 if kept else wait_s)
         try:
             for _ in range(_MAX_EVENTS):  # a flood must not keep the caller
                 if (line := self._line(until)) is None:
                     break
                 self._keep(line)
-                until = 0.0 if self._events else until
+                until = 0.0 if kept else until
         except EnvironmentFault:
-            if not self._events:
+            if not kept:
                 raise  # else these first; the next call says that it broke
-        found = list(self._events)
-        self._events.clear()
+        found = list(kept)
+        kept.clear()
         return found
-
-    def _wait_cycles(self, wait_s: float) -> tuple[list[dict[str, Any]], int]:
-        """Return the watched cycles that have come, and how many this side has dropped."""
-        until = time.monotonic() + (0.0 if self._cycles else wait_s)
-        try:
-            for _ in range(_MAX_EVENTS):
-                if (line := self._line(until)) is None:
-                    break
-                self._keep(line)
-                until = 0.0 if self._cycles else until
-        except EnvironmentFault:
-            if not self._cycles:
-                raise
-        found, lost = list(self._cycles), self._cycles_lost
-        self._cycles.clear()
-        self._cycles_lost = 0
-        return found, lost
 
     def _keep(self, event: dict[str, Any]) -> None:
         if event.get("event") in _CYCLE_EVENTS:
