@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container
 
 from fsoe_net.diag.printable import printable
 
-__all__ = ["is_node_name", "legal_text", "legal_token", "unused"]
+__all__ = ["is_node_name", "legal_text", "legal_token"]
 
 _MOST = 80  # of a topic's 247 characters; three tokens and a few words fit
 _OBJECT = re.compile(r"0x([0-9a-fA-F]{4})(?::([0-9a-fA-F]{2}))?")
@@ -25,15 +24,6 @@ def legal_token(name: str) -> str:
     if not token:
         return "unnamed"
     return (f"n{token}" if token[0].isdigit() else token)[:_MOST].rstrip("_")
-
-
-def unused(name: str, taken: Container[str]) -> str:
-    """Return a name, with a number behind it when something else is called so already."""
-    number, found = 2, name
-    while found in taken:
-        found = f"{name}_{number}"
-        number += 1
-    return found
 
 
 def is_node_name(text: str) -> bool:

@@ -11,8 +11,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from fsoe_net.formats.shared.writers import unused
 from fsoe_net.model.drives import AXIS_STEP, MOST_AXES
-from fsoe_net.ros2.names import legal_token, unused
+from fsoe_net.ros2.names import legal_token
 from fsoe_net.run.control_values import Symbol, Value
 
 __all__ = ["Joint", "SignalKind", "SignalTopic", "find_joints", "signal_topics"]

@@ -23,7 +23,7 @@ from observe.traffic import Bus, datagram, packet
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.capture import read as capture
-from fsoe_net.formats.capture.read import load_capture, load_capture_content
+from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.shared.files import Collector
 
@@ -32,7 +32,7 @@ WAYS = {(1, 3, 0, 2), (0, 3, 1, 2)}  # source and destination: SubDevice, sync m
 
 def read(data):
     out = Collector()
-    content = load_capture_content(data, out)
+    content = load_capture(data, out)
     return content, [(d.code, d.level, d.span.line, d.message) for d in out.diagnostics]
 
 
@@ -40,7 +40,7 @@ def described(data):
     """Return a description that must be there, and the findings that are no mere notes."""
     content, found = read(data)
     assert content is not None, found
-    return content.description, [row for row in found if row[1] is not Severity.INFO]
+    return content, [row for row in found if row[1] is not Severity.INFO]
 
 
 def layout(sub):
@@ -85,18 +85,6 @@ def test_start_up_tells_everything(how, replies_only, wide):
     assert {c.bits for c in found.copies} == {48}
 
 
-def test_windows_place_process_data():
-    content, _ = read(startup(cycles=3))
-    assert [
-        (w.subdevice, w.sm_index, w.logical, w.size_bytes, w.seen) for w in content.windows
-    ] == [
-        (0, 2, 150, 6, True),
-        (0, 3, 20, 6, True),
-        (1, 2, 100, 6, True),
-        (1, 3, 60, 6, True),
-    ]
-
-
 def test_few_frames_prove_no_copy():
     found, _ = described(startup(cycles=12))
     assert found.copies == ()
@@ -131,7 +119,7 @@ def test_same_bytes_with_wrong_crcs_are_no_copy():
         made.packets.append(packet(datagram(LRW, 0, bytes(image), 6)))
         last = now
     content, found = read(made.pcap())
-    assert content.description.copies == ()
+    assert content.copies == ()
     assert any("prove" in message for *_, message in found)
 
 
@@ -383,7 +371,7 @@ def test_memory_does_not_grow_with_the_capture(megabytes):
     finally:
         tracemalloc.stop()
     assert content is not None
-    assert ways(content.description) == WAYS
+    assert ways(content) == WAYS
     assert peak < 2 << 20
 
 

@@ -15,7 +15,7 @@ from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.slave_yaml import device_from_yaml
 from fsoe_net.formats.own.write import write_network
 from fsoe_net.formats.own.write_slave_yaml import write_slave_yaml
-from fsoe_net.formats.ros2.write import DriverVersion, write_driver
+from fsoe_net.formats.ros2.write import write_driver
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.writers import Written
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
@@ -79,13 +79,13 @@ def test_an_example_comes_back_as_it_was(name: str, tmp_path: Path):
     assert "name: cell" in written.files["network.yaml"]
 
 
-@pytest.mark.parametrize("version", DriverVersion)
-def test_driver_files_come_back_without_the_cycle(version: DriverVersion, tmp_path: Path):
+@pytest.mark.parametrize("version", ["2025", "2026-06", "2026-08", "newest"])
+def test_driver_files_come_back_without_the_cycle(version: str, tmp_path: Path):
     network = describe(example("el6910").network)
     written = write_driver(network, version=version)
     assert rows(back(written, tmp_path)) == rows(network)
     text = written.files["transfers.yaml"]
-    word = "safety" if version is DriverVersion.V2025 else "transfer"
+    word = "safety" if version == "2025" else "transfer"
     assert f"\n    {word}_master: el6910\n" in text
     assert f"{word}_modules:" in text
     assert any("control_frequency to 1000" in n for n in written.notes)

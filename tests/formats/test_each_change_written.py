@@ -24,13 +24,14 @@ from fsoe_net.formats.own.protocol import load_protocol
 from fsoe_net.formats.own.write import write_network
 from fsoe_net.formats.own.write_acceptance import write_acceptance
 from fsoe_net.formats.own.write_protocol import write_protocol
-from fsoe_net.formats.ros2.write import DriverVersion, write_driver
+from fsoe_net.formats.ros2.write import write_driver
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.writers import own_words_lost
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
 
 BASE = HERE / "base"
+VERSIONS = ("2025", "2026-06", "2026-08", "newest")
 WRITERS: list[Callable[[Description], object]] = [
     write_eni,
     lambda d: write_eni(d, header_bytes=10),
@@ -40,7 +41,7 @@ WRITERS: list[Callable[[Description], object]] = [
     lambda d: write_c_header(d, igh=False),
     write_lcec,
     write_network,
-    *(lambda d, v=version: write_driver(d, version=v) for version in DriverVersion),
+    *(lambda d, v=version: write_driver(d, version=v) for version in VERSIONS),
 ]
 
 

@@ -198,12 +198,12 @@ def test_pdos_on_wrong_sync_managers(sm, message):
     assert [p.index for p in manager.pdos] == [0x1A00]
 
 
-def test_fmmus_and_clock_modes():
+def test_clock_modes():
     mode = struct.pack("<3IhHhBB4x", 0, 0, 0, 0, 0x300, 0, 0, 0)
     out = Collector()
     data = image(category(40, b"\x01\x02\x03\xff"), category(60, mode + mode))
     found = read_sii(data, Span("a.bin"), out)
-    assert (found.fmmus, found.assign_activate) == ((1, 2, 3, 255), (0x300, 0x300))
+    assert found.assign_activate == (0x300, 0x300)
     assert "2 clock modes" in one(data).notes[0]
 
 

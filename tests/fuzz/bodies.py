@@ -30,7 +30,7 @@ from fsoe_net.core.scan import Scanner
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError, PlanFormatError, RecordingError
 from fsoe_net.formats.capture.packets import read_capture
-from fsoe_net.formats.capture.read import load_capture_content
+from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.eni.read import load_eni, load_eni_images
 from fsoe_net.formats.eni.write import write_eni
 from fsoe_net.formats.eni.write_copies import replace_copies
@@ -185,13 +185,14 @@ def _described(
 
 
 def _startup(data: bytes, folder: Path) -> None:
-    """A capture as a description of a bus; its copies have places in the process data."""
+    """A capture as a description of a bus; its copies have ends in the process data."""
     out = Collector()
-    content = load_capture_content(data, out)
-    _judged(None if content is None else content.description, out, binary=True)
-    for copy in () if content is None else content.description.copies:
-        ends = {(w.subdevice, w.sm_index) for w in content.windows}
-        assert {(e.subdevice, e.sm_index) for e in (copy.source, copy.destination)} <= ends
+    found = load_capture(data, out)
+    _judged(found, out, binary=True)
+    for copy in () if found is None else found.copies:
+        for end in (copy.source, copy.destination):
+            managers = found.subdevices[end.subdevice].device.layout.managers
+            assert end.sm_index in {m.sm.index for m in managers}
 
 
 def _esi(data: bytes, folder: Path) -> None:

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fsoe_net.ros2.names import is_node_name, legal_text, legal_token, unused
+from fsoe_net.formats.shared.writers import unused
+from fsoe_net.ros2.names import is_node_name, legal_text, legal_token
 
 LEGAL = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
 NAMES = {

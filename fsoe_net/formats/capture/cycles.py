@@ -52,7 +52,6 @@ class CyclicWindow:
     packet: int
     seen: int = 0
     returned: int = 0
-    best_counter: int = 0
 
 
 @dataclass(slots=True)
@@ -123,7 +122,6 @@ class Cycles:
         window.seen += 1
         if datagram.counter:
             window.returned += 1
-            window.best_counter = max(window.best_counter, datagram.counter)
         inside = self._inside.get(key)
         if inside is None:
             inside = self._inside[key] = self._found_in(*key)

@@ -11,7 +11,6 @@ import hashlib
 import io
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import BinaryIO
 
 from fsoe_net.diag.diagnostic import Severity, Span
@@ -30,50 +29,13 @@ from fsoe_net.model.description import DescribedCopy, DescribedEnd, DescribedSub
 from fsoe_net.model.detect import detect_fsoe
 from fsoe_net.model.network import SourceFile
 
-__all__ = [
-    "CaptureContent",
-    "ProcessDataWindow",
-    "load_capture",
-    "load_capture_content",
-    "read_stream",
-]
+__all__ = ["load_capture", "read_stream"]
 
 _LOGICAL = (DatagramCommand.LRD, DatagramCommand.LWR, DatagramCommand.LRW)
 _AGAIN = "capture from before the MainDevice starts until some seconds of OP have passed"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProcessDataWindow:
-    """Where the process data of a sync manager lie in the logical address space.
-
-    ``seen``: a datagram that came back has carried all of them.
-    """
-
-    subdevice: int
-    sm_index: int
-    direction: Direction
-    logical: int
-    size_bytes: int
-    seen: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CaptureContent:
-    """A description, and where the process data of it are in the cyclic datagrams."""
-
-    description: Description
-    windows: tuple[ProcessDataWindow, ...]
-
-
 def load_capture(source: Source, out: Collector, *, name: str = "<capture>") -> Description | None:
-    """Read a capture; see `load_capture_content`."""
-    content = load_capture_content(source, out, name=name)
-    return None if content is None else content.description
-
-
-def load_capture_content(
-    source: Source, out: Collector, *, name: str = "<capture>"
-) -> CaptureContent | None:
     """Read a capture packet by packet, of any size.
 
     Args:
@@ -103,8 +65,8 @@ def load_capture_content(
         return None
 
 
-def read_stream(name: str, stream: BinaryIO, out: Collector) -> CaptureContent | None:
-    """Read a capture from a stream, which need not be seekable; see `load_capture_content`."""
+def read_stream(name: str, stream: BinaryIO, out: Collector) -> Description | None:
+    """Read a capture from a stream, which need not be seekable; see `load_capture`."""
     return _Capture(name, out).read(stream)
 
 
@@ -121,7 +83,7 @@ class _Capture:
         self._cuts = self._first_cut = 0
         self._frames: dict[int, tuple[FramePlace, ...]] = {}
 
-    def read(self, stream: BinaryIO) -> CaptureContent | None:
+    def read(self, stream: BinaryIO) -> Description | None:
         for packet in self._each(stream):
             self._take(packet)
         if not self._ethercat:
@@ -182,7 +144,7 @@ class _Capture:
 
     # -- the end ----------------------------------------------------------------------------------
 
-    def _content(self) -> CaptureContent | None:
+    def _content(self) -> Description | None:
         if self._cuts:
             self._out.add(
                 "FSN152",
@@ -199,7 +161,7 @@ class _Capture:
         self._remarks(stations)
         numbers = {s.number: n for n, s in enumerate(stations)}
         copies, _ = self._cycles.copies()
-        description = Description(
+        return Description(
             span=Span(self._path, 1, 1),
             format="capture",
             path=self._path,
@@ -210,12 +172,6 @@ class _Capture:
                 if pair[0].owner in numbers and pair[1].owner in numbers
             ),
         )
-        windows = [
-            w
-            for n, (station, sub) in enumerate(zip(stations, subs, strict=True))
-            for w in self._windows(n, station, sub)
-        ]
-        return CaptureContent(description=description, windows=tuple(windows))
 
     def _silent(self) -> None:
         rows = [w for w in self._cycles.windows.values() if w.returned]
@@ -266,26 +222,6 @@ class _Capture:
     def _remark(self, message: str, severity: Severity, packet: int = 1) -> None:
         place = Span(self._path, packet, 1)
         self._out.add("FSN153", place, message, hint=_AGAIN, severity=severity)
-
-    def _windows(
-        self, number: int, station: Station, sub: DescribedSubDevice
-    ) -> Iterator[ProcessDataWindow]:
-        for manager in sub.device.layout.managers:
-            start, size = manager.sm.start_byte, manager.size_bytes
-            logical = None if start is None else _logical(station, start, size, manager.sm)
-            if logical is not None and size:
-                seen = any(
-                    w.returned and w.logical <= logical and logical + size <= w.logical + w.length
-                    for w in self._cycles.windows.values()
-                )
-                yield ProcessDataWindow(
-                    subdevice=number,
-                    sm_index=manager.sm.index,
-                    direction=manager.sm.direction,
-                    logical=logical,
-                    size_bytes=size,
-                    seen=seen,
-                )
 
 
 def _logical(station: Station, start: int, size: int, sm: SyncManager) -> int | None:

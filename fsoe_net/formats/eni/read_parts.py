@@ -48,9 +48,7 @@ class Fmmu:
     """
 
     logical: int
-    length: int
     start_bit: int
-    physical: int
     direction: Direction
 
 
@@ -73,7 +71,6 @@ class CyclicCommand:
     length: int
     input_offset: int | None
     output_offset: int | None
-    span: Span
 
     def offset(self, direction: Direction) -> int | None:
         """Return where its data stand in an image, bytes; ``None`` when they do not."""
@@ -87,8 +84,7 @@ class Image:
     """Inputs or outputs as the ENI lists them: ``(first bit, bits)`` of each variable."""
 
     bits: int | None = None
-    variables: dict[tuple[int, int], str] = field(default_factory=dict)
-    span: Span = field(default_factory=lambda: Span(""))
+    variables: set[tuple[int, int]] = field(default_factory=set)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -153,7 +149,6 @@ def _command(cmd: Element, parts: EniParts, out: Collector) -> None:
             length=_length(cmd, out),
             input_offset=xml_number(cmd.first("InputOffs"), out),
             output_offset=xml_number(cmd.first("OutputOffs"), out),
-            span=cmd.span,
         )
     )
 
@@ -195,7 +190,6 @@ def read_image(element: Element, parent: Element, parts: EniParts, out: Collecto
     """Take one ``Variable`` or ``ByteSize`` below ``Inputs`` or ``Outputs``."""
     direction = Direction.INPUT if parent.name == "Inputs" else Direction.OUTPUT
     image = parts.images[direction]
-    image.span = parent.span
     if element.name == "ByteSize":
         size = xml_number(element, out)
         image.bits = None if size is None else 8 * size
@@ -203,5 +197,4 @@ def read_image(element: Element, parent: Element, parts: EniParts, out: Collecto
         offset = xml_number(element.first("BitOffs"), out)
         bits = xml_number(element.first("BitSize"), out)
         if offset is not None and bits is not None:
-            name = element.first("Name")
-            image.variables[(offset, bits)] = "" if name is None else name.words
+            image.variables.add((offset, bits))

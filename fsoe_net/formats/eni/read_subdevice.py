@@ -353,9 +353,7 @@ def _fmmu(data: bytes) -> Fmmu | None:
         return None
     return Fmmu(
         logical=logical,
-        length=length,
         start_bit=start,
-        physical=physical,
         direction=Direction.INPUT if kind == 1 else Direction.OUTPUT,
     )
 

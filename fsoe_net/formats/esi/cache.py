@@ -69,7 +69,6 @@ def keep_catalogue(sha256: str, catalogue: EsiCatalogue) -> None:
     document = {
         "version": _VERSION,
         "sha256": sha256,
-        "vendor": catalogue.vendor,
         "encoding": catalogue.encoding,
         "is_list": catalogue.is_list,
         "references": list(catalogue.references),
@@ -106,9 +105,9 @@ def _from_json(document: Any, sha256: str, size: int) -> EsiCatalogue | None:
         return None
     if document.get("version") != _VERSION or document.get("sha256") != sha256:
         return None
-    vendor, encoding = document.get("vendor"), document.get("encoding")
-    references, rows = document.get("references"), document.get("rows")
-    if not (isinstance(vendor, str) and isinstance(encoding, str) and isinstance(rows, list)):
+    encoding, references = document.get("encoding"), document.get("references")
+    rows = document.get("rows")
+    if not (isinstance(encoding, str) and isinstance(rows, list)):
         return None
     if not isinstance(references, list) or not all(isinstance(r, str) for r in references):
         return None
@@ -117,7 +116,6 @@ def _from_json(document: Any, sha256: str, size: int) -> EsiCatalogue | None:
     if len(whole) != len(rows):
         return None
     return EsiCatalogue(
-        vendor=vendor,
         encoding=encoding,
         is_list=document.get("is_list") is True,
         references=tuple(references),

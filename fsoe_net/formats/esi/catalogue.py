@@ -35,7 +35,7 @@ _INSIDE = {
     "": frozenset({"EtherCATInfo", "EtherCATInfoList"}),
     "EtherCATInfoList": frozenset({"EtherCATInfo"}),
     "EtherCATInfo": frozenset({"Vendor", "Descriptions", "InfoReference"}),
-    "Vendor": frozenset({"Id", "Name"}),
+    "Vendor": frozenset({"Id"}),
     "Descriptions": frozenset({"Devices", "Modules"}),
     "Devices": frozenset({"Device"}),
     "Device": frozenset({"Type", "Name"}),
@@ -80,7 +80,6 @@ class EsiRow:
 class EsiCatalogue:
     """Everything a file describes, in its order. ``encoding`` is that of the pieces."""
 
-    vendor: str
     encoding: str
     is_list: bool
     references: tuple[str, ...]
@@ -222,7 +221,6 @@ class _Scan:
         self._attributes: dict[str, str] = {}
         self._open: _Open | None = None
         self._vendor_id = 0
-        self._vendor = ""
         self._groups = 0
         self._references: list[str] = []
         self._rows: list[EsiRow] = []
@@ -254,7 +252,6 @@ class _Scan:
         except _Stop:
             return None
         return EsiCatalogue(
-            vendor=self._vendor,
             encoding=self.encoding,
             is_list=self._is_list,
             references=tuple(self._references),
@@ -366,8 +363,8 @@ class _Scan:
         text, self._text = shown_name("".join(self._text or ())[:_MAX_TEXT]), None
         if name in ("Device", "Module"):
             self._close()
-        elif name in ("Id", "Name") and self._path[-1] == "Vendor":
-            self._of_vendor(name, text)
+        elif name == "Id" and self._path[-1] == "Vendor":
+            self._of_vendor(text)
         elif name == "InfoReference":
             if len(self._references) < _MAX_REFERENCES:
                 self._references.append(text)
@@ -378,11 +375,7 @@ class _Scan:
             if not self._open.name or (english and not self._open.english):
                 self._open.name, self._open.english = text, english
 
-    def _of_vendor(self, name: str, text: str) -> None:
-        if name == "Name":
-            if not self._vendor or self._attributes.get("LcId", "") == _ENGLISH:
-                self._vendor = text
-            return
+    def _of_vendor(self, text: str) -> None:
         number = esi_number(text)
         if number is None or not 0 <= number <= 0xFFFFFFFF:
             hint = "write it as 2 or #x00000002"

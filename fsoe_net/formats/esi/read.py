@@ -124,9 +124,7 @@ class _File:
 
     def __init__(self, data: bytes, path: str, sha256: str) -> None:
         self.path = path
-        self.catalogue = EsiCatalogue(
-            vendor="", encoding="utf-8", is_list=False, references=(), rows=()
-        )
+        self.catalogue = EsiCatalogue(encoding="utf-8", is_list=False, references=(), rows=())
         self._data = data
         self._sha256 = sha256
         self._modules: dict[tuple[int, int], EsiRow] = {}

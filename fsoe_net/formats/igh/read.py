@@ -204,13 +204,7 @@ def _read_pdos(text: Pasted) -> Description:
         text.good(line)
     _ends_like_pdos(text, subs)
     made = [sub.described(text.shown, truncated=text.truncated and sub is subs[-1]) for sub in subs]
-    return Description(
-        span=Span(text.shown, 1, 1),
-        format="ethercat-pdos",
-        path=text.shown,
-        subdevices=tuple(made),
-        truncated=text.truncated,
-    )
+    return text.described("ethercat-pdos", made)
 
 
 def _start_manager(sub: Building, match: re.Match[str]) -> None:
@@ -330,17 +324,7 @@ def _read_slaves(text: Pasted) -> Description:
             )
         )
         text.good(line)
-    return _listed(text, "ethercat-slaves", rows)
-
-
-def _listed(text: Pasted, kind: str, rows: list[DescribedSubDevice]) -> Description:
-    return Description(
-        span=Span(text.shown, 1, 1),
-        format=kind,
-        path=text.shown,
-        subdevices=tuple(rows),
-        truncated=text.truncated,
-    )
+    return text.described("ethercat-slaves", rows)
 
 
 def _read_slaves_verbose(text: Pasted) -> Description:
@@ -372,7 +356,7 @@ def _read_slaves_verbose(text: Pasted) -> Description:
                 hint="paste the output of `ethercat slaves -v` again, unchanged",
             )
         rows.append(_identity(text, line, position, values, truncated=final and text.truncated))
-    return _listed(text, "ethercat-slaves", rows)
+    return text.described("ethercat-slaves", rows)
 
 
 def _identity(

@@ -77,13 +77,7 @@ def read_config(text: Pasted) -> Description:
     elif configs and configs[-1].open_sdo is not None:
         text.cut(text.lines[-1], "the data of its last SDO are missing")
     rows = [_described(c, text, last=c is configs[-1]) for c in configs]
-    return Description(
-        span=Span(text.shown, 1, 1),
-        format="ethercat-config",
-        path=text.shown,
-        subdevices=tuple(rows),
-        truncated=text.truncated,
-    )
+    return text.described("ethercat-config", rows)
 
 
 def _take(config: _Config, shown: str, line: Line) -> bool:
@@ -244,13 +238,7 @@ def read_domains(text: Pasted) -> Description:
         ends = [int(f.match[5], 16) + f.size for f in fmmus]
         if not fmmus or max(ends) < base + size:
             text.cut(text.lines[-1], f"the sync managers do not fill the {size} bytes")
-    return Description(
-        span=Span(text.shown, 1, 1),
-        format="ethercat-domains",
-        path=text.shown,
-        subdevices=tuple(_grouped(fmmus, text)),
-        truncated=text.truncated,
-    )
+    return text.described("ethercat-domains", _grouped(fmmus, text))
 
 
 def _grouped(fmmus: list[_Fmmu], text: Pasted) -> list[DescribedSubDevice]:

@@ -81,13 +81,7 @@ def read_cstruct(text: Pasted) -> Description:
         what = f"its tables refer to more than {_MOST_ENTRIES} rows"
         text.out.add("FSN103", Span(text.shown, 1, 1), what, hint="is this really a device?")
         rows = []
-    return Description(
-        span=Span(text.shown, 1, 1),
-        format="ethercat-cstruct",
-        path=text.shown,
-        subdevices=tuple(rows),
-        truncated=text.truncated,
-    )
+    return text.described("ethercat-cstruct", rows)
 
 
 _ROWS = {"pdo_entry": _ENTRY, "pdo": _PDO, "sync": _SYNC}

@@ -17,6 +17,7 @@ from fsoe_net.formats.shared.writers import (
     own_words_lost,
     plain_text,
     unique_names,
+    unused,
 )
 from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
@@ -195,9 +196,7 @@ def _entry(entry: Entry, bits: int, pins: set[str]) -> str:
     row = f'idx="{entry.index:04X}" subIdx="{entry.subindex:02X}" bitLen="{bits}"'
     pin = plain_text(entry.name)
     if pin and not entry.is_gap and bits <= 32:
-        own, count = pin, 2
-        while pin in pins:
-            pin, count = f"{own}_{count}", count + 1
+        pin = unused(pin, pins)
         pins.add(pin)
         word = entry.type_name.upper()
         kind = "bit" if bits == 1 else _HAL.get(word, "")

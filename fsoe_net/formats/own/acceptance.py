@@ -15,7 +15,7 @@ from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
 from fsoe_net.formats.shared.numbers import own_int
-from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
+from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
 from fsoe_net.model.acceptance import (
     Acceptance,
     Intervention,
@@ -109,7 +109,7 @@ def _record(root: MapNode, out: Collector) -> Acceptance:
         verifier=_person(_map(root, "verifier"), out),
         findings=tuple(_finding(n, out) for n in root.maps("justified_findings")),
         steps_left_out=tuple(_step(n, out) for n in root.maps("steps_left_out")),
-        equipment=_texts(root, "equipment"),
+        equipment=root.texts("equipment") or (),
         environment=_text(root, "environment"),
         attachments=tuple(_file(n, out) for n in root.maps("attachments")),
         interventions=tuple(_intervention(n, out) for n in root.maps("interventions")),
@@ -119,12 +119,6 @@ def _record(root: MapNode, out: Collector) -> Acceptance:
 
 def _text(node: MapNode, key: str) -> str:
     return node.text(key) or ""
-
-
-def _texts(node: MapNode, key: str) -> tuple[str, ...]:
-    found = node.get(key)
-    items = found.items if isinstance(found, SeqNode) else ()
-    return tuple(item.text for item in items if isinstance(item, ScalarNode))
 
 
 def _stated(node: MapNode, key: str, out: Collector) -> str:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import difflib
-import enum
 import itertools
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,20 +30,11 @@ from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.network import Net, NetworkConfig
-from fsoe_net.model.safety import SafetyFunction
 
 if TYPE_CHECKING:
     from fsoe_net.formats.ros2.urdf import DriverSystem, ModuleDecl
 
-__all__ = ["FileKind", "LoadResult", "load_network"]
-
-
-class FileKind(enum.Enum):
-    """What a file is, found by its content, never by its name."""
-
-    NETWORK = "network YAML"
-    TRANSFERS = "transfer YAML"
-    SLAVE = "slave YAML"
+__all__ = ["LoadResult", "load_network"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +62,10 @@ def load_network(
     for path in dict.fromkeys(os.fspath(p) for p in paths):
         assembly.add(path)
     network = assembly.finish()
+    if network is not None:
+        network = replace(
+            network, sources=tuple(sorted(assembly.out.sources, key=lambda s: s.path))
+        )
     return LoadResult(
         network=network, diagnostics=tuple(sort_diagnostics(assembly.out.diagnostics))
     )
@@ -110,16 +104,16 @@ class _Assembly:
         if root is None:
             return
         kind = self._kind_of(root)
-        if kind is FileKind.NETWORK:
+        if kind == "network":
             if self._network_file is not None:
                 self._refuse_second(path, self._network_file.path)
                 return
             if check_structure(root, "network", self.out):
                 self._network_file = _Yaml(path, root)
-        elif kind is FileKind.TRANSFERS:
+        elif kind == "transfers":
             if check_structure(root, "transfers", self.out):
                 self._transfer_files.append(_Yaml(path, root))
-        elif kind is FileKind.SLAVE:
+        elif kind == "slave":
             self._slaves.append((path, device_from_yaml(root, path, self.out)))
 
     def _add_urdf(self, path: str) -> None:
@@ -144,27 +138,22 @@ class _Assembly:
             hint="check networks one at a time",
         )
 
-    def _kind_of(self, root: MapNode) -> FileKind | None:
-        scores = {
-            kind: len(schema_keys(name) & set(root.pairs))
-            for kind, name in (
-                (FileKind.NETWORK, "network"),
-                (FileKind.TRANSFERS, "transfers"),
-                (FileKind.SLAVE, "slave"),
-            )
-        }
+    def _kind_of(self, root: MapNode) -> str | None:
+        """Return what a file is by its content, never by its name: the name of its schema."""
+        kinds = ("network", "transfers", "slave")
+        scores = {kind: len(schema_keys(kind) & set(root.pairs)) for kind in kinds}
         other = kind_by_keys(root)
         if other in ("acceptance", "answers", "protocol", "scenario"):
             refuse_kind(root, other, "network", "FSN117", self.out)
             return None
         if "subdevices" in root.pairs or "buses" in root.pairs:
-            return FileKind.NETWORK
-        best = max(scores, key=lambda k: (scores[k], k is FileKind.TRANSFERS))
+            return "network"
+        best = max(scores, key=lambda k: (scores[k], k == "transfers"))
         if scores[best]:
             return best
-        words = {"nets": FileKind.TRANSFERS, "subdevices": FileKind.NETWORK}
-        words |= dict.fromkeys(("safety_modules", "transfer_modules"), FileKind.TRANSFERS)
-        words |= dict.fromkeys(("vendor_id", "product_id", "rpdo", "tpdo"), FileKind.SLAVE)
+        words = {"nets": "transfers", "subdevices": "network"}
+        words |= dict.fromkeys(("safety_modules", "transfer_modules"), "transfers")
+        words |= dict.fromkeys(("vendor_id", "product_id", "rpdo", "tpdo"), "slave")
         for key in itertools.islice(root.pairs, MOST_UNKNOWN):
             close = difflib.get_close_matches(key.lower(), words, n=1, cutoff=0.75)
             if close:
@@ -204,21 +193,17 @@ class _Assembly:
         nets = nets_from_yaml(root, self.out, needed=needed)
         for extra in self._transfer_files:
             nets += nets_from_yaml(extra.root, self.out)
-        network = self._network(
+        return NetworkConfig(
             name=root.text("name") or Path(file.path).stem,
             span=root.span,
             fields=root.places(),
             cycle_ns=buses[0].bus.cycle_ns if buses else cycle_from_yaml(root, self.out),
-            subdevices=subs,
+            subdevices=tuple(subs),
             # said once, not of each name again
             partial="subdevices" not in root.pairs and not buses,
             nets=nets,
             safety_functions=safety_functions_from_yaml(root, self.out),
             project=root.text("project") or "",
-        )
-        return replace(
-            network,
-            fields=root.places(),
             buses=tuple(b.bus for b in buses),
             groups=groups_from_yaml(root, self.out),
         )
@@ -303,12 +288,12 @@ class _Assembly:
                 severity=Severity.INFO,
                 hint="fine for a robot without FSoE; else name the transfer YAML",
             )
-        return self._network(
+        return NetworkConfig(
             name=self._systems[0].name or Path(path).stem,
             span=self._systems[0].span,
             fields={key: at for s in reversed(self._systems) for key, at in s.fields.items()},
             cycle_ns=cycle_ns,
-            subdevices=subs,
+            subdevices=tuple(subs),
             nets=nets,
         )
 
@@ -407,17 +392,17 @@ class _Assembly:
                 severity=Severity.INFO,
                 hint="name the URDF or network file too, to check the copies to the bit",
             )
-        return self._network(
+        return NetworkConfig(
             name=Path(first.path).stem,
             span=first.root.span,
             cycle_ns=None,
-            subdevices=subs,
+            subdevices=tuple(subs),
             nets=nets,
             partial=bool(missing),
         )
 
     def _from_slaves(self) -> NetworkConfig:
-        subs = [
+        subs = tuple(
             SubDevice(
                 span=device.span if device else Span(path, 1, 1),
                 name=Path(path).stem,
@@ -425,36 +410,10 @@ class _Assembly:
                 device=device,
             )
             for n, (path, device) in enumerate(self._slaves)
-        ]
-        name = Path(self._slaves[0][0]).stem
-        return self._network(
-            name=name, span=subs[0].span, cycle_ns=None, subdevices=subs, nets=(), partial=True
         )
-
-    def _network(
-        self,
-        *,
-        name: str,
-        span: Span,
-        cycle_ns: int | None,
-        subdevices: Sequence[SubDevice],
-        nets: tuple[Net, ...],
-        safety_functions: tuple[SafetyFunction, ...] = (),
-        project: str = "",
-        fields: Mapping[str, Span] | None = None,
-        partial: bool = False,
-    ) -> NetworkConfig:
+        name = Path(self._slaves[0][0]).stem
         return NetworkConfig(
-            span=span,
-            fields=fields or {},
-            name=name,
-            cycle_ns=cycle_ns,
-            subdevices=tuple(subdevices),
-            nets=nets,
-            safety_functions=safety_functions,
-            project=project,
-            sources=tuple(sorted(self.out.sources, key=lambda s: s.path)),
-            partial=partial,
+            name=name, span=subs[0].span, cycle_ns=None, subdevices=subs, nets=(), partial=True
         )
 
 

@@ -12,7 +12,7 @@ from fsoe_net.diag.printable import printable
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import Reader, own_int, read_int
-from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
+from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.scan import (
     Scan,
     ScannedConnection,
@@ -157,13 +157,13 @@ def _subdevice(node: MapNode, out: Collector) -> ScannedSubDevice:
         al_status=own_int(node, "al_status", _U16, out),
         al=_text(node, "al"),
         al_code=own_int(node, "al_code", _U16, out),
-        mailbox=_texts(node, "mailbox"),
+        mailbox=tuple(map(printable, node.texts("mailbox") or ())),
         dc=_truth(node, "dc"),
         ports=tuple(_port(p, out) for p in node.maps("ports")),
         sms=_list(node, "sms", tuple(_sm(s, out) for s in node.maps("sms"))),
         fsoe=_fsoe(fsoe, out) if isinstance(fsoe, MapNode) else None,
         planned=_text(node, "planned") or None,
-        problems=_texts(node, "problems"),
+        problems=tuple(map(printable, node.texts("problems") or ())),
     )
 
 
@@ -255,10 +255,3 @@ def _truth(node: MapNode, key: str) -> bool | None:
 
 def _text(node: MapNode, key: str) -> str:
     return printable(node.text(key) or "")
-
-
-def _texts(node: MapNode, key: str) -> tuple[str, ...]:
-    items = node.get(key)
-    if not isinstance(items, SeqNode):
-        return ()
-    return tuple(printable(i.text) for i in items.items if isinstance(i, ScalarNode))

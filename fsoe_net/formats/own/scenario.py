@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span, sort_diagnostics
 from fsoe_net.formats.own.scenario_drives import read_drives
-from fsoe_net.formats.own.scenario_steps import step_arguments
+from fsoe_net.formats.own.scenario_steps import with_arguments
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, own_int, read_float, read_int
@@ -109,15 +109,6 @@ def _values(node: MapNode, key: str, out: Collector) -> dict[str, int]:
     return values
 
 
-def _names(node: object, key: str) -> tuple[str, ...] | None:
-    if not isinstance(node, MapNode):
-        return None
-    items = node.get(key)
-    if not isinstance(items, SeqNode):
-        return None
-    return tuple(i.text for i in items.items if isinstance(i, ScalarNode))
-
-
 def _texts(node: Node | None) -> dict[str, str]:
     pairs = node.pairs if isinstance(node, MapNode) else {}
     return {name: item.text for name, item in pairs.items() if isinstance(item, ScalarNode)}
@@ -135,20 +126,16 @@ def _steps(node: MapNode, out: Collector) -> list[ScenarioStep]:
             "this step does nothing",
             hint=f"add one of: {', '.join(a.value for a in Action)}",
         )
-    rows = [(a, step_arguments(node, a, _values(node, a.value, out), out)) for a in actions]
-    return [
+    steps = (
         ScenarioStep(
             span=node.span,
             fields=_deep_places(node, action.value),
             at_ns=round(at_ms * 1e6),
             action=action,
-            target=given.target,
-            other=given.other,
-            number=given.number,
-            values=given.values,
         )
-        for action, given in rows
-    ]
+        for action in actions
+    )
+    return [with_arguments(s, node, _values(node, s.action.value, out), out) for s in steps]
 
 
 def _logic(node: Node | None, out: Collector) -> LogicChoice:
@@ -158,8 +145,8 @@ def _logic(node: Node | None, out: Collector) -> LogicChoice:
     pairs = delays.pairs if isinstance(delays, MapNode) else {}
     times = {name: _time(item, out, what="off_delay_ms") for name, item in pairs.items()}
     return LogicChoice(
-        inputs=_names(node, "inputs"),
-        outputs=_names(node, "outputs"),
+        inputs=node.texts("inputs"),
+        outputs=node.texts("outputs"),
         delays_ns={name: round(ms * 1e6) for name, ms in times.items() if ms is not None},
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import read_float
-from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
+from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode
 from fsoe_net.model.drives import DriveSetup
 
 __all__ = ["read_drives"]
@@ -52,7 +52,7 @@ def _setup(node: MapNode, out: Collector) -> DriveSetup:
         sls_rpm=_speeds(node.get("sls_rpm"), out) or default.sls_rpm,
         sto=node.text("sto"),
         ss1=node.text("ss1"),
-        sls=_names(node.get("sls")),
+        sls=node.texts("sls"),
         sto_is_fault=node.truth("sto_is_fault"),
     )
 
@@ -90,9 +90,3 @@ def _speeds(item: Node | None, out: Collector) -> tuple[float, ...]:
     parts = item.items if isinstance(item, SeqNode) else ()
     found = [_number("sls_rpm", part, out) for part in parts]
     return tuple(value for value in found if value is not None)
-
-
-def _names(item: Node | None) -> tuple[str, ...] | None:
-    if not isinstance(item, SeqNode):
-        return None
-    return tuple(part.text for part in item.items if isinstance(part, ScalarNode))

@@ -19,6 +19,7 @@ from fsoe_net.formats.shared.writers import (
     is_fsoe,
     quoted,
     unique_names,
+    unused,
 )
 from fsoe_net.model.bus import same_devices
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
@@ -187,9 +188,7 @@ class NetworkFiles:
                 continue
             known.add(row.main)
             name = row.net if row.net and row.net not in taken else ""
-            name, count = name or f"{self._names[row.main]}_safety", 2
-            while name in taken:
-                name, count = f"{self._names[row.main]}_safety_{count}", count + 1
+            name = name or unused(f"{self._names[row.main]}_safety", taken)
             taken.add(name)
             groups.append(CopyGroup(name=name, main=row.main, copies=()))
         return tuple(groups)

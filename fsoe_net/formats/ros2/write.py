@@ -2,48 +2,29 @@
 
 from __future__ import annotations
 
-import enum
-
 from fsoe_net.formats.own.write import NetworkFiles
 from fsoe_net.formats.shared.writers import Written, quoted
 from fsoe_net.model.description import Description
 
-__all__ = ["DriverVersion", "write_driver"]
+__all__ = ["write_driver"]
 
 _PLUGIN = "ethercat_generic_plugins/GenericEcSlave"
 
 
-class DriverVersion(enum.Enum):
-    """Versions of ethercat_driver_ros2 that spell the keys of a transfer YAML differently."""
-
-    V2025 = "2025"
-    V2026_06 = "2026-06"
-    V2026_08 = "2026-08"
-    NEWEST = "newest"
-
-    @property
-    def word(self) -> str:
-        """First word of its keys for modules and MainInstance."""
-        return "safety" if self is DriverVersion.V2025 else "transfer"
-
-
 def write_driver(
-    description: Description,
-    *,
-    file: str = "transfers.yaml",
-    version: DriverVersion | str = DriverVersion.NEWEST,
+    description: Description, *, file: str = "transfers.yaml", version: str = "newest"
 ) -> Written:
     """Return a transfer YAML, which declares its modules, with their slave YAMLs.
 
     Args:
         description: What is written.
         file: Name of the transfer YAML.
-        version: Of the driver, or its name.
+        version: Of the driver: that of 2025 spells some keys otherwise.
 
     Raises:
         InputError: A copy begins at no entry, or a device does not fit into a slave YAML.
     """
-    word = DriverVersion(version).word
+    word = "safety" if version == "2025" else "transfer"
     files = NetworkFiles(description)
     lines = [f"{word}_modules:" if description.subdevices else f"{word}_modules: []"]
     for sub, called, place, config in files.rows():

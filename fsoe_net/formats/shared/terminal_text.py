@@ -8,13 +8,14 @@ follows.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.limits import MAX_PASTED_BYTES
 from fsoe_net.formats.shared.source import text_of
+from fsoe_net.model.description import DescribedSubDevice, Description
 
 __all__ = ["Line", "Pasted", "pasted"]
 
@@ -105,6 +106,17 @@ class Pasted:
             line.span if line is not None else Span(self.shown, 1, 1),
             f"the text is cut off: {why}; {where}",
             hint="paste the whole output; what is missing cannot be guessed",
+        )
+
+    def described(self, kind: str, rows: Iterable[DescribedSubDevice]) -> Description:
+        """Return what this text of a kind says of its SubDevices."""
+        subdevices = tuple(rows)
+        return Description(
+            span=Span(self.shown, 1, 1),
+            format=kind,
+            path=self.shown,
+            subdevices=subdevices,
+            truncated=self.truncated,
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.errors import InputError
@@ -24,6 +24,7 @@ __all__ = [
     "plain_text",
     "quoted",
     "unique_names",
+    "unused",
 ]
 
 _MARKS = (0xFEFF, 0xFFFE, 0xFFFF)
@@ -87,33 +88,32 @@ def quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
+def unused(name: str, taken: Container[str]) -> str:
+    """Return a name, with a number behind it when something else is called so already."""
+    number, found = 2, name
+    while found in taken:
+        found = f"{name}_{number}"
+        number += 1
+    return found
+
+
 def unique_names(description: Description) -> tuple[str, ...]:
     """Return a name for each SubDevice: its own, else its order number, else its place."""
-    taken: set[str] = set()
-    names = []
+    names: dict[str, None] = {}
     for number, sub in enumerate(description.subdevices):
         place = number if sub.position is None else sub.position
         own = plain_text(sub.name) or plain_text(sub.order) or f"subdevice_{place}"
-        name, count = own, 2
-        while name in taken:
-            name, count = f"{own}_{count}", count + 1
-        taken.add(name)
-        names.append(name)
+        names[unused(own, names)] = None
     return tuple(names)
 
 
 def identifiers(names: Sequence[str]) -> tuple[str, ...]:
     """Return the names as identifiers of C and names of files: lower case, each only once."""
-    taken: set[str] = set()
-    found = []
+    found: dict[str, None] = {}
     for name in names:
         own = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:48]
         own = own if own and not own[0].isdigit() else f"n{own}" if own else "unnamed"
-        word, count = own, 2
-        while word in taken:
-            word, count = f"{own}_{count}", count + 1
-        taken.add(word)
-        found.append(word)
+        found[unused(own, found)] = None
     return tuple(found)
 
 

@@ -47,18 +47,22 @@ def _span(file: str, place: int) -> Span:
 
 
 @dataclass(slots=True, eq=False)
-class ScalarNode:
-    """A scalar as written. ``plain`` is false for quoted and block scalars."""
-
+class _Placed:
     file: str
     place: int
-    text: str
-    plain: bool
 
     @property
     def span(self) -> Span:
-        """Where it stands."""
+        """Where it starts."""
         return _span(self.file, self.place)
+
+
+@dataclass(slots=True, eq=False)
+class ScalarNode(_Placed):
+    """A scalar as written. ``plain`` is false for quoted and block scalars."""
+
+    text: str
+    plain: bool
 
     @property
     def is_null(self) -> bool:
@@ -67,33 +71,19 @@ class ScalarNode:
 
 
 @dataclass(slots=True, eq=False)
-class SeqNode:
+class SeqNode(_Placed):
     """A list."""
 
-    file: str
-    place: int
     items: list[Node] = field(default_factory=list)
-
-    @property
-    def span(self) -> Span:
-        """Where it starts."""
-        return _span(self.file, self.place)
 
 
 @dataclass(slots=True, eq=False)
-class MapNode:
+class MapNode(_Placed):
     """A map. Keys are scalars; of a key given twice the first counts, as in yaml-cpp."""
 
-    file: str
-    place: int
     pairs: dict[str, Node] = field(default_factory=dict)
     key_places: list[int] = field(default_factory=list)  # in the order of ``pairs``
     _spans: dict[str, Span] | None = None  # of the keys, made on the first request
-
-    @property
-    def span(self) -> Span:
-        """Where it starts."""
-        return _span(self.file, self.place)
 
     @property
     def keys(self) -> dict[str, Span]:
@@ -105,6 +95,13 @@ class MapNode:
             for key, place in reversed(list(islice(newest, count))):
                 known[key] = _span(self.file, place)
         return known
+
+    def texts(self, key: str) -> tuple[str, ...] | None:
+        """Return the scalars of a list, ``None`` where there is no list."""
+        found = self.pairs.get(key)
+        if not isinstance(found, SeqNode):
+            return None
+        return tuple(item.text for item in found.items if isinstance(item, ScalarNode))
 
     def get(self, key: str) -> Node | None:
         """Return a value, or ``None``."""

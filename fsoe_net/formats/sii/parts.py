@@ -17,7 +17,7 @@ from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, Entry, Pdo
 
-__all__ = ["SiiEntry", "SiiGeneral", "SiiPdo", "sii_general", "sii_pdos", "sii_strings"]
+__all__ = ["SiiEntry", "SiiPdo", "sii_general", "sii_pdos", "sii_strings"]
 
 _PDO = struct.Struct("<HBBBBH")
 _ENTRY = struct.Struct("<HBBBBH")
@@ -36,17 +36,6 @@ _TYPES = {
     0x1B: "ULINT",
     **{0x30 + n: f"BIT{n + 1}" for n in range(8)},
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SiiGeneral:
-    """Numbers of strings, and what the mailbox can; see `sii_general`."""
-
-    group: int
-    image: int
-    order: int
-    name: int
-    coe: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,11 +112,9 @@ def _text(raw: bytes) -> str:
     return "".join(c for c in text if c.isprintable()).strip()
 
 
-def sii_general(body: bytes) -> SiiGeneral | None:
-    """Return the category, or ``None`` when it is too short for its names."""
-    if len(body) < 6:
-        return None
-    return SiiGeneral(group=body[0], image=body[1], order=body[2], name=body[3], coe=body[5])
+def sii_general(body: bytes) -> tuple[int, int] | None:
+    """Return the strings of name and order number, ``None`` when it is too short for them."""
+    return (body[3], body[2]) if len(body) >= 6 else None
 
 
 def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:

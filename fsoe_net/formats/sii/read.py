@@ -14,6 +14,8 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass, field
 
+import crcmod
+
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.recognise import beginning
@@ -21,7 +23,7 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.limits import MAX_SII_BYTES
 from fsoe_net.formats.shared.source import Source, source_bytes
 from fsoe_net.formats.sii.hex_text import binary_of, is_hex_text
-from fsoe_net.formats.sii.parts import SiiGeneral, SiiPdo, sii_general, sii_pdos, sii_strings
+from fsoe_net.formats.sii.parts import SiiPdo, sii_general, sii_pdos, sii_strings
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
 from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
 
@@ -45,13 +47,7 @@ _READ_AGAIN = "read it again, e.g. ethercat sii_read -p 0 > image.bin"
 _SM_OUTPUTS, _SM_INPUTS = 3, 4
 
 
-def _crc_of_byte(value: int) -> int:
-    for _ in range(8):
-        value = (value << 1) ^ 0x107 if value & 0x80 else value << 1
-    return value
-
-
-_CRC_TABLE = bytes(_crc_of_byte(value) for value in range(256))
+_crc8 = crcmod.mkCrcFun(0x107, initCrc=0xFF, rev=False, xorOut=0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,13 +81,11 @@ class SiiImage:
     alias: int
     protocols: int = 0
     strings: list[str] = field(default_factory=list)
-    general: SiiGeneral | None = None
-    fmmus: tuple[int, ...] = ()
+    general: tuple[int, int] | None = None
     managers: tuple[SiiManager, ...] = ()
     pdos: list[SiiPdo] = field(default_factory=list)
     assign_activate: tuple[int, ...] = ()
     categories: list[int] = field(default_factory=list)
-    ended: bool = False
     broken: bool = False
 
     def text(self, number: int) -> str:
@@ -100,16 +94,13 @@ class SiiImage:
 
     def names(self) -> tuple[str, str]:
         """Return the name and the order number of the device, as far as they are there."""
-        if self.general is None:
-            return "", ""
-        return self.text(self.general.name), self.text(self.general.order)
+        name, order = self.general or (0, 0)
+        return self.text(name), self.text(order)
 
 
 def sii_checksum(data: bytes) -> int:
     """Return the checksum of the first 14 bytes: CRC-8, polynomial 0x07, begun with 0xFF."""
-    crc = 0xFF
-    for byte in data[:14]:
-        crc = _CRC_TABLE[crc ^ byte]
+    crc: int = _crc8(data[:14])
     return crc
 
 
@@ -237,14 +228,12 @@ def _categories(data: bytes, image: SiiImage, span: Span, out: Collector) -> Non
             return _cut(image, span, out, f"it ends at byte {len(data)} without an end mark")
         kind = int.from_bytes(data[at : at + 2], "little")
         if kind == _END:
-            image.ended = True
             return None
         words = int.from_bytes(data[at + 2 : at + 4], "little")
         if kind == 0 and words == 0:
             if any(data[at:]):
                 _cut(image, span, out, f"the categories end in zeros at byte 0x{at:x}")
-            image.ended = True  # zeros to the end: nothing more was programmed
-            return None
+            return None  # zeros to the end: nothing more was programmed
         begin, end = at + 4, at + 4 + 2 * words
         if end > len(data):
             message = (
@@ -275,8 +264,6 @@ def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out:
     elif kind == _GENERAL:
         image.general = sii_general(body)
         fault = "" if image.general is not None or not body else "it is too short"
-    elif kind == _FMMU:
-        image.fmmus = tuple(body)
     elif kind == _SM:
         image.managers = _sync_managers(body)
         fault = "its length is not a multiple of 8 bytes" if len(body) % 8 else ""

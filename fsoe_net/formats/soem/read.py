@@ -94,15 +94,8 @@ def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> D
         )
         return None
     _complete(slaves, text, mapped=mapped)
-    return Description(
-        span=Span(shown, 1, 1),
-        format="soem-slaveinfo",
-        path=shown,
-        subdevices=tuple(
-            _described(s, shown, truncated=text.truncated and s is slaves[-1]) for s in slaves
-        ),
-        truncated=text.truncated,
-    )
+    rows = [_described(s, shown, truncated=text.truncated and s is slaves[-1]) for s in slaves]
+    return text.described("soem-slaveinfo", rows)
 
 
 def _take(slaves: list[_Slave], line: Line) -> bool:
