@@ -88,6 +88,11 @@ class AtMachine(Located):
             self.outcome or self.measured_ms is not None or self.remark or self.by or self.date
         )
 
+    @property
+    def who(self) -> str:
+        """Who was there, and when; empty until then."""
+        return ", ".join(part for part in (self.by, self.date) if part)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProtocolStep(Located):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,7 +45,6 @@ from fsoe_net.report.inputs import (
     Tried,
 )
 from fsoe_net.report.model import ReportDocument
-from fsoe_net.report.protocol_steps import tried_of
 from fsoe_net.report.self_test_result import SelfTestResult, read_self_test
 from fsoe_net.report.steps_to_repeat import steps_to_repeat
 from fsoe_net.rules.scan import check_scan
@@ -262,7 +261,7 @@ def _tried(path: str, resolution: Resolution, plan: Plan | None) -> tuple[Tried,
     source, protocol, found = read_protocol(path, resolution, plan)
     notes = tuple(f"{d.span.line}: {d.message}" for d in found)
     bad = any(d.level is Severity.ERROR for d in found)
-    return replace(tried_of(source, protocol), notes=notes, fits=not bad), found
+    return Tried(source=source, protocol=protocol, notes=notes, fits=not bad), found
 
 
 def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:

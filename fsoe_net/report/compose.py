@@ -156,8 +156,8 @@ def _machine_verdict(inputs: ReportInputs) -> Verdict:
 def _machine(inputs: ReportInputs) -> tuple[str, bool]:
     """Return what people tried at the machine, and whether all of it went as expected."""
     tried = inputs.tried
-    steps = () if tried is None or not tried.fits else tuple(s for s in tried.steps if s.at_machine)
-    done = [s for s in steps if s.machine]
+    steps = () if tried is None or not tried.fits else tried.protocol.machine_steps
+    done = [s for s in steps if s.machine.outcome is not None]
     failed = sum(s.is_failed for s in done)
     if not done:
         return "NOT TESTED", False

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.model.acceptance import Acceptance, CheckedSignature, JustifiedFinding
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import DeviceEntry, StepKind
+from fsoe_net.model.protocol import Protocol
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
@@ -27,7 +27,6 @@ __all__ = [
     "GivenRecord",
     "ReportInputs",
     "Signatures",
-    "TestStep",
     "Tried",
 ]
 
@@ -81,59 +80,15 @@ class Signatures:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TestStep:
-    """One step of a test protocol. Results are words, empty for none; times in ms.
-
-    Attributes:
-        kind: What it tries.
-        subject: Safety function, connection, SubDevice or class of faults.
-        what: What to do.
-        expected: What shall happen.
-        limit_ms: Longest time allowed.
-        limit_source: Where that comes from.
-        emulated: What came of it on the emulated bus; no evidence for a machine.
-        live: What a running ``fsn-master`` showed.
-        machine: What a person wrote down at the machine.
-        who: Who that was, and when.
-        is_open: Whether it still waits for a person.
-        is_failed: Whether it went otherwise than expected.
-        is_disputed: Whether a person saw what was expected, and a program did not.
-        at_machine: Whether a person tries it at the machine.
-    """
-
-    __test__ = False
-
-    kind: StepKind = StepKind.TRIGGER
-    subject: str = ""
-    what: str
-    expected: str
-    limit_ms: float | None = None
-    limit_source: str = ""
-    emulated: str = ""
-    emulated_ms: float | None = None
-    live: str = ""
-    live_ms: float | None = None
-    machine: str = ""
-    machine_ms: float | None = None
-    who: str = ""
-    is_open: bool = True
-    is_failed: bool = False
-    is_disputed: bool = False
-    at_machine: bool = True
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A test protocol: its file, the plan it was made for, its steps, what was read at devices.
+    """A test protocol and its file.
 
     ``notes``: line and words of what is wrong or unfinished; ``fits``: whether its results can be
     taken for this network.
     """
 
     source: SourceFile
-    plan_sha256: str
-    steps: tuple[TestStep, ...]
-    devices: tuple[DeviceEntry, ...] = ()
+    protocol: Protocol
     notes: tuple[str, ...] = ()
     fits: bool = True
 

@@ -24,9 +24,9 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
-from fsoe_net.model.protocol import StepKind
+from fsoe_net.model.protocol import ProtocolStep, StepKind
 from fsoe_net.model.safety import ElementKind, SafetyFunction, level_words
-from fsoe_net.report.inputs import ReportInputs, TestStep
+from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_quantities import claim_cell, mission_cell, shortest_mission
 from fsoe_net.report.section_tests import by_hand, limit
@@ -162,11 +162,11 @@ def function_test(row: FunctionBudget, inputs: ReportInputs) -> Verdict:
         return Verdict("disputed by a program", Level.OPEN)
     if not steps or any(s.is_open for s in steps):
         return Verdict("NOT TESTED", Level.OPEN)
-    times = ", ".join(f"{s.machine_ms:g} ms" for s in steps if s.machine_ms is not None)
+    times = ", ".join(f"{t:g} ms" for s in steps if (t := s.machine.measured_ms) is not None)
     return Verdict(f"as expected{', ' if times else ''}{times}", Level.CLEAR)
 
 
-def _steps(row: FunctionBudget, inputs: ReportInputs) -> Sequence[TestStep]:
+def _steps(row: FunctionBudget, inputs: ReportInputs) -> Sequence[ProtocolStep]:
     """Return the steps at the machine that are about a function, its connections and SubDevices."""
     tried = inputs.tried
     if tried is None or not tried.fits:
@@ -176,7 +176,7 @@ def _steps(row: FunctionBudget, inputs: ReportInputs) -> Sequence[TestStep]:
         StepKind.START_UP: {c.name for c in (*row.parts.to_input, *row.parts.to_output)},
         StepKind.LOSS: {e.element.sub for e in row.parts.rows},
     }
-    return [s for s in tried.steps if s.subject in subjects.get(s.kind, ())]
+    return [s for s in tried.protocol.steps if s.subject in subjects.get(s.kind, ())]
 
 
 def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
@@ -189,7 +189,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
             cell(s.what, muted(s.expected)),
             limit(s, source),
             by_hand(s, source),
-            cell(s.who) if s.who else BLANK,
+            cell(s.machine.who) if s.machine.who else BLANK,
         )
         for s in steps
         if s.kind is StepKind.TRIGGER
@@ -198,7 +198,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
         same = [s for s in steps if s.kind is kind]
         if same:
             word = f"{kind.value.replace('_', '-')} of {listed([s.subject for s in same])}"
-            who = ", ".join(dict.fromkeys(s.who for s in same if s.who))
+            who = ", ".join(dict.fromkeys(s.machine.who for s in same if s.machine.who))
             rows.append((cell(word), (), cell(_together(same)), cell(who)))
     return Table(
         name=f"tests of {row.function.name}",
@@ -213,7 +213,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
     )
 
 
-def _together(steps: Sequence[TestStep]) -> Verdict:
+def _together(steps: Sequence[ProtocolStep]) -> Verdict:
     """Return how many steps went as expected, or what is against them."""
     failed, left = sum(s.is_failed for s in steps), sum(s.is_open for s in steps)
     of = f"of {counted(len(steps), 'step')}"

@@ -128,7 +128,8 @@ def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[Devi
     resolution, tried = inputs.resolution, inputs.tried
     if resolution is None:
         return []
-    read = {} if tried is None or not tried.fits else {d.subdevice: d for d in tried.devices}
+    devices = () if tried is None or not tried.fits else tried.protocol.devices
+    read = {d.subdevice: d for d in devices}
     names = dict.fromkeys(s.name for s in resolution.network.subdevices)
     blank = {
         name: DeviceEntry(subdevice=name, safety_project_crc="" if name in mains else None)

@@ -23,7 +23,8 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
-from fsoe_net.report.inputs import ReportInputs, TestStep, Tried
+from fsoe_net.model.protocol import AtMachine, ProtocolStep, StepOutcome, StepResult
+from fsoe_net.report.inputs import ReportInputs, Tried
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_evidence import EMULATED, RUN_COLUMNS, plan_sha256, state_words
 from fsoe_net.report.section_identity import files_table
@@ -62,18 +63,19 @@ def tests(inputs: ReportInputs) -> ReportSection:
 def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
     """Return what is open at the machine, what failed or is disputed, and another plan."""
     points = []
-    left = sum(s.is_open for s in tried.steps)
+    protocol = tried.protocol
+    left = len(protocol.open_steps)
     if left:
-        count = sum(s.at_machine for s in tried.steps)
-        words = f"{left} of {counted(count, 'test step')} open at the machine"
+        steps = counted(len(protocol.machine_steps), "test step")
+        words = f"{left} of {steps} open at the machine"
         points.append(Point(PointKind.OPEN, words))
-    failed = [s for s in tried.steps if s.is_failed]
+    failed = protocol.failed_steps
     if failed:
         words = (
             f"{counted(len(failed), 'test step')} did not go as expected, first: {failed[0].what}"
         )
         points.append(Point(PointKind.OPEN, words))
-    disputed = [s for s in tried.steps if s.is_disputed]
+    disputed = protocol.disputed_steps
     if disputed:
         words = (
             f"{counted(len(disputed), 'test step')} went as expected by hand and not by "
@@ -81,7 +83,7 @@ def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
             f"{disputed[0].what}"
         )
         points.append(Point(PointKind.OPEN, words))
-    if tried.plan_sha256 != plan_sha256(inputs):
+    if protocol.plan_sha256 != plan_sha256(inputs):
         words = f"{tried.source.path} was made for another plan"
         points.append(Point(PointKind.OPEN, words))
     return points
@@ -127,12 +129,12 @@ def _checklist(tried: Tried) -> Table:
             cell(s.what),
             cell(s.expected),
             limit(s, source),
-            _result(s.emulated, s.emulated_ms, source),
-            _result(s.live, s.live_ms, source),
+            _result(s.emulated, source),
+            _result(s.live, source),
             by_hand(s, source),
-            cell(s.who) if s.who else BLANK if s.at_machine else (),
+            cell(s.machine.who) if s.machine.who else BLANK if s.kind.at_machine else (),
         )
-        for s in tried.steps
+        for s in tried.protocol.steps
     )
     return Table(
         name="checklist",
@@ -143,27 +145,29 @@ def _checklist(tried: Tried) -> Table:
     )
 
 
-def limit(s: TestStep, source: str) -> Cell:
+def limit(s: ProtocolStep, source: str) -> Cell:
     """Return how long a step may take, in ms, or that nothing limits it."""
     if s.limit_ms is None:
         return cell(muted("no limit"))
     return cell(stated(s.limit_ms, "ms", s.limit_source or source))
 
 
-def by_hand(s: TestStep, source: str) -> Cell:
+def by_hand(s: ProtocolStep, source: str) -> Cell:
     """Return what a person wrote down at the machine, or room to do it."""
-    if not s.at_machine:
+    if not s.kind.at_machine:
         return cell(muted("not tried at the machine"))
-    return _result(s.machine, s.machine_ms, source, failed=s.is_failed) or BLANK
+    return _result(s.machine, source, failed=s.is_failed) or BLANK
 
 
-def _result(word: str, ms: float | None, source: str, *, failed: bool = False) -> Cell:
+def _result(seen: StepResult | AtMachine | None, source: str, *, failed: bool = False) -> Cell:
     items: list[Item] = []
-    if word:
-        failed = failed or word.startswith("not as expected")
+    if seen is not None and seen.outcome is not None:
+        said = "; ".join(text for text in (getattr(seen, "time_is", ""), seen.remark) if text)
+        word = f"{seen.outcome.value}: {said}" if said else seen.outcome.value
+        failed = failed or seen.outcome is StepOutcome.NOT_AS_EXPECTED
         items.append(Verdict(word, Level.ERROR) if failed else Text(word))
-    if ms is not None:
-        items.append(stated(ms, "ms", source))
+    if seen is not None and seen.measured_ms is not None:
+        items.append(stated(seen.measured_ms, "ms", source))
     return tuple(items)
 
 

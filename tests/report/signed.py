@@ -14,7 +14,7 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.formats import render_report
-from fsoe_net.report.protocol_steps import tried_of
+from fsoe_net.report.inputs import Tried
 from fsoe_net.report.sign_off import Grounds, sign_off
 from fsoe_net.report.signed_report import SignedReport, read_signed_report
 from fsoe_net.run.protocol import make_protocol
@@ -86,7 +86,8 @@ def report_with(path: Path = TIMED, **more: object) -> bytes:
     """Return the report in JSON, changed at its top level; it has evidence of the machine."""
     inputs = inputs_of(path)
     assert inputs.resolution is not None
-    tried = tried_of(source("protocol.yaml"), filled(make_protocol(inputs.resolution, b"")))
+    protocol = filled(make_protocol(inputs.resolution, b""))
+    tried = Tried(source=source("protocol.yaml"), protocol=protocol)
     form = json.loads(render_report(replace(inputs, tried=tried), "json"))
     form["points"] = [p for p in form["points"] if not p["text"].startswith("no evidence")]
     return json.dumps({**form, **more}).encode()

@@ -22,7 +22,6 @@ from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.inputs import GivenRecord, ReportInputs, Signatures, Tried
-from fsoe_net.report.protocol_steps import tried_of
 from fsoe_net.report.svg import topology_picture
 from fsoe_net.timing.budget import make_budget
 
@@ -56,7 +55,7 @@ def tried(outcome: StepOutcome | None, kind: StepKind | None = None, **more: obj
         replace(s, machine=machine) if s.kind.at_machine and kind in (None, s.kind) else s
         for s in protocol.steps
     )
-    return tried_of(FILE, replace(protocol, steps=steps))
+    return Tried(source=FILE, protocol=replace(protocol, steps=steps))
 
 
 def test_the_first_table_says_what_by_whom_and_what_was_tried() -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from functools import partial
 from html import escape
 from html.parser import HTMLParser
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import jsonschema
 import pytest
@@ -19,15 +20,21 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.document.model import Number, Table, section_marks
 from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import StepKind
+from fsoe_net.model.protocol import (
+    AtMachine,
+    Protocol,
+    ProtocolStep,
+    StepKind,
+    StepOutcome,
+    StepResult,
+)
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan
 from fsoe_net.report.formats import render_report
-from fsoe_net.report.inputs import Against, GivenPlan, TestStep, Tried
+from fsoe_net.report.inputs import Against, GivenPlan, Tried
 from fsoe_net.report.model import PointKind
-from fsoe_net.report.protocol_steps import tried_of
 
 ROOT = Path(__file__).parents[2]
 SCHEMA = read_schema("report")
@@ -316,54 +323,30 @@ def test_another_plan_is_named_as_such():
         assert told in words(table(document, "identity", "plan file")["rows"][0][2])[0]
 
 
-class Word:
-    def __init__(self, value: str) -> None:
-        self.value = value
-
-
-def seen(word: str | None, ms: float | None = None, by: str = "") -> SimpleNamespace:
-    outcome = None if word is None else Word(word)
-    return SimpleNamespace(outcome=outcome, measured_ms=ms, remark="", by=by, date=by and "1 May")
-
-
 @pytest.mark.shows("R13")
 def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
-    common = {"what": "press ES1", "expected": "K1 opens", "limit_ms": 150.0, "limit_source": "RA"}
-    common["subject"] = "estop"
+    press = partial(
+        ProtocolStep,
+        id="",
+        subject="estop",
+        what="press ES1",
+        expected="K1 opens",
+        limit_ms=150.0,
+        limit_source="RA",
+    )
+    yes, no = StepOutcome.AS_EXPECTED, StepOutcome.NOT_AS_EXPECTED
+    by = {"measured_ms": 80.5, "by": "A. B.", "date": "1 May"}
     steps = (
-        SimpleNamespace(
-            **common,
-            emulated=seen("as expected", 61.0),
-            live=None,
-            machine=seen(None),
-            is_open=True,
-            is_failed=False,
-            is_disputed=False,
-            kind=StepKind.TRIGGER,
-        ),
-        SimpleNamespace(
-            **common,
-            emulated=None,
-            live=None,
-            machine=seen("not as expected", 80.5, "A. B."),
-            is_open=False,
-            is_failed=True,
-            is_disputed=False,
+        press(kind=StepKind.TRIGGER, emulated=StepResult(outcome=yes, measured_ms=61.0)),
+        press(kind=StepKind.LOSS, machine=AtMachine(outcome=no, **by)),
+        press(
             kind=StepKind.LOSS,
-        ),
-        SimpleNamespace(
-            **common,
-            emulated=None,
-            live=SimpleNamespace(**vars(seen("not as expected")), time_is=""),
-            machine=seen("as expected", 80.5, "A. B."),
-            is_open=False,
-            is_failed=False,
-            is_disputed=True,
-            kind=StepKind.LOSS,
+            live=StepResult(outcome=no),
+            machine=AtMachine(outcome=yes, **by),
         ),
     )
-    protocol = SimpleNamespace(plan_sha256="0" * 64, steps=steps, devices=())
-    document = as_json(inputs_of(TIMED, tried=tried_of(FILE, protocol)))
+    protocol = Protocol(network="", plan_sha256="0" * 64, steps=steps)
+    document = as_json(inputs_of(TIMED, tried=Tried(source=FILE, protocol=protocol)))
     shown = table(document, "tests", "checklist")
     assert shown["columns"][3:6] == ["EMULATED", "LIVE, by program", "MACHINE, by hand"]
     one, two, _ = shown["rows"]
@@ -446,7 +429,8 @@ def test_bytes_of_a_narrow_range_are_named_once(tmp_path: Path):
 
 def test_what_stands_against_it_in_a_block_stands_on_the_first_page() -> None:
     source = SourceFile(path="protocol.yaml", sha256="0" * 64)
-    tried = Tried(source=source, plan_sha256="0" * 64, steps=(), fits=False)
+    protocol = Protocol(network="", plan_sha256="0" * 64, steps=())
+    tried = Tried(source=source, protocol=protocol, fits=False)
     document = as_json(inputs_of(TIMED, tried=tried))
     assert document["verdict"]["level"] == "error"
     assert document["verdict"]["word"] == (
@@ -458,31 +442,33 @@ def test_what_stands_against_it_in_a_block_stands_on_the_first_page() -> None:
     ]
 
 
-def _step(**more: object) -> TestStep:
-    return TestStep(what="press e-stop", expected="outputs off", **more)
+def _step(outcome: StepOutcome | None = None, **more: Any) -> ProtocolStep:
+    by = {} if outcome is None else {"by": "A. B.", "date": "1 May"}
+    row = {"kind": StepKind.TRIGGER, "machine": AtMachine(outcome=outcome, **by), **more}
+    return ProtocolStep(id="", subject="", what="press e-stop", expected="outputs off", **row)
+
+
+_YES = StepOutcome.AS_EXPECTED
 
 
 @pytest.mark.parametrize(
     ("steps", "machine"),
     [
         ((), "NOT TESTED"),
-        ((_step(), _step(emulated="as expected")), "NOT TESTED"),
-        (
-            (_step(machine="as expected", is_open=False), _step(), _step(at_machine=False)),
-            "1 of 2 test steps as expected",
-        ),
-        ((_step(machine="no", is_failed=True), _step()), "1 of 2 test steps FAILED"),
+        ((_step(), _step(emulated=StepResult(outcome=_YES))), "NOT TESTED"),
+        ((_step(_YES), _step(), _step(kind=StepKind.FAULT)), "1 of 2 test steps as expected"),
+        ((_step(StepOutcome.NOT_AS_EXPECTED), _step()), "1 of 2 test steps FAILED"),
     ],
 )
 def test_the_verdict_tells_files_machine_and_signature_apart(
-    steps: tuple[TestStep, ...], machine: str
+    steps: tuple[ProtocolStep, ...], machine: str
 ) -> None:
     inputs = inputs_of(TIMED)
     assert inputs.plan is not None
+    sha256 = hashlib.sha256(inputs.plan.to_bytes()).hexdigest()
     tried = Tried(
         source=SourceFile(path="protocol.yaml", sha256="0" * 64),
-        plan_sha256=hashlib.sha256(inputs.plan.to_bytes()).hexdigest(),
-        steps=steps,
+        protocol=Protocol(network="", plan_sha256=sha256, steps=steps),
     )
     verdict = as_json(inputs_of(TIMED, tried=tried))["verdict"]
     assert verdict["word"].endswith(f"machine: {machine} · not signed")

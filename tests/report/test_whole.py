@@ -40,6 +40,14 @@ from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult, Failure, Shown
 from fsoe_net.fsoe.campaign.witness import Collision
 from fsoe_net.model.acceptance import Intervention, JustifiedFinding, JustifiedStep
+from fsoe_net.model.protocol import (
+    AtMachine,
+    Protocol,
+    ProtocolStep,
+    StepKind,
+    StepOutcome,
+    StepResult,
+)
 from fsoe_net.observe.evidence_cycles import SlowCycle
 from fsoe_net.observe.interventions import LogChain, LogFilter
 from fsoe_net.plan.compile import compile_plan
@@ -61,7 +69,7 @@ from fsoe_net.report.diff_types import Change
 from fsoe_net.report.evidence import ask_live, read_evidence
 from fsoe_net.report.incident_document import incident_document
 from fsoe_net.report.incident_facts import facts_json, facts_of
-from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, TestStep, Tried
+from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, Tried
 from fsoe_net.report.intervention_document import (
     check_json,
     log_check_document,
@@ -69,7 +77,6 @@ from fsoe_net.report.intervention_document import (
     selection_json,
 )
 from fsoe_net.report.protocol_document import protocol_document
-from fsoe_net.report.protocol_steps import tried_of
 from fsoe_net.report.section_record import change_log
 from fsoe_net.report.self_test_result import read_self_test, self_test_parts
 from fsoe_net.report.svg import copy_picture, topology_picture
@@ -156,7 +163,7 @@ def with_everything(folder: Path) -> str:
         given=GivenPlan(source=source("p.fsnplan"), plan=plan),
         against=Against(source=source("old.fsnplan"), difference=difference,
                         again=("loss io", "loss io2"), fingerprint=fingerprint_of(before)),
-        tried=tried_of(source("protocol.yaml"), filled(protocol)),
+        tried=Tried(source=source("protocol.yaml"), protocol=filled(protocol)),
         accepted=GivenRecord(source=source("record.yaml"), record=record, fits=True),
     )  # fmt: skip
 
@@ -187,12 +194,16 @@ def of_another_configuration(folder: Path) -> str:
     finally:
         master.close()
     steps = (
-        TestStep(what="press", expected="off", limit_ms=150.0, limit_source="RA", is_failed=True,
-                 machine="not as expected", machine_ms=180.5, who="A. B.", is_open=False),
-        TestStep(what="pull", expected="off", emulated="as expected", emulated_ms=61.0,
-                 live="not as expected", live_ms=70.25, machine="as expected", is_disputed=True),
-        TestStep(what="flip bits", expected="refused", at_machine=False, is_open=False),
-        TestStep(what="wait", expected="on"),
+        ProtocolStep(id="1", kind=StepKind.TRIGGER, subject="", what="press", expected="off",
+                     limit_ms=150.0, limit_source="RA",
+                     machine=AtMachine(outcome=StepOutcome.NOT_AS_EXPECTED, measured_ms=180.5,
+                                       by="A. B.", date="1 May")),
+        ProtocolStep(id="2", kind=StepKind.LOSS, subject="", what="pull", expected="off",
+                     emulated=StepResult(outcome=StepOutcome.AS_EXPECTED, measured_ms=61.0),
+                     live=StepResult(outcome=StepOutcome.NOT_AS_EXPECTED, measured_ms=70.25),
+                     machine=AtMachine(outcome=StepOutcome.AS_EXPECTED, by="C", date="2 May")),
+        ProtocolStep(id="3", kind=StepKind.FAULT, subject="", what="flip bits", expected="refused"),
+        ProtocolStep(id="4", kind=StepKind.START_UP, subject="", what="wait", expected="on"),
     )  # fmt: skip
     own = compile_plan(timed())
     found = fingerprint_of(own)
@@ -207,7 +218,8 @@ def of_another_configuration(folder: Path) -> str:
         against=Against(source=source("same.fsnplan"),
                         difference=compare(side_of_plan(own, "a"), side_of_plan(own, "b")),
                         fingerprint=other),
-        tried=Tried(source=source("protocol.yaml"), plan_sha256="", steps=steps,
+        tried=Tried(source=source("protocol.yaml"),
+                    protocol=Protocol(network="", plan_sha256="", steps=steps),
                     notes=("3: not finished",), fits=False),
         accepted=GivenRecord(source=source("record.yaml"), record=record_of(), fits=False),
     )  # fmt: skip
