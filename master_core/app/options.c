@@ -302,49 +302,26 @@ static int take_time(int id, const char *text, struct options *o) {
 
 /** Options whose text is kept as it is, and those without one. */
 static bool take_plain(int id, const char *text, struct options *o) {
-    switch (id) {
-    case REDUNDANT:
-        o->redundant = text;
-        return true;
-    case SOCKET:
-        o->socket = text;
-        return true;
-    case INCIDENTS:
-        o->incidents = text;
-        return true;
-    case INTERVENTIONS:
-        o->interventions = text;
-        return true;
-    case ACCEPTANCE:
-        o->acceptance = text;
-        return true;
-    case SIGNERS:
-        o->signers = text;
-        return true;
-    case REVOKED:
-        o->revoked = text;
-        return true;
-    case FREE_RUN:
-        o->free_run = true;
-        return true;
-    case TRACE:
-        o->trace = true;
-        return true;
-    case REQUIRE_OBSERVED:
-        o->require_observed = true;
-        return true;
-    case TAKE_OVER:
-        o->take_over = true;
-        return true;
-    case STANDBY:
-        o->standby = true;
-        return true;
-    case SCAN:
-        o->scan = true;
-        return true;
-    default:
-        return false;
+    const char **const texts[HELP] = {
+        [REDUNDANT] = &o->redundant,
+        [SOCKET] = &o->socket,
+        [INCIDENTS] = &o->incidents,
+        [ACCEPTANCE] = &o->acceptance,
+        [INTERVENTIONS] = &o->interventions,
+        [SIGNERS] = &o->signers,
+        [REVOKED] = &o->revoked,
+    };
+    bool *const flags[HELP] = {
+        [FREE_RUN] = &o->free_run,   [TRACE] = &o->trace,
+        [TAKE_OVER] = &o->take_over, [REQUIRE_OBSERVED] = &o->require_observed,
+        [STANDBY] = &o->standby,     [SCAN] = &o->scan,
+    };
+    if (texts[id] != NULL) {
+        *texts[id] = text;
+    } else if (flags[id] != NULL) {
+        *flags[id] = true;
     }
+    return texts[id] != NULL || flags[id] != NULL;
 }
 
 static int take(int id, const char *text, struct options *o) {
