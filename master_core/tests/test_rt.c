@@ -473,10 +473,14 @@ static void pictures_take_turns(void) {
     CHECK(shown.cycles == 2);
 }
 
+static const struct fsn_statistics *shown(void) {
+    static struct fsn_statistics found;
+    (void)fsn_words_take(on.pictures[on.shown.whole % FSN_RT_PICTURES], &found, sizeof found);
+    return &found;
+}
+
 static bool shown_is_all(void) {
-    static struct fsn_statistics shown;
-    (void)fsn_words_take(on.pictures[on.shown.whole % FSN_RT_PICTURES], &shown, sizeof shown);
-    return memcmp(&shown, &on.rt.statistics, sizeof shown) == 0;
+    return memcmp(shown(), &on.rt.statistics, sizeof on.rt.statistics) == 0;
 }
 
 /** A picture shows every time, those of the cycle before as well, however many were counted. */
@@ -514,11 +518,11 @@ static void frames_go_out_first(void) {
     CHECK(on.rt.statistics.cycles == 1 && on.shown.whole == 1);
     atomic_store(&on.rt.show_first, true);
     fsn_rt_cycle(&on.rt, 2, false);
-    CHECK(on.seen == 2 && on.shown_to_all == 2);
+    CHECK(on.seen == 2 && on.shown_to_all == 2 && shown()->cycles == 2);
     CHECK(on.rt.statistics.cycles == 2 && on.shown.whole == 2);
     atomic_store(&on.rt.show_first, false);
     fsn_rt_cycle(&on.rt, 3, false);
-    CHECK(on.seen == 2 && on.shown_to_all == 2);
+    CHECK(on.seen == 2 && on.shown_to_all == 2 && shown()->cycles == 3);
 }
 
 /* -- whom a reset is put down to ------------------------------------------------------------- */
