@@ -45,7 +45,10 @@ def try_protocol(case: str, *networks: Path, tmp: Path, good=lambda _: True):
 
 
 def test_losses_are_asked_for_measured_and_marked(network, tmp_path):
-    seen = try_protocol("whole", network, tmp=tmp_path, good=lambda s: s["code"] == 0)
+    def good(seen):  # nobody has left OP by itself, on a machine that is late
+        return seen["code"] == 0 and "was not in OP" not in seen["file"]
+
+    seen = try_protocol("whole", network, tmp=tmp_path, good=good)
     steps = live_of(seen)
     assert list(steps) == [
         "start-up logic-io",
@@ -55,7 +58,7 @@ def test_losses_are_asked_for_measured_and_marked(network, tmp_path):
         "loss logic",
     ]
     for step in steps.values():
-        assert step["result"] == "as expected"
+        assert step["result"] == "as expected", step["remark"]
         assert step["remark"].startswith(f"{EMULATED_NOTE}: near is no network card (veth)")
     assert 0 < steps["loss logic"]["measured_ms"] < 2 * WATCHDOG_MS
     assert "bus cycle of 10 ms" in steps["loss logic"]["time_is"]

@@ -153,7 +153,7 @@ def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
         sources={k: n.text.strip() for k, n in pairs.items() if isinstance(n, ScalarNode)},
         mappings=tuple(_mapping(row, out) for row in root.maps("mappings")),
         figures=tuple(_figure(row, out) for row in root.maps("figures")),
-        notes=tuple(t.strip() for t in root.texts("notes") or ()),
+        notes=_notes(root),
     )
 
 
@@ -180,7 +180,7 @@ def _mapping(node: MapNode, out: Collector) -> LibraryMapping:
         revision_from=own_int(node, "revision_from", _U32, out),
         revision_to=own_int(node, "revision_to", _U32, out),
         module_ident=own_int(node, "module_ident", _U32, out),
-        notes=tuple(t.strip() for t in node.texts("notes") or ()),
+        notes=_notes(node),
     )
 
 
@@ -254,3 +254,7 @@ def _figure(node: MapNode, out: Collector) -> LibraryFigure:
         value=read_float(node.get("value"), out, what="value") or 0.0,
         source=node.text("source") or "",
     )
+
+
+def _notes(node: MapNode) -> tuple[str, ...]:
+    return tuple(text.strip() for text in node.texts("notes") or ())
