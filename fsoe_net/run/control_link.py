@@ -121,15 +121,15 @@ class ControlLink:
 
     def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
         """Return the events that have come, after waiting for the first one at most ``wait_s``."""
-        return self._come(self._events, wait_s)
+        return self._arrived(self._events, wait_s)
 
     def _wait_cycles(self, wait_s: float) -> tuple[list[dict[str, Any]], int]:
         """Return the watched cycles that have come, and how many this side has dropped."""
-        found = self._come(self._cycles, wait_s)
+        found = self._arrived(self._cycles, wait_s)
         lost, self._cycles_lost = self._cycles_lost, 0
         return found, lost
 
-    def _come(self, kept: deque[dict[str, Any]], wait_s: float) -> list[dict[str, Any]]:
+    def _arrived(self, kept: deque[dict[str, Any]], wait_s: float) -> list[dict[str, Any]]:
         until = time.monotonic() + (0.0 if kept else wait_s)
         try:
             for _ in range(_MAX_EVENTS):  # a flood must not keep the caller

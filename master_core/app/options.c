@@ -217,7 +217,7 @@ enum option_id {
     TRACE,
     SCAN,
     VERSION,
-    HELP,
+    HELP, /* the last one: take_plain counts on it */
 };
 
 static int take_number(int id, const char *text, struct options *o) {

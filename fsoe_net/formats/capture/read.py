@@ -92,7 +92,7 @@ class _Capture:
                 hint = "capture on the network interface of the MainDevice, not on `any`"
                 self._out.add("FSN150", Span(self._path), message, hint=hint)
             return None
-        return self._content()
+        return self._description()
 
     def _each(self, stream: BinaryIO) -> Iterator[bytes]:
         reader = CaptureReader(self._path, stream)
@@ -144,7 +144,7 @@ class _Capture:
 
     # -- the end ----------------------------------------------------------------------------------
 
-    def _content(self) -> Description | None:
+    def _description(self) -> Description | None:
         if self._cuts:
             self._out.add(
                 "FSN152",

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from fsoe_net.formats.own.write import NetworkFiles
 from fsoe_net.formats.shared.writers import Written, quoted
 from fsoe_net.model.description import Description
 
 __all__ = ["write_driver"]
 
+_Version = Literal["2025", "2026-06", "2026-08", "newest"]
 _PLUGIN = "ethercat_generic_plugins/GenericEcSlave"
 
 
 def write_driver(
-    description: Description, *, file: str = "transfers.yaml", version: str = "newest"
+    description: Description, *, file: str = "transfers.yaml", version: _Version = "newest"
 ) -> Written:
     """Return a transfer YAML, which declares its modules, with their slave YAMLs.
 

@@ -113,7 +113,7 @@ def _text(raw: bytes) -> str:
 
 
 def sii_general(body: bytes) -> tuple[int, int] | None:
-    """Return the strings of name and order number, ``None`` when it is too short for them."""
+    """Return the string numbers of name and order number; ``None``: it is too short for them."""
     return (body[3], body[2]) if len(body) >= 6 else None
 
 

@@ -177,8 +177,8 @@ struct fsn_bus_attachment {
 /** A backend. `bus` is its own context.
  *
  *  Freshness: receive() leaves the input bytes of a SubDevice that did not answer as they were,
- *  whole; it never zeroes them, never writes half of them and never writes outputs. The core looks
- *  at the image behind send(), which leaves it as it is. */
+ *  whole; it never zeroes them, never writes half of them and never writes outputs. Nobody
+ *  writes the image from receive() to the next one but the core: it looks at it behind send(). */
 struct fsn_bus_ops {
     const char *name;
     /** Fills the layout. A live bus has found and checked its SubDevices then, and they are in

@@ -122,7 +122,8 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_create(const struct fsn_plan *plan,
 /** Stops the thread if it runs and frees the core; NULL is allowed. Context: set-up. */
 FSN_API void fsn_core_free(struct fsn_core *core);
 
-/** Runs one bus cycle: receive, copies, application outputs, send; then counts and monitor.
+/** Runs one bus cycle: receive, copies, application outputs, send; then counts and monitor, which
+ *  come before send where fsn_core_show_first() is set.
  *  @param[in] now_ns  monotonic start of the cycle, nanoseconds; any clock, never decreasing.
  *  @retval FSN_E_ARG    no core.
  *  @retval FSN_E_STATE  the thread runs; no byte was moved.

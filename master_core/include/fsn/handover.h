@@ -21,8 +21,8 @@ FSN_API size_t fsn_core_room_bytes(const struct fsn_core *core);
 FSN_API FSN_MUST_USE fsn_status fsn_core_share(struct fsn_core *core, void *room);
 
 /** Whether each cycle is shown before its frames go out, not after: while somebody follows, who
- * would else repeat older outputs where the process ends between the two. Costs the time of a copy
- * of the image before each send. NULL is allowed.   Context: any thread. */
+ * would else repeat older outputs where the process ends between the two. Then the frames wait for
+ * counts, monitor and a copy of the image. NULL is allowed.   Context: any thread. */
 FSN_API void fsn_core_show_first(struct fsn_core *core, bool first);
 
 /** How often the core that owns a room has shown a cycle; it stands still when the cycle does.

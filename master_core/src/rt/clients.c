@@ -1,6 +1,9 @@
+#define _POSIX_C_SOURCE 200809L
+
 #include "rt/clients.h"
 
 #include "rt/bytes.h"
+#include "rt/clock.h"
 #include "rt/rt.h"
 #include "rt/words.h"
 
@@ -81,17 +84,18 @@ static uint64_t next_ns(const struct fsn_rt *rt) {
     return rt->statistics.now_ns - rt->late_ns + (rt->left_out + 1) * rt->cycle_ns - steered_ns;
 }
 
-void fsn_rt_clients_show(struct fsn_rt *rt, uint64_t work_ns) {
+void fsn_rt_clients_show(struct fsn_rt *rt, bool timed) {
     const struct fsn_statistics *s = &rt->statistics;
     if (atomic_load_explicit(&rt->clients.present, memory_order_acquire) == 0) {
         return;
     }
+    const uint64_t shown_ns = timed ? fsn_clock_ns(CLOCK_MONOTONIC) - s->now_ns : 0;
     struct fsn_shared_inputs *inputs = rt->clients.inputs;
     const struct fsn_shared_cycle cycle = {.cycle = s->cycles,
                                            .now_ns = s->now_ns,
                                            .next_ns = next_ns(rt),
                                            .dc_time_ns = s->dc_time_ns,
-                                           .work_ns = work_ns,
+                                           .shown_ns = shown_ns,
                                            .overruns = s->overruns,
                                            .expected_wkc = s->expected_wkc,
                                            .actual_wkc = s->actual_wkc};

@@ -34,6 +34,6 @@ struct fsn_rt;
 void fsn_rt_clients_write(struct fsn_rt *rt);
 
 /** Shows the cycle to the clients, when there are any. */
-void fsn_rt_clients_show(struct fsn_rt *rt, uint64_t work_ns);
+void fsn_rt_clients_show(struct fsn_rt *rt, bool timed);
 
 #endif

@@ -121,7 +121,7 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
         fsn_rt_publish(rt);
     }
     fsn_rt_record(rt, work_ns);
-    fsn_rt_clients_show(rt, work_ns);
+    fsn_rt_clients_show(rt, timed);
 }
 
 /** Distance of a DC time from where frames shall come, so long before a multiple of the cycle, half

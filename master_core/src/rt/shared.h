@@ -46,7 +46,7 @@ struct fsn_shared_cycle {
     uint64_t now_ns;     /**< its start, monotonic */
     uint64_t next_ns;    /**< earliest start of the next one */
     uint64_t dc_time_ns; /**< DC reference clock as last seen; 0 without one */
-    uint64_t work_ns;    /**< from its start until its frames were sent; 0 where it is not known */
+    uint64_t shown_ns;   /**< from its start until it was shown; 0 where it is not known */
     uint64_t overruns;   /**< cycles left out so far */
     uint32_t expected_wkc, actual_wkc;
 };
