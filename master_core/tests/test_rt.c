@@ -525,6 +525,28 @@ static void frames_go_out_first(void) {
     CHECK(on.seen == 2 && on.shown_to_all == 2 && shown()->cycles == 3);
 }
 
+/** A client sleeps until a cycle is shown to it, not only sent; in virtual time nobody knows when.
+ */
+static void clients_learn_when_a_cycle_is_shown(void) {
+    enum { WORDS = sizeof(struct fsn_shared_cycle) / 8 + 1 };
+    static struct fsn_shared_inputs inputs;
+    static _Atomic uint64_t pictures[FSN_SHARED_PICTURES * WORDS];
+    struct fsn_shared_cycle cycle;
+    set_up(3);
+    wall.tick_ns = TICK_NS;
+    inputs.picture_words = WORDS;
+    on.rt.clients.inputs = &inputs;
+    on.rt.clients.pictures = pictures;
+    on.rt.clients.present = 1;
+    for (uint32_t n = 1; n <= 2; n++) {
+        fsn_rt_cycle(&on.rt, START_NS, n == 1);
+        (void)fsn_words_take(pictures + (size_t)n * WORDS, &cycle, sizeof cycle);
+        CHECK(inputs.shown.whole == n && cycle.cycle == n);
+        /* The clock is read around the copies, behind sending, and for the client. */
+        CHECK(cycle.shown_ns == (n == 1 ? 3 * TICK_NS : 0));
+    }
+}
+
 /* -- whom a reset is put down to ------------------------------------------------------------- */
 
 static struct {
@@ -697,6 +719,7 @@ int main(void) {
     pictures_take_turns();
     each_picture_shows_all_times();
     frames_go_out_first();
+    clients_learn_when_a_cycle_is_shown();
     a_reset_is_put_down_to_its_end();
     parameters_are_compared_with_the_plan();
     silence_begins_after_its_time();
