@@ -29,7 +29,7 @@ from fsoe_net.model.safety import ElementKind, SafetyFunction, level_words
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_quantities import claim_cell, mission_cell, shortest_mission
-from fsoe_net.report.section_tests import by_hand, limit
+from fsoe_net.report.section_tests import by_hand, limit, who
 from fsoe_net.report.section_timing import JUDGED, quantity_cell, upper_bound
 from fsoe_net.timing.claims import LevelClaim
 from fsoe_net.timing.reaction import FunctionBudget
@@ -189,7 +189,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
             cell(s.what, muted(s.expected)),
             limit(s, source),
             by_hand(s, source),
-            cell(s.machine.who) if s.machine.who else BLANK,
+            who(s),
         )
         for s in steps
         if s.kind is StepKind.TRIGGER
@@ -198,8 +198,8 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
         same = [s for s in steps if s.kind is kind]
         if same:
             word = f"{kind.value.replace('_', '-')} of {listed([s.subject for s in same])}"
-            who = ", ".join(dict.fromkeys(s.machine.who for s in same if s.machine.who))
-            rows.append((cell(word), (), cell(_together(same)), cell(who)))
+            people = ", ".join(dict.fromkeys(s.machine.who for s in same if s.machine.who))
+            rows.append((cell(word), (), cell(_together(same)), cell(people)))
     return Table(
         name=f"tests of {row.function.name}",
         columns=(

@@ -32,7 +32,7 @@ from fsoe_net.report.section_identity import files_table
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run
 
-__all__ = ["by_hand", "limit", "tests"]
+__all__ = ["by_hand", "limit", "tests", "who"]
 
 
 def tests(inputs: ReportInputs) -> ReportSection:
@@ -132,7 +132,7 @@ def _checklist(tried: Tried) -> Table:
             _result(s.emulated, source),
             _result(s.live, source),
             by_hand(s, source),
-            cell(s.machine.who) if s.machine.who else BLANK if s.kind.at_machine else (),
+            who(s),
         )
         for s in tried.protocol.steps
     )
@@ -157,6 +157,13 @@ def by_hand(s: ProtocolStep, source: str) -> Cell:
     if not s.kind.at_machine:
         return cell(muted("not tried at the machine"))
     return _result(s.machine, source, failed=s.is_failed) or BLANK
+
+
+def who(s: ProtocolStep) -> Cell:
+    """Return who tried it at the machine and when, or room to write it down."""
+    if s.machine.who:
+        return cell(s.machine.who)
+    return BLANK if s.kind.at_machine else ()
 
 
 def _result(seen: StepResult | AtMachine | None, source: str, *, failed: bool = False) -> Cell:
