@@ -363,6 +363,16 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
     assert "The checklist is empty" in json.dumps(block(empty, "tests"))
 
 
+def test_a_step_that_took_too_long_is_an_error_whatever_was_ticked():
+    machine = AtMachine(outcome=_YES, measured_ms=180.5, by="A. B.", date="1 May")
+    steps = (_step(machine=machine, limit_ms=150.0), _step(machine=machine, limit_ms=200.0))
+    protocol = Protocol(network="", plan_sha256="0" * 64, steps=steps)
+    document = as_json(inputs_of(TIMED, tried=Tried(source=FILE, protocol=protocol)))
+    late, timely = (row[5][0] for row in table(document, "tests", "checklist")["rows"])
+    assert (late["word"], late["level"]) == ("as expected", "error")
+    assert "level" not in timely
+
+
 def test_a_scenario_that_could_not_run_is_named():
     document = as_json(inputs_of(TIMED, scenario="s.yaml"))
     assert "s.yaml was not run" in json.dumps(block(document, "tests"))
