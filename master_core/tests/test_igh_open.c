@@ -20,6 +20,9 @@ static void options_are_checked(void) {
     const struct fsn_live_options ring = {.interface = "0", .redundant = "eth1"};
     CHECK(fsn_backend_igh()->create(&ring, &bus, &fault) == FSN_E_ARG);
     CHECK(strstr(fault.rule, "backup_devices") != NULL);
+    const struct fsn_live_options host = {.interface = "0", .dc_host = true};
+    CHECK(fsn_backend_igh()->create(&host, &bus, &fault) == FSN_E_ARG && bus == NULL);
+    CHECK(strstr(fault.rule, "--dc-clock bus") != NULL);
     CHECK(fsn_backend_igh()->create(NULL, &bus, NULL) == FSN_E_ARG);
     CHECK(strstr(fsn_backend_igh()->about, "trademark") != NULL);
 }

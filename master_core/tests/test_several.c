@@ -11,7 +11,7 @@
 #include "fsn/fsn.h"
 #include "heap.h"
 
-enum { FRAME = 31, SM_BYTES = 62, LEAD_NS = 1000000 };
+enum { FRAME = 31, SM_BYTES = 62, LEAD_NS = 1000000, NO_CPU = 100000 };
 
 /* SubDevices 0 and 1 on the first bus, 2 and 3 on the second. One connection on each, one across,
  * and 8 bytes of standard data back across. */
@@ -384,6 +384,15 @@ static void frames_cross_whole(void) {
     }
     const struct fsn_thread_options options = {.cycle_ns = 100000};
     CHECK(fsn_several_create(NULL, members, &options, &several) == FSN_E_ARG);
+    CHECK(fsn_several_create(plan, NULL, &options, &several) == FSN_E_ARG);
+    CHECK(fsn_several_create(plan, members, &options, NULL) == FSN_E_ARG);
+    /* A thread that cannot be had: the bus that was to have it is named, and nothing is open. */
+    const struct fsn_thread_options nowhere = {.cpu = NO_CPU};
+    struct fsn_fault fault;
+    CHECK(fsn_several_create(plan, members, &nowhere, &several) == FSN_OK);
+    CHECK(fsn_core_create(plan, fsn_several_ops(several), several, &core, &fault) != FSN_OK);
+    CHECK(core == NULL && strcmp(fault.detail, "bus t") == 0);
+    fsn_several_free(several);
     CHECK(fsn_several_create(plan, members, &options, &several) == FSN_OK);
     CHECK(fsn_core_create(plan, fsn_several_ops(several), several, &core, NULL) == FSN_OK);
     CHECK(fsn_core_start(core, &options, NULL) == FSN_OK);
@@ -421,8 +430,10 @@ static fsn_status refuse_open(void *bus, const struct fsn_plan *plan, struct fsn
                               struct fsn_fault *fault) {
     (void)plan;
     (void)layout;
-    *fault = *(struct fsn_fault *)bus;
-    return fault->status;
+    if (fault != NULL) {
+        *fault = *(struct fsn_fault *)bus;
+    }
+    return ((const struct fsn_fault *)bus)->status;
 }
 
 static void no_receive(void *bus, struct fsn_bus_input *input) {
@@ -462,6 +473,8 @@ static void a_refusal_names_the_bus(void) {
     why = (struct fsn_fault){.status = FSN_E_SYS, .copy_index = FSN_FAULT_NO_RECORD};
     CHECK(fsn_core_create(plan, fsn_several_ops(several), several, &core, &fault) == FSN_E_SYS);
     CHECK(fault.copy_index == FSN_FAULT_NO_RECORD);
+    struct fsn_bus_layout layout;
+    CHECK(fsn_several_ops(several)->open(several, plan, &layout, NULL) == FSN_E_SYS);
     struct fsn_plan *other = two_buses(LEAD_NS);
     CHECK(fsn_core_create(other, fsn_several_ops(several), several, &core, NULL) == FSN_E_ARG);
     fsn_plan_free(other);
@@ -479,7 +492,8 @@ struct scripted {
     uint32_t number, members; /**< on the ring; more than the plan has */
     uint8_t asked_state;
     bool there;
-    char called[64]; /**< the last call, with its arguments as this bus got them */
+    struct fsn_bus_clocks clocks; /**< in use unless they are FSN_CLOCKS_UNKNOWN */
+    char called[64];              /**< the last call, with its arguments as this bus got them */
 };
 
 static struct scripted buses_said[2];
@@ -513,6 +527,11 @@ static bool scripted_poll(void *bus, uint8_t al_state, uint64_t now_ns) {
 static fsn_status scripted_state(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen) {
     seen->vendor_id = 100 * ((struct scripted *)bus)->number + subdevice;
     return FSN_OK;
+}
+
+static bool scripted_clocks(void *bus, struct fsn_bus_clocks *clocks) {
+    *clocks = ((struct scripted *)bus)->clocks;
+    return clocks->state != FSN_CLOCKS_UNKNOWN;
 }
 
 static uint32_t scripted_count(void *bus) {
@@ -578,25 +597,47 @@ static const struct fsn_bus_ops scripted_ops = {.name = "scripted",
                                                 .close = scripted_close,
                                                 .poll = scripted_poll,
                                                 .state = scripted_state,
+                                                .clocks = scripted_clocks,
                                                 .acyclic = &scripted_acyclic};
+
+struct said {
+    struct fsn_plan *plan, *part[2];
+    struct fsn_several *several;
+    struct fsn_core *core;
+};
+
+static struct said open_scripted(const struct fsn_bus_ops *ops) {
+    struct said said = {.plan = two_buses(LEAD_NS)};
+    struct fsn_several_member members[2];
+    for (uint32_t n = 0; n < 2; n++) {
+        buses_said[n] = (struct scripted){.number = n, .members = 3, .there = true};
+        CHECK(fsn_plan_part(said.plan, n, &said.part[n]) == FSN_OK);
+        CHECK(fsn_emulated_create(said.part[n], &buses_said[n].bus) == FSN_OK);
+        members[n] = (struct fsn_several_member){ops, &buses_said[n], said.part[n]};
+    }
+    CHECK(fsn_several_create(said.plan, members, NULL, &said.several) == FSN_OK);
+    CHECK(strcmp(fsn_several_ops(said.several)->name, ops->name) == 0);
+    CHECK(fsn_core_create(said.plan, fsn_several_ops(said.several), said.several, &said.core,
+                          NULL) == FSN_OK);
+    return said;
+}
+
+static void close_scripted(struct said *said) {
+    fsn_core_free(said->core);
+    fsn_several_free(said->several);
+    for (uint32_t n = 0; n < 2; n++) {
+        fsn_emulated_free(buses_said[n].bus);
+        fsn_plan_free(said->part[n]);
+    }
+    fsn_plan_free(said->plan);
+}
 
 /** Whatever is asked beside the cycle reaches the bus that has it, with the numbers of that bus. */
 static void each_bus_answers_for_its_own(void) {
-    struct fsn_plan *plan = two_buses(LEAD_NS);
-    struct fsn_several_member members[2];
-    struct fsn_plan *part[2];
-    struct fsn_several *several;
-    struct fsn_core *core;
-    for (uint32_t n = 0; n < 2; n++) {
-        buses_said[n] = (struct scripted){.number = n, .members = 3, .there = true};
-        CHECK(fsn_plan_part(plan, n, &part[n]) == FSN_OK);
-        CHECK(fsn_emulated_create(part[n], &buses_said[n].bus) == FSN_OK);
-        members[n] = (struct fsn_several_member){&scripted_ops, &buses_said[n], part[n]};
-    }
-    CHECK(fsn_several_create(plan, members, NULL, &several) == FSN_OK);
+    struct said said = open_scripted(&scripted_ops);
+    struct fsn_several *several = said.several;
+    struct fsn_core *core = said.core;
     const struct fsn_bus_ops *ops = fsn_several_ops(several);
-    CHECK(strcmp(ops->name, "scripted") == 0);
-    CHECK(fsn_core_create(plan, ops, several, &core, NULL) == FSN_OK);
 
     CHECK(fsn_core_poll(core, FSN_AL_OP, 77));
     CHECK(buses_said[0].asked_state == FSN_AL_OP && buses_said[1].asked_state == FSN_AL_OP);
@@ -639,13 +680,46 @@ static void each_bus_answers_for_its_own(void) {
     CHECK(fsn_core_bus(core, 0, &first) == FSN_OK && fsn_core_bus(core, 1, &second) == FSN_OK);
     CHECK(first.lost_frames == 2 && second.lost_frames == 4 && all.lost_frames == 6);
     CHECK(all.unsent_frames == 4 && all.send_errno == 5);
-    fsn_core_free(core);
-    fsn_several_free(several);
-    for (uint32_t n = 0; n < 2; n++) {
-        fsn_emulated_free(buses_said[n].bus);
-        fsn_plan_free(part[n]);
+    close_scripted(&said);
+}
+
+/** Clocks that are apart are told, whichever bus they are of; else those of the first that has any.
+ */
+static void clocks_that_are_apart_come_first(void) {
+    enum { NONE = FSN_CLOCKS_UNKNOWN, SAME = FSN_CLOCKS_SYNCHRONOUS, APART = FSN_CLOCKS_APART };
+    static const struct {
+        uint8_t first, second;
+        uint32_t told; /**< 1 or 2, 0: none */
+    } cases[] = {{NONE, NONE, 0},  {SAME, NONE, 1},  {NONE, SAME, 2},  {SAME, SAME, 1},
+                 {SAME, APART, 2}, {APART, SAME, 1}, {APART, NONE, 1}, {NONE, APART, 2}};
+    struct said said = open_scripted(&scripted_ops);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        struct fsn_bus_clocks told = {0};
+        buses_said[0].clocks = (struct fsn_bus_clocks){.state = cases[i].first, .worst_ns = 1};
+        buses_said[1].clocks = (struct fsn_bus_clocks){.state = cases[i].second, .worst_ns = 2};
+        const fsn_status status = fsn_core_clocks(said.core, &told);
+        CHECK((status == FSN_OK) == (cases[i].told != 0) && told.worst_ns == cases[i].told);
     }
-    fsn_plan_free(plan);
+    close_scripted(&said);
+}
+
+/** Nothing is offered that the buses cannot do. */
+static void what_a_bus_cannot_do_is_not_offered(void) {
+    static const struct fsn_bus_acyclic bare = {.count = scripted_count, .place = scripted_place};
+    struct fsn_bus_ops ops = scripted_ops;
+    ops.acyclic = &bare;
+    ops.clocks = NULL;
+    struct said said = open_scripted(&ops);
+    const struct fsn_bus_acyclic *offered = fsn_several_ops(said.several)->acyclic;
+    CHECK(offered->count(said.several) == 6 && offered->place(said.several, 1) == 2);
+    CHECK(offered->member == NULL && offered->upload == NULL && offered->download == NULL);
+    CHECK(offered->sii_read == NULL && offered->sii_write == NULL && offered->pdo == NULL);
+    struct fsn_bus_clocks clocks;
+    uint8_t byte;
+    struct fsn_transfer transfer = {.index = 9, .data = &byte, .size_bytes = 1};
+    CHECK(fsn_core_clocks(said.core, &clocks) != FSN_OK);
+    CHECK(fsn_core_upload(said.core, 3, &transfer) != FSN_OK);
+    close_scripted(&said);
 }
 
 #ifdef FSN_TEST_HEAP
@@ -685,6 +759,8 @@ int main(void) {
     a_lost_bus_takes_its_own_with_it();
     a_refusal_names_the_bus();
     each_bus_answers_for_its_own();
+    clocks_that_are_apart_come_first();
+    what_a_bus_cannot_do_is_not_offered();
 #ifdef FSN_TEST_HEAP
     memory_may_run_out();
 #endif

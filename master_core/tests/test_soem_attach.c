@@ -5,11 +5,12 @@
 #include <string.h>
 
 #include "fsn/handover.h"
+#include "plan/plan_internal.h"
 #include "soem_rig.h"
 
-enum { SKIPPED = 77 };
+enum { SKIPPED = 77, PRODUCT = 12 /**< of a SubDevice's record */ };
 
-/** Attaches with a plan, twenty times at most where frames were late, and lets go. */
+/** Attaches with a plan, looks at all SubDevices, and lets go. */
 static fsn_status attach(const struct fsn_plan *plan, const struct fsn_bus_attachment *attachment,
                          const char *second, struct fsn_fault *fault) {
     const struct fsn_live_options options = {
@@ -38,13 +39,16 @@ static struct fsn_bus_attachment describe(struct rig *rig) {
     return attachment;
 }
 
-/** Attaches until it goes as wanted. A busy machine may stop the cycle for longer than a SubDevice
- *  stays in OP: where all shall be there, who has left is brought back. */
-static void until(struct rig *rig, const struct fsn_bus_attachment *attachment, fsn_status wanted) {
+/** Attaches until it goes as wanted. A busy machine may lose frames, or stop the cycle for longer
+ *  than a SubDevice stays in OP: where all shall be there, who has left is brought back. */
+static void until(struct rig *rig, const struct fsn_plan *plan,
+                  const struct fsn_bus_attachment *attachment, fsn_status wanted,
+                  const char *detail) {
     const uint64_t end = now_ns() + PATIENCE_MS * UINT64_C(1000000);
-    while (attach(rig->plan, attachment, NULL, &rig->fault) != wanted) {
+    while (attach(plan, attachment, NULL, &rig->fault) != wanted ||
+           (wanted != FSN_OK && strstr(rig->fault.detail, detail) == NULL)) {
         CHECK(now_ns() < end);
-        if (wanted == FSN_OK) {
+        if (wanted == FSN_OK || plan != rig->plan) {
             fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
         }
     }
@@ -54,8 +58,8 @@ static void until(struct rig *rig, const struct fsn_bus_attachment *attachment, 
 static void a_successor_looks_and_leaves(void) {
     struct rig *rig = bring_up();
     const struct fsn_bus_attachment attachment = describe(rig);
-    until(rig, &attachment, FSN_OK);
-    until(rig, &attachment, FSN_OK);
+    until(rig, rig->plan, &attachment, FSN_OK, NULL);
+    until(rig, rig->plan, &attachment, FSN_OK, NULL);
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
         CHECK(look(rig, n).returns == 0 || lateness(rig) > 0);
     }
@@ -66,27 +70,46 @@ static void a_successor_looks_and_leaves(void) {
     tear_down(rig);
 }
 
-static struct fsn_plan *plan_with(uint16_t input_bytes) {
-    const struct build_sm sms[SUBDEVICES][2] = {{{FSN_OUTPUT, 18}, {FSN_INPUT, 18}},
-                                                {{FSN_OUTPUT, 6}, {FSN_INPUT, input_bytes}},
-                                                {{FSN_OUTPUT, 6}, {FSN_INPUT, 6}},
-                                                {{FSN_OUTPUT, 8}, {FSN_INPUT, 6}}};
-    const struct build b = {.subdevices = SUBDEVICES, .sm = sms, .cycle_ns = 1000000};
+/** How a plan of the running bus differs, and how attaching with it is refused. */
+struct difference {
+    uint32_t subdevices;
+    uint16_t input_bytes;
+    uint8_t product; /**< of SubDevice 1 */
+    fsn_status status;
+    const char *detail;
+};
+
+static void a_plan_is_refused(struct rig *rig, const struct fsn_bus_attachment *attachment,
+                              const struct difference *other) {
+    const struct build_sm sms[SUBDEVICES + 1][2] = {
+        {{FSN_OUTPUT, 18}, {FSN_INPUT, 18}},
+        {{FSN_OUTPUT, 6}, {FSN_INPUT, other->input_bytes}},
+        {{FSN_OUTPUT, 6}, {FSN_INPUT, 6}},
+        {{FSN_OUTPUT, 8}, {FSN_INPUT, 6}},
+        {{FSN_OUTPUT, 6}, {FSN_INPUT, 6}}};
+    const struct build b = {.subdevices = other->subdevices, .sm = sms, .cycle_ns = 1000000};
     size_t len;
     uint8_t *bytes = build_plan(&b, &len);
     struct fsn_plan *plan;
     CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    plan->bytes[plan->offset[FSN_SEC_SUBDEVICE] + fsn_record_bytes[FSN_SEC_SUBDEVICE] + PRODUCT] =
+        other->product;
+    until(rig, plan, attachment, other->status, other->detail);
+    fsn_plan_free(plan);
     free(bytes);
-    return plan;
 }
 
 static void what_differs_is_refused(void) {
     struct rig *rig = bring_up();
     struct fsn_bus_attachment attachment = describe(rig);
-    struct fsn_plan *other = plan_with(9);
-    CHECK(attach(other, &attachment, NULL, &rig->fault) == FSN_E_BUS_MAPPING);
-    CHECK(strstr(rig->fault.detail, "not those of this plan") != NULL);
-    fsn_plan_free(other);
+    static const struct difference others[] = {
+        {SUBDEVICES, 9, 0x01, FSN_E_BUS_MAPPING, "not those of this plan"},
+        {SUBDEVICES + 1, 7, 0x01, FSN_E_BUS_MISSING, "the running bus has 4 SubDevices"},
+        {SUBDEVICES, 7, 0x77, FSN_E_BUS_IDENTITY, "found vendor"},
+    };
+    for (size_t i = 0; i < sizeof others / sizeof others[0]; i++) {
+        a_plan_is_refused(rig, &attachment, &others[i]);
+    }
     CHECK(attach(rig->plan, &attachment, "near2", &rig->fault) == FSN_E_STATE);
     CHECK(strstr(rig->fault.rule, "--redundant") != NULL);
     attachment.len_bytes--;
@@ -100,16 +123,15 @@ static void what_differs_is_refused(void) {
     /* Somebody is away, or not in OP. */
     attachment = describe(rig);
     fsn_segment_set_present(rig->segment, SUBDEVICES - 1, false);
-    until(rig, &attachment, FSN_E_BUS_MISSING);
+    until(rig, rig->plan, &attachment, FSN_E_BUS_MISSING, "");
     fsn_segment_set_present(rig->segment, SUBDEVICES - 1, true);
     poll_until_all_in_op(rig);
     attachment = describe(rig);
     fsn_segment_power_cycle(rig->segment, 2);
-    until(rig, &attachment, FSN_E_BUS_STATE);
-    CHECK(strstr(rig->fault.detail, "it is not in OP") != NULL);
+    until(rig, rig->plan, &attachment, FSN_E_BUS_STATE, "it is not in OP");
     poll_until_all_in_op(rig);
     attachment = describe(rig);
-    until(rig, &attachment, FSN_OK);
+    until(rig, rig->plan, &attachment, FSN_OK, NULL);
     tear_down(rig);
 }
 

@@ -149,6 +149,28 @@ static void what_has_no_place_is_refused(void) {
     is_refused(rig, FSN_E_BUS_SILENT, "near has no link");
     CHECK(system("ip link set far up") == 0);
     tear_down(rig);
+    /* Of a ring, either interface may have a link. */
+    rig = set_up_with("far2");
+    for (uint32_t n = 0; n < SUBDEVICES; n++) {
+        fsn_segment_set_present(rig->segment, n, false);
+    }
+    CHECK(system("ip link set far down") == 0);
+    is_refused(rig, FSN_E_BUS_SILENT, "near2 has a link, but no EtherCAT SubDevice behind it");
+    CHECK(system("ip link set far2 down") == 0);
+    close_bus(rig);
+    is_refused(rig, FSN_E_BUS_SILENT, "neither near nor near2 has a link");
+    CHECK(system("ip link set far up && ip link set far2 up") == 0);
+    tear_down(rig);
+}
+
+/** A SubDevice that does not come to PREOP is named at the start. */
+static void preop_is_not_waited_for_for_ever(void) {
+    struct rig *rig = set_up();
+    const uint32_t position = fsn_segment_position(rig->segment, 2);
+    CHECK(fsn_segment_set_al_delay(rig->segment, position, UINT64_C(3600000000000)) == FSN_OK);
+    is_refused(rig, FSN_E_BUS_STATE, "not in PREOP after 3000 ms: AL status 0x01");
+    CHECK(rig->fault.copy_index == 2);
+    tear_down(rig);
 }
 
 /** Whoever is not there is not reached either. */
@@ -160,6 +182,9 @@ static void nobody_is_reached_in_vain(void) {
     CHECK(acyclic->count(rig->bus) == SUBDEVICES);
     CHECK(acyclic->place(rig->bus, 1) == 1 && acyclic->place(rig->bus, SUBDEVICES) == FSN_NONE);
     CHECK(acyclic->member(rig->bus, SUBDEVICES, &member) == FSN_E_ARG);
+    struct fsn_transfer transfer = {.position = SUBDEVICES, .data = bytes, .size_bytes = 4};
+    CHECK(acyclic->upload(rig->bus, &transfer) == FSN_E_BUS_MISSING);
+    CHECK(acyclic->download(rig->bus, &transfer) == FSN_E_BUS_MISSING);
     CHECK(acyclic->sii_read(rig->bus, SUBDEVICES, 0, bytes, 4) == FSN_E_BUS_MISSING);
     CHECK(acyclic->sii_write(rig->bus, SUBDEVICES, 8, 1) == FSN_E_BUS_MISSING);
     fsn_segment_set_present(rig->segment, SUBDEVICES - 1, false);
@@ -178,6 +203,49 @@ static void is_noted(struct rig *rig, uint32_t n, const char *detail) {
         (void)fsn_core_poll(rig->core, FSN_AL_OP, now_ns() + ahead_ns);
         pause_ms(2);
     }
+}
+
+/** What another master would write: a request of an AL state, by ring position. */
+static void request_from_elsewhere(struct rig *rig, uint32_t position, uint8_t al_state) {
+    enum { ETHERNET = 14, APWR = 2, REG_AL_CONTROL = 0x0120 };
+    uint8_t frame[60] = {0};
+    uint8_t *ecat = frame + ETHERNET;
+    const uint16_t address = (uint16_t)-position;
+    frame[12] = 0x88;
+    frame[13] = 0xA4;
+    ecat[0] = 14; /* one datagram of two bytes */
+    ecat[1] = 0x10;
+    ecat[2] = APWR;
+    ecat[4] = (uint8_t)address;
+    ecat[5] = (uint8_t)(address >> 8);
+    ecat[6] = REG_AL_CONTROL & 0xFF;
+    ecat[7] = REG_AL_CONTROL >> 8;
+    ecat[8] = 2;
+    ecat[12] = al_state;
+    CHECK(fsn_segment_frame(rig->segment, frame, sizeof frame, now_ns()) == sizeof frame);
+    CHECK(ecat[14] == 1); /* one has taken it */
+}
+
+/** Who refuses the state that was requested is named with its code, and tried again. */
+static void a_refusal_is_told_with_its_code(void) {
+    struct rig *rig = bring_up();
+    const uint32_t position = fsn_segment_position(rig->segment, 2);
+    for (int tries = 0; strstr(look(rig, 2).detail, "refused") == NULL; tries++) {
+        CHECK(tries < TRIES);
+        CHECK(fsn_segment_set_al_delay(rig->segment, position, UINT64_C(3600000000000)) == FSN_OK);
+        fsn_segment_power_cycle(rig->segment, position);
+        poll_until(rig, 2, FSN_AL_INIT);
+        (void)fsn_core_poll(rig->core, FSN_AL_OP, now_ns()); /* PREOP is requested */
+        CHECK(fsn_segment_set_al_delay(rig->segment, position, 0) == FSN_OK);
+        request_from_elsewhere(rig, position, FSN_AL_BOOT);
+        (void)fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
+    }
+    CHECK(strcmp(look(rig, 2).detail,
+                 "PREOP refused: AL status 0x11, code 0x0013: boot state not supported") == 0);
+    CHECK(look(rig, 2).found == FSN_FOUND_STATE && look(rig, 2).al_code == 0x0013);
+    poll_until_all_in_op(rig);
+    CHECK(look(rig, 2).found == FSN_FOUND_RIGHT && look(rig, 2).detail[0] == '\0');
+    tear_down(rig);
 }
 
 /** Who does not come to a state in four seconds is named, and tried again. */
@@ -227,7 +295,9 @@ int main(void) {
     places_may_be_told_by_an_alias();
     some_have_no_mailbox_and_some_have_clocks();
     what_has_no_place_is_refused();
+    preop_is_not_waited_for_for_ever();
     nobody_is_reached_in_vain();
+    a_refusal_is_told_with_its_code();
     states_have_their_time();
 #ifdef FSN_TEST_HEAP
     memory_runs_out();
