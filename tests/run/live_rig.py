@@ -183,11 +183,16 @@ def incident(network, other):
         """Files that are whole and of a fault: a reset with code 0 is somebody's wish."""
         texts = {path: path.read_text() for path in Path().glob("incident-*")}
         whole = {p: json.loads(t.partition("\n")[0]) for p, t in texts.items() if '"end":true' in t}
-        return [p for p, head in whole.items() if head["trigger"]["reset_code"]]
+        return {p: head for p, head in whole.items() if head["trigger"]["reset_code"]}
 
     def named():
-        """Those that name the SubDevice; a busy machine has incidents of its own."""
-        return [p for p in written() if (why := judged(p).likely) and last in why.title]
+        """Those that name the SubDevice and hold what devices have answered; a busy machine has
+        incidents of its own, and answers that come too late."""
+        return [
+            path
+            for path, head in written().items()
+            if (why := judged(path).likely) and last in why.title and "fsoe" in head
+        ]
 
     until = time.monotonic() + PATIENCE_S
     while not named() and time.monotonic() < until:  # one in ten seconds is written

@@ -79,8 +79,12 @@ def first_lost(network):
     emulator = Emulator(network, interfaces=FAR)
     running = Running(network, "--format", "json", interfaces=NEAR)
     emulator.do("break el6910")
-    wait_for("the loss", lambda: are_gone(running))
-    in_op = {s.name: s.in_op for s in running.client.subdevices()}
+
+    def left():
+        seen = {s.name: s.in_op for s in running.client.subdevices()}
+        return not any(seen[name] for name in ("el6910", "el1904", "el2904")) and seen
+
+    in_op = wait_for("the loss", left)
     before = running.client.status().buses
     wait_for("more cycles", lambda: running.cycles() > before[0].cycles + 200)
     after = running.client.status().buses

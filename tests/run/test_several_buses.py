@@ -278,7 +278,11 @@ def test_a_bus_that_is_lost_takes_only_its_own_connections(slow, tmp_path):
 
 
 def test_the_leading_bus_may_be_lost_too(slow, tmp_path):
-    seen = try_rig("first_lost", slow, tmp_path)
+    def good(seen):
+        # On a busy machine a drive may just have left OP as well.
+        return seen["in_op"]["drive_1"] and seen["in_op"]["drive_2"]
+
+    seen = try_rig("first_lost", slow, tmp_path, good)
     assert seen["in_op"] == {
         "el6910": False,
         "el1904": False,
