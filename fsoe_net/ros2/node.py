@@ -53,8 +53,9 @@ class _Arrived(Listener):
         super().__init__()
         self._arrivals = arrivals
 
-    def on_data_available(self, reader: DataReader) -> None:
-        self._arrivals.put(reader)
+    def on_data_available(self, reader: DataReader | None) -> None:
+        if reader is not None:  # it is while its constructor has not come back
+            self._arrivals.put(reader)
 
 
 class Node:
@@ -117,9 +118,7 @@ class Node:
 
     def subscribe(self, topic: str, message: type[IdlStruct], received: Received) -> object:
         """Have messages handled as they come, the newest of a process that sends faster."""
-        reader = self._reader(f"rt{topic}", message, _qos(message, depth=1))
-        self._readers[reader] = received
-        return reader
+        return self._receive(f"rt{topic}", message, _qos(message, depth=1), received)
 
     def unsubscribe(self, reader: object) -> None:
         """Take no more of it."""
@@ -150,19 +149,23 @@ class Node:
             _wait_for_reader(writer, sender)
             _write(self, writer, answering(request.client, request.number, *fields))
 
-        reader = self._reader(f"rq{name}Request", asking, _qos(asking, extra=mark))
-        self._readers[reader] = received
+        self._receive(f"rq{name}Request", asking, _qos(asking, extra=mark), received)
 
     def _writer(self, topic: str, message: type[IdlStruct], qos: Qos) -> DataWriter:
         return DataWriter(self._participant, Topic(self._participant, topic, message), qos=qos)
 
-    def _reader(self, topic: str, message: type[IdlStruct], qos: Qos) -> DataReader:
-        return DataReader(
+    def _receive(
+        self, topic: str, message: type[IdlStruct], qos: Qos, received: Received
+    ) -> DataReader:
+        reader = DataReader(
             self._participant,
             Topic(self._participant, topic, message),
             qos=qos,
             listener=self._listener,
         )
+        self._readers[reader] = received
+        self._arrivals.put(reader)  # messages may have come before it stood there
+        return reader
 
     def _serve(self) -> None:
         while (reader := self._arrivals.get()) is not None:
