@@ -12,13 +12,21 @@ from xml.parsers import expat
 
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.errors import InputError
-from fsoe_net.formats.registry import Format, Signature, all_formats, function_of
+from fsoe_net.formats.registry import Format, Signature, Yields, all_formats, function_of
 from fsoe_net.formats.shared.files import Collector, open_file
 from fsoe_net.formats.shared.source import Source
 from fsoe_net.formats.shared.xml_text import plain_xml
 from fsoe_net.formats.unsupported import BUILDER_PROJECT, UNSUPPORTED
 
-__all__ = ["Recognised", "beginning", "find_format", "is_format", "recognise", "words_of_root"]
+__all__ = [
+    "Recognised",
+    "beginning",
+    "find_format",
+    "is_format",
+    "recognise",
+    "refuse_known",
+    "words_of_root",
+]
 
 _HEAD_BYTES = 65_536
 _BEGINNING_BYTES = 1024
@@ -202,6 +210,28 @@ def _refuse(found: Recognised | None, path: str, out: Collector) -> None:
         hint="`fsoe-net convert --from` takes a format by name",
         related=tuple(Related(span=place, message=text) for text in expected),
     )
+
+
+def refuse_known(data: bytes, place: Span, wanted: str, out: Collector) -> bool:
+    """Say what a file is that does not describe a network; ``False``: nothing is known of it.
+
+    Args:
+        data: The file.
+        place: Where it begins.
+        wanted: What it should be, with its article.
+        out: Takes FSN117, with what takes such a file.
+    """
+    found = recognise(data)
+    if found is None:
+        guesses = _guesses(data[:_HEAD_BYTES], place.file.lower())
+        found = next((Recognised(f, f"probably {f.title}") for f in guesses), None)
+    if found is None or (found.format is not None and found.format.yields is Yields.NETWORK):
+        return False
+    step = found.next_step or f"name {wanted}"
+    if found.format is not None:
+        step = f"`fsoe-net init {place.file}` proposes a network from it"
+    out.add("FSN117", place, f"this is {found.words}, not {wanted}", hint=step)
+    return True
 
 
 def is_format(data: bytes, kind: str, shown: str, out: Collector) -> bool:

@@ -24,6 +24,11 @@ _BEGINNINGS = (
         rb"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1",
         "export the project as XML in its editor, and give that",
     ),
+    (
+        "a compiled plan",
+        rb"FSNPLAN\x00",
+        "name the network it was made from; `fsoe-net plan --show FILE` shows a plan",
+    ),
     ("a program", rb"\x7fELF|MZ[\x00-\xff]\x00", "give a file of the bus instead"),
     ("a pointer of git-lfs, not the file", rb"version https://git-lfs", "run `git lfs pull`"),
     (
@@ -33,12 +38,13 @@ _BEGINNINGS = (
     ),
 )
 _ROOTS = {
-    "EtherCATDiag": "texts of ESI diagnosis messages, without a device",
-    "EtherCATMailbox": "an export of start-up commands from TwinCAT",
-    "Network": "a network of openethercat, a format of its own",
-    "TreeItem": "a tree item of TwinCAT",
+    "EtherCATDiag": ("texts of ESI diagnosis messages, without a device", ""),
+    "EtherCATMailbox": ("an export of start-up commands from TwinCAT", ""),
+    "Network": ("a network of openethercat, a format of its own", ""),
+    "TreeItem": ("a tree item of TwinCAT", ""),
+    "sdf": ("an SDF file", "name the URDF or xacro it was made from"),
 }
 UNSUPPORTED = (
     *(Signature(words=w, begins=begins, next_step=step) for w, begins, step in _BEGINNINGS),
-    *(Signature(words=words, root=root) for root, words in _ROOTS.items()),
+    *(Signature(words=w, root=root, next_step=step) for root, (w, step) in _ROOTS.items()),
 )

@@ -192,7 +192,7 @@ def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
         (("check", "protocol.yaml"), "FSN117", "a test protocol, not a network"),
         (("check", "scenario.yaml"), "FSN117", "a scenario, not a network"),
         (("check", "answers.yaml"), "FSN117", "`fsoe-net init --answers answers.yaml` takes it"),
-        (("check", "x.fsnplan"), "FSN102", "a compiled plan, not YAML"),
+        (("check", "x.fsnplan"), "FSN117", "this is a compiled plan, not a network"),
         (("check", str(PLAIN / "estop")), "FSN101", "hint: give "),
         (("run", ESTOP, "--scenario", ESTOP), "FSN140", "a network, not a scenario"),
         (("verify", ESTOP, "--accepted", "protocol.yaml"), "FSN117", "a test protocol, not"),

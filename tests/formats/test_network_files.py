@@ -62,6 +62,77 @@ def test_a_file_is_known_by_a_key_that_is_nearly_right(folder: Path):
     assert "colour, shape" in row[2]
 
 
+OTHER = "not a network YAML or a URDF"
+PROPOSES = "`fsoe-net init {}` proposes a network from it"
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "message", "hint"),
+    [
+        ("a.bin", b"\x93\x94\0", f"this is probably an SII image, {OTHER}", PROPOSES),
+        (
+            "a.txt",
+            b"SM0: PhysAddr 0x1\n",
+            f"this is the output of `ethercat pdos`, {OTHER}",
+            PROPOSES,
+        ),
+        (
+            "a.c",
+            b"ec_sync_info_t a[] = {\n",
+            f"this is the output of `ethercat cstruct`, {OTHER}",
+            PROPOSES,
+        ),
+        (
+            "a.pcap",
+            b"\xd4\xc3\xb2\xa1\2\0\4\0",
+            f"this is a packet capture (pcap), {OTHER}",
+            PROPOSES,
+        ),
+        (
+            "a.zip",
+            b"PK\3\4",
+            f"this is a ZIP archive, {OTHER}",
+            "unpack it, then name the files in it",
+        ),
+        (
+            "a.fsnplan",
+            b"FSNPLAN\0\xff",
+            f"this is a compiled plan, {OTHER}",
+            "name the network it was made from; `fsoe-net plan --show FILE` shows a plan",
+        ),
+        (
+            "a.xml",
+            b"<EtherCATConfig/>",
+            "this is an ENI (EtherCAT network information), not a URDF or xacro",
+            PROPOSES,
+        ),
+        (
+            "a.xml",
+            b"<a/>",
+            "this is XML with the root <a>, not a URDF or xacro",
+            "name a URDF or xacro",
+        ),
+        (
+            "a.sdf",
+            b"<sdf/>",
+            "this is an SDF file, not a URDF or xacro",
+            "name the URDF or xacro it was made from",
+        ),
+    ],
+)
+def test_a_file_of_another_tool_is_named_with_what_takes_it(name, data, message, hint, folder):
+    (folder / name).write_bytes(data)
+    (found,) = load_network([name]).diagnostics
+    assert (str(found.span), found.code) == (f"{name}:1:1", "FSN117")
+    assert (found.message, found.hint) == (message, hint.format(name))
+
+
+@pytest.mark.parametrize("text", ["subdevices: [\n", "nets:\n\t- a\n", "a: \x01\n", "steps: {\n"])
+def test_a_broken_file_of_its_own_is_not_taken_for_another(text, folder):
+    (folder / "a.yaml").write_text(text, "utf-8")
+    assert [row[1] for row in found("a.yaml")] == ["FSN102"]
+
+
 def test_a_subdevice_without_a_place(folder: Path):
     edit(folder / "network.yaml", "name: io2, position: 1, ", "name: io2, ")
     rows = found("network.yaml")

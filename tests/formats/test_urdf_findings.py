@@ -220,9 +220,9 @@ def test_without_transfer_config_the_xml_block_means_no_copies(tmp_path: Path):
 @pytest.mark.parametrize(
     ("root", "kind"),
     [
-        ("EtherCATInfo", "this is an ESI file (EtherCAT SubDevice information)"),
-        ("EtherCATConfig", "this is an ENI file (EtherCAT network information)"),
-        ("EtherCATInfoList", "this is output of `ethercat xml`"),
+        ("EtherCATInfo", "this is an ESI (EtherCAT SubDevice information, or"),
+        ("EtherCATConfig", "this is an ENI (EtherCAT network information)"),
+        ("EtherCATInfoList", "this is the output of `ethercat xml` for several SubDevices"),
         ("sdf", "this is an SDF file"),
         ("Robot", "root <Robot>"),
     ],

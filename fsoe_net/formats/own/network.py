@@ -100,10 +100,14 @@ class _Assembly:
         if _looks_like_xml(data):
             self._add_urdf(path)
             return
-        root = parse_yaml(data, path, self.out)
+        found = Collector()
+        root = parse_yaml(data, path, found)
+        if root is None and _refuse_known(data, Span(path, 1, 1), self.out):
+            return
+        self.out.diagnostics += found.diagnostics
         if root is None:
             return
-        kind = self._kind_of(root)
+        kind = self._kind_of(root, data)
         if kind == "network":
             if self._network_file is not None:
                 self._refuse_second(path, self._network_file.path)
@@ -138,7 +142,7 @@ class _Assembly:
             hint="check networks one at a time",
         )
 
-    def _kind_of(self, root: MapNode) -> str | None:
+    def _kind_of(self, root: MapNode, data: bytes) -> str | None:
         """Return what a file is by its content, never by its name: the name of its schema."""
         kinds = ("network", "transfers", "slave")
         scores = {kind: len(schema_keys(kind) & set(root.pairs)) for kind in kinds}
@@ -158,6 +162,8 @@ class _Assembly:
             close = difflib.get_close_matches(key.lower(), words, n=1, cutoff=0.75)
             if close:
                 return words[close[0]]
+        if _refuse_known(data, root.span, self.out):
+            return None
         keys = ", ".join(list(root.pairs)[:5]) or "none"
         self.out.add(
             "FSN117",
@@ -415,6 +421,12 @@ class _Assembly:
         return NetworkConfig(
             name=name, span=subs[0].span, cycle_ns=None, subdevices=subs, nets=(), partial=True
         )
+
+
+def _refuse_known(data: bytes, place: Span, out: Collector) -> bool:
+    from fsoe_net.formats.recognise import refuse_known  # with all formats: only where it is needed
+
+    return refuse_known(data, place, "a network YAML or a URDF", out)
 
 
 def _looks_like_xml(data: bytes) -> bool:

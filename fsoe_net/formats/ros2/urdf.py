@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Diagnostic, Related
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.recognise import words_of_root
+from fsoe_net.formats.recognise import refuse_known
 from fsoe_net.formats.ros2.urdf_params import DRIVER_PLUGIN, known_plugin_findings
 from fsoe_net.formats.ros2.urdf_system import (
     COMPONENTS,
@@ -24,21 +24,6 @@ from fsoe_net.model.network import SourceFile
 __all__ = ["DriverSystem", "ModuleDecl", "UrdfResult", "known_plugin_findings", "load_urdf"]
 
 _DRIVER_PREFIX = "ethercat_driver/"
-_OTHER_ROOTS = {
-    "EtherCATInfo": (
-        "an ESI file (EtherCAT SubDevice information)",
-        "name the URDF, or describe the device in a slave YAML",
-    ),
-    "EtherCATConfig": (
-        "an ENI file (EtherCAT network information)",
-        "name the URDF, or describe the network in a network YAML",
-    ),
-    "EtherCATInfoList": (
-        "output of `ethercat xml`",
-        "name the URDF; `ethercat cstruct` and `ethercat pdos` help to write slave YAML",
-    ),
-    "sdf": ("an SDF file", "name the URDF or xacro it was made from"),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,14 +64,11 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
 def _document(path: str, out: Collector, options: LoadOptions) -> Element | None:
     data = read_bytes(path, out)
     root = parse_xml(data, path, out) if data is not None else None
-    if root is None:
+    if data is None or root is None:
         return None
     if root.name != "robot":
-        other = (f"an XML file with the root <{root.name[:80]}>", "name the robot's URDF or xacro")
-        if words := words_of_root(root.name):
-            other = (words, "`fsoe-net convert` reads many other formats")
-        kind, hint = _OTHER_ROOTS.get(root.name, other)
-        out.add("FSN117", root.span, f"this is {kind}, not a URDF", hint=hint)
+        if not refuse_known(data, root.span, "a URDF or xacro", out):
+            out.add("FSN117", root.span, "not a URDF", hint="name the robot's URDF or xacro")
         return None
     if uses_xacro(root):
         return expand_xacro(path, out, options)

@@ -221,10 +221,6 @@ def _decode(data: bytes, file: str, out: Collector) -> str | None:
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as exc:
-        if data.startswith(b"FSNPLAN"):
-            hint = "name the network it was made from; `fsoe-net plan --show FILE` shows a plan"
-            out.add("FSN102", Span(file), "this is a compiled plan, not YAML", hint=hint)
-            return None
         good = data[: exc.start].decode("utf-8", "replace")
         out.add(
             "FSN102",
