@@ -111,8 +111,8 @@ def test_a_lifecycle_from_configure_to_cleanup(
 ) -> None:
     names = (f"s:{LAMP}", f"c:{LAMP}", "s:el6910-el1904/in_data", "s:el6910-el1904/state")
     with System(program, f"socket={robot.path}", "misses=1000", *names) as system:
-        system.goes("init", "configure", "cycle 3")
-        assert system.ask(f"get {LAMP}") == "0"
+        system.goes("init", "configure")
+        system.until(f"get {LAMP}", "0")
         assert system.ask("get el6910-el1904/in_data") == "0"  # nobody is at its ends
         assert system.ask("get el6910-el1904/state") == "0"
         system.goes("activate", f"set {LAMP} 1")

@@ -164,4 +164,5 @@ CASES |= {f.__name__: f for f in (whole, broken_off, refused)}
 
 
 if __name__ == "__main__":
+    Path("protocol.yaml").unlink(missing_ok=True)  # of an attempt before, whose steps would be kept
     main()
