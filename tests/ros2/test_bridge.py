@@ -7,6 +7,7 @@ import math
 import queue
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -127,6 +128,14 @@ def test_what_comes_before_its_reader_is_known_is_handled(monkeypatch: pytest.Mo
     from cyclonedds.sub import DataReader
 
     handled: queue.SimpleQueue[bool] = queue.SimpleQueue()
+    passed = threading.Event()
+
+    class Probe:
+        def take(self, _: int) -> list[Any]:
+            passed.set()
+            return []
+
+    probe: Any = Probe()
     bool_message = SIGNALS[SignalKind.BOOL]
     with (
         own_domain() as domain,
@@ -139,8 +148,11 @@ def test_what_comes_before_its_reader_is_known_is_handled(monkeypatch: pytest.Mo
             while not reader.read(1):
                 there.publish("/a", bool_message(True))
             here._listener.on_data_available(None)  # what it is while that does not come back
+            here._arrivals.put(probe)
+            assert passed.wait(PATIENCE_S)  # what came so far was looked at, and known to nobody
             return reader
 
+        here._readers[probe] = lambda *_: None
         monkeypatch.setattr(node, "DataReader", held_up)
         here.subscribe("/a", bool_message, lambda message, _: handled.put(message.data))
         assert handled.get(timeout=PATIENCE_S) is True
