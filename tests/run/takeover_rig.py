@@ -236,7 +236,9 @@ def frozen(network, _other):
     code = tried.process.wait()
     os.kill(program.pid, signal.SIGCONT)
     with wait_for("the socket", connect) as client:
-        wait_for_data(client)
+        cycles = client.snapshot().cycle.statistics.cycles  # what it shows first is of before
+        wait_for("cycles", lambda: client.snapshot().cycle.statistics.cycles > cycles + 500)
+        wait_for("OP", lambda: in_data(client) and all(s.in_op for s in client.subdevices()))
     return finish(emulator, wire, program) | {"code": code, "text": tried.lines()}
 
 

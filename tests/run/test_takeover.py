@@ -71,7 +71,8 @@ def test_a_successor_that_says_nothing_is_the_only_one_until_it_ends(tmp_path):
 
 @pytest.mark.shows("R1")
 def test_a_former_that_is_frozen_is_left_alone_and_thaws(tmp_path):
-    seen = case("frozen", tmp_path, ROBOT)
+    # On a busy machine somebody may leave OP once more.
+    seen = case("frozen", tmp_path, ROBOT, good=lambda s: s["data"] and set(s["al"]) == {"OP"})
     check_one_after_the_other(seen, 0)
     assert seen["code"] == 1
     assert "the take-over is refused, and the process before goes on" in seen["text"]
