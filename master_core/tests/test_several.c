@@ -683,22 +683,22 @@ static void each_bus_answers_for_its_own(void) {
     close_scripted(&said);
 }
 
-/** Clocks that are apart are told, whichever bus they are of; else those of the first that has any.
- */
+/** Clocks that are apart are reported, whichever bus they are of; else those of the first bus that
+ *  has any. */
 static void clocks_that_are_apart_come_first(void) {
     enum { NONE = FSN_CLOCKS_UNKNOWN, SAME = FSN_CLOCKS_SYNCHRONOUS, APART = FSN_CLOCKS_APART };
     static const struct {
         uint8_t first, second;
-        uint32_t told; /**< 1 or 2, 0: none */
+        uint32_t bus; /**< whose are reported: 1 or 2, 0: none */
     } cases[] = {{NONE, NONE, 0},  {SAME, NONE, 1},  {NONE, SAME, 2},  {SAME, SAME, 1},
                  {SAME, APART, 2}, {APART, SAME, 1}, {APART, NONE, 1}, {NONE, APART, 2}};
     struct said said = open_scripted(&scripted_ops);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        struct fsn_bus_clocks told = {0};
+        struct fsn_bus_clocks clocks = {0};
         buses_said[0].clocks = (struct fsn_bus_clocks){.state = cases[i].first, .worst_ns = 1};
         buses_said[1].clocks = (struct fsn_bus_clocks){.state = cases[i].second, .worst_ns = 2};
-        const fsn_status status = fsn_core_clocks(said.core, &told);
-        CHECK((status == FSN_OK) == (cases[i].told != 0) && told.worst_ns == cases[i].told);
+        const fsn_status status = fsn_core_clocks(said.core, &clocks);
+        CHECK((status == FSN_OK) == (cases[i].bus != 0) && clocks.worst_ns == cases[i].bus);
     }
     close_scripted(&said);
 }
