@@ -173,15 +173,17 @@ def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Form
         except InputError as exc:
             out.diagnostics += exc.diagnostics
             return None
-    found = recognise(head) if head.strip() else Recognised(None, "an empty file")
-    if found is None:
-        guessed = next(_guesses(head, path.lower()), None)
-        if guessed is not None:
-            return guessed
-    elif found.format is not None:
+    found = _probably(head, path) if head.strip() else Recognised(None, "an empty file")
+    if found is not None and found.format is not None:
         return found.format
     _refuse(found, path, out)
     return None
+
+
+def _probably(head: bytes, path: str) -> Recognised | None:
+    """Return what a file is, by content and only then by suffix."""
+    guesses = (Recognised(f, f"probably {f.title}") for f in _guesses(head, path.lower()))
+    return recognise(head) or next(guesses, None)
 
 
 def _guesses(head: bytes, path: str) -> Iterator[Format]:
@@ -221,10 +223,7 @@ def refuse_known(data: bytes, place: Span, wanted: str, out: Collector) -> bool:
         wanted: What it should be, with its article.
         out: Takes FSN117, with what takes such a file.
     """
-    found = recognise(data)
-    if found is None:
-        guesses = _guesses(data[:_HEAD_BYTES], place.file.lower())
-        found = next((Recognised(f, f"probably {f.title}") for f in guesses), None)
+    found = _probably(data[:_HEAD_BYTES], place.file)
     if found is None or (found.format is not None and found.format.yields is Yields.NETWORK):
         return False
     step = found.next_step or f"name {wanted}"
