@@ -103,9 +103,12 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         after(page, 0.1)  # reset counts where the logic has every input already
         reset = page.get_by_role("button", name="Reset (hold")
         reset.focus()
+        reset.hover()
         page.keyboard.down("Enter")  # a button that is held, by keyboard
         page.keyboard.down("Enter")  # the key repeats while it is held
+        page.mouse.move(0, 0)  # or the page moves below a pointer that stands still
         page.wait_for_selector("text=outputs of el1918: on")
+        after(page, 0.1)
         assert events.get_by_text("command: release reset").count() == 0
         page.keyboard.up("Enter")
         events.get_by_text("command: release reset").wait_for()

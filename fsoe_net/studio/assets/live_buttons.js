@@ -115,21 +115,23 @@ function Hold({ view, hold }) {
 
 /** Reset as a button is: pressed as long as it is held. @param {{ order: (lines: string[], expect: string) => void }} props */
 function Reset({ order }) {
-  const held = useRef(false);
-  const press = () => {
+  const held = useRef("");
+  // A pointer that only passes does not release what a key holds.
+  const press = (/** @type {string} */ by) => {
     if (held.current) return;
-    held.current = true;
+    held.current = by;
     order(["press"], "Reset is pressed: outputs come on where every safe input is good. One that is held before that does not count.");
   };
-  const release = () => {
-    if (!held.current) return;
-    held.current = false;
+  const release = (by = held.current) => {
+    if (!held.current || held.current !== by) return;
+    held.current = "";
     order(["release"], "Reset was pressed and released: outputs are on where every safe input was good.");
   };
+  const up = () => release("pointer");
   // Keys make no click here and a pointer counts its clicks: what is left comes from a screen reader.
   const click = (/** @type {MouseEvent} */ event) => {
     if (event.detail !== 0) return;
-    press();
+    press("click");
     release();
   };
   const onKey = (/** @type {() => void} */ act) => (/** @type {KeyboardEvent} */ event) => {
@@ -137,8 +139,8 @@ function Reset({ order }) {
     event.preventDefault();
     act();
   };
-  return html`<button class="reset" onPointerDown=${press} onPointerUp=${release} onPointerLeave=${release}
-    onPointerCancel=${release} onBlur=${release} onClick=${click}
+  return html`<button class="reset" onPointerDown=${() => press("pointer")} onPointerUp=${up} onPointerLeave=${up}
+    onPointerCancel=${up} onBlur=${() => release()} onClick=${click}
     onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()}
-    onKeyDown=${onKey(press)} onKeyUp=${onKey(release)}>Reset (hold it as long as you like)</button>`;
+    onKeyDown=${onKey(() => press("key"))} onKeyUp=${onKey(() => release("key"))}>Reset (hold it as long as you like)</button>`;
 }
