@@ -129,7 +129,7 @@ class Studio:
         login = None if remote is None else (remote.names, remote.password)
         guard = Guard(app, port=port, body_limit=_BODY_LIMIT, limits=limits, remote=login)
         self.url = guard.url
-        self._changed, self._trying = asyncio.Condition(), asyncio.Lock()
+        self._changed, self._trying = asyncio.Event(), asyncio.Lock()
         config = uvicorn.Config(
             guard,
             ssl_certfile=None if remote is None else remote.certificate,
@@ -176,7 +176,7 @@ class Studio:
             return await self._answer(error=text, status=409)
         except (FsnError, ValueError) as exc:
             return await self._answer(error=printable(str(exc)), status=422)
-        await self._tell()
+        self._tell()
         return await self._answer(said=said or ())
 
     async def _try(self, _: Request) -> Response:
@@ -201,20 +201,22 @@ class Studio:
         async def versions() -> AsyncIterator[str]:
             sent = 0
             while not self._server.should_exit:
+                changed = self._changed
                 if sent != self._workspace.version:
                     sent = self._workspace.version
                     yield f"data: {json.dumps(sent)}\n\n"
                 try:
-                    async with self._changed:
-                        await asyncio.wait_for(self._changed.wait(), _EVENTS_S)
+                    async with asyncio.timeout(_EVENTS_S):
+                        await changed.wait()
                 except TimeoutError:
                     yield ": still there\n\n"
 
         return StreamingResponse(versions(), media_type="text/event-stream")
 
-    async def _tell(self) -> None:
-        async with self._changed:
-            self._changed.notify_all()
+    def _tell(self) -> None:
+        # Another event for the next change: a lock would stay locked where a page goes meanwhile.
+        self._changed.set()
+        self._changed = asyncio.Event()
 
     @contextlib.asynccontextmanager
     async def _watching(self, _: Starlette) -> AsyncIterator[None]:
@@ -231,4 +233,4 @@ class Studio:
         while True:
             await asyncio.sleep(_LOOK_EVERY_S)
             if await run_in_threadpool(self._workspace.look):
-                await self._tell()
+                self._tell()

@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 import shutil
 import socket
+import threading
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from studio.server_rig import Browser, Studio, running
 
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.studio import server as server_module
 from fsoe_net.studio import workspace as workspace_module
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Workspace
 
@@ -169,6 +172,30 @@ def _until(stream, text: bytes) -> None:
         if line.strip() == text:
             return
     pytest.fail(f"the stream ended before {text!r}")
+
+
+def test_pages_that_come_and_go_are_in_nobody_s_way(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server_module, "_EVENTS_S", 0.001)
+    over = threading.Event()
+
+    def come_and_go() -> None:
+        while not over.is_set():
+            with browser.events() as told:
+                assert told.readline() == b"data: 1\n"
+
+    version = browser.json("/api/state")["version"]
+    with ThreadPoolExecutor(6) as pool:
+        pages = [pool.submit(come_and_go) for _ in range(6)]
+        try:
+            for _ in range(100):
+                status, answer = browser.post("undo", {"version": version})
+                assert status == 200, answer
+        finally:
+            over.set()
+        for page in pages:
+            page.result()
 
 
 def test_names_from_files_are_text(tmp_path: Path) -> None:
