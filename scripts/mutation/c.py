@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .c_build import Build, Slot
-from .c_reach import Reach, Trial
+from .c_reach import Listed, Reach, Trial
 from .c_syntax import changes
 from .common import INVALID, KILLED, SURVIVED, Mutant, changed_lines
 
@@ -14,7 +14,8 @@ PARTS = dict.fromkeys(("rt", "plan-loader", "core", "control", "live", "segment"
 
 
 def ask_quick_tests_only() -> None:
-    """Leave out the parts of which it takes minutes to see what runs a line."""
+    """Ask the programs listed for a part, and leave out the parts of which they are slow."""
+    Runner.reach = Listed
     for part in set(PARTS) - {"rt", "plan-loader"}:
         del PARTS[part]
 
@@ -47,9 +48,11 @@ def mutants(part: str, root: Path) -> list[Mutant]:
 class Runner:
     """Tries mutants one after the other, in a folder of its own beside the shared build."""
 
+    reach: type[Reach] | type[Listed] = Reach
+
     def __init__(self, part: str, work: Path, root: Path) -> None:
-        self._build = Build(root.resolve() / "build/mutation/c", root)
-        self._reach = Reach(part, self._build)
+        self._build = Build(root.resolve() / "build/mutation/c", root, self.reach.targets(part))
+        self._reach = self.reach(part, self._build)
         self._slot = Slot(work.resolve())
         self._bare = Slot(work.resolve().with_name(f"{work.name}-bare"))
         self._bare.clear()

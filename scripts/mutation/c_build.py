@@ -10,7 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,12 +44,12 @@ class Slot:
 
 
 class Build:
-    """Everything compiled once; `work` holds it."""
+    """Everything compiled once, or only what some targets need; `work` holds it."""
 
-    def __init__(self, work: Path, root: Path) -> None:
+    def __init__(self, work: Path, root: Path, targets: Sequence[str] = ("all",)) -> None:
         self.work = work.resolve()
         self.root = root.resolve()
-        self.plain = self._make("plain", PLAIN)
+        self.plain = self._make("plain", PLAIN, targets)
         self._commands = {
             str(Path(entry["file"]).resolve().relative_to(self.root)): entry
             for entry in json.loads((self.plain / "compile_commands.json").read_text())
@@ -61,7 +61,7 @@ class Build:
         """Return the build that counts which lines run."""
         return self._make("covered", COVERED)
 
-    def _make(self, name: str, flags: str) -> Path:
+    def _make(self, name: str, flags: str, targets: Sequence[str] = ("all",)) -> Path:
         folder = self.work / name
         configure = [
             *("cmake", "-S", str(self.root), "-B", str(folder), "-DCMAKE_BUILD_TYPE=None"),
@@ -71,7 +71,7 @@ class Build:
         ]
         with self.locked():
             quiet(configure)
-            quiet(["cmake", "--build", str(folder), "-j2"])
+            quiet(["cmake", "--build", str(folder), "-j2", "--target", *targets])
             self._site(folder)
         return folder
 

@@ -21,12 +21,12 @@ from .c_syntax import function_lines
 
 # Test programs by part; what is named nowhere counts for all.
 _PROGRAMS = {
-    "rt": "access copy cycle monitor outputs page_faults realtime record rt snapshot wire "
-    "wire_time fuzz_wire",
+    "rt": "access copy cycle groups monitor outputs page_faults realtime record rt several "
+    "snapshot wire wire_time fuzz_wire",
     "plan-loader": "access activate acyclic copy fields fingerprint memory outputs plan "
     "plan_file rules texts fuzz_plan",
-    "core": "access activate acyclic check cycle igh_open igh_cycle igh_objects memory "
-    "outputs plan plan_file realtime record snapshot texts thread wire wire_time",
+    "core": "access activate acyclic check cycle groups igh_open igh_cycle igh_objects memory "
+    "outputs plan plan_file realtime record several snapshot texts thread wire wire_time",
     "control": "control incident jobs lease listen master memory realtime replies "
     "server stream watch fuzz_control",
     "live": "check igh_open igh_cycle igh_objects memory pdo port sdo wire wire_time soem "
@@ -101,6 +101,25 @@ def run(trial: Trial, folder: Path, env: dict[str, str], patience_s: float) -> i
         process.wait()
 
 
+class Listed:
+    """The programs listed for a part, for each line: to see what runs it takes minutes."""
+
+    def __init__(self, part: str, build: Build) -> None:
+        self._trials = [
+            Trial(target, (str(build.plain / "master_core" / target),), build.plain, seconds=2)
+            for target in self.targets(part)
+        ]
+
+    @staticmethod
+    def targets(part: str) -> list[str]:
+        """Return what is to be built."""
+        return [f"test_{n}" for n in _PROGRAMS[part].split() if not n.startswith("fuzz_")]
+
+    def tests(self, path: str, line: int) -> list[Trial]:
+        """Return all trials."""
+        return self._trials
+
+
 class Reach:
     """The trials of a part, and the lines that each of them runs."""
 
@@ -118,6 +137,11 @@ class Reach:
                 slower = Trial(trial.name, trial.command, build.plain, seconds)
                 self._trials.append((slower, lines))
         self._trials.sort(key=lambda t: t[0].seconds)
+
+    @staticmethod
+    def targets(part: str) -> list[str]:
+        """Return what is to be built: everything, as Python tests need more than their part."""
+        return ["all"]
 
     def tests(self, path: str, line: int) -> list[Trial]:
         """Return the trials that run a line, the quickest first; for data, all of its file."""
