@@ -176,7 +176,7 @@ class Studio:
             return await self._answer(error=text, status=409)
         except (FsnError, ValueError) as exc:
             return await self._answer(error=printable(str(exc)), status=422)
-        self._tell()
+        self._announce()
         return await self._answer(said=said or ())
 
     async def _try(self, _: Request) -> Response:
@@ -213,7 +213,7 @@ class Studio:
 
         return StreamingResponse(versions(), media_type="text/event-stream")
 
-    def _tell(self) -> None:
+    def _announce(self) -> None:
         # Another event for the next change: a lock would stay locked where a page goes meanwhile.
         self._changed.set()
         self._changed = asyncio.Event()
@@ -233,4 +233,4 @@ class Studio:
         while True:
             await asyncio.sleep(_LOOK_EVERY_S)
             if await run_in_threadpool(self._workspace.look):
-                self._tell()
+                self._announce()

@@ -46,7 +46,7 @@ class Slot:
 class Build:
     """Everything compiled once, or only what some targets need; `work` holds it."""
 
-    def __init__(self, work: Path, root: Path, targets: Sequence[str] = ("all",)) -> None:
+    def __init__(self, work: Path, root: Path, targets: Sequence[str]) -> None:
         self.work = work.resolve()
         self.root = root.resolve()
         self.plain = self._make("plain", PLAIN, targets)

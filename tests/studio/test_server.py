@@ -161,10 +161,10 @@ def test_it_is_tried_on_the_emulated_bus(browser: Browser) -> None:
 
 
 def test_a_second_tab_hears_of_a_change(browser: Browser) -> None:
-    with browser.events() as told:
-        _until(told, b"data: 1")
+    with browser.events() as stream:
+        _until(stream, b"data: 1")
         browser.post("text", {"version": 1, "text": "x"})
-        _until(told, b"data: 2")
+        _until(stream, b"data: 2")
 
 
 def _until(stream, text: bytes) -> None:
@@ -182,8 +182,8 @@ def test_pages_that_come_and_go_are_in_nobody_s_way(
 
     def come_and_go() -> None:
         while not over.is_set():
-            with browser.events() as told:
-                assert told.readline() == b"data: 1\n"
+            with browser.events() as stream:
+                assert stream.readline() == b"data: 1\n"
 
     version = browser.json("/api/state")["version"]
     with ThreadPoolExecutor(6) as pool:
