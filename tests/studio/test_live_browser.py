@@ -59,6 +59,39 @@ def hide(page: Any, hidden: bool) -> None:
     )
 
 
+def keep_late(page: Any) -> None:
+    """Have the next keep-control reach the server, and its answer the page, after give-control."""
+    page.evaluate(
+        """async () => {
+            const { fetch } = window;
+            const late = Promise.withResolvers();
+            const keep = await new Promise((then) => {
+                window.fetch = (...request) => {
+                    if (!request[0].endsWith('/keep-control')) return fetch(...request);
+                    then(request);
+                    return late.promise;
+                };
+            });
+            window.fetch = async (...request) => {
+                const answer = await fetch(...request);
+                if (request[0].endsWith('/give-control')) {
+                    const kept = await fetch(...keep);
+                    const body = await kept.text();
+                    const shown = new MutationObserver(() => {
+                        if (!document.body.innerText.includes('Control is given back')) return;
+                        shown.disconnect();
+                        late.resolve(new Response(body, kept));
+                    });
+                    const all = { childList: true, characterData: true, subtree: true };
+                    shown.observe(document.body, all);
+                    window.fetch = fetch;
+                }
+                return answer;
+            };
+        }"""
+    )
+
+
 def drawn(page: Any, name: str) -> int:
     """How many pixels of the first strip have a colour."""
     return int(
@@ -261,6 +294,7 @@ def test_a_person_controls_a_bus_for_as_long_as_the_page_is_in_sight(
         page.get_by_role("button", name="Start the bus …", exact=True).click()
         dialog.get_by_role("button", name="Start the bus").click()
         page.get_by_label(f"New value of {MODE}").wait_for()
+        keep_late(page)
         page.get_by_role("button", name="Give control back").click()
         page.get_by_text("Control is given back").wait_for()
         # From here on the lease is that of people.

@@ -45,6 +45,7 @@ export function Control({ view }) {
   token.current = held?.token ?? "";
 
   const lose = (/** @type {string} */ text) => {
+    token.current = ""; // at once: an answer may come before this is rendered
     setHeld(null);
     setOutputs([]);
     setQuestion(null);
@@ -53,13 +54,13 @@ export function Control({ view }) {
   };
   useEffect(() => {
     if (!held) return;
-    let [waits, over] = [false, false];
+    let waits = false;
     const keep = async () => {
       if (document.hidden || waits) return; // in sight, or the lease ends
       waits = true;
       const answer = await live("keep-control", { token: held.token });
       waits = false;
-      if (over) return;
+      if (token.current !== held.token) return; // it was given back or lost meanwhile
       if (answer.error) return lose(answer.error);
       setWhy(answer.why);
       if (!answer.why) setOutputs(answer.outputs); // else what was read last stays
@@ -68,7 +69,6 @@ export function Control({ view }) {
     document.addEventListener("visibilitychange", keep);
     keep();
     return () => {
-      over = true;
       clearInterval(timer);
       document.removeEventListener("visibilitychange", keep);
     };
