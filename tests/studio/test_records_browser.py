@@ -162,3 +162,27 @@ def test_two_people_at_one_step(tablet: Any, path: Path) -> None:
         page.locator(".list button", has_text="failed").wait_for()
         remark = _machine(path, 0)["remark"]
         assert remark == "mine; before: as expected, theirs, B. Other, 2026-11-20"
+
+
+def test_an_answer_that_comes_late_does_not_replace_the_protocol_chosen_since(
+    tablet: Any, path: Path
+) -> None:
+    shutil.copy(path.parent / "protocol.yaml", path.parent / "second.yaml")
+    late: list[Any] = []
+    with running(path) as studio:
+        page = tablet.new_page()
+        page.goto(f"{studio.url}#protocol")
+        choice = page.get_by_label("Protocol", exact=True)
+        choice.wait_for()
+        first = choice.input_value()
+        second = next(n for n in choice.locator("option").all() if n.inner_text() == "second.yaml")
+        other = second.get_attribute("value")
+        assert other != first
+        page.route(f"**/api/protocol?file={other}", lambda route: late.append(route))
+        choice.select_option(other)
+        with page.expect_response(f"**/api/protocol?file={first}"):
+            choice.select_option(first)
+        with page.expect_response(f"**/api/protocol?file={other}"):
+            late[0].continue_()
+        page.evaluate("() => new Promise((then) => setTimeout(then, 200))")
+        assert choice.input_value() == first

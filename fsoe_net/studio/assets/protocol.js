@@ -50,8 +50,11 @@ export function Protocol({ state }) {
   const [sending, setSending] = useState("");
   const key = protocol?.key ?? "";
 
+  const asked = useRef(0);
   const look = useCallback(async () => {
+    const mine = ++asked.current;
     const answer = await ask(`protocol?file=${file}`);
+    if (mine !== asked.current) return; // of another file, or older than what is on its way
     setError(answer.error);
     if ("steps" in answer) {
       setProtocol(answer);
