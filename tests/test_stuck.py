@@ -17,12 +17,13 @@ time.sleep(9999)
 """
 _HANGS = f"""
 import subprocess, sys, threading, time
+from tied import tied
 
 def waits_for_ever():
     time.sleep(9999)
 
 def test_of_a_program():
-    child = subprocess.Popen({tied(sys.executable, "-c", _CHILD)!r}, stdout=subprocess.PIPE,
+    child = subprocess.Popen(tied(sys.executable, "-c", {_CHILD!r}), stdout=subprocess.PIPE,
                              stderr=subprocess.PIPE)
     child.stdout.readline()
     threading.Thread(target=waits_for_ever, daemon=True).start()

@@ -22,6 +22,13 @@ time.sleep(600)
 """
 
 
+def test_it_does_not_begin_where_its_parent_has_gone_before():
+    here = tied(sys.executable, "-c", "print('here')")
+    assert subprocess.run(here, capture_output=True, check=True).stdout == b"here\n"
+    gone = tied(sys.executable, "-c", "print('here')", parent=os.getppid())
+    assert subprocess.run(gone, capture_output=True, check=False).stdout == b""
+
+
 @pytest.mark.parametrize(
     "start",
     [

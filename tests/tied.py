@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
 _TIE = ["setpriv", "--pdeathsig", "KILL"] if shutil.which("setpriv") else []
+# The parent may have gone before the kernel was asked.
+_IF_THERE = ["sh", "-c", '[ "$PPID" = "$0" ] && exec "$@"']
 
 
-def tied(*command: str | Path) -> list[str]:
-    """Return how a command is run so that the kernel kills it when its parent has gone."""
-    return [*_TIE, *map(str, command)]
+def tied(*command: str | Path, parent: int = 0) -> list[str]:
+    """Return how a command is run so that the kernel kills it when its parent has gone.
+
+    Args:
+        command: it and its arguments.
+        parent: process that runs it; 0: this one.
+    """
+    return [*_TIE, *_IF_THERE, str(parent or os.getpid()), *map(str, command)]

@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from tied import tied
@@ -24,14 +25,14 @@ NAMESPACE = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
 ALONE = ["unshare", "--pid", "--fork", "--kill-child", "--mount-proc"]
 
 
-def command_inside(*command: str | Path, cables: int = 1) -> list[str]:
-    """Return how a command is run in a namespace of its own."""
+def command_inside(*command: str | Path, cables: int = 1, parent: int = 0) -> list[str]:
+    """Return how a command is run in a namespace of its own; `parent` as `tied` takes it."""
     steps = ["ip link set lo up"]
     for near, far in [("near", "far"), ("near2", "far2")][:cables]:
         steps.append(f"ip link add {near} type veth peer name {far}")
         steps += [f"ip link set {end} up" for end in (near, far)]
     script = " && ".join([*steps, 'exec "$@"'])
-    return tied(*NAMESPACE, "sh", "-c", script, "sh", *command)
+    return tied(*NAMESPACE, "sh", "-c", script, "sh", *command, parent=parent)
 
 
 def run_inside(
@@ -71,6 +72,15 @@ def run_program(
     return run_inside(sys.executable, TESTS / program, *arguments, cables=cables, **how)
 
 
+def attempts(folder: Path, times: int) -> Iterator[int]:
+    """Count attempts; each finds the folder as the first did, without what others have written."""
+    given = set(folder.iterdir())
+    for number in range(times):
+        for made in set(folder.iterdir()) - given:
+            shutil.rmtree(made) if made.is_dir() else made.unlink()
+        yield number
+
+
 def missing() -> str:
     """Return why there is no such namespace here, or an empty text."""
     if shutil.which("unshare") is None or shutil.which("ip") is None:
@@ -80,5 +90,5 @@ def missing() -> str:
 
 
 if __name__ == "__main__":
-    command = command_inside(*sys.argv[1:])
+    command = command_inside(*sys.argv[1:], parent=os.getppid())
     os.execvp(command[0], command)

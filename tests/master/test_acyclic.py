@@ -11,7 +11,7 @@ import pytest
 from master.rig import run_to_end, running, write_plan
 from run.support import EXAMPLES
 from run.test_live_bus import ATTEMPTS, why_not
-from wires import run_program
+from wires import attempts, run_program
 
 ROBOT = str(EXAMPLES / "el6910" / "network.yaml")
 NAMES = ["coupler", "el6910", "el1904", "el2904", "drive_1", "drive_2"]
@@ -22,7 +22,7 @@ def seen(case: str, tmp_path: Path, good: Callable[[Any], bool] = lambda _: True
     if why:
         pytest.skip(why)
     plan = write_plan(tmp_path)
-    for _ in range(ATTEMPTS):
+    for _ in attempts(tmp_path, ATTEMPTS):
         done = run_program("master/acyclic_rig.py", case, ROBOT, plan, cwd=tmp_path)
         assert "Traceback (most recent" not in done.stdout
         if done.returncode == 0 and good(json.loads(done.stdout.splitlines()[-1])):

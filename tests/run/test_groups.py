@@ -14,7 +14,7 @@ from networks import EXAMPLES, resolved
 from run.support import needs_core
 from run.test_live_bus import REQUIRED, why_not
 from scans import scan_of
-from wires import run_program
+from wires import attempts, run_program
 
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.formats.own.scan import parse_scan
@@ -278,10 +278,8 @@ def test_tools_are_exchanged_over_a_wire(tmp_path):
     why = why_not()
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
-    for attempt in range(ATTEMPTS):
-        folder = tmp_path / str(attempt)
-        folder.mkdir()
-        done = run_program("run/groups_rig.py", "exchange", NETWORK, cwd=folder)
+    for _ in attempts(tmp_path, ATTEMPTS):
+        done = run_program("run/groups_rig.py", "exchange", NETWORK, cwd=tmp_path)
         assert done.returncode == 0, done.stdout + done.stderr
         seen = json.loads(done.stdout)
         if seen["code"] == 0 and not seen["incidents"]:

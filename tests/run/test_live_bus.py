@@ -13,7 +13,7 @@ import pytest
 from cli.tool import fsn
 from run.support import EXAMPLES, ROOT, document, needs_core
 from run.support import run as run_virtually
-from wires import missing, run_program
+from wires import attempts, missing, run_program
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.master import find_master
@@ -43,7 +43,7 @@ def on_the_wire(case, *networks, tmp, good=lambda _: True, script="live_rig.py",
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
     seen = "nothing"
-    for _ in range(ATTEMPTS):
+    for _ in attempts(tmp, ATTEMPTS):
         done = run_program(f"run/{script}", case, *networks, cwd=tmp, cables=cables)
         assert "Traceback (most recent" not in done.stdout
         seen = done.stdout + done.stderr

@@ -11,7 +11,7 @@ from cli import tool
 from networks import EXAMPLES, PLAIN, resolved
 from run.support import needs_core
 from run.test_live_bus import REQUIRED, why_not
-from wires import run_program
+from wires import attempts, run_program
 
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.codec import decode_plan, encode_plan
@@ -233,7 +233,7 @@ def try_rig(case, path, tmp_path, good=lambda _: True):
     if why:
         (pytest.fail if REQUIRED else pytest.skip)(why)
     seen = "nothing"
-    for _ in range(ATTEMPTS):
+    for _ in attempts(tmp_path, ATTEMPTS):
         done = run_program("run/several_rig.py", case, path, cables=2, cwd=tmp_path)
         seen = done.stdout + done.stderr
         if done.returncode == 0 and good(json.loads(done.stdout)):
