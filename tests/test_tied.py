@@ -9,7 +9,7 @@ import sys
 import pytest
 from patience import PATIENCE_S
 from tied import tied
-from wires import ROOT, TESTS, missing
+from wires import ROOT, TESTS, attempts, missing
 
 # A session of its own, as fsn-master has: no signal of a terminal reaches it.
 _CHILD = """
@@ -53,3 +53,13 @@ def test_a_helper_ends_with_the_one_that_started_it(start, tmp_path):
         parent.wait()
         assert select.select([heard], [], [], PATIENCE_S)[0]
         assert heard.readline() == ""  # the child, who held the other end, is gone
+
+
+def test_an_attempt_finds_the_folder_as_the_first_did(tmp_path):
+    (tmp_path / "given").touch()
+    for _ in attempts(tmp_path, 3):
+        assert [path.name for path in tmp_path.iterdir()] == ["given"]
+        (tmp_path / "file").touch()
+        (tmp_path / "folder").mkdir()
+        (tmp_path / "folder" / "file").touch()
+    assert (tmp_path / "folder" / "file").exists()  # of the last one, for a person to read
