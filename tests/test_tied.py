@@ -29,6 +29,12 @@ def test_it_does_not_begin_where_its_parent_has_gone_before():
     assert subprocess.run(gone, capture_output=True, check=False).stdout == b""
 
 
+def test_a_command_begins_where_path_holds_no_shell(tmp_path):
+    here = tied(sys.executable, "-c", "print('here')")
+    done = subprocess.run(here, env={"PATH": str(tmp_path)}, capture_output=True, check=True)
+    assert done.stdout == b"here\n"
+
+
 @pytest.mark.parametrize(
     "start",
     [

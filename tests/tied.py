@@ -6,9 +6,11 @@ import os
 import shutil
 from pathlib import Path
 
-_TIE = ["setpriv", "--pdeathsig", "KILL"] if shutil.which("setpriv") else []
+# By their paths: a test may run its command with another PATH, or with none of the system's.
+_SETPRIV = shutil.which("setpriv")
+_TIE = [_SETPRIV, "--pdeathsig", "KILL"] if _SETPRIV else []
 # The parent may have gone before the kernel was asked.
-_IF_THERE = ["sh", "-c", '[ "$PPID" = "$0" ] && exec "$@"']
+_IF_THERE = ["/bin/sh", "-c", '[ "$PPID" = "$0" ] && exec "$@"']
 
 
 def tied(*command: str | Path, parent: int = 0) -> list[str]:
