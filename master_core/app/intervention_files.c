@@ -233,7 +233,7 @@ static int append_own(struct intervention_files *files, struct fsn_json *json, c
     fsn_json_put_text(json, "level", level);
     fsn_json_put_text(json, "text", text);
     fsn_json_close(json, '}');
-    const int error = json->failed ? ENOMEM : append(files, json->bytes, json->len_bytes);
+    const int error = json->failed != FSN_OK ? ENOMEM : append(files, json->bytes, json->len_bytes);
     fsn_json_free(json);
     return error;
 }

@@ -170,7 +170,7 @@ static void put_text(enum fsn_log_level level, const char *text) {
 static void put_json(struct fsn_json *json) {
     fsn_json_end(json);
     /* Without memory for it, it is lost as well. */
-    put(json->bytes, json->failed ? 0 : json->len_bytes);
+    put(json->bytes, json->failed != FSN_OK ? 0 : json->len_bytes);
 }
 
 /** A line as an event; the caller frees it. */
@@ -188,7 +188,7 @@ static struct fsn_json as_event(const char *event, enum fsn_log_level level, con
 
 void log_entry(const struct fsn_json *json) {
     pthread_mutex_lock(&kept.lock);
-    if (kept.log != NULL && !json->failed) {
+    if (kept.log != NULL && json->failed == FSN_OK) {
         interventions_put(kept.log, json->bytes, json->len_bytes);
     }
     pthread_mutex_unlock(&kept.lock);

@@ -23,8 +23,9 @@ static int print(const struct fsn_survey *survey) {
     fsn_json_close(&json, '}');
     fsn_json_end(&json);
     int code = EXIT_FINE;
-    if (status != FSN_OK || json.failed) {
-        log_line(FSN_LOG_ERROR, "the scan ended early: %s", fsn_status_text(status));
+    if (status != FSN_OK || json.failed != FSN_OK) {
+        log_line(FSN_LOG_ERROR, "the scan ended early: %s",
+                 fsn_status_text(status != FSN_OK ? status : json.failed));
         code = EXIT_ENVIRONMENT;
     } else if (fwrite(json.bytes, 1, json.len_bytes, stdout) != json.len_bytes ||
                fflush(stdout) != 0) {

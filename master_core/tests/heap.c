@@ -4,6 +4,7 @@
 #include "heap.h"
 
 #include <dlfcn.h>
+#include <errno.h>
 #include <malloc.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -30,7 +31,9 @@ static void find(void *to, const char *name) {
 }
 
 static bool runs_out(void) {
-    return heap.fails_in > 0 && --heap.fails_in == 0;
+    const bool here = heap.fails_in > 0 && --heap.fails_in == 0;
+    errno = here ? ENOMEM : errno;
+    return here;
 }
 
 /* -- guards ------------------------------------------------------------------------------------

@@ -313,6 +313,7 @@ static void memory_runs_out(void) {
             status = fsn_core_create(rig->plan, fsn_backend_igh()->ops, rig->bus, &rig->core,
                                      &rig->fault);
         }
+        CHECK(status != FSN_OK || heap.fails_in > 0);
         heap.fails_in = 0;
         CHECK(status == FSN_OK || (status == FSN_E_NOMEM && rig->fault.status == FSN_E_NOMEM));
         fsn_core_free(rig->core);

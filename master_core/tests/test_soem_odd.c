@@ -274,6 +274,7 @@ static void memory_runs_out(void) {
             status = fsn_core_create(rig->plan, fsn_backend_soem()->ops, rig->bus, &rig->core,
                                      &rig->fault);
         }
+        CHECK(status != FSN_OK || heap.fails_in > 0);
         tried -= heap.fails_in > 0 && status != FSN_OK; /* a frame was late, nothing else */
         heap.fails_in = 0;
         CHECK(status == FSN_OK || rig->fault.status == status);

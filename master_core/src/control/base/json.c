@@ -15,13 +15,16 @@ void fsn_json_free(struct fsn_json *json) {
 
 void fsn_json_clear(struct fsn_json *json) {
     json->len_bytes = 0;
-    json->failed = false;
+    json->failed = FSN_OK;
     json->comma = false;
 }
 
 static bool make_room(struct fsn_json *json, size_t more) {
-    if (json->failed || more > json->limit_bytes - json->len_bytes) {
-        json->failed = true;
+    if (json->failed != FSN_OK) {
+        return false;
+    }
+    if (more > json->limit_bytes - json->len_bytes) {
+        json->failed = FSN_E_SPACE;
         return false;
     }
     if (more <= json->room_bytes - json->len_bytes) {
@@ -31,7 +34,7 @@ static bool make_room(struct fsn_json *json, size_t more) {
     room = room > json->limit_bytes ? json->limit_bytes : room;
     char *bytes = realloc(json->bytes, room);
     if (bytes == NULL) {
-        json->failed = true;
+        json->failed = FSN_E_NOMEM;
         return false;
     }
     json->bytes = bytes;
@@ -79,7 +82,7 @@ static size_t character(struct fsn_json *json, const char *at, size_t left) {
 
 void fsn_json_chars(struct fsn_json *json, const char *text, size_t left) {
     value(json, "\"", 1);
-    while (left > 0 && !json->failed) {
+    while (left > 0 && json->failed == FSN_OK) {
         const size_t taken = character(json, text, left);
         text += taken;
         left -= taken;

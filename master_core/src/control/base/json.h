@@ -6,12 +6,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "fsn/status.h"
+
 /** Zero with a limit set is an empty one. After the first failure nothing more is written. */
 struct fsn_json {
     char *bytes; /**< owned; not zero-terminated */
     size_t len_bytes, room_bytes;
     size_t limit_bytes; /**< it never gets longer */
-    bool failed;        /**< the limit was reached, or there is no memory */
+    fsn_status failed;  /**< FSN_E_SPACE: the limit was reached; FSN_E_NOMEM: there is no memory */
     bool comma;         /**< the next value or key needs a comma before it */
 };
 

@@ -14,7 +14,7 @@ static void put_base64(struct fsn_json *json, const char *key, const uint8_t *by
     char *text = malloc(len_bytes / 3 * 4 + 5);
     size_t at = 0;
     if (text == NULL) {
-        json->failed = true;
+        json->failed = FSN_E_NOMEM;
         return;
     }
     for (size_t i = 0; i < len_bytes; i += 3) {

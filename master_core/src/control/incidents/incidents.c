@@ -142,7 +142,7 @@ static void finish(struct fsn_incidents *in) {
     fsn_json_free(&in->fsoe);
     put_stem(p, stem, sizeof stem);
     snprintf(in->text, sizeof in->text, "%s", p->text);
-    if (head.failed) {
+    if (head.failed != FSN_OK) {
         fsn_json_free(&head);
         fsn_window_free(&window);
     } else {

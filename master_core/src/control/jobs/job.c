@@ -210,8 +210,8 @@ void fsn_job_run(struct fsn_job *job, const struct fsn_job_context *context) {
     if (context->core != NULL) {
         job->status = write_answer(&d, &abort_code);
     }
-    if (job->status == FSN_OK && job->json.failed) {
-        job->status = FSN_E_SPACE;
+    if (job->status == FSN_OK) {
+        job->status = job->json.failed;
     }
     if (job->status != FSN_OK) {
         fault_text(job, context->plan, job->status, abort_code);

@@ -29,7 +29,7 @@ void fsn_event_send(struct fsn_events *events, enum fsn_log_level level, const c
     fsn_json_put_text(json, "level", level_name[level]);
     fsn_json_put_text(json, "text", text);
     fsn_json_close(json, '}');
-    if (json->failed) {
+    if (json->failed != FSN_OK) {
         host->log(host->self, level, text, "{}", 2);
         return;
     }

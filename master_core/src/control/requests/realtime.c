@@ -136,6 +136,9 @@ static fsn_status refuse_open(struct fsn_request *request, fsn_status status) {
         return fsn_refusal_set(&request->refusal, status, "close one of them",
                                "%d clients are in the cycle already", FSN_SHARED_CLIENTS);
     }
+    if (status == FSN_E_NOMEM) {
+        return fsn_request_refuse(request, status, NULL, "out of memory");
+    }
     return fsn_refusal_set(&request->refusal, status,
                            "Linux 5.1 or newer, and memory that may be locked, are needed",
                            "no memory to share: %s", strerror(errno));
@@ -159,6 +162,13 @@ static fsn_status begin(struct fsn_request *request) {
     return FSN_OK;
 }
 
+static void put_reply(struct fsn_request *request, const struct wanted *wanted) {
+    fsn_json_put_u64(request->json, "layout", FSN_SHARED_LAYOUT);
+    fsn_json_put_text(request->json, "plan_sha256", request->services->view.sha256);
+    fsn_json_put_u64(request->json, "misses", wanted->misses);
+    fsn_json_put_u64(request->json, "outputs", wanted->count);
+}
+
 fsn_status fsn_answer_realtime(struct fsn_request *request) {
     if (request->count == 1 && strcmp(request->argument[0], "begin") == 0) {
         return begin(request);
@@ -173,7 +183,9 @@ fsn_status fsn_answer_realtime(struct fsn_request *request) {
     struct wanted wanted = {0};
     uint32_t place;
     fsn_status found = read_wanted(request, &wanted);
-    if (found == FSN_OK) {
+    /* Before anything is opened: it would stay behind where there is no room for a reply. */
+    put_reply(request, &wanted);
+    if (found == FSN_OK && request->json->failed == FSN_OK) {
         const struct fsn_core_client in_cycle = {
             .symbols = wanted.symbols, .count = wanted.count, .misses = (uint32_t)wanted.misses};
         fsn_request_report_taken(request, wanted.outputs, wanted.count);
@@ -185,16 +197,12 @@ fsn_status fsn_answer_realtime(struct fsn_request *request) {
         }
     }
     end(&wanted);
-    if (found != FSN_OK) {
+    if (found != FSN_OK || request->json->failed != FSN_OK) {
         return found;
     }
     request->fds = wanted.count > 0 ? 2 : 1;
     client->place = place + 1;
     client->begun = wanted.count == 0;
-    fsn_json_put_u64(request->json, "layout", FSN_SHARED_LAYOUT);
-    fsn_json_put_text(request->json, "plan_sha256", view->sha256);
-    fsn_json_put_u64(request->json, "misses", wanted.misses);
-    fsn_json_put_u64(request->json, "outputs", wanted.count);
     return FSN_OK;
 }
 

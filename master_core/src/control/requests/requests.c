@@ -254,7 +254,7 @@ static void begin(struct fsn_json *json, const char *tag, bool ok) {
 static void finish(struct fsn_client *client, struct fsn_json *json) {
     fsn_json_close(json, '}');
     fsn_json_end(json);
-    if (json->failed) {
+    if (json->failed != FSN_OK) {
         client->drop_reason = "no memory for it";
         return;
     }
@@ -313,6 +313,13 @@ static fsn_status answer(struct fsn_request *request) {
     return found;
 }
 
+/** What was asked for is done, but the reply has no room. */
+static fsn_status refuse_reply(struct fsn_request *request) {
+    return request->json->failed == FSN_E_NOMEM
+               ? fsn_request_refuse(request, FSN_E_NOMEM, NULL, "out of memory")
+               : fsn_request_refuse(request, FSN_E_SPACE, "ask for less", "the reply is too long");
+}
+
 void fsn_request_answer(struct fsn_services *services, struct fsn_client *client, char *line,
                         size_t len_bytes) {
     static struct fsn_words words; /* one thread */
@@ -336,8 +343,8 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
         found = answer(&request);
     }
     const bool later = found == FSN_OK && request.later; /* its job answers, and nobody else */
-    if (found == FSN_OK && !later && json.failed) {
-        found = fsn_request_refuse(&request, FSN_E_SPACE, "ask for less", "the reply is too long");
+    if (found == FSN_OK && !later && json.failed != FSN_OK) {
+        found = refuse_reply(&request);
     }
     if (found != FSN_OK) {
         fsn_reply_refusal(client, tag, &request.refusal);

@@ -76,7 +76,7 @@ static void put_line(struct fsn_services *services, struct fsn_client *client) {
     }
     fsn_json_close(json, '}');
     fsn_json_end(json);
-    if (json->failed) {
+    if (json->failed != FSN_OK) {
         stream->skipped++;
         return;
     }

@@ -18,7 +18,7 @@ static void deliver(void *self, struct fsn_json *json) {
     struct fsn_control *control = self;
     fsn_incident_event(control->services.incidents, json->bytes, json->len_bytes);
     fsn_json_end(json);
-    for (size_t i = 0; !json->failed && i < FSN_CONTROL_CLIENTS; i++) {
+    for (size_t i = 0; json->failed == FSN_OK && i < FSN_CONTROL_CLIENTS; i++) {
         if (control->client[i].events) {
             fsn_client_put(&control->client[i], json->bytes, json->len_bytes);
         }

@@ -248,10 +248,10 @@ fsn_status fsn_survey_write(const struct fsn_survey *survey, struct fsn_json *js
     fsn_json_put_open(json, "subdevices", '[');
     const uint32_t count = acyclic->count(survey->bus);
     bool whole = true;
-    for (uint32_t position = 0; whole && position < count && !json->failed; position++) {
+    for (uint32_t position = 0; whole && position < count && json->failed == FSN_OK; position++) {
         whole = put_subdevice(survey, position, room, json);
     }
     fsn_json_close(json, ']');
     free(room);
-    return json->failed ? FSN_E_SPACE : whole ? FSN_OK : FSN_E_STATE;
+    return whole || json->failed != FSN_OK ? json->failed : FSN_E_STATE;
 }
