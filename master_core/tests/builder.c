@@ -89,6 +89,7 @@ static void subdevices(struct buffer *b, const struct build *n) {
 }
 
 static void sms(struct buffer *b, const struct build *n) {
+    uint32_t pdo = 0;
     for (uint32_t i = 0; i < 2 * n->subdevices; i++) {
         const struct build_sm *sm = &n->sm[i / 2][i % 2];
         put(b, i / 2, 4);
@@ -97,9 +98,10 @@ static void sms(struct buffer *b, const struct build *n) {
         put(b, 0, 1);
         put(b, sm->size_bytes > 0, 1);
         put(b, 8 * (uint64_t)sm->size_bytes, 4);
-        put(b, i, 4);
-        put(b, 1, 4);
+        put(b, pdo, 4);
+        put(b, sm->size_bytes > 0, 4);
         put(b, 0, 4);
+        pdo += sm->size_bytes > 0;
     }
 }
 
@@ -107,6 +109,9 @@ static void pdos(struct buffer *b, const struct build *n) {
     uint32_t entry = 0;
     for (uint32_t i = 0; i < 2 * n->subdevices; i++) {
         const uint32_t size = n->sm[i / 2][i % 2].size_bytes;
+        if (size == 0) {
+            continue;
+        }
         put(b, i % 2 == 0 ? 0x1600 : 0x1A00, 2);
         put(b, 0, 2);
         put(b, entry, 4);

@@ -16,7 +16,7 @@
         }                                                                                          \
     } while (0)
 
-/** One sync manager of a test SubDevice: whole bytes, one PDO with 8-bit entries. */
+/** One sync manager of a test SubDevice: whole bytes, one PDO with 8-bit entries, or none. */
 struct build_sm {
     uint8_t direction;
     uint32_t size_bytes;

@@ -225,6 +225,14 @@ static void what_the_loader_has_proved_is_proved_again(void) {
     }
 }
 
+/** The copies of a connection are there, whatever kind they say they are. */
+static void a_connection_has_its_copies(void) {
+    set_up();
+    on.plan->bytes[on.plan->offset[8] + fsn_record_bytes[8] + 24] = 2; /* copy 1: standard data */
+    on.plan->bytes[on.plan->offset[9] + 16] = 9;
+    ANSWERS("COPY_PAIR 9.0+0: a connection is not a pair of opposite copies");
+}
+
 /** Two copies to the same bytes, which is proved for the image too. */
 static void destinations_are_disjoint(void) {
     static const struct build_sm sm[2][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}};
@@ -274,6 +282,11 @@ static void the_image_begins_empty(void) {
     CHECK(core->rt.outputs[0].bit_offset == 52 && core->rt.outputs[0].bits == 8);
     CHECK(core->rt.outputs[1].bit_offset == 9 * 8 + 48 && core->rt.outputs[1].bits == 16);
     fsn_core_free(core);
+    /* An input that says it is an output is none. */
+    on.plan->bytes[on.plan->offset[6] + fsn_record_bytes[6] + FSN_AT(symbol, flags)] |= 1;
+    CHECK(fsn_core_create(on.plan, &ops, &on, &core, NULL) == FSN_OK);
+    CHECK(fsn_core_is_open(core, 0) && !fsn_core_is_open(core, 1));
+    fsn_core_free(core);
     fsn_plan_free(on.plan);
 
     static const struct build_sm sm[2][2] = {{{1, 9}, {2, 0}}, {{1, 8}, {2, 0}}};
@@ -282,7 +295,7 @@ static void the_image_begins_empty(void) {
     size_t len;
     uint8_t *bytes = build_plan(&build, &len);
     set_up_build(bytes, len);
-    on.base[0] = on.base[1] = on.base[3] = FSN_NONE;
+    on.base[0] = on.base[3] = FSN_NONE; /* what has no bytes may have a place */
     CHECK(fsn_core_create(on.plan, &ops, &on, &core, NULL) == FSN_OK);
     CHECK(!fsn_core_is_open(core, 0) && fsn_core_is_open(core, 1));
     CHECK(fsn_core_set_output(core, 0, 1) == FSN_E_ARG);
@@ -324,6 +337,36 @@ static void outputs_beside_copies_are_open(void) {
             fprintf(stderr, "row %zu\n", i);
             exit(1);
         }
+        fsn_core_free(core);
+        fsn_plan_free(on.plan);
+    }
+}
+
+/** No plan is loaded whose outputs lie in an FSoE frame; the core looks again. */
+static void outputs_in_a_frame_are_closed(void) {
+    static const struct build_sm sm[2][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}};
+    static const struct build_block block = {0, 1, 6};
+    static const struct build_symbol symbol = {.sm = 0, .bits = 8};
+    static const struct {
+        uint8_t bit;
+        bool open;
+    } table[] = {{0, true}, {1, false}, {24, false}, {55, false}, {56, true}};
+    const struct build build = {.subdevices = 2,
+                                .sm = sm,
+                                .symbols = &symbol,
+                                .symbol_count = 1,
+                                .blocks = &block,
+                                .block_count = 1};
+    for (size_t i = 0; i < sizeof table / sizeof table[0]; i++) {
+        size_t len;
+        uint8_t *bytes = build_plan(&build, &len);
+        set_up_build(bytes, len);
+        on.plan->bytes[on.plan->offset[6] + FSN_AT(symbol, bit_offset)] = table[i].bit;
+        struct fsn_core *core;
+        struct fsn_statistics statistics;
+        CHECK(fsn_core_create(on.plan, &ops, &on, &core, NULL) == FSN_OK);
+        CHECK(fsn_core_is_open(core, 0) == table[i].open);
+        CHECK(fsn_core_bus(core, 0, &statistics) == FSN_OK); /* it counts nothing of its own */
         fsn_core_free(core);
         fsn_plan_free(on.plan);
     }
@@ -379,10 +422,12 @@ int main(void) {
     sync_managers_have_places_of_their_own();
     a_copy_stays_in_one_datagram();
     what_the_loader_has_proved_is_proved_again();
+    a_connection_has_its_copies();
     destinations_are_disjoint();
     what_is_needed_is_asked_for();
     the_image_begins_empty();
     outputs_beside_copies_are_open();
+    outputs_in_a_frame_are_closed();
     silence_is_twice_the_watchdog();
     copies_are_grouped_by_size();
     CHECK(heap_alive() == alive);

@@ -144,9 +144,14 @@ static void format_1_1_is_read(void) {
     CHECK(load(bytes, len, &fault) == FSN_E_PLAN_VERSION);
     CHECK(fault.section == 0 && fault.byte == 10 && fault.copy_index == FSN_FAULT_NO_RECORD);
     bytes[10] = 1;
-    bytes[32 + 16 * 10 + 8] = 2; /* two hashes */
+    bytes[32 + 16 * 10 + 8] = 2; /* two hashes, and room for them */
+    bytes = realloc(bytes, len + 32);
+    CHECK(bytes != NULL);
+    memset(bytes + len, 0x5A, 32);
+    len += 32;
+    fsn_put32(bytes + 12, (uint32_t)len);
     build_fix_crc(bytes, len);
-    CHECK(load(bytes, len, NULL) == FSN_E_PLAN_SECTION);
+    CHECK(load(bytes, len, &fault) == FSN_E_PLAN_SECTION && fault.byte == 32 + 16 * 10);
     free(bytes);
 }
 

@@ -54,6 +54,7 @@ static void a_room_shows_every_cycle(void) {
         emulated_rig_cycle(&rig);
         CHECK(fsn_room_pictures(room) == pictures + 1);
     }
+    CHECK(fsn_room_read(room, 4, image_bytes(&rig), &shown, image) == FSN_E_ARG);
     CHECK(fsn_room_read(room, len - 1, image_bytes(&rig), &shown, image) == FSN_E_ARG);
     CHECK(fsn_room_read(room, len, image_bytes(&rig) + 1, &shown, image) == FSN_E_ARG);
     CHECK(fsn_room_read(NULL, len, image_bytes(&rig), &shown, image) == FSN_E_ARG);
@@ -66,6 +67,7 @@ static void a_room_shows_every_cycle(void) {
     CHECK(shown.cycles == 5);
     atomic_fetch_add(&rig.core->rt.snapshot.shown->begun, 1);
     CHECK(fsn_room_read(room, len, image_bytes(&rig), &shown, image) == FSN_E_BUSY);
+    CHECK(fsn_core_bus(rig.core, 0, &own) == FSN_E_BUSY);
     emulated_rig_end(&rig);
     free(image);
     free(room);
@@ -173,6 +175,36 @@ static void a_cycle_is_shown_before_it_is_sent_where_somebody_follows(void) {
     free(spy.room);
 }
 
+/** A core that runs has its place, and goes on from nobody. */
+static void a_core_that_runs_is_left_alone(void) {
+    struct emulated_rig rig = set_up();
+    const struct fsn_thread_options options = {.cycle_ns = 4000000000};
+    struct fsn_statistics statistics = {0};
+    void *room = room_of(&rig);
+    CHECK(fsn_core_start(rig.core, &options, NULL) == FSN_OK);
+    CHECK(fsn_core_share(rig.core, room) == FSN_E_STATE);
+    CHECK(fsn_core_continue(rig.core, &statistics, room) == FSN_E_STATE);
+    fsn_core_stop(rig.core);
+    CHECK(fsn_core_share(rig.core, room) == FSN_OK);
+    emulated_rig_end(&rig);
+    free(room);
+}
+
+/** A bus without any process data goes on as well. */
+static void an_image_may_be_empty(void) {
+    static const struct build_sm sm[1][2] = {{{1, 0}, {2, 0}}};
+    const struct build build = {.subdevices = 1, .sm = sm};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    struct emulated_rig rig = emulated_rig_load(bytes, len);
+    const struct fsn_statistics last = {.cycles = 5};
+    const uint8_t image[1] = {0};
+    CHECK(fsn_core_image_bytes(rig.core) == 0);
+    CHECK(fsn_core_continue(rig.core, &last, image) == FSN_OK);
+    CHECK(fsn_core_last_cycle(rig.core) == 5);
+    emulated_rig_end(&rig);
+}
+
 static void nothing_is_taken_from_nobody(void) {
     struct emulated_rig rig = set_up();
     struct fsn_statistics statistics = {0};
@@ -191,6 +223,8 @@ int main(void) {
     the_second_core_goes_on();
     the_gap_is_counted();
     a_cycle_is_shown_before_it_is_sent_where_somebody_follows();
+    a_core_that_runs_is_left_alone();
+    an_image_may_be_empty();
     nothing_is_taken_from_nobody();
     return 0;
 }

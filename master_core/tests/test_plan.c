@@ -226,6 +226,20 @@ static void revisions_are_a_range(void) {
     free(bytes);
 }
 
+static void an_empty_sync_manager_has_no_entries(void) {
+    static const struct build_sm sm[1][2] = {{{1, 0}, {2, 3}}};
+    const struct build build = {.subdevices = 1, .sm = sm};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    struct fsn_plan *plan;
+    uint32_t behind = 9;
+    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    CHECK(fsn_sm_entries(plan, 0, &behind) == 0 && behind == 0);
+    CHECK(fsn_sm_entries(plan, 1, &behind) == 0 && behind == 3);
+    fsn_plan_free(plan);
+    free(bytes);
+}
+
 /** A third FSoE copy that says it belongs to a connection of two others. */
 static void a_connection_has_two_copies(void) {
     static const struct build_sm sm[2][2] = {{{1, 12}, {2, 12}}, {{1, 12}, {2, 12}}};
@@ -323,6 +337,7 @@ int main(void) {
     each_broken_rule_is_named();
     stop_values_are_proved();
     revisions_are_a_range();
+    an_empty_sync_manager_has_no_entries();
     a_connection_has_two_copies();
     several_fields_together();
     fault_names_the_copy();

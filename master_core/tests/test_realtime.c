@@ -10,6 +10,7 @@
 #include <stdatomic.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/un.h>
@@ -692,6 +693,25 @@ static void what_the_core_itself_refuses(void) {
     CHECK(fsn_core_client_open(rig.on.core, &wrong[0], &place, fds) == FSN_E_ARG);
     CHECK(fsn_core_client_open(rig.on.core, &wrong[1], &place, fds) == FSN_E_CLOSED);
     CHECK(fds[0] == -1 && fds[1] == -1);
+    const uint32_t open = 0;
+    const struct fsn_core_client writes = {.symbols = &open, .count = 1};
+    CHECK(fsn_core_client_open(rig.on.core, &writes, &place, fds) == FSN_OK);
+    CHECK(fsn_core_client_begin(rig.on.core, place) == FSN_OK);
+    CHECK(fsn_core_client_begin(rig.on.core, place) == FSN_OK); /* it has begun */
+    fsn_core_client_close(rig.on.core, place);
+    close(fds[0]);
+    close(fds[1]);
+    /* No descriptor is left. */
+    struct rlimit limit;
+    CHECK(getrlimit(RLIMIT_NOFILE, &limit) == 0);
+    const int next = dup(0);
+    close(next);
+    const struct rlimit none = {.rlim_cur = (rlim_t)next, .rlim_max = limit.rlim_max};
+    CHECK(setrlimit(RLIMIT_NOFILE, &none) == 0);
+    const struct fsn_core_client reads = {0};
+    CHECK(fsn_core_client_open(rig.on.core, &reads, &place, fds) == FSN_E_SYS && errno == EMFILE);
+    CHECK(fds[0] == -1 && fds[1] == -1);
+    CHECK(setrlimit(RLIMIT_NOFILE, &limit) == 0);
     begin_serving();
     tear_down();
 }

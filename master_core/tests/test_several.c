@@ -10,6 +10,7 @@
 #include "fsn/acyclic.h"
 #include "fsn/fsn.h"
 #include "heap.h"
+#include "plan/plan_internal.h"
 
 enum { FRAME = 31, SM_BYTES = 62, LEAD_NS = 1000000, NO_CPU = 100000 };
 
@@ -180,6 +181,32 @@ static void a_part_has_what_is_between_its_own(void) {
           c.sub_subdevice == 1 && c.copy_to_sub == 1 && c.copy_to_main == 0 &&
           c.connection_id == 2);
     fsn_plan_free(part);
+}
+
+/** Standard data between SubDevices of one bus stays theirs; a part is proved as a plan is. */
+static void a_part_is_proved_anew(void) {
+    static const struct build_copy standard[] = {{0, 0, 1, 0, 8}};
+    const struct build_bus buses[] = {{LEAD_NS, 0, 2}, {LEAD_NS, 2, 2}};
+    const struct build build = {.subdevices = 4,
+                                .sm = sms,
+                                .copies = standard,
+                                .standard = 1,
+                                .cycle_ns = LEAD_NS,
+                                .buses = buses,
+                                .bus_count = 2};
+    size_t len;
+    uint8_t *bytes = build_plan(&build, &len);
+    struct fsn_plan *plan, *part;
+    struct fsn_copy_info copy;
+    CHECK(fsn_plan_load(bytes, len, &plan, NULL) == FSN_OK);
+    free(bytes);
+    CHECK(fsn_plan_part(plan, 0, &part) == FSN_OK && fsn_plan_copy_count(part) == 1);
+    CHECK(fsn_plan_copy(part, 0, &copy) == FSN_OK && copy.connection == FSN_NONE);
+    CHECK(copy.source_sm == 1 && copy.destination_sm == 2 && copy.size_bytes == 8);
+    fsn_plan_free(part);
+    plan->bytes[plan->offset[3] + 2] = 1; /* reserved, behind the loader's back */
+    CHECK(fsn_plan_part(plan, 0, &part) == FSN_E_PLAN_RESERVED && part == NULL);
+    fsn_plan_free(plan);
 }
 
 static void the_part_of_one_bus_is_the_plan(void) {
@@ -754,6 +781,7 @@ int main(void) {
     a_wrong_share_is_refused();
     a_wrong_section_is_refused();
     a_part_has_what_is_between_its_own();
+    a_part_is_proved_anew();
     the_part_of_one_bus_is_the_plan();
     delays_are_those_of_the_buses();
     outputs_of_each_bus_are_written();

@@ -132,11 +132,7 @@ static fsn_status resolve_copy(const struct fsn_core *core, uint32_t number, str
                                struct fsn_fault *fault) {
     const struct fsn_plan *plan = core->plan;
     const struct fsn_bus_layout *layout = &core->layout;
-    struct fsn_copy_info copy;
-    const fsn_status status = fsn_plan_copy(plan, number, &copy);
-    if (status != FSN_OK) { /* GCOVR_EXCL_START: every number below the count is one */
-        return refuse_copy(fault, status, number, NULL);
-    } /* GCOVR_EXCL_STOP */
+    const struct fsn_copy_info copy = fsn_known_copy(plan, number);
     if (layout->sm_base[copy.source_sm] == FSN_NONE ||
         layout->sm_base[copy.destination_sm] == FSN_NONE) {
         return refuse_copy(fault, FSN_E_BUS_IMAGE, number,
@@ -252,17 +248,14 @@ static fsn_status activate_copies(struct fsn_core *core, struct fsn_fault *fault
 static fsn_status watch(struct fsn_core *core, uint32_t number, uint32_t *seen_bytes,
                         struct fsn_fault *fault) {
     struct fsn_rt_watch *watch = &core->rt.watches[number];
-    struct fsn_connection_info info;
-    fsn_status status = fsn_plan_connection(core->plan, number, &info);
+    const struct fsn_connection_info info = fsn_known_connection(core->plan, number);
     const uint32_t copies[] = {info.copy_to_sub, info.copy_to_main};
     watch->seen = *seen_bytes;
-    for (unsigned way = 0; way < 2 && status == FSN_OK;
-         way++) { /* GCOVR_EXCL_BR_LINE: it is there */
+    for (unsigned way = 0; way < 2; way++) {
         struct fsn_copy_info copy;
-        status = fsn_plan_copy(core->plan, copies[way], &copy);
-        if (status != FSN_OK) { /* GCOVR_EXCL_START: the loader has proved both numbers */
-            break;
-        } /* GCOVR_EXCL_STOP */
+        if (fsn_plan_copy(core->plan, copies[way], &copy) != FSN_OK) {
+            return fsn_refuse(fault, FSN_E_COPY_PAIR, FSN_SEC_CONNECTION, number, 0, NULL);
+        }
         watch->offset[way] = core->layout.sm_base[copy.destination_sm] + copy.destination_byte;
         watch->size_bytes[way] = copy.size_bytes;
         *seen_bytes += copy.size_bytes;
@@ -271,10 +264,8 @@ static fsn_status watch(struct fsn_core *core, uint32_t number, uint32_t *seen_b
     const uint64_t watchdog_ms = (info.known & 4) != 0 ? info.watchdog_ms : 500;
     watch->silent_ns = 2 * watchdog_ms * UINT64_C(1000000);
     watch->planned = fsn_planned_parameters(&info);
-    if (status == FSN_OK) {
-        status = fsn_monitor_init(&core->rt.monitors[number], watch->size_bytes[FSN_TO_SUB],
-                                  watch->size_bytes[FSN_TO_MAIN]);
-    }
+    const fsn_status status = fsn_monitor_init(
+        &core->rt.monitors[number], watch->size_bytes[FSN_TO_SUB], watch->size_bytes[FSN_TO_MAIN]);
     return status == FSN_OK ? FSN_OK : refuse_copy(fault, FSN_E_COPY_FRAME, copies[0], NULL);
 }
 
@@ -325,9 +316,8 @@ static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *faul
     }
     fsn_triple_init(&core->rt.sets.triple);
     for (uint32_t i = 0; i < count; i++) {
-        struct fsn_symbol_info info;
-        if (fsn_plan_symbol(core->plan, i, &info) != FSN_OK ||
-            core->layout.sm_base[info.sm] == FSN_NONE) {
+        const struct fsn_symbol_info info = fsn_known_symbol(core->plan, i);
+        if (core->layout.sm_base[info.sm] == FSN_NONE) {
             continue;
         }
         core->rt.outputs[i].bit_offset = 8 * core->layout.sm_base[info.sm] + info.bit_offset;
