@@ -162,6 +162,26 @@ def test_many_connections_at_once():
     assert all(len(c.places) == 4 for c in scanner.connections())
 
 
+@pytest.mark.parametrize("before", [0, 61])
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), (4, 2)])
+def test_frames_side_by_side_do_not_hide_each_other(size, before):
+    """As in the process data of a main terminal: what stands behind a frame is the next one."""
+    buses = [Bus(*size, connection_id=n + 1, seed=n, noise=False) for n in range(40)]
+    length = [frame_length(n) for n in size]
+    scanner = Scanner()
+    for cycle in range(before + 200):
+        images = [bus.image() for bus in buses]
+        ends = [(buses[0].main_at, length[0]), (buses[0].sub_copy_at, length[1])]
+        parts = [b"".join(image[at : at + n] for image in images) for at, n in ends]
+        if cycle >= before:
+            both = [datagram(LRW, 0x1000 * (n + 1), parts[n], 3, more=n == 0) for n in range(2)]
+            scanner.packet(packet(*both), cycle * 1_000_000)
+    found = scanner.connections()
+    assert sorted(c.connection_id for c in found) == list(range(1, 41))
+    assert {len(c.places) for c in found} == {2}
+    assert {c.state for c in found} == {OutsideState.DATA_PROCESS}
+
+
 def test_a_damaged_frame_is_shown_where_it_is():
     bus, scanner, seen = Bus(2, 2, noise=False), Scanner(), []
     for cycle in range(100):

@@ -335,6 +335,13 @@ static bool shown_enough(const struct candidate *c) {
     return frames >= LEAST_FRAMES;
 }
 
+/** Whether another place is worth a try as the other end. */
+static bool may_be_ends(const struct fsn_scan *scan, const struct candidate *c,
+                        const struct candidate *other) {
+    return other->used && other->connection == NONE && other->connection_id == c->connection_id &&
+           shown_enough(other) && scan->windows[other->window].bus == scan->windows[c->window].bus;
+}
+
 void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
     struct candidate *c = &scan->candidates[candidate];
     if (c->connection_id == 0 || c->count < c->next_try || scan->pair_tries == 0 ||
@@ -345,15 +352,18 @@ void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
     if (join_as_copy(scan, c)) {
         return;
     }
-    for (uint32_t i = 0; i < scan->candidate_count; i++) {
+    unsigned tries = 0;
+    for (uint32_t n = 0; n < scan->candidate_count; n++) {
+        const uint32_t i = (c->next_other + n) % scan->candidate_count;
         struct candidate *other = &scan->candidates[i];
-        if (i != candidate && other->used && other->connection == NONE &&
-            other->connection_id == c->connection_id && shown_enough(other) &&
-            scan->windows[other->window].bus == scan->windows[c->window].bus) {
-            if (scan->pair_tries == 0) {
-                return; /* in a later packet */
+        if (other != c && may_be_ends(scan, c, other)) {
+            if (scan->pair_tries == 0 || tries == OWN_TRIES) {
+                c->next_other = i;
+                c->next_try = c->count + LET_OTHERS;
+                return;
             }
             scan->pair_tries--;
+            tries++;
             if (try_pair(scan, c, other)) {
                 return;
             }

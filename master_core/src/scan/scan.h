@@ -14,7 +14,10 @@ enum {
     GIVEN_UP = 6,    /**< a place with so many is left alone */
     PATIENCE = 3,    /**< frames in a row that speak against what is believed of a place */
     PAIR_TRIES = 32, /**< searches for another end per packet, and pairs tried */
-    SLOTS = 2,       /**< candidates per place: of the length its blocks say, and of 6 bytes */
+    OWN_TRIES = 4,   /**< of these, pairs tried with one place */
+    LET_OTHERS =
+        128,   /**< frames until its next ones: as many as a packet has places share the tries */
+    SLOTS = 2, /**< candidates per place: of the length its blocks say, and of 6 bytes */
     DEFERRED = 256,
 };
 
@@ -32,6 +35,7 @@ struct candidate {
     uint16_t connection_id; /**< 0: not shown yet */
     uint32_t count;         /**< frames shown; [count % MEMORY] is the next slot */
     uint32_t next_try;      /**< count from which pairing is tried again */
+    uint32_t next_other;    /**< the place that is tried first then */
     struct shown shown[MEMORY];
     uint32_t next_free;  /**< of an unused slot: the next one, plus 1 */
     uint32_t connection; /**< NONE: not known to be an end of any */

@@ -1,0 +1,224 @@
+/** The scanner where its tables or the memory end. What it finds in traffic, the Python tests try.
+ */
+/* shows R7 */
+#include <string.h>
+
+#include "../fuzz/fuzz.h"
+#include "heap.h"
+#include "scan/scan.h"
+
+enum {
+    HEAD_AT = 14,
+    DATAGRAM_HEAD = 10,
+    MOST_PACKET = 2062,
+    FRAME = FSN_MIN_FRAME_BYTES,
+    LRW = 12,
+    NS = 1000000
+};
+
+/** One Ethernet frame that is put together from datagrams. */
+static struct {
+    uint8_t bytes[MOST_PACKET];
+    size_t len;
+    uint64_t now_ns;
+} packet;
+
+static void begin_packet(void) {
+    memset(packet.bytes, 0, sizeof packet.bytes);
+    packet.bytes[12] = 0x88;
+    packet.bytes[13] = 0xA4;
+    packet.len = HEAD_AT + 2;
+    packet.now_ns += NS;
+}
+
+static void add_datagram(uint32_t address, const uint8_t *data, uint16_t size) {
+    uint8_t *at = packet.bytes + packet.len;
+    if (packet.len > HEAD_AT + 2) { /* the one before has a follower: all are of one size here */
+        at[-1 - 2 - size - 2] |= 0x80;
+    }
+    CHECK(packet.len + DATAGRAM_HEAD + size + 2 <= sizeof packet.bytes);
+    at[0] = LRW;
+    memcpy(at + 2, &address, sizeof address);
+    at[6] = (uint8_t)size;
+    at[7] = (uint8_t)(size >> 8);
+    memcpy(at + DATAGRAM_HEAD, data, size);
+    at[DATAGRAM_HEAD + size] = 1;
+    packet.len += DATAGRAM_HEAD + size + 2u;
+}
+
+static void hand_over(struct fsn_scan *scan) {
+    const size_t len = packet.len - HEAD_AT - 2;
+    packet.bytes[HEAD_AT] = (uint8_t)len;
+    packet.bytes[HEAD_AT + 1] = (uint8_t)(0x10 | len >> 8);
+    (void)fsn_scan_packet(scan, 0, packet.bytes, packet.len, packet.now_ns);
+}
+
+/** Two ends of a connection, one behind the other. */
+struct pair {
+    struct chain chain;
+    uint8_t frames[2 * FRAME];
+};
+
+static void next_frame(struct pair *pair, uint16_t id, unsigned way, uint8_t value) {
+    uint8_t *frame = pair->frames + (size_t)way * FRAME;
+    memset(frame, 0, FRAME);
+    frame[0] = FSN_CMD_PROCESS_DATA;
+    frame[1] = value;
+    frame[FRAME - 2] = (uint8_t)id;
+    frame[FRAME - 1] = (uint8_t)(id >> 8);
+    chain_finish(&pair->chain, way, frame, FRAME);
+}
+
+static uint64_t dropped(const struct fsn_scan *scan) {
+    struct fsn_scan_counts counts;
+    fsn_scan_counts(scan, &counts);
+    return counts.dropped;
+}
+
+#ifdef FSN_TEST_HEAP
+/** Whichever allocation fails: it is refused, or counted, and the connection is found later. */
+static void memory_runs_out(void) {
+    const long alive = heap.alive;
+    long left = 0;
+    for (long n = 1; left == 0; n++) {
+        struct pair pair = {0};
+        struct fsn_scan *scan = (void *)&packet;
+        struct fsn_sighting sighting;
+        uint64_t seen = 0;
+        chain_clear(&pair.chain);
+        heap.fails_in = n;
+        const fsn_status status = fsn_scan_create(&scan);
+        for (uint8_t i = 0; status == FSN_OK && i < 80; i++) {
+            next_frame(&pair, 7, i % 2, i);
+            begin_packet();
+            add_datagram(0x1000, pair.frames, sizeof pair.frames);
+            hand_over(scan);
+            while (i % 8 == 7 && fsn_scan_next(scan, &sighting)) {
+                seen++;
+            }
+        }
+        left = heap.fails_in; /* there were not so many */
+        heap.fails_in = 0;
+        CHECK(status == (n <= 4 ? FSN_E_NOMEM : FSN_OK));
+        if (status != FSN_OK) {
+            CHECK(scan == NULL && heap.alive == alive);
+            continue;
+        }
+        CHECK(fsn_scan_connection_count(scan) == 1);
+        CHECK((dropped(scan) > 0) == (left == 0) && seen > 20);
+        fsn_scan_free(scan);
+        CHECK(heap.alive == alive);
+    }
+}
+#endif
+
+/** A new address has no room any more; those known go on. */
+static void addresses_are_limited(void) {
+    struct pair pair = {0};
+    struct fsn_scan *scan;
+    const uint8_t nothing[FRAME] = {0};
+    chain_clear(&pair.chain);
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    for (uint8_t i = 0; i < 40; i++) {
+        next_frame(&pair, 7, i % 2, i);
+        begin_packet();
+        add_datagram(0x1000, pair.frames, sizeof pair.frames);
+        hand_over(scan);
+        for (uint32_t n = 0; i == 0 && n < MAX_WINDOWS + 1; n++) {
+            CHECK(dropped(scan) == (n < MAX_WINDOWS ? 0 : 1));
+            begin_packet();
+            add_datagram(0x100000 + n, nothing, sizeof nothing);
+            hand_over(scan);
+        }
+    }
+    CHECK(dropped(scan) == 2 && fsn_scan_connection_count(scan) == 1);
+    fsn_scan_free(scan);
+}
+
+/** Places that look like frames, more than it remembers. */
+static void places_are_limited(void) {
+    enum { PLACES = 240, WINDOWS = MAX_CANDIDATES / PLACES + 2 };
+    static uint8_t data[PLACES * FRAME];
+    struct fsn_scan *scan;
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    for (unsigned round = 0; round < 2; round++) {
+        for (uint32_t window = 0; window < WINDOWS; window++) {
+            for (size_t place = 0; place < PLACES; place++) {
+                uint8_t *frame = data + place * FRAME;
+                memset(frame, 0x81, FRAME);
+                frame[0] = FSN_CMD_PROCESS_DATA;
+                frame[1] = (uint8_t)(0x80 + round);
+            }
+            begin_packet();
+            add_datagram(0x10000 * window, data, sizeof data);
+            hand_over(scan);
+        }
+    }
+    CHECK(dropped(scan) > 0 && scan->candidate_count == MAX_CANDIDATES);
+    CHECK(fsn_scan_connection_count(scan) == 0);
+    fsn_scan_free(scan);
+}
+
+/** Connections of 6-byte frames without a gap, as in the process data of a main terminal: the
+ * second byte behind each frame is the first of the next, so all of them look like 7-byte frames of
+ * one ConnID as well, and each such place has hundreds of others to be tried with. More connections
+ *  than it keeps, and more new frames in one packet than wait for its end. */
+static void connections_are_limited(void) {
+    enum { PER_DATAGRAM = 82, PER_PACKET = 2 * PER_DATAGRAM, PAIRS = 7 * PER_PACKET };
+    static struct pair pairs[PAIRS];
+    static uint8_t data[2][PER_DATAGRAM * 2 * FRAME];
+    struct fsn_scan *scan;
+    struct fsn_sighting sighting;
+    uint64_t right = 0;
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    for (size_t i = 0; i < PAIRS; i++) {
+        chain_clear(&pairs[i].chain);
+    }
+    for (unsigned round = 0; round < 200 && dropped(scan) == 0; round++) {
+        for (size_t first = 0; first < PAIRS; first += PER_PACKET) {
+            begin_packet();
+            for (size_t i = 0; i < PER_PACKET; i++) {
+                struct pair *pair = &pairs[first + i];
+                next_frame(pair, (uint16_t)(first + i + 1), round % 2, (uint8_t)round);
+                memcpy(data[i / PER_DATAGRAM] + i % PER_DATAGRAM * 2 * FRAME, pair->frames,
+                       2 * FRAME);
+            }
+            add_datagram((uint32_t)first << 16, data[0], sizeof data[0]);
+            add_datagram((uint32_t)(first + 1) << 16, data[1], sizeof data[1]);
+            hand_over(scan);
+            while (fsn_scan_next(scan, &sighting)) {
+                CHECK(sighting.verdict != FSN_VERDICT_WRONG);
+                right += sighting.verdict == FSN_VERDICT_RIGHT;
+            }
+        }
+    }
+    CHECK(dropped(scan) > 0 && fsn_scan_connection_count(scan) == MAX_CONNECTIONS);
+    CHECK(right > 10u * MAX_CONNECTIONS);
+    fsn_scan_free(scan);
+}
+
+static void what_is_no_packet_is_no_harm(void) {
+    static const uint8_t short_one[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x88, 0xA4, 0};
+    struct fsn_scan *scan;
+    struct fsn_scan_counts counts;
+    CHECK(fsn_scan_create(NULL) == FSN_E_ARG);
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    for (size_t len = 0; len <= sizeof short_one; len++) {
+        CHECK(fsn_scan_packet(scan, 0, short_one, len, len) == 0);
+    }
+    fsn_scan_counts(scan, &counts);
+    CHECK(counts.packets == sizeof short_one + 1 && counts.ethercat == 2 && counts.malformed == 2);
+    fsn_scan_free(scan);
+    fsn_scan_free(NULL);
+}
+
+int main(void) {
+#ifdef FSN_TEST_HEAP
+    memory_runs_out();
+#endif
+    addresses_are_limited();
+    places_are_limited();
+    connections_are_limited();
+    what_is_no_packet_is_no_harm();
+    return 0;
+}
