@@ -159,27 +159,32 @@ static void places_are_limited(void) {
     fsn_scan_free(scan);
 }
 
-/** Connections of 6-byte frames without a gap, as in the process data of a main terminal: the
- * second byte behind each frame is the first of the next, so all of them look like 7-byte frames of
- * one ConnID as well, and each such place has hundreds of others to be tried with. More connections
- *  than it keeps, and more new frames in one packet than wait for its end. */
-static void connections_are_limited(void) {
-    enum { PER_DATAGRAM = 82, PER_PACKET = 2 * PER_DATAGRAM, PAIRS = 7 * PER_PACKET };
+enum { PER_DATAGRAM = 82, PER_PACKET = 2 * PER_DATAGRAM, PAIRS = 7 * PER_PACKET };
+
+/** Shows connections whose frames stand side by side, as in the process data of a main terminal.
+ *  @param[in] together  from this even round on the answer comes in the same packet, but that of
+ * the first connection.
+ *  @return how many frames were right from then on. */
+static uint64_t show_side_by_side(struct fsn_scan *scan, size_t count, unsigned rounds,
+                                  unsigned together) {
     static struct pair pairs[PAIRS];
     static uint8_t data[2][PER_DATAGRAM * 2 * FRAME];
-    struct fsn_scan *scan;
     struct fsn_sighting sighting;
     uint64_t right = 0;
-    CHECK(fsn_scan_create(&scan) == FSN_OK);
-    for (size_t i = 0; i < PAIRS; i++) {
+    for (size_t i = 0; i < count; i++) {
         chain_clear(&pairs[i].chain);
     }
-    for (unsigned round = 0; round < 200 && dropped(scan) == 0; round++) {
-        for (size_t first = 0; first < PAIRS; first += PER_PACKET) {
+    for (unsigned round = 0; round < rounds; round++) {
+        for (size_t first = 0; first < count; first += PER_PACKET) {
             begin_packet();
             for (size_t i = 0; i < PER_PACKET; i++) {
                 struct pair *pair = &pairs[first + i];
-                next_frame(pair, (uint16_t)(first + i + 1), round % 2, (uint8_t)round);
+                const uint16_t id = (uint16_t)(first + i + 1);
+                const bool both = round >= together && i > 0;
+                next_frame(pair, id, both ? 0 : round % 2, (uint8_t)round);
+                if (both) {
+                    next_frame(pair, id, 1, (uint8_t)round);
+                }
                 memcpy(data[i / PER_DATAGRAM] + i % PER_DATAGRAM * 2 * FRAME, pair->frames,
                        2 * FRAME);
             }
@@ -188,12 +193,29 @@ static void connections_are_limited(void) {
             hand_over(scan);
             while (fsn_scan_next(scan, &sighting)) {
                 CHECK(sighting.verdict != FSN_VERDICT_WRONG);
-                right += sighting.verdict == FSN_VERDICT_RIGHT;
+                right += round >= together && sighting.verdict == FSN_VERDICT_RIGHT;
             }
         }
     }
+    return right;
+}
+
+/** The second byte behind each frame is the first of the next, so all of them look like 7-byte
+ * frames of one ConnID as well, and each such place has hundreds of others to be tried with. */
+static void connections_are_limited(void) {
+    struct fsn_scan *scan;
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    CHECK(show_side_by_side(scan, PAIRS, 60, 40) > 10u * MAX_CONNECTIONS);
     CHECK(dropped(scan) > 0 && fsn_scan_connection_count(scan) == MAX_CONNECTIONS);
-    CHECK(right > 10u * MAX_CONNECTIONS);
+    fsn_scan_free(scan);
+}
+
+/** Which of two frames in a packet came first is known at its end: all of them wait for it. */
+static void a_packet_full_of_answers_is_right(void) {
+    struct fsn_scan *scan;
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    CHECK(show_side_by_side(scan, PER_PACKET, 120, 100) == 20 * (2 * PER_PACKET - 1));
+    CHECK(dropped(scan) == 0 && fsn_scan_connection_count(scan) == PER_PACKET);
     fsn_scan_free(scan);
 }
 
@@ -219,6 +241,7 @@ int main(void) {
     addresses_are_limited();
     places_are_limited();
     connections_are_limited();
+    a_packet_full_of_answers_is_right();
     what_is_no_packet_is_no_harm();
     return 0;
 }

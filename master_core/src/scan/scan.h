@@ -18,7 +18,7 @@ enum {
     LET_OTHERS =
         128,   /**< frames until its next ones: as many as a packet has places share the tries */
     SLOTS = 2, /**< candidates per place: of the length its blocks say, and of 6 bytes */
-    DEFERRED = 256,
+    DEFERRED = 341, /**< 6-byte frames that a packet has room for */
 };
 
 #define NONE 0xFFFFFFFFu
