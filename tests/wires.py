@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
@@ -21,6 +22,7 @@ TESTS = Path(__file__).parent
 ROOT = TESTS.parent
 # As root, or as an ordinary user where the system lets it.
 NAMESPACE = ["unshare", "-n"] if os.geteuid() == 0 else ["unshare", "-rn"]
+_RCVBUFFORCE = 33  # beyond net.core.rmem_max, which holds 40 ms of a busy machine
 # The first process of a PID namespace takes all others with it.
 ALONE = ["unshare", "--pid", "--fork", "--kill-child", "--mount-proc"]
 
@@ -33,6 +35,14 @@ def command_inside(*command: str | Path, cables: int = 1, parent: int = 0) -> li
         steps += [f"ip link set {end} up" for end in (near, far)]
     script = " && ".join([*steps, 'exec "$@"'])
     return tied(*NAMESPACE, "sh", "-c", script, "sh", *command, parent=parent)
+
+
+def make_room(own: socket.socket, size_bytes: int) -> None:
+    """Let the packets of a busy machine wait in a socket, for an ordinary user fewer of them."""
+    try:
+        own.setsockopt(socket.SOL_SOCKET, _RCVBUFFORCE, size_bytes)
+    except PermissionError:
+        own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size_bytes)
 
 
 def run_inside(

@@ -109,7 +109,7 @@ def build_master(
             raise EnvironmentFault(
                 f"{target}: {exc.strerror}; --output FILE names a place"
             ) from exc
-    return _run([str(target), "--version"], str(target), None)
+    return _run([str(target), "--version"], str(target), {})
 
 
 def _is_soem_1(folder: Path) -> Path:
@@ -133,12 +133,12 @@ def _source() -> Path:
     raise EnvironmentFault("the C source is not part of this installation; install it again")
 
 
-def _cmake(work: Path) -> tuple[list[str], dict[str, str] | None]:
+def _cmake(work: Path) -> tuple[list[str], dict[str, str]]:
     """Return how CMake is called, and its environment; it is fetched where it is missing."""
     beside = Path(sys.executable).parent / "cmake"
     found = str(beside) if beside.is_file() else shutil.which("cmake")
     if found is not None:
-        return [found], None
+        return [found], {}
     _pip(
         ["install", "--target", str(work / "cmake")],
         "cmake",
@@ -151,16 +151,16 @@ def _pip(arguments: Sequence[str], package: str, refusal: str) -> None:
     if importlib.util.find_spec("pip") is None:
         raise EnvironmentFault(f"{refusal}: this Python has no pip")
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
-    _run([*pip, *arguments, package], refusal, None)
+    _run([*pip, *arguments, package], refusal, {})
 
 
-def _run(command: Sequence[str], what: str, env: dict[str, str] | None) -> str:
+def _run(command: Sequence[str], what: str, env: dict[str, str]) -> str:
     done = subprocess.run(  # noqa: S603 - our own arguments, no shell
         command,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        env=None if env is None else os.environ | env,
+        env=os.environ | {"NO_COLOR": "1"} | env,  # below make, at a terminal, CMake colours
         check=False,
     )
     text = done.stdout.decode("utf-8", "replace")

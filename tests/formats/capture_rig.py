@@ -16,12 +16,12 @@ import time
 
 from patience import PATIENCE_S
 from segment.peers import Devices, soem
+from wires import make_room
 
 from fsoe_net.observe.capture import CaptureWriter
 
 ALL_PROTOCOLS = 3
 SOCKET_BYTES = 64 << 20
-SO_RCVBUFFORCE = 33  # beyond net.core.rmem_max, which holds 40 ms of a busy machine
 SOL_PACKET, PACKET_STATISTICS = 263, 6
 
 
@@ -30,7 +30,7 @@ class Listener:
 
     def __init__(self, interface, path):
         self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ALL_PROTOCOLS))
-        self._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, SOCKET_BYTES)
+        make_room(self._socket, SOCKET_BYTES)
         self._socket.bind((interface, ALL_PROTOCOLS))
         self._socket.settimeout(0.1)
         self._writer = CaptureWriter(path, interface=interface)

@@ -62,7 +62,7 @@ class Emulator:
             told += answer
             if line != "status" or " frames, " in answer:
                 return told
-        sys.exit("the emulator has ended")
+        sys.exit(f"the emulator has ended: {told}")
 
     def end(self):
         self._process.send_signal(signal.SIGTERM)  # SIGINT may be ignored here

@@ -23,12 +23,13 @@ from pathlib import Path
 
 from run.live_rig import FSN, Emulator, wait_for
 from tied import tied
+from wires import make_room
 
 from fsoe_net.errors import FsnError
 from fsoe_net.run.client import Client
 from fsoe_net.run.master import find_master
 
-ALL_PROTOCOLS, OUTGOING, TIMESTAMP_NS, RCVBUFFORCE = 3, 4, 35, 33
+ALL_PROTOCOLS, OUTGOING, TIMESTAMP_NS = 3, 4, 35
 INDEX_BYTE, FIRST_CYCLIC, RUN_AT = 17, 0x80, 26
 CYCLE_NS = 1_000_000
 
@@ -39,7 +40,7 @@ class Wire:
     def __init__(self):
         self.frames = []
         self._raw = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ALL_PROTOCOLS))
-        self._raw.setsockopt(socket.SOL_SOCKET, RCVBUFFORCE, 32 << 20)
+        make_room(self._raw, 32 << 20)
         self._raw.setsockopt(socket.SOL_SOCKET, TIMESTAMP_NS, 1)
         self._raw.bind(("far", ALL_PROTOCOLS))
         self._ends = False

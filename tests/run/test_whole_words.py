@@ -365,16 +365,16 @@ def test_cmake_of_the_system_and_what_a_program_says(
 ):
     monkeypatch.setattr(build_master.sys, "executable", str(tmp_path / "python"))
     monkeypatch.setattr(build_master.shutil, "which", "/bin/{}".format)
-    assert build_master._cmake(tmp_path) == (["/bin/cmake"], None)
+    assert build_master._cmake(tmp_path) == (["/bin/cmake"], {})
     monkeypatch.undo()
     shell = ["/bin/sh", "-c", "echo $FSN_WORD $0 >&2; exit 3", "an error"]
     monkeypatch.setenv("FSN_WORD", "outer")
-    said = [refusal(build_master._run, shell, "sh", env) for env in (None, {"FSN_WORD": "inner"})]
+    said = [refusal(build_master._run, shell, "sh", env) for env in ({}, {"FSN_WORD": "inner"})]
     assert said == [f"sh: exit code 3: {word} an error" for word in ("outer", "inner")]
     assert (
         build_master._run(["/bin/sh", "-c", "echo $PATH"], "sh", {}).strip() == os.environ["PATH"]
     )
-    silent = refusal(build_master._run, ["/bin/sh", "-c", "exit 1"], "sh", None)
+    silent = refusal(build_master._run, ["/bin/sh", "-c", "exit 1"], "sh", {})
     assert silent == "sh: exit code 1: no word why"
 
 

@@ -162,6 +162,7 @@ static fsn_status begin(struct fsn_request *request) {
     return FSN_OK;
 }
 
+/** What the client needs to know, besides its descriptors. */
 static void put_reply(struct fsn_request *request, const struct wanted *wanted) {
     fsn_json_put_u64(request->json, "layout", FSN_SHARED_LAYOUT);
     fsn_json_put_text(request->json, "plan_sha256", request->services->view.sha256);
