@@ -114,7 +114,7 @@ def test_where_the_c_source_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 )  # fmt: skip
 def test_why_a_build_has_failed(text: str, said: str, tmp_path: Path):
     path = program(tmp_path, f"cat <<'E'\n{text}E\nexit 2")
-    assert refusal(build_master._run, [path], "cmake", None) == f"cmake: exit code 2: {said}"
+    assert refusal(build_master._run, [path], "cmake", {}) == f"cmake: exit code 2: {said}"
 
 
 def test_a_subdevice_without_fsoe_and_a_function_without_words():
