@@ -219,6 +219,42 @@ static void a_packet_full_of_answers_is_right(void) {
     fsn_scan_free(scan);
 }
 
+/** How many packets pass until a connection is found behind so many places that are no frames.
+ *  @param[in] others  6-byte places that change in every packet and all show the ConnID 0x3600. */
+static unsigned packets_until_found(size_t others, uint16_t id) {
+    enum { MOST = 330, LONGEST = 5000 };
+    static uint8_t data[2][(MOST / 2 + 2) * FRAME];
+    const size_t size = (others / 2 + 2) * FRAME;
+    struct pair pair = {0};
+    struct fsn_scan *scan;
+    unsigned packets = 0;
+    CHECK(others <= MOST && fsn_scan_create(&scan) == FSN_OK);
+    chain_clear(&pair.chain);
+    for (; packets < LONGEST && fsn_scan_connection_count(scan) == 0; packets++) {
+        for (size_t place = 0; place < others; place++) {
+            uint8_t *frame = data[place % 2] + place / 2 * FRAME;
+            const uint8_t bytes[FRAME] = {
+                FSN_CMD_PROCESS_DATA, (uint8_t)(packets | 0x80), 0x81, 0x81, 0, 0x36};
+            memcpy(frame, bytes, sizeof bytes);
+        }
+        next_frame(&pair, id, packets % 2, (uint8_t)packets);
+        memcpy(data[1] + size - 2 * FRAME, pair.frames, 2 * FRAME);
+        begin_packet();
+        add_datagram(0x1000, data[0], (uint16_t)size);
+        add_datagram(0x2000, data[1], (uint16_t)size);
+        hand_over(scan);
+    }
+    fsn_scan_free(scan);
+    return packets;
+}
+
+/** What never fits lets the others in between, and each place meets all others in the end. */
+static void what_is_no_frame_holds_nothing_up(void) {
+    CHECK(packets_until_found(0, 7) < 20);
+    CHECK(packets_until_found(326, 7) < 300);
+    CHECK(packets_until_found(20, 0x3600) < 1000);
+}
+
 static void what_is_no_packet_is_no_harm(void) {
     static const uint8_t short_one[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x88, 0xA4, 0};
     struct fsn_scan *scan;
@@ -242,6 +278,7 @@ int main(void) {
     places_are_limited();
     connections_are_limited();
     a_packet_full_of_answers_is_right();
+    what_is_no_frame_holds_nothing_up();
     what_is_no_packet_is_no_harm();
     return 0;
 }

@@ -359,7 +359,8 @@ void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
         if (other != c && may_be_ends(scan, c, other)) {
             if (scan->pair_tries == 0 || tries == OWN_TRIES) {
                 c->next_other = i;
-                c->next_try = c->count + LET_OTHERS;
+                /* By then all others had their turn: a packet has tries for more than 4 places. */
+                c->next_try = c->count + 1 + scan->candidate_count / 4;
                 return;
             }
             scan->pair_tries--;

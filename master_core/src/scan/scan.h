@@ -11,13 +11,12 @@ enum {
     MEMORY = 24,            /**< frames a candidate remembers */
     STRIKE = 2,             /**< a value that is no command counts this much, a command one back */
     MOST_STRIKES = 8,
-    GIVEN_UP = 6,     /**< a place with so many is left alone */
-    PATIENCE = 3,     /**< frames in a row that speak against what is believed of a place */
-    PAIR_TRIES = 32,  /**< searches for another end per packet, and pairs tried */
-    OWN_TRIES = 4,    /**< of these, pairs tried with one place */
-    LET_OTHERS = 128, /**< frames until its next ones: all places of a packet come in between */
-    SLOTS = 2,        /**< candidates per place: of the length its blocks say, and of 6 bytes */
-    DEFERRED = 341,   /**< 6-byte frames that a packet has room for */
+    GIVEN_UP = 6,    /**< a place with so many is left alone */
+    PATIENCE = 3,    /**< frames in a row that speak against what is believed of a place */
+    PAIR_TRIES = 32, /**< searches for another end per packet, and pairs tried */
+    OWN_TRIES = 4,   /**< of these, pairs tried with one place */
+    SLOTS = 2,       /**< candidates per place: of the length its blocks say, and of 6 bytes */
+    DEFERRED = 341,  /**< 6-byte frames that a packet has room for */
 };
 
 #define NONE 0xFFFFFFFFu
