@@ -282,7 +282,7 @@ static void the_image_begins_empty(void) {
     CHECK(core->rt.outputs[0].bit_offset == 52 && core->rt.outputs[0].bits == 8);
     CHECK(core->rt.outputs[1].bit_offset == 9 * 8 + 48 && core->rt.outputs[1].bits == 16);
     fsn_core_free(core);
-    /* An input that says it is an output is none. */
+    /* An input that is marked as an output is not open. */
     on.plan->bytes[on.plan->offset[6] + fsn_record_bytes[6] + FSN_AT(symbol, flags)] |= 1;
     CHECK(fsn_core_create(on.plan, &ops, &on, &core, NULL) == FSN_OK);
     CHECK(fsn_core_is_open(core, 0) && !fsn_core_is_open(core, 1));

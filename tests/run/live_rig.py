@@ -55,14 +55,14 @@ class Emulator:
     def do(self, line):
         self._process.stdin.write(line + "\n")
         self._process.stdin.flush()
-        told = ""
+        answers = ""
         for answer in self._process.stderr:
             if answer.startswith("EMULATION"):
                 continue
-            told += answer
+            answers += answer
             if line != "status" or " frames, " in answer:
-                return told
-        sys.exit(f"the emulator has ended: {told}")
+                return answers
+        sys.exit(f"the emulator has ended: {answers}")
 
     def end(self):
         self._process.send_signal(signal.SIGTERM)  # SIGINT may be ignored here
@@ -458,7 +458,7 @@ def parameters(network, other):
     wait_for("Data", lambda: " -> failsafe data" in lines() or " -> process data" in lines())
     with Client("s") as client:
         wait_for("Data", lambda: all(c.state.in_data for c in client.connections()))
-    told = {
+    answers = {
         name: subprocess.run([*FSN, *words], capture_output=True, text=True, check=False)
         for name, words in {
             "verify": ["verify", "--accepted", network, "--socket", "s"],
@@ -471,7 +471,7 @@ def parameters(network, other):
     return {
         "lines": lines(),
         "code": code,
-        "told": {name: [done.returncode, done.stdout] for name, done in told.items()},
+        "answers": {name: [done.returncode, done.stdout] for name, done in answers.items()},
     }
 
 

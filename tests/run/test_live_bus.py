@@ -132,13 +132,13 @@ def test_other_parameters_than_the_plan_are_seen_on_the_wire(tmp_path):
     said = "connection ID 2099, 4 in the plan; watchdog 4000 ms, 100 ms in the plan"
     assert f"runs with other parameters than the plan: {said}" in " ".join(seen["lines"].split())
     assert seen["code"] == 4
-    code, text = seen["told"]["verify"]
+    code, text = seen["answers"]["verify"]
     assert code == 1
     assert "DIFFERS in observed_parameters" in text
     assert "  ! el6910-drive_2 runs with watchdog 4000 ms, 100 ms in the plan" in text
     assert "parameters of 4 of 4 connections observed" in text
     assert f"el6910-drive_2: other parameters: {said}" in " ".join(
-        seen["told"]["monitor"][1].split()
+        seen["answers"]["monitor"][1].split()
     )
 
 

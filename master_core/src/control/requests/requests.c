@@ -313,7 +313,7 @@ static fsn_status answer(struct fsn_request *request) {
     return found;
 }
 
-/** What was asked for is done, but the reply has no room. */
+/** The request is carried out, but its reply has no room. */
 static fsn_status refuse_reply(struct fsn_request *request) {
     return request->json->failed == FSN_E_NOMEM
                ? fsn_request_refuse(request, FSN_E_NOMEM, NULL, "out of memory")
