@@ -1,7 +1,7 @@
 /* A loop in the cycle of fsn-master: drives stay where they are.
  *
- * follow SOCKET ACTUAL TARGET [CYCLES]: copies the input ACTUAL to the output TARGET in every cycle,
- * and says at the end how many of its outputs were in time. C or C++:
+ * follow SOCKET ACTUAL TARGET [CYCLES]: copies the input ACTUAL to the output TARGET in every
+ * cycle, and says at the end how many of its outputs were in time. C or C++:
  *
  *   cc -o follow follow.c $(pkg-config --cflags fsn) -lfsn_client
  */
@@ -32,8 +32,13 @@ int main(int argc, char **argv) {
     if (fsn_realtime_open(&options, &rt, &fault) != FSN_OK) {
         return refused(&fault);
     }
-    const int32_t actual = fsn_realtime_find(rt, argv[2]);
-    const int32_t target = fsn_realtime_find(rt, argv[3]);
+    const int32_t actual = fsn_realtime_input(rt, argv[2]);
+    const int32_t target = fsn_realtime_output(rt, argv[3]);
+    if (actual == FSN_REALTIME_NONE || target == FSN_REALTIME_NONE) {
+        fprintf(stderr, "follow: the plan has no input %s or no output %s\n", argv[2], argv[3]);
+        fsn_realtime_close(rt);
+        return 1;
+    }
     const long cycles = argc > 4 ? atol(argv[4]) : 1000;
     struct fsn_realtime_cycle cycle;
     memset(&cycle, 0, sizeof cycle);

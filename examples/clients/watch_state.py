@@ -18,10 +18,10 @@ def main(path: str, output: str | None) -> None:
         if output is None:
             return
         client.set({output: 1})  # ours until we leave, or say nothing for longer than the lease
-        print(f"{output} = {client.get(output).values[output]}")
+        print(f"{output} = {client.get(output).outputs[output]}")
         try:
             for seen in client.watch(output, every=10, duration_s=0.2):
-                print(f"cycle {seen.cycle}: {seen.values[output]}, {seen.skipped} left out")
+                print(f"cycle {seen.cycle}: {seen.outputs[output]}, {seen.skipped} left out")
         except ControlRefused as exc:
             print(exc)  # this fsn-master cannot do it; the text says the next step
 

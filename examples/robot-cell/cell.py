@@ -180,14 +180,14 @@ class Cell:
 
     def drives_in(self, state: str) -> bool:
         """Return whether both drives are in a state."""
-        found = self.client.get(*(f"{name}.status_word" for name in AXES)).values
+        found = self.client.get(*(f"{name}.status_word" for name in AXES)).inputs
         return all(state_of(int(word)) == state for word in found.values())
 
     def moving(self, rev_s: float) -> bool:
         """Return whether both axes are so fast."""
         if self.said == "waiting":
             sys.exit(f"the axes stopped before the e-stop was pressed. {BUSY}")
-        found = self.client.get(*(f"{name}.0x606c:00" for name in AXES)).values
+        found = self.client.get(*(f"{name}.velocity" for name in AXES)).inputs
         return all(abs(int(v)) > rev_s * COUNTS_PER_REV for v in found.values())
 
 

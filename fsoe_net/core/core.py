@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -36,8 +36,10 @@ class CorePlan:
     """Bus cycle in nanoseconds, 0 when the plan does not state it."""
     subdevice_names: tuple[str, ...]
     connection_names: tuple[str, ...]
-    symbols: dict[str, int]
-    """Number of each symbol by name, for `Core.set_output` and `Core.read_symbol`."""
+    inputs: Mapping[str, int]
+    """Number of each input by name, for `Core.read_symbol`."""
+    outputs: Mapping[str, int]
+    """Number of each output by name, for `Core.set_output` and `Core.read_symbol`."""
     sm_sizes: list[int]
     """Process data of each sync manager in bytes; 0 when it has no place on the bus."""
 
@@ -47,10 +49,7 @@ class CorePlan:
         self.cycle_ns = int(lib.fsn_plan_cycle_ns(pointer))
         self.subdevice_names = self._names("subdevice")
         self.connection_names = self._names("connection")
-        names = self._names("symbol")
-        self.symbols = {name: n for n, name in enumerate(names)}
-        if len(self.symbols) != len(names):
-            raise PlanFormatError("two symbols of the plan have the same name")
+        self.inputs, self.outputs = self._read_symbols()
         info = ffi.new("struct fsn_sm_info *")
         self.sm_sizes = []
         self._sms: dict[tuple[str, int], int] = {}
@@ -110,6 +109,19 @@ class CorePlan:
             for n, row in enumerate(made.section)
         }
         return Fingerprint(whole=bytes(made.whole).hex(), sections=sections)
+
+    def _read_symbols(self) -> tuple[dict[str, int], dict[str, int]]:
+        """Return the numbers of inputs and of outputs by name."""
+        ffi, lib = compiled()
+        info = ffi.new("struct fsn_symbol_info *")
+        sides: tuple[dict[str, int], dict[str, int]] = {}, {}
+        for number in range(lib.fsn_plan_symbol_count(self._pointer)):
+            raise_status(lib.fsn_plan_symbol(self._pointer, number, info), "symbol")
+            name = ffi.string(info.name).decode("utf-8", "replace")
+            if sides[info.output].setdefault(name, number) != number:
+                side = "outputs" if info.output else "inputs"
+                raise PlanFormatError(f"two {side} of the plan have the same name")
+        return sides
 
     def _names(self, kind: str) -> tuple[str, ...]:
         ffi, lib = compiled()
@@ -391,7 +403,7 @@ class Core:
         return int(value[0])
 
     def _check_symbol(self, symbol: int) -> None:
-        if not 0 <= symbol < len(self._plan.symbols):
+        if not 0 <= symbol < len(self._plan.inputs) + len(self._plan.outputs):
             raise CoreError(f"the plan has no symbol {symbol}", self._lib.FSN_E_ARG)
 
     def _image(self) -> Any:

@@ -198,6 +198,20 @@ class Device(Located):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class RobotComponent:
+    """A joint, gpio or sensor of a robot description that a SubDevice serves.
+
+    ``kind`` is ``joint``, ``gpio`` or ``sensor``; ``states`` and ``commands`` are the names of its
+    interfaces in the order of the description.
+    """
+
+    kind: str
+    name: str
+    states: tuple[str, ...] = ()
+    commands: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SubDevice(Located):
     """One SubDevice on the bus: a name, an address and its device description.
 
@@ -206,7 +220,8 @@ class SubDevice(Located):
     its content, the loader has already spoken. ``revision`` is ``None`` where any will do.
     ``origin`` says where it was declared: ``network``, ``joint``, ``gpio``, ``sensor``,
     ``transfer_modules`` or ``safety_modules``. ``master_id``: number of the EtherCAT master, or of
-    the bus where the network file has several.
+    the bus where the network file has several. ``component``: what it serves in a robot
+    description; ``None`` without one.
     """
 
     name: str
@@ -219,6 +234,7 @@ class SubDevice(Located):
     origin: str = "network"
     system: str = ""
     master_id: int = 0
+    component: RobotComponent | None = None
 
     @property
     def layout(self) -> DeviceLayout | None:

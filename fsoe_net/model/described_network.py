@@ -48,6 +48,7 @@ def describe(network: NetworkConfig) -> Description:
                 position=sub.position if not sub.alias else None,
                 alias=sub.alias,
                 device=sub.device,
+                component=sub.component,
             )
         )
     resolution = resolve(network)

@@ -8,22 +8,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from fsoe_net.model.bus import Direction, Located
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.model.bus import Device, Direction, Entry, Located
 from fsoe_net.model.layout import DeviceLayout, Placed
 
 __all__ = [
     "AXIS_STEP",
+    "CIA402_PLUGIN",
     "CONTROLWORD",
+    "MODE_OF_OPERATION",
     "MOST_AXES",
     "DriveAxis",
     "DriveSetup",
     "axis_name",
     "drive_axes",
+    "with_mode",
 ]
 
+CIA402_PLUGIN = "ethercat_generic_plugins/EcCiA402Drive"
+"""Plugin of ethercat_driver_ros2 that runs the state machine of axis 0 itself."""
 CONTROLWORD = 0x6040
+MODE_OF_OPERATION = 0x6060
 AXIS_STEP = 0x800
 MOST_AXES = 8
 
@@ -63,6 +70,24 @@ def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
             break  # 0x7040 alone is an output of a terminal (ETG.5001)
         axes.append(DriveAxis(number=number, outputs=_of(outputs, base), inputs=_of(inputs, base)))
     return tuple(axes)
+
+
+def with_mode(device: Device, mode: int, span: Span) -> Device:
+    """Return a device whose axis 0 gets this mode of operation in every cycle, as its default.
+
+    Args:
+        device: What the slave YAML says.
+        mode: Value of 0x6060.
+        span: The place that states it.
+    """
+
+    def changed(entry: Entry) -> Entry:
+        if (entry.index, entry.subindex) != (MODE_OF_OPERATION, 0):
+            return entry
+        return replace(entry, default=float(mode), fields={**entry.fields, "default": span})
+
+    rpdos = tuple(replace(p, entries=tuple(map(changed, p.entries))) for p in device.rpdos)
+    return replace(device, rpdos=rpdos)
 
 
 def _of(entries: Mapping[int, tuple[int, Placed]], base: int) -> dict[int, tuple[int, Placed]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections import Counter
@@ -16,6 +17,7 @@ from fsoe_net.model.bus import Direction, Entry, EntryView, SubDevice, Watchdog
 from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.symbols import DeviceSymbol, device_symbols
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.plan.fingerprint import safety_sha256
 from fsoe_net.plan.model import (
@@ -38,7 +40,6 @@ __all__ = ["compile_plan", "entry_kind", "stop_value"]
 
 _WATCHDOG = {Watchdog.DEFAULT: 0, Watchdog.ENABLE: 1, Watchdog.DISABLE: 2}
 _ANY_REVISION = (0, 0xFFFFFFFF)
-_MAX_SYMBOL_BITS = 64
 _SIGNED, _REAL = 2, 4
 _REAL_FORMAT = {32: "<f", 64: "<d"}
 
@@ -65,14 +66,14 @@ def compile_plan(resolution: Resolution) -> Plan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SharedSymbol:
-    """A symbol but for its name and sync manager."""
+    """A symbol but for its SubDevice and the number of its sync manager."""
 
-    interface: str | None
-    entry: Entry
+    name: str
     bit_offset: int
     bits: int
     kind: int
     output: bool
+    restart_relevant: bool
     stop_value: int
     factor: float
     offset: float
@@ -107,7 +108,7 @@ class _Compiler:
     symbols: list[PlanSymbol] = field(default_factory=list)
     blocks: list[PlanBlock] = field(default_factory=list)
     first_sms: list[int] = field(default_factory=list)  # by SubDevice
-    symbol_names: set[str] = field(default_factory=set)
+    symbol_names: set[tuple[bool, str]] = field(default_factory=set)  # output, name
     # By the number of the device and of its sync manager.
     shared: dict[tuple[int, int], _Shared] = field(default_factory=dict)
 
@@ -183,10 +184,9 @@ class _Compiler:
         copied = used.get(number, set())
         device = self.resolution.device_numbers[number]
         for sm in sub.layout.managers if sub.layout else ():
-            shared = self.shared.get((device, sm.number))
-            if shared is None:
-                shared = self.shared[device, sm.number] = _shared(sub, sm)
-            self._sync_manager(number, sub, sm, shared, copied)
+            if (device, sm.number) not in self.shared:
+                self.shared |= {(device, n): row for n, row in _shared_of(sub)}
+            self._sync_manager(number, sub, sm, self.shared[device, sm.number], copied)
         for sdo in sub.device.sdos if sub.device else ():
             self.sdos.append(
                 PlanSdo(
@@ -261,31 +261,28 @@ class _Compiler:
     def _symbol(self, sub: SubDevice, shared: _SharedSymbol, sm_number: int) -> None:
         self.symbols.append(
             PlanSymbol(
-                name=self._symbol_name(sub.name, shared.interface, shared.entry),
+                name=self._symbol_name(f"{sub.name}.{shared.name}", shared.output),
                 sm=sm_number,
                 bit_offset=shared.bit_offset,
                 bits=shared.bits,
                 kind=shared.kind,
                 output=shared.output,
-                restart_relevant=shared.entry.restart_relevant,
+                restart_relevant=shared.restart_relevant,
                 stop_value=shared.stop_value,
                 factor=shared.factor,
                 offset=shared.offset,
             )
         )
 
-    def _symbol_name(self, sub: str, interface: str | None, entry: Entry) -> str:
-        """Return a unique name: the interface, else the address, else with a counter."""
-        for candidate in (f"{sub}.{interface}" if interface else "", f"{sub}.{entry.address}"):
-            if candidate and candidate not in self.symbol_names:
-                self.symbol_names.add(candidate)
-                return candidate
-        number = 2
-        while f"{sub}.{entry.address}-{number}" in self.symbol_names:
-            number += 1
-        name = f"{sub}.{entry.address}-{number}"
-        self.symbol_names.add(name)
-        return name
+    def _symbol_name(self, name: str, output: bool) -> str:
+        """Return a name that is unique among the inputs or outputs.
+
+        Two SubDevices may give the same one: ``a`` with ``b.c``, and ``a.b`` with ``c``.
+        """
+        names = itertools.chain((name,), (f"{name}-{number}" for number in itertools.count(2)))
+        found = next(n for n in names if (output, n) not in self.symbol_names)
+        self.symbol_names.add((output, found))
+        return found
 
     def _copies(self) -> tuple[tuple[PlanCopy, ...], dict[int, int]]:
         """Return the copies sorted by destination, and transfer → copy number."""
@@ -345,7 +342,17 @@ class _Compiler:
         )
 
 
-def _shared(sub: SubDevice, sm: SmLayout) -> _Shared:
+def _shared_of(sub: SubDevice) -> Iterator[tuple[int, _Shared]]:
+    """Yield each sync manager of a device by its number."""
+    if sub.layout is None:
+        return
+    named = device_symbols(sub.layout)
+    for sm in sub.layout.managers:
+        symbols = tuple(_symbol(s) for s in named if s.sm == sm.number)
+        yield sm.number, _shared(sub, sm, symbols)
+
+
+def _shared(sub: SubDevice, sm: SmLayout, symbols: tuple[_SharedSymbol, ...]) -> _Shared:
     pdos: list[PlanPdo] = []
     entries: list[PlanEntry] = []
     bit = 0
@@ -377,45 +384,24 @@ def _shared(sub: SubDevice, sm: SmLayout) -> _Shared:
         pdos=tuple(pdos),
         entries=tuple(entries),
         frames=tuple((b.key, b.byte_offset, b.frame_bytes, b.safe_bytes) for b in sm.blocks),
-        symbols=tuple(_symbols(sm)),
+        symbols=symbols,
     )
 
 
-def _symbols(sm: SmLayout) -> Iterator[_SharedSymbol]:
-    for placed in sm.placed:
-        entry = placed.entry
-        first, last = placed.bit_offset, max(placed.bit_offset, placed.end_bit - 1)
-        free = sm.block_at(first) is None and sm.block_at(last) is None
-        if not entry.registered or not free or not 0 < entry.bits <= _MAX_SYMBOL_BITS:
-            continue
-        output = sm.sm.direction is Direction.OUTPUT
-        for view in entry.views or (_whole(entry),):
-            scale = 2.0**-view.shift if output else 2.0**view.shift
-            yield _SharedSymbol(
-                interface=view.command_interface or view.state_interface or entry.name,
-                entry=entry,
-                bit_offset=first + view.bit,
-                bits=view.bits,
-                kind=entry_kind(view),
-                output=output,
-                stop_value=0 if entry.restart_relevant or not output else stop_value(view),
-                factor=view.factor * scale,
-                offset=view.offset * scale if output else view.offset,
-            )
-
-
-def _whole(entry: Entry) -> EntryView:
-    # Interfaces of a data_mapping whose items no symbol can hold are not those of the channel.
-    own = "data_mapping" not in entry.fields
-    return EntryView(
-        bit=0,
-        bits=entry.bits,
-        type_name=entry.type_name,
-        command_interface=entry.command_interface if own else None,
-        state_interface=entry.state_interface if own else None,
-        default=entry.default,
-        factor=entry.factor,
-        offset=entry.offset,
+def _symbol(symbol: DeviceSymbol) -> _SharedSymbol:
+    view, output = symbol.view, symbol.is_output
+    restart_relevant = symbol.entry.restart_relevant
+    scale = 2.0**-view.shift if output else 2.0**view.shift
+    return _SharedSymbol(
+        name=symbol.name,
+        bit_offset=symbol.bit_offset,
+        bits=view.bits,
+        kind=entry_kind(view),
+        output=output,
+        restart_relevant=restart_relevant,
+        stop_value=0 if restart_relevant or not output else stop_value(view),
+        factor=view.factor * scale,
+        offset=view.offset * scale if output else view.offset,
     )
 
 

@@ -125,7 +125,7 @@ _SDO = """
     i64    value           value, sign-extended
 """
 _SYMBOL = """
-    string name            name, unique: `subdevice.interface`, else `subdevice.0x6010:01`
+    string name            unique in its direction: `subdevice.interface` or `subdevice.0x6010:01`
     u32    sm              sync manager
     u32    bit_offset      bit offset in the SM
     u16    bits            length in bits, 1 … 64

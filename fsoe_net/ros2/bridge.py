@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -30,7 +30,7 @@ from fsoe_net.ros2.recording import McapFile
 from fsoe_net.ros2.values import Joint, SignalTopic, find_joints, signal_topics
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_values import Value
+from fsoe_net.run.control_values import Value, Values
 
 __all__ = ["Bridge", "BridgeOptions"]
 
@@ -174,25 +174,25 @@ class Bridge:
             rows = client.watched(LOOK_S)
             if rows:
                 silent_since = time.monotonic()
-                self._publish(rows[-1].values, topics, joints, shown)
+                self._publish(rows[-1], topics, joints, shown)
             elif time.monotonic() - silent_since > _AGAIN_S:
                 return
 
     def _publish(
         self,
-        values: Mapping[str, Value],
+        values: Values,
         topics: tuple[SignalTopic, ...],
         joints: tuple[Joint, ...],
         shown: _Shown,
     ) -> None:
         if joints:
-            rows = [joint.values(values) for joint in joints]
+            rows = [joint.values(values.inputs) for joint in joints]
             position, velocity, effort = (list(column) for column in zip(*rows, strict=True))
             names = [joint.name for joint in joints]
             state = JointState(header(), names, position, velocity, effort)
             self._node.publish("/joint_states", state)
-        for topic in shown.due(topics, values):
-            value = topic.kind.python(values[topic.symbol.name])
+        for topic, raw in shown.due(topics, values):
+            value = topic.kind.python(raw)
             self._node.publish(f"/{self._options.name}/{topic.topic}", SIGNALS[topic.kind](value))
 
     def _offer(self, topics: tuple[SignalTopic, ...]) -> None:
@@ -223,21 +223,18 @@ class _Shown:
     """Which values were published, and when all of them were last."""
 
     def __init__(self) -> None:
-        self._last: dict[str, Value] = {}
+        self._last: dict[str, Value] = {}  # by topic
         self._all_s = -_AGAIN_S
 
     def due(
-        self, topics: tuple[SignalTopic, ...], values: Mapping[str, Value]
-    ) -> list[SignalTopic]:
-        """Return those whose value has changed; all of them once in a while."""
+        self, topics: tuple[SignalTopic, ...], values: Values
+    ) -> list[tuple[SignalTopic, Value]]:
+        """Return those whose value has changed, with it; all of them once in a while."""
         now_s = time.monotonic()
         every = now_s - self._all_s >= _AGAIN_S
         if every:
             self._all_s = now_s
-        names = [t.symbol.name for t in topics]
-        last, self._last = self._last, {n: values[n] for n in names if n in values}
-        return [
-            t
-            for t, n in zip(topics, names, strict=True)
-            if n in values and (every or last.get(n) != values[n])
-        ]
+        sides = ((t, values.side(t.symbol.is_output)) for t in topics)
+        present = [(t, side[t.symbol.name]) for t, side in sides if t.symbol.name in side]
+        last, self._last = self._last, {t.topic: value for t, value in present}
+        return [(t, v) for t, v in present if every or last.get(t.topic) != v]

@@ -7,7 +7,7 @@ from here, and no output of a drive is set: a program in the cycle moves axes.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -17,13 +17,15 @@ from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.ros2.diagnostics import HealthLevel, HealthStatus
 from fsoe_net.ros2.values import Joint, SignalKind, SignalTopic
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_values import BusState, Value
+from fsoe_net.run.control_values import BusState, Symbol, Value
 
 __all__ = ["LEASE_MS", "NodeControl", "settable"]
 
 LEASE_MS = 1000
 """Of silence of a process, after which the outputs it has set take their stop values."""
-_CONTROLWORD = ("0x6040", "0x6040:00", "control_word", "controlword")
+# Outputs that move the first axis of a drive (IEC 61800-7-201), and names of parts of them.
+_MOVES = frozenset({0x6040, 0x6060, 0x6071, 0x607A, 0x60FF})
+_MOVES_BY_NAME = frozenset({"control_word", "controlword", "position", "velocity", "effort"})
 _IDLE_S = 10.0
 _MOST_SENDERS = 8  # of the 64 clients of fsn-master
 _LONGEST_NAME = 100  # that is said again
@@ -40,13 +42,15 @@ class _Sender:
 
 def settable(topics: Sequence[SignalTopic], joints: Sequence[Joint]) -> tuple[SignalTopic, ...]:
     """Return the outputs that nodes may set: open, not armed, and none of a drive."""
-    moving = {joint.position for joint in joints}
-    drives = {
-        t.symbol.subdevice
-        for t in topics
-        if t.symbol.name in moving or t.symbol.entry.lower() in _CONTROLWORD
-    }
+    actual = {joint.position for joint in joints}
+    drives = {s.subdevice for t in topics if _is_of_drive(s := t.symbol, actual)}
     return tuple(t for t in topics if t.is_settable and t.symbol.subdevice not in drives)
+
+
+def _is_of_drive(symbol: Symbol, actual: Collection[str]) -> bool:
+    if not symbol.is_output:
+        return symbol.name in actual
+    return symbol.index in _MOVES or symbol.entry.lower() in _MOVES_BY_NAME
 
 
 class NodeControl:

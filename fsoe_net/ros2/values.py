@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import enum
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -20,7 +19,6 @@ __all__ = ["Joint", "SignalKind", "SignalTopic", "find_joints", "signal_topics"]
 
 # Actual values of CiA 402 (IEC 61800-7-201), and the driver's names of the same.
 _PARTS = {"position": 0x6064, "velocity": 0x606C, "effort": 0x6077}
-_ENTRY = re.compile(r"0x([0-9a-fA-F]{4})(?::00)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,12 +104,9 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
 def _part(symbols: Sequence[Symbol], part: str, axis: int) -> str:
     index = _PARTS[part] + axis * AXIS_STEP
     for symbol in symbols:
-        entry = _ENTRY.fullmatch(symbol.entry)
-        if entry is not None and int(entry.group(1), 16) == index:
+        if (symbol.index, symbol.subindex) == (index, 0):
             return symbol.name
-        if axis == 0 and part in (symbol.entry, symbol.interface):
-            return symbol.name
-    return ""
+    return next((s.name for s in symbols if s.entry == part), "") if axis == 0 else ""
 
 
 def signal_topics(symbols: Sequence[Symbol]) -> tuple[SignalTopic, ...]:

@@ -8,17 +8,15 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Device, Entry, SubDevice
+from fsoe_net.model.drives import CIA402_PLUGIN, MODE_OF_OPERATION, drive_axes
 from fsoe_net.model.drives import CONTROLWORD as _CONTROLWORD
-from fsoe_net.model.drives import drive_axes
 from fsoe_net.model.layout import Placed
 from fsoe_net.rules.context import Context
 
 __all__ = ["check_drives"]
 
-# It sends the actual position until a controller commands another, once it has read 0x6061.
-_SENDS_ACTUAL = "ethercat_generic_plugins/EcCiA402Drive"
 _STATUSWORD = 0x6041
-_MODE, _MODE_DISPLAY = 0x6060, 0x6061
+_MODE_DISPLAY = 0x6061
 _TARGET_POSITION, _ACTUAL_POSITION = 0x607A, 0x6064
 # Cyclic modes: name, and the target that comes with each cycle.
 _CYCLIC = {
@@ -42,11 +40,11 @@ class _Axis:
 
     def mode(self) -> tuple[int, Span] | None:
         """Return the mode of operation that the file states, and where."""
-        entry = self.outputs.get(_MODE)
+        entry = self.outputs.get(MODE_OF_OPERATION)
         if entry is not None and entry.command_interface is None and _is_fixed(entry):
             return int(entry.default or 0), entry.at("default")
         for sdo in self.device.sdos:
-            if sdo.index == _MODE + self.base:
+            if sdo.index == MODE_OF_OPERATION + self.base:
                 return sdo.value, sdo.at("value")
         return None
 
@@ -78,11 +76,11 @@ def _feedback(ctx: Context, axis: _Axis) -> None:
             f"{axis.object(_STATUSWORD)} is not read: nobody sees the state of the axis",
             hint=f"map {axis.object(_STATUSWORD)} in a TxPDO",
         )
-    if _MODE in axis.outputs and _MODE_DISPLAY not in axis.inputs:
+    if MODE_OF_OPERATION in axis.outputs and _MODE_DISPLAY not in axis.inputs:
         ctx.add(
             "FSN474",
-            axis.outputs[_MODE].span,
-            f"the mode of operation {axis.object(_MODE)} is written, "
+            axis.outputs[MODE_OF_OPERATION].span,
+            f"the mode of operation {axis.object(MODE_OF_OPERATION)} is written, "
             f"{axis.object(_MODE_DISPLAY)} is not read: nobody sees whether the drive has taken it",
             hint=f"map {axis.object(_MODE_DISPLAY)} in a TxPDO; enable the drive when it shows the "
             "mode",
@@ -118,7 +116,7 @@ def _position(ctx: Context, axis: _Axis, target: Entry, sub: SubDevice) -> None:
             hint=f"map {axis.object(_ACTUAL_POSITION)} in a TxPDO; the first target is what it "
             "shows",
         )
-    sends_actual = sub.plugin == _SENDS_ACTUAL and _MODE_DISPLAY in axis.inputs
+    sends_actual = sub.plugin == CIA402_PLUGIN and _MODE_DISPLAY in axis.inputs
     if _is_fixed(target) and not sends_actual:
         ctx.add(
             "FSN473",

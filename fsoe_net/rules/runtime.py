@@ -13,6 +13,7 @@ import enum
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, SubDevice
+from fsoe_net.model.drives import CIA402_PLUGIN
 from fsoe_net.model.network import NetworkConfig, TransferKind
 from fsoe_net.model.transfer_ends import ResolvedTransfer
 from fsoe_net.rules.context import Context
@@ -95,7 +96,7 @@ def _ros2(ctx: Context, runtime: Runtime) -> None:
 
 def _drives(ctx: Context) -> None:
     for sub in ctx.resolution.network.subdevices:
-        if sub.plugin == "ethercat_generic_plugins/EcCiA402Drive":
+        if sub.plugin == CIA402_PLUGIN:
             ctx.add(
                 "FSN460",
                 sub.at("plugin"),

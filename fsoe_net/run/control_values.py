@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 from fsoe_net.diag.words import counted
@@ -232,14 +232,17 @@ class Status:
 class Symbol:
     """A named input or output of the process image.
 
-    ``kind`` is ``bool``, ``signed``, ``unsigned``, ``bits`` or ``real``. ``open``: an output that
-    clients may write. ``client``: number of the one that writes it, ``None`` for nobody.
-    ``factor`` and ``offset``: a typed value is ``factor * raw + offset``. ``interface``: its
-    name in the driver of the slave YAML; empty for none.
+    ``name`` is unique among the inputs or among the outputs. ``index`` and ``subindex`` are those
+    of its object; 0 for a part of one. ``kind`` is ``bool``, ``signed``, ``unsigned``, ``bits`` or
+    ``real``. ``open``: an output that clients may write. ``client``: number of the one that writes
+    it, ``None`` without one. ``factor`` and ``offset``: a typed value is ``factor * raw + offset``.
     """
 
     name: str
+    subdevice: str
     is_output: bool
+    index: int
+    subindex: int
     kind: str
     bits: int
     open: bool
@@ -248,42 +251,36 @@ class Symbol:
     client: int | None
     factor: float
     offset: float
-    mask: int
-    interface: str
-
-    @property
-    def subdevice(self) -> str:
-        """Name of its SubDevice, which may have points itself."""
-        return self.name.removesuffix(self.entry).removesuffix(".")
 
     @property
     def entry(self) -> str:
         """Its name inside the SubDevice, e.g. ``0x6040:00``."""
-        if self.interface and self.name.endswith(f".{self.interface}"):
-            return self.interface
-        return self.name.rpartition(".")[2]
+        return self.name.removeprefix(f"{self.subdevice}.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Values:
-    """Values of one cycle by name."""
+    """Inputs and outputs of one cycle by name; an input and an output may share a name."""
 
     cycle: int
-    values: Mapping[str, Value]
+    inputs: Mapping[str, Value]
+    outputs: Mapping[str, Value]
+
+    def side(self, is_output: bool) -> Mapping[str, Value]:
+        """Return the outputs or the inputs."""
+        return self.outputs if is_output else self.inputs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WatchedCycle:
-    """One watched cycle: ``values`` or, with the whole image, ``image`` and its working counters.
+class WatchedCycle(Values):
+    """One watched cycle: values or, with the whole image, ``image`` and its working counters.
 
     ``skipped``: how many requested cycles are missing before this one, because this
     client or the recorder was too slow.
     """
 
-    cycle: int
     now_ns: int
     skipped: int
-    values: Mapping[str, Value] = field(default_factory=dict)
     image: bytes | None = None
     expected_wkc: int = 0
     actual_wkc: int = 0
@@ -390,7 +387,10 @@ def _symbol(row: Mapping[str, Any]) -> Symbol:
     client = row.get("client")
     return Symbol(
         name=str(row["name"]),
+        subdevice=str(row["subdevice"]),
         is_output=row["direction"] == "output",
+        index=int(row["index"]),
+        subindex=int(row["subindex"]),
         kind=str(row["type"]),
         bits=int(row["bits"]),
         open=bool(row["open"]),
@@ -399,14 +399,14 @@ def _symbol(row: Mapping[str, Any]) -> Symbol:
         client=None if client is None else int(client),
         factor=float(row.get("factor", 1.0)),
         offset=float(row.get("offset", 0.0)),
-        mask=int(row.get("mask", 0)),
-        interface=str(row.get("interface") or ""),
     )
 
 
 def read_values(reply: Mapping[str, Any]) -> Values:
     """Return the values of a ``get`` reply."""
-    return Values(cycle=int(reply["cycle"]), values=dict(reply["values"]))
+    return Values(
+        cycle=int(reply["cycle"]), inputs=dict(reply["inputs"]), outputs=dict(reply["outputs"])
+    )
 
 
 def read_watched(event: Mapping[str, Any], dropped: int = 0) -> WatchedCycle:
@@ -416,7 +416,8 @@ def read_watched(event: Mapping[str, Any], dropped: int = 0) -> WatchedCycle:
         cycle=int(event["cycle"]),
         now_ns=int(event["now_ns"]),
         skipped=int(event.get("skipped", 0)) + dropped,
-        values=dict(event.get("values", {})),
+        inputs=dict(event.get("inputs", {})),
+        outputs=dict(event.get("outputs", {})),
         image=None if image is None else bytes.fromhex(image),
         expected_wkc=int(event.get("expected_wkc", 0)),
         actual_wkc=int(event.get("actual_wkc", 0)),

@@ -67,8 +67,9 @@ class CycleSymbol:
 class RealTime:
     """Memory shared with the cycle; a context manager. One thread at a time.
 
-    ``realtime["name"]`` is a value of the cycle that was waited for, with factor and offset;
-    assigning notes it for `send`, which sends all outputs together.
+    ``realtime["name"]`` is an input of the cycle that was waited for, with factor and offset;
+    assigning notes an output for `send`, which sends all outputs together. An input and an output
+    may share a name, as the actual and the target position of an axis do; `sent` reads an output.
 
     Args:
         path: Control socket of ``fsn-master``.
@@ -96,7 +97,9 @@ class RealTime:
         self._pointer = self._open(path, outputs, misses, plan_sha256, timeout_s)
         lib = self._lib
         self.cycle_ns = int(lib.fsn_realtime_cycle_ns(self._pointer))
-        self.symbols: Mapping[str, CycleSymbol] = dict(self._read_symbols())
+        symbols = list(self._read_symbols())
+        self.inputs: Mapping[str, CycleSymbol] = {n: s for n, s in symbols if not s.is_output}
+        self.outputs: Mapping[str, CycleSymbol] = {n: s for n, s in symbols if s.is_output}
         self._image = bytearray(lib.fsn_realtime_image_bytes(self._pointer))
         self._cycle = self._ffi.new("struct fsn_realtime_cycle *")
 
@@ -254,8 +257,23 @@ class RealTime:
         return CycleCounts(**{f.name: int(getattr(found, f.name)) for f in fields(CycleCounts)})
 
     def __getitem__(self, name: str) -> bool | int | float:
-        """Return a value of the cycle that was waited for, with factor and offset."""
-        symbol, pointer = self.symbols[name], self._here()
+        """Return an input of the cycle that was waited for, with factor and offset.
+
+        Raises:
+            KeyError: The plan has no such input.
+        """
+        return self._value(self.inputs[name])
+
+    def sent(self, name: str) -> bool | int | float:
+        """Return an output of that cycle as it was sent, whichever client wrote it.
+
+        Raises:
+            KeyError: The plan has no such output.
+        """
+        return self._value(self.outputs[name])
+
+    def _value(self, symbol: CycleSymbol) -> bool | int | float:
+        pointer = self._here()
         if symbol.kind == "bool":
             return bool(self._lib.fsn_realtime_get(pointer, symbol.number))
         if symbol.scaled or symbol.kind == "real":
@@ -267,10 +285,11 @@ class RealTime:
         """Note an output for `send`.
 
         Raises:
+            KeyError: The plan has no such output.
             ControlRefused: It is not an output of this client.
             ValueError: The value is outside the range of its type.
         """
-        symbol, lib, pointer = self.symbols[name], self._lib, self._here()
+        symbol, lib, pointer = self.outputs[name], self._lib, self._here()
         whole = isinstance(value, int) and not symbol.scaled and symbol.kind != "real"
         if whole:
             least = -1 << symbol.bits - 1 if symbol.kind == "signed" else 0
@@ -289,10 +308,14 @@ class RealTime:
         """The process image of the cycle that was waited for; it changes with the next one."""
         return memoryview(self._image).toreadonly()
 
-    def view(self) -> Any:
-        """Return a numpy record over `image`: raw values of whole bytes by name, no copy.
+    def view(self, *, outputs: bool = False) -> Any:
+        """Return a numpy record over `image`: raw inputs of whole bytes by name, no copy.
 
-        A value that is shifted or has an odd number of bits is left out; ``self[name]`` reads it.
+        Args:
+            outputs: The outputs instead, as they were sent.
+
+        A value that is shifted or has an odd number of bits is left out; ``self[name]`` or `sent`
+        reads it.
 
         Raises:
             ImportError: numpy is not installed.
@@ -301,7 +324,7 @@ class RealTime:
 
         found = {
             name: (f"<{_CODES.get(s.kind, 'u')}{s.bits // 8}", s.bit_offset // 8)
-            for name, s in self.symbols.items()
+            for name, s in (self.outputs if outputs else self.inputs).items()
             if s.bits in (8, 16, 32, 64)
             and s.bit_offset % 8 == 0
             and not (s.kind == "real" and s.bits < 32)

@@ -193,7 +193,7 @@ class ScenarioRun(abc.ABC):
         """Do what a step means for the bus itself."""
 
     def _set_input(self, name: str, value: int) -> None:
-        symbol = self.records.symbols[self.plan.symbols[name]]
+        symbol = self.records.symbols[self.plan.inputs[name]]
         sm = self.records.sync_managers[symbol.sm]
         device = self.network.devices[self.plan.subdevice_names[sm.subdevice]]
         device.set_input(sm.index, symbol.bit_offset, symbol.bits, value)

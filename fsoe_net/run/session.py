@@ -58,7 +58,7 @@ class Session(ScenarioRun):
         return name not in self.absent
 
     def _set_output(self, name: str, value: int) -> None:
-        self.core.set_output(self.plan.symbols[name], value)
+        self.core.set_output(self.plan.outputs[name], value)
 
     def _on_bus(self, _step: ScenarioStep) -> None:
         """The emulated bus carries process data only: nothing to do."""

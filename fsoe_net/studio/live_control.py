@@ -129,8 +129,9 @@ class LiveControl:
     def _arm(self, client: Client, body: Body) -> Row:
         """Arm an output and set it, so that nothing stays armed: a change uses the arming up."""
         name, text = _words(body)
-        symbol = next((s for s in client.symbols() if s.name == name), None)
-        if symbol is None or not symbol.is_output or not symbol.restart_relevant:
+        outputs = (s for s in client.symbols() if s.is_output)
+        symbol = next((s for s in outputs if s.name == name), None)
+        if symbol is None or not symbol.restart_relevant:
             raise InputError(f"{name!r} is no output that is armed")
         value, present = _number(symbol, text), symbol.stop_value
         if symbol.client == client.hello.get("client"):
@@ -165,7 +166,7 @@ def _outputs(client: Client, _: Body) -> Row:
         symbols = [s for s in client.symbols() if s.is_output and s.open]
         values: dict[str, Value] = {}
         for names in batches(s.name for s in symbols):
-            values |= client.get(*names).values
+            values |= client.get(*names).outputs
     except ControlRefused as refused:
         return {"outputs": [], "why": str(refused)}
     me = client.hello.get("client")
@@ -175,7 +176,6 @@ def _outputs(client: Client, _: Body) -> Row:
 def _row(symbol: Symbol, value: Value, me: object) -> Row:
     return {
         "name": symbol.name,
-        "interface": symbol.interface,
         "kind": symbol.kind if symbol.kind == "bool" else f"{symbol.kind}{symbol.bits}",
         # As text: the page's numbers hold 53 bits.
         "value": _shown(value),

@@ -9,8 +9,9 @@ import queue
 import struct
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from typing import TypeVar
 
 from fsoe_net import __version__
@@ -18,6 +19,7 @@ from fsoe_net.emul.bus import EmulatedDevices
 from fsoe_net.emul.port import Port
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.symbols import directed_names
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot, read_subdevice
 from fsoe_net.observe.json_object import ReplyObject
 from fsoe_net.plan.model import PlanSymbol
@@ -65,8 +67,8 @@ class EmulatedFeed(LiveFeed):
         self._now_ns = self._held_until_ns = 0
         self._pace = _Pace()
         self._fault = ""
-        self._reads = _readers(self._session)
-        self.scope = ScopeRing(_first_signals(self._session), 1)
+        self._signals = _signals(self._session)
+        self.scope = ScopeRing(_first_signals(self._session, self._signals), 1)
         self._look(ended=False)
 
     def names(self) -> Row:
@@ -98,17 +100,10 @@ class EmulatedFeed(LiveFeed):
 
     def signals(self) -> list[Row]:
         """Return safe inputs and outputs as the devices have them, and the named process data."""
-        network = self._session.network
-        rows: list[Row] = []
-        for name in self._reads:
-            port = network.safe_inputs.get(name) or network.safe_outputs.get(name)
-            if port is None:
-                rows.append({"name": name, "label": "", "kind": "process data"})
-                continue
-            kind = "safe input" if name in network.safe_inputs else "safe output"
-            signal = port.sends.get(name) or port.receives[name]
-            rows.append({"name": name, "label": signal.label, "kind": kind})
-        return rows
+        return [
+            {"name": name, "label": signal.label, "kind": signal.kind}
+            for name, signal in self._signals.items()
+        ]
 
     def command(self, lines: Sequence[str]) -> None:
         """Do what lines say, one in each cycle: as lines of `fsoe-net emulate` do.
@@ -214,7 +209,7 @@ class EmulatedFeed(LiveFeed):
             ring = self.scope
             if ring.names:
                 image = session.core.image()
-                values = [self._reads[name](image) for name in ring.names]
+                values = [self._signals[name].read(image) for name in ring.names]
                 ring.add(round(self._now_ns / 1e6, 3), values)
             now = time.monotonic()
             if now < due and not self._wake.is_set():
@@ -312,28 +307,56 @@ class _Pace:
         return round((now_ns - from_ns) / past_ns, 3) if past_ns >= 1_000_000_000 else None
 
 
-def _first_signals(session: Session) -> list[str]:
-    """Return what a person looks at first: some inputs of the logic, and what it switches."""
-    devices = session.network.masters
-    inputs = [name for device in devices for _, name in device.logic_inputs]
-    outputs = [name for device in devices for _, name in device.logic_outputs]
-    return [*inputs[:3], *outputs[:3]]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Signal:
+    """What the scope can show: how it is read from the devices, or from a process image."""
+
+    name: str
+    is_output: bool
+    kind: str
+    label: str
+    read: Callable[[bytes], float | None]
 
 
-def _readers(session: Session) -> dict[str, Callable[[bytes], float | None]]:
-    """Return how each signal is read from the devices, or from a process image."""
+def _signals(session: Session) -> dict[str, _Signal]:
+    """Return the signals by a name that each has alone: see `directed_names`."""
+    rows = list(_all_signals(session))
+    names = directed_names([(row.is_output, row.name) for row in rows])
+    found: dict[str, _Signal] = {}
+    for name, row in zip(names, rows, strict=True):
+        found.setdefault(name, row)
+    return found
+
+
+def _all_signals(session: Session) -> Iterator[_Signal]:
     network = session.network
-    found: dict[str, Callable[[bytes], float | None]] = {}
     for name, port in network.safe_inputs.items():
-        found[name] = functools.partial(_safe_input, port, name)
-    for name in network.safe_outputs:
-        # What a drive sends back has one name with what it receives; the one received counts.
-        found[name] = functools.partial(_safe_output, network, name)
+        read = functools.partial(_safe_input, port, name)
+        label = port.sends[name].label
+        yield _Signal(name=name, is_output=False, kind="safe input", label=label, read=read)
+    for name, port in network.safe_outputs.items():
+        read = functools.partial(_safe_output, network, name)
+        label = port.receives[name].label
+        yield _Signal(name=name, is_output=True, kind="safe output", label=label, read=read)
     for symbol in session.records.symbols:
         base = session.core.sm_base(symbol.sm)
         if base is not None and symbol.bits <= 64:
-            found.setdefault(symbol.name, _reader(symbol, base))
-    return found
+            yield _Signal(
+                name=symbol.name,
+                is_output=symbol.output,
+                kind="output" if symbol.output else "input",
+                label="",
+                read=_reader(symbol, base),
+            )
+
+
+def _first_signals(session: Session, signals: Mapping[str, _Signal]) -> list[str]:
+    """Return what a person looks at first: some inputs of the logic, and what it switches."""
+    names = {(signal.is_output, signal.name): name for name, signal in signals.items()}
+    devices = session.network.masters
+    inputs = [names[False, name] for device in devices for _, name in device.logic_inputs]
+    outputs = [names[True, name] for device in devices for _, name in device.logic_outputs]
+    return [*inputs[:3], *outputs[:3]]
 
 
 def _safe_input(port: Port, name: str, _image: bytes) -> int:

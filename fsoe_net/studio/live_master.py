@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from fsoe_net import __version__
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.model.symbols import directed_names
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_values import Status, Value
+from fsoe_net.run.control_values import Status, Symbol, WatchedCycle
 from fsoe_net.run.result import RunEvent
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_rows import Row, connection_row, statistics_row, subdevice_row
@@ -51,8 +52,8 @@ class MasterFeed(LiveFeed):
         """
         with Client(self.path) as client:
             return [
-                {"name": s.name, "label": s.interface, "kind": "output" if s.is_output else "input"}
-                for s in client.symbols()
+                {"name": name, "label": "", "kind": "output" if symbol.is_output else "input"}
+                for name, symbol in _signals(client).items()
             ]
 
     def note(self, text: str) -> None:
@@ -115,23 +116,44 @@ class MasterFeed(LiveFeed):
                 continue
             try:
                 with Client(self.path) as client:
-                    client.watch_on(*ring.names, every=1, typed=True)
+                    symbols = _chosen(client, ring)
+                    client.watch_on(*{s.name for s in symbols}, every=1, typed=True)
                     ring.fault = ""
-                    self._take(client, ring)
+                    self._take(client, ring, symbols)
             except EnvironmentFault as fault:
                 ring.fault = str(fault)
                 self._ending.wait(ALONE_S)
 
-    def _take(self, client: Client, ring: ScopeRing) -> None:
+    def _take(self, client: Client, ring: ScopeRing, symbols: Sequence[Symbol]) -> None:
         """Take cycles while a page listens and wants these signals."""
         while ring is self.scope and self.listeners and not self.closed:
             for cycle in client.watched(PICTURE_S):
                 ring.skipped += cycle.skipped
                 time_ms = (cycle.now_ns - self._start_ns) / 1e6
-                ring.add(round(time_ms, 3), (_plain(cycle.values.get(n)) for n in ring.names))
+                ring.add(round(time_ms, 3), (_value(cycle, symbol) for symbol in symbols))
 
 
-def _plain(value: Value) -> float | None:
+def _signals(client: Client) -> dict[str, Symbol]:
+    symbols = client.symbols()
+    names = directed_names([(s.is_output, s.name) for s in symbols])
+    return dict(zip(names, symbols, strict=True))
+
+
+def _chosen(client: Client, ring: ScopeRing) -> list[Symbol]:
+    """Return the signals of a scope.
+
+    Raises:
+        EnvironmentFault: The plan that runs now does not have one of them.
+    """
+    known = _signals(client)
+    missing = [name for name in ring.names if name not in known]
+    if missing:
+        raise EnvironmentFault(f"the plan that runs now has no signal {missing[0]}")
+    return [known[name] for name in ring.names]
+
+
+def _value(cycle: WatchedCycle, symbol: Symbol) -> float | None:
+    value = cycle.side(symbol.is_output).get(symbol.name)
     return int(value) if isinstance(value, bool) else value
 
 

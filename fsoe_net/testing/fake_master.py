@@ -73,17 +73,16 @@ SCAN: Row = {
 
 
 def _symbol(name: str, kind: str, bits: int, *, output: bool = True, **more: object) -> Row:
+    subdevice, _, entry = name.partition(".")
+    index, subindex = entry.split(":") if entry.startswith("0x") else ("0", "0")
     row: Row = {
-        "name": name, "direction": "output" if output else "input", "type": kind, "bits": bits,
-        "open": output, "factor": 1.0, "offset": 0.0, "mask": 0, "interface": "",
+        "name": name, "subdevice": subdevice, "direction": "output" if output else "input",
+        "index": int(index, 16), "subindex": int(subindex, 16), "type": kind, "bits": bits,
+        "open": output, "factor": 1.0, "offset": 0.0,
     }  # fmt: skip
     if output:
         row |= {"restart_relevant": False, "stop_value": 0, "client": None}
     return row | more
-
-
-def _names_of(row: Row) -> tuple[str, str]:
-    return row["name"], f"{row['name'].partition('.')[0]}.{row['interface'] or '?'}"
 
 
 class FakeMaster:
@@ -103,7 +102,8 @@ class FakeMaster:
         state: What ``status`` reports: ``running``, ``stopped`` and so on.
         refuse: Request to ``{"error": ..., "text": ...}``: it is refused with that.
         symbols: What ``symbols`` lists.
-        values: Symbol to value.
+        inputs: Name of an input to its value.
+        outputs: Name of an output to its value.
         connection_state: Of the connection; 6 is Data, ProcessData.
     """
 
@@ -122,9 +122,12 @@ class FakeMaster:
             _symbol("logic.ack", "bool", 1, restart_relevant=True),
             *(_symbol(f"drive_{n}.0x6040:00", "unsigned", 16) for n in (1, 2)),
             *(_symbol(f"drive_{n}.0x6041:00", "unsigned", 16, output=False) for n in (1, 2)),
-            _symbol("drive_1.0x607a:00", "signed", 32, interface="position", factor=0.5),
+            _symbol("drive_1.position", "signed", 32, index=0x607A, factor=0.5),
+            _symbol("drive_1.position", "signed", 32, output=False, index=0x6064, factor=0.5),
         ]
-        self.values: Row = {row["name"]: 0 for row in self.symbols} | {"drive_1.0x6041:00": 0x27}
+        self.inputs: Row = {s["name"]: 0 for s in self.symbols if s["direction"] == "input"}
+        self.outputs: Row = {s["name"]: 0 for s in self.symbols if s["direction"] == "output"}
+        self.inputs["drive_1.0x6041:00"] = 0x27
         self.connection_state = 6
         self._clients = 0
         self._peers: dict[socket.socket, bool] = {}
@@ -196,7 +199,7 @@ class FakeMaster:
         for row in self.symbols:
             if row.get("client") == number:
                 row["client"] = None
-                self.values[row["name"]] = row["stop_value"]
+                self.outputs[row["name"]] = row["stop_value"]
 
     def _reply(self, peer: socket.socket, number: int, words: Sequence[str]) -> Row:
         name, rest = words[0], [w for w in words[1:] if not w.startswith("--")]
@@ -219,7 +222,7 @@ class FakeMaster:
                 "statistics": STATISTICS,
                 "subdevices": [SUBDEVICE],
             },
-            "get": {"cycle": 9, "values": {n: self.values.get(n, 0) for n in rest}},
+            "get": {"cycle": 9, **self._values(rest)},
             "set": {"set": len(rest)},
             "arm": {"armed": True, "for_ms": 10_000},
             "lease": {"lease_ms": int(rest[0]) if name == "lease" else 0},
@@ -236,15 +239,20 @@ class FakeMaster:
         found: Row = answers.get(name, {})
         return {"ok": True} | found
 
+    def _values(self, names: Sequence[str]) -> Row:
+        sides = {"inputs": self.inputs, "outputs": self.outputs}
+        return {side: {n: v[n] for n in names if n in v} for side, v in sides.items()}
+
     def _set(self, pairs: Sequence[str], number: int) -> str:
         """Set values for a client; return the name that is closed, empty when none is."""
         for pair in pairs:
             target, _, value = pair.rpartition("=")
-            row = next((r for r in self.symbols if target in _names_of(r)), None)
+            outputs = (r for r in self.symbols if r["direction"] == "output")
+            row = next((r for r in outputs if r["name"] == target), None)
             if row is None or not row["open"]:
                 return target
             is_number = value[:1].isdigit() and "." not in value
-            self.values[target] = int(value, 0) if is_number else value
+            self.outputs[target] = int(value, 0) if is_number else value
             row["client"] = number
         return ""
 
@@ -254,8 +262,7 @@ class FakeMaster:
             return
         names = [w for w in words[2:] if not w.startswith("--")]
         for cycle in (10, 20, 50):
-            row: Row = {"event": "values", "cycle": cycle, "now_ns": cycle, "values": {}}
-            row["values"] = {n: self.values.get(n, 0) for n in names}
+            row: Row = {"event": "values", "cycle": cycle, "now_ns": cycle, **self._values(names)}
             if "--image" in words:
                 row = {"event": "image", "cycle": cycle, "now_ns": cycle, "image": "0aff"}
                 row |= {"expected_wkc": 3, "actual_wkc": 2}

@@ -277,7 +277,7 @@ static void run_client(const char *program, const char *folder, uint64_t cycle_n
     forget();
     const pid_t master = start_master(program, folder, cycle_ns, cpu[0]);
     struct fsn_realtime *client = connect_to(folder);
-    const int32_t out = fsn_realtime_find(client, "t");
+    const int32_t out = fsn_realtime_output(client, "t");
     pthread_t thread;
     int other = cpu[1];
     atomic_store(&woken, 0);

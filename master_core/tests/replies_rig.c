@@ -41,8 +41,8 @@ static struct fsn_plan *make_plan(void) {
         {.sm = 1, .bit_offset = 144, .bits = 4}};
     static const struct build_block blocks[] = {{0, 0, 6}, {0, 6, 6}, {1, 0, 6}, {1, 6, 6},
                                                 {2, 0, 6}, {3, 0, 6}, {4, 0, 6}, {5, 0, 6}};
-    static const char *const names[] = {"speed",  "start",  "lamp",     "level",
-                                        "actual", "height", "two words"};
+    static const char *const names[] = {"speed",  "start", "lamp",     "level",
+                                        "actual", "level", "two words"};
     const struct build build = {.subdevices = SUBS,
                                 .sm = sm,
                                 .copies = copies,

@@ -25,13 +25,22 @@ fsn_status fsn_realtime_symbol(const struct fsn_realtime *realtime, uint32_t sym
     return FSN_OK;
 }
 
-int32_t fsn_realtime_find(const struct fsn_realtime *realtime, const char *name) {
+static int32_t find(const struct fsn_realtime *realtime, const char *name, bool output) {
     for (uint32_t i = 0; i < realtime->count; i++) {
-        if (strcmp(realtime->symbol[i].name, name) == 0) {
+        const struct fsn_realtime_symbol *symbol = &realtime->symbol[i];
+        if (symbol->output == output && strcmp(symbol->name, name) == 0) {
             return (int32_t)i;
         }
     }
     return FSN_REALTIME_NONE;
+}
+
+int32_t fsn_realtime_input(const struct fsn_realtime *realtime, const char *name) {
+    return find(realtime, name, false);
+}
+
+int32_t fsn_realtime_output(const struct fsn_realtime *realtime, const char *name) {
+    return find(realtime, name, true);
 }
 
 uint64_t fsn_realtime_get(const struct fsn_realtime *realtime, int32_t symbol) {
@@ -82,7 +91,8 @@ static void set_up(void) {
 }
 
 static uint64_t *at(uint64_t *values, const char *name) {
-    const int32_t symbol = fsn_realtime_find(&table, name);
+    const int32_t input = fsn_realtime_input(&table, name);
+    const int32_t symbol = input >= 0 ? input : fsn_realtime_output(&table, name);
     CHECK(symbol >= 0);
     return &values[symbol];
 }
@@ -178,7 +188,7 @@ static void what_is_refused(void) {
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         set_up();
         if (cases[i].gone != NULL) {
-            table.symbol[fsn_realtime_find(&table, cases[i].gone)].index = 0x3000;
+            table.symbol[at(table.raw, cases[i].gone) - table.raw].index = 0x3000;
         }
         const struct fsn_axis_options options =
             options_of(cases[i].subdevice, cases[i].number, cases[i].mode);
@@ -190,16 +200,16 @@ static void what_is_refused(void) {
     options.torque_off = "nothing";
     options.torque_off_mask = 1;
     CHECK(fsn_realtime_axis_open(&table, &options, &axis, &fault) == FSN_E_ARG);
-    CHECK(strstr(fault.text, "no symbol nothing") != NULL);
+    CHECK(strstr(fault.text, "no input nothing") != NULL);
     options.torque_off = "drive.a.word";
     options.torque_off_mask = 0;
     CHECK(fsn_realtime_axis_open(&table, &options, &axis, &fault) == FSN_E_ARG);
     options.torque_off = NULL;
-    table.symbol[fsn_realtime_find(&table, "drive.a.control")].owned = false;
+    table.symbol[fsn_realtime_output(&table, "drive.a.control")].owned = false;
     CHECK(fsn_realtime_axis_open(&table, &options, &axis, &fault) == FSN_E_CLOSED);
     CHECK(strstr(fault.text, "or with drive.a.*") != NULL);
     set_up();
-    table.symbol[fsn_realtime_find(&table, "drive.a.position")].bits = 16;
+    table.symbol[fsn_realtime_input(&table, "drive.a.position")].bits = 16;
     CHECK(fsn_realtime_axis_open(&table, &options, &axis, &fault) == FSN_E_ARG);
     CHECK(strstr(fault.text, "drive.a.position has 16 bits, 0x6064 has 32") != NULL);
 }

@@ -108,9 +108,9 @@ static void set_up(void) {
         {.sm = 2, .bit_offset = 48, .bits = 16}};
     static const struct build_block blocks[] = {
         {0, 0, FRAME}, {1, 0, FRAME}, {2, 0, FRAME}, {3, 0, FRAME}};
-    static const char *const names[SYMBOLS] = {"speed",  "start",   "lamp",    "level",
-                                               "odd",    "real.32", "real 64", "wide \"64\"",
-                                               "actual", "height",  "copied"};
+    static const char *const names[SYMBOLS] = {"speed", "start",   "lamp",    "level",
+                                               "odd",   "real.32", "real 64", "wide \"64\"",
+                                               "speed", "height",  "copied"};
     const struct build build = {.subdevices = 2,
                                 .sm = sm,
                                 .copies = copies,
@@ -215,8 +215,10 @@ static void values_of_every_kind(void) {
     CHECK(info.factor == 0.5 && info.offset == 1 && info.bit_offset == 128);
     CHECK(fsn_realtime_symbol(client, 1, &info) == FSN_OK && info.output && !info.owned);
     CHECK(fsn_realtime_symbol(client, 9, &info) == FSN_OK && !info.output && !info.owned);
-    CHECK(fsn_realtime_find(client, "real 64") == 6);
-    CHECK(fsn_realtime_find(client, "real") == FSN_REALTIME_NONE);
+    CHECK(fsn_realtime_output(client, "real 64") == 6);
+    CHECK(fsn_realtime_input(client, "real 64") == FSN_REALTIME_NONE);
+    CHECK(fsn_realtime_output(client, "real") == FSN_REALTIME_NONE);
+    CHECK(fsn_realtime_output(client, "speed") == 0 && fsn_realtime_input(client, "speed") == 8);
     CHECK(fsn_realtime_cycle_ns(client) == 1000000);
     uint8_t in[MAIN_BYTES] = {0};
     const float actual = -2.5f;
@@ -452,7 +454,7 @@ static void who_does_not_fit_is_refused(void) {
         const char *text;
     } wrong[] = {{"nothing", FSN_E_ARG, "no input or output is called nothing"},
                  {"nothing*", FSN_E_ARG, "no input or output begins with nothing"},
-                 {"a*", FSN_E_ARG, "no output that a client may write is called so"},
+                 {"h*", FSN_E_ARG, "no output that a client may write is called so"},
                  {"start", FSN_E_CLOSED, "start can restart a machine"},
                  {"height", FSN_E_CLOSED, "height is an input"},
                  {"copied", FSN_E_CLOSED, "copied belongs to a copy"},

@@ -148,7 +148,7 @@ def change_seen(folder: Path, cpu: int | None) -> list[float]:
                 line = lines.readline()
                 now_ns = time.monotonic_ns()
                 told = json.loads(line)
-                if told["values"][OUTPUT] == wanted:
+                if told["outputs"][OUTPUT] == wanted:
                     break
             found.append((now_ns - told["now_ns"]) / 1e6)
             time.sleep(0.003)

@@ -59,18 +59,20 @@ def test_frames_travel_in_one_cycle(plan: CorePlan):
 def test_outputs_and_inputs_by_name(plan: CorePlan):
     bus = EmulatedBus(plan)
     core = Core(plan, bus)
-    core.set_output(plan.symbols["ek1914.output_3"], 1)
+    core.set_output(plan.outputs["ek1914.output_3"], 1)
     core.cycle(1)
     assert bus.read_outputs(plan.sync_manager("ek1914", 2))[6] == 0b100
-    assert core.read_symbol(plan.symbols["ek1914.output_3"]) == 1
-    assert core.read_symbol(plan.symbols["ek1914.output_2"]) == 0
+    assert core.read_symbol(plan.outputs["ek1914.output_3"]) == 1
+    assert core.read_symbol(plan.outputs["ek1914.output_2"]) == 0
     with pytest.raises(CoreError, match="closed"):
-        core.set_output(plan.symbols["ek1914.input_1"], 1)
+        core.set_output(plan.inputs["ek1914.input_1"], 1)
 
 
 @pytest.mark.shows("R2")
 def test_no_symbol_reaches_into_a_frame(plan: CorePlan):
-    assert not [name for name in plan.symbols if "0x7000" in name or "0x7001" in name]
+    assert not [
+        name for name in (*plan.inputs, *plan.outputs) if "0x7000" in name or "0x7001" in name
+    ]
 
 
 @pytest.mark.shows("R3")

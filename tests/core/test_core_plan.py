@@ -12,7 +12,8 @@ def test_names_sizes_and_numbers() -> None:
     plan = load(estop().build())
     assert plan.subdevice_names == ("main", "sub")
     assert plan.connection_names == ("main-sub-0",)
-    assert plan.symbols == {"main.out": 0, "main.in": 1, "sub.out": 2}
+    assert plan.outputs == {"main.out": 0, "sub.out": 2}
+    assert plan.inputs == {"main.in": 1}
     assert plan.cycle_ns == 1_000_000
     assert plan.sm_sizes == [9, 8, 8, 8]
     assert [plan.sync_manager(s, i) for s in ("main", "sub") for i in (2, 3)] == [0, 1, 2, 3]

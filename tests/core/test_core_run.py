@@ -75,7 +75,7 @@ def test_states_events_and_cycle_time() -> None:
 
 def test_standard_outputs() -> None:
     rig = Rig()
-    symbols = rig.plan.symbols
+    symbols = rig.plan.outputs | rig.plan.inputs
     rig.core.set_output(symbols["main.out"], -2)
     rig.core.set_output(symbols["sub.out"], 0xA5)
     rig.bus.write_inputs(MAIN_IN, bytes(6) + b"\x34\x12")

@@ -51,7 +51,7 @@ def test_client_in_c_with_long_replies(ask: Path):
     assert done.returncode == 0
     first, second = done.stdout.splitlines()
     assert len(first) > 1 << 17
-    assert second.endswith('{"drive_1.0x6041:00":39}}')
+    assert second.endswith('{"drive_1.0x6041:00":39},"outputs":{}}')
 
 
 def test_client_in_c_with_fsn_master(ask: Path):

@@ -34,7 +34,7 @@ def test_modules_stand_in_the_order_in_which_the_driver_adds_them():
     result = load_urdf(HERE / "robot.urdf")
     assert _found(result) == []
     (system,) = result.systems  # the mock_components block is not ours
-    assert [(m.name, m.origin, m.component) for m in system.modules] == [
+    assert [(m.name, m.component.kind, m.component.name) for m in system.modules] == [
         ("drive", "joint", "axis"),
         ("logic", "gpio", "io"),
         ("input", "gpio", "io"),

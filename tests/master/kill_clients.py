@@ -75,7 +75,7 @@ def rest(realtime: RealTime) -> bytes:
     """Return the process image without the two outputs that are written."""
     image = int.from_bytes(realtime.image, "little")
     for name in (MODE, LAMP):
-        symbol = realtime.symbols[name]
+        symbol = realtime.outputs[name]
         image &= ~((1 << symbol.bits) - 1 << symbol.bit_offset)
     return image.to_bytes(len(realtime.image), "little")
 
@@ -86,7 +86,7 @@ def cycles(realtime: RealTime, count: int, expected: bytes) -> int:
     for _ in range(count):
         cycle = realtime.wait(PATIENCE_S)
         assert rest(realtime) == expected
-        moved += realtime[MODE] != STOP
+        moved += realtime.sent(MODE) != STOP
         realtime[LAMP] = cycle.cycle & 1
         realtime.send()
     return moved
@@ -108,12 +108,12 @@ def one_victim(master: rig.Master, realtime: RealTime, how: str, chance: random.
                 while not os.waitid(os.P_PID, process.pid, STOPPED):  # it may write once more
                     cycles(realtime, 1, expected)
                 cycles(realtime, MISSES + 2, expected)
-                assert how == "scribble" or realtime[MODE] == STOP
+                assert how == "scribble" or realtime.sent(MODE) == STOP
         finally:
             process.kill()
     for _ in range(10_000):  # the socket ends a moment after the process
         cycles(realtime, 1, expected)
-        if realtime[MODE] == STOP:
+        if realtime.sent(MODE) == STOP:
             return moved
     raise AssertionError("the output of a killed client has not its stop value")
 

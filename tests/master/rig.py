@@ -92,7 +92,10 @@ class Client:
             self.events.append(found)
 
     def value(self, name: str) -> Any:
-        return self.good(f"get {name}")["values"][name]
+        """Return the value of an input or output; the name must be that of one of them alone."""
+        reply = self.good(f"get {name}")
+        (value,) = [*reply["inputs"].values(), *reply["outputs"].values()]
+        return value
 
     def wait_for(self, name: str, value: object) -> None:
         """Ask until an output has a value: it is written in the next cycle."""

@@ -62,7 +62,7 @@ def test_an_axis_is_found_by_its_device(client: Client) -> None:
         assert (axis.phase, axis.mode) == (AxisPhase.OFF, AxisMode.CSV)
         realtime.send()
         mode = "drive_1.0x6060:00"
-        while realtime[mode] != AxisMode.CSV:
+        while realtime.sent(mode) != AxisMode.CSV:
             realtime.wait(PATIENCE_S)
 
 
@@ -76,7 +76,7 @@ def test_what_is_refused(client: Client) -> None:
             realtime.axis("el1904", max_step=1)
         with pytest.raises(ControlRefused, match="CSP needs max_step"):
             realtime.axis("drive_1")
-        with pytest.raises(ControlRefused, match="no symbol nothing"):
+        with pytest.raises(ControlRefused, match="no input nothing"):
             realtime.axis("drive_1", max_step=1, torque_off="nothing", torque_off_mask=1)
         with pytest.raises(ValueError, match="a limit of an axis is out of range"):
             realtime.axis("drive_1", max_step=-1)

@@ -35,6 +35,9 @@ def test_requests_on_a_running_bus() -> None:
         symbols = {s["name"]: s for s in client.good("symbols")["symbols"]}
         assert symbols[MODE] == {
             "name": MODE,
+            "subdevice": "drive_1",
+            "index": 0x6060,
+            "subindex": 0,
             "direction": "output",
             "type": "signed",
             "bits": 8,

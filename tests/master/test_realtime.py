@@ -57,13 +57,13 @@ def test_values_by_name(client: Client) -> None:
         assert 0 < first.next_ns - first.now_ns <= 1_000_000
         realtime[MODE] = -3
         realtime[LAMP] = True
-        assert realtime[MODE] == 8  # what is there now
+        assert realtime.sent(MODE) == 8  # what is there now
         realtime.send()
-        while realtime[MODE] != -3:
+        while realtime.sent(MODE) != -3:
             realtime.wait(PATIENCE_S)
-        assert realtime[LAMP] is True
-        assert client.get(MODE, LAMP).values == {MODE: -3, LAMP: True}
-        symbol = realtime.symbols[MODE]
+        assert realtime.sent(LAMP) is True
+        assert client.get(MODE, LAMP).outputs == {MODE: -3, LAMP: True}
+        symbol = realtime.outputs[MODE]
         assert (symbol.kind, symbol.bits, symbol.owned) == ("signed", 8, True)
         assert realtime.image[symbol.bit_offset // 8] == 0xFD
         with pytest.raises(ValueError, match="8 bits signed: 128"):
@@ -78,10 +78,10 @@ def test_values_by_name(client: Client) -> None:
         assert counts.on_time + counts.late == 1
         (seen,) = client.status().in_cycle
         assert (seen.misses, seen.state, seen.on_time + seen.late) == (1000, "runs", 1)
-        assert seen.outputs == len([s for s in realtime.symbols.values() if s.owned])
+        assert seen.outputs == len([s for s in realtime.outputs.values() if s.owned])
     while client.status().in_cycle:
         pass
-    while client.get(MODE).values[MODE] != 8:
+    while client.get(MODE).outputs[MODE] != 8:
         pass
     with pytest.raises(ValueError, match="has left the cycle"):
         realtime.wait()
@@ -90,13 +90,13 @@ def test_values_by_name(client: Client) -> None:
 def test_a_view_of_numpy(client: Client) -> None:
     pytest.importorskip("numpy")
     with client.realtime(MODE, misses=1000) as realtime:
-        view = realtime.view()
+        view = realtime.view(outputs=True)
         assert LAMP not in view.dtype.names  # one bit
         realtime.wait(PATIENCE_S)
         assert view[MODE] == 8
         realtime[MODE] = 5
         realtime.send()
-        while realtime.wait(PATIENCE_S) and realtime[MODE] != 5:
+        while realtime.wait(PATIENCE_S) and realtime.sent(MODE) != 5:
             pass
         assert view[MODE] == 5  # no copy
         with pytest.raises(ValueError, match="read-only"):
@@ -130,7 +130,7 @@ def test_who_is_late_has_to_enter_again(client: Client) -> None:
             events = client.events(PATIENCE_S)
         (fallback,) = [e for e in events if e["event"] == "fallback"]
         assert (fallback["why"], fallback["outputs"]) == ("late", [MODE])
-        assert client.get(MODE).values[MODE] == 8
+        assert client.get(MODE).outputs[MODE] == 8
         client.set({MODE: 2})  # it is free again
 
 
@@ -193,7 +193,7 @@ def test_the_example_in_c_and_c_plus_plus(
         [*words, *warnings, *include, "-x", "none", tmp_path / "client.o", "-o", tmp_path / "a"],
     ):
         subprocess.run([str(word) for word in command], check=True)
-    name = client.symbols()[0].name
+    name = next(s.name for s in client.symbols() if not s.is_output)
     run = [tmp_path / "a", client.path, name, MODE, "20"]
     end = time.monotonic() + PATIENCE_S
     taken_back = True

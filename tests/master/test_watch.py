@@ -36,10 +36,12 @@ def test_every_nth_cycle_comes_once_with_its_values() -> None:
                 cycle = line["cycle"]
             times = [line["now_ns"] for line in found]
             assert times == sorted(set(times))
-        symbols = {s["name"] for s in client.good("symbols")["symbols"]}
-        assert set(client.event("values")["values"]) == symbols
-        some = {n for n in symbols if n == MODE or n.startswith("el2904.")}
-        assert set(other.event("values")["values"]) == some
+        symbols = client.good("symbols")["symbols"]
+        for side in ("input", "output"):
+            names = {s["name"] for s in symbols if s["direction"] == side}
+            assert set(client.event("values")[f"{side}s"]) == names
+            some = {n for n in names if n == MODE or n.startswith("el2904.")}
+            assert set(other.event("values")[f"{side}s"]) == some
         assert client.good("watch off")["watch"] == 0
         client.events.clear()
         client.good("hello")
@@ -54,7 +56,7 @@ def test_values_of_one_set_are_in_one_cycle() -> None:
             client.good(f"set {MODE}={n % 2} {LAMP}={n % 2}")
             values = {MODE: None}
             while values[MODE] != n % 2:
-                values = watcher.event("values")["values"]
+                values = watcher.event("values")["outputs"]
                 if values[MODE] in (0, 1):
                     assert values[LAMP] is (values[MODE] == 1)
 

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("said")
 # Changes of these are changes of the file format or of the examples: both belong in the changelog.
 GOLDEN = {
     "estop": "5746e47d95c1cb84844d2928e84bcd43a7499d4f9f89371b5159d3db84f1aa6d",
-    "el6910": "5521ef0331db40c536e23245b3ba7e8e6c183cff66777982ca9997c9a325c995",
+    "el6910": "9ac7a4b368d9968a7cb552d8ed9dae04a7cd99a529d7e4a65e7b5855290df3e3",
 }
 
 
@@ -152,9 +152,38 @@ def test_symbols_are_scaled_as_the_driver_does(tmp_path, group, channel, expecte
 
 
 def test_an_output_with_a_default_has_it_as_stop_value():
-    symbols = {s.name: s for s in compile_plan(example("el6910")).symbols}
-    assert symbols["drive_1.0x6060:00"].stop_value == 8
-    assert {s.stop_value for s in symbols.values() if not s.output} == {0}
+    symbols = compile_plan(example("el6910")).symbols
+    (mode,) = [s for s in symbols if s.name == "drive_1.0x6060:00"]
+    assert mode.stop_value == 8
+    assert {s.stop_value for s in symbols if not s.output} == {0}
+
+
+def test_command_and_state_of_one_interface_name_keep_it():
+    """The places are those of devices/circulo.yaml: 0x607a and 0x6064 follow 16 bits."""
+    plan = compile_plan(example("el6910"))
+    found = [s for s in plan.symbols if s.name == "drive_1.position"]
+    places = {(s.output, plan.sync_managers[s.sm].index, s.bit_offset, s.bits) for s in found}
+    assert places == {(True, 2, 16, 32), (False, 3, 16, 32)}
+
+
+def test_names_of_one_direction_are_unique(tmp_path):
+    """SubDevice `a` with `b.c`, and SubDevice `a.b` with `c`."""
+    (tmp_path / "one.yaml").write_text(
+        "vendor_id: 1\nproduct_id: 2\ntpdo:\n  - index: 0x1a00\n    channels:\n"
+        "      - {index: 0x6000, sub_index: 1, type: uint8, state_interface: b.c}\n"
+        "      - {index: 0x6000, sub_index: 2, type: uint8, state_interface: b.c}\n"
+    )
+    other = (tmp_path / "one.yaml").read_text().replace("state_interface: b.c", "name: c")
+    (tmp_path / "two.yaml").write_text(other)
+    network = tmp_path / "network.yaml"
+    network.write_text(
+        "version: 1\nname: n\ncycle_us: 1000\nsubdevices:\n"
+        "  - {name: a, position: 0, config: one.yaml}\n"
+        "  - {name: a.b, position: 1, config: two.yaml}\nnets: []\n"
+    )
+    symbols = compile_plan(resolve(load_network([network]).network)).symbols
+    names = ["a.b.c", "a.0x6000:02", "a.b.c-2", "a.b.0x6000:02"]
+    assert [s.name for s in symbols] == names
 
 
 def test_header_is_as_documented():

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import IO, Any
@@ -168,6 +168,11 @@ class System:
 
     def until(self, line: str, answer: str) -> None:
         while self.ask(line) != answer:
+            assert self.ask("cycle 5") == "OK"
+
+    def sends(self, arrived: Callable[[], object]) -> None:
+        """Run cycles until a client of fsn-master sees something."""
+        while not arrived():
             assert self.ask("cycle 5") == "OK"
 
     def end(self) -> str:

@@ -413,10 +413,10 @@ def test_processes_have_clients_of_their_own(monkeypatch: pytest.MonkeyPatch) ->
             acting.set_output(topic, send(number), f"process {number}")
         assert dict(acting.status().values)["outputs set"] == str(control._MOST_SENDERS)
         assert acting.status().message == "refused: more than 8 processes set outputs"
-        assert master.values["drive_1.0x6040:00"] == control._MOST_SENDERS - 1
+        assert master.outputs["drive_1.0x6040:00"] == control._MOST_SENDERS - 1
         monkeypatch.setattr(control, "_IDLE_S", -1.0)  # all have been silent for long
         acting.set_output(topic, send(77), "a new process")
-        assert master.values["drive_1.0x6040:00"] == 77
+        assert master.outputs["drive_1.0x6040:00"] == 77
         master.drop()
         acting.set_output(topic, send(78), "a new process")
         acting.close()

@@ -8,7 +8,9 @@ import hashlib
 import os
 import re
 import shutil
+import signal
 import subprocess
+import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +23,8 @@ from networks import EXAMPLES, example
 from ros2.rig import System
 from run.test_live_bus import ESTOP, on_the_wire
 
+from fsoe_net.formats.own.network import load_network
+from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.testing.fake_master import FakeMaster
@@ -28,8 +32,10 @@ from fsoe_net.testing.fake_master import FakeMaster
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ros" / "fsoe_net_ros"
 CORE = ROOT / "master_core"
+REPLY_S = 5.0  # kReplyMs of control_socket.cpp
 REQUIRED = "ros2" in os.environ.get("FSN_REQUIRE", "").split(",")
-LAMP, POSITION = "el2904/standard_1", "drive_1/position"
+LAMP, OUTPUT = "el2904/standard_1", "el2904.standard_1"
+VELOCITY, MODE = "drive_1/0x60ff:00", "drive_1/0x6060:00"
 
 
 @pytest.fixture(scope="session")
@@ -109,44 +115,146 @@ def reader(robot: Master) -> Iterator[Client]:
 def test_a_lifecycle_from_configure_to_cleanup(
     program: Path, robot: Master, reader: Client
 ) -> None:
-    names = (f"s:{LAMP}", f"c:{LAMP}", "s:el6910-el1904/in_data", "s:el6910-el1904/state")
+    names = (f"c:{LAMP}", "s:el6910-el1904/in_data", "s:el6910-el1904/state")
     with System(program, f"socket={robot.path}", "misses=1000", *names) as system:
-        system.goes("init", "configure")
-        system.until(f"get {LAMP}", "0")
-        assert system.ask("get el6910-el1904/in_data") == "0"  # nobody is at its ends
+        system.goes("init", "configure", "cycle 3")
+        assert system.ask("get el6910-el1904/in_data") == "0"  # no device is at its ends
         assert system.ask("get el6910-el1904/state") == "0"
-        system.goes("activate", f"set {LAMP} 1")
-        system.until(f"get {LAMP}", "1")
-        assert reader.value("el2904.standard_1") is True
+        system.goes("activate", f"start {LAMP}", f"set {LAMP} 1")
+        system.sends(lambda: reader.value(OUTPUT) is True)
         system.goes("deactivate")
-        reader.wait_for("el2904.standard_1", False)
+        reader.wait_for(OUTPUT, False)
         system.goes("cycle 3", "activate", "cycle 3")
-        assert reader.value("el2904.standard_1") is False  # the old command counts no longer
+        assert reader.value(OUTPUT) is False  # a command of the activation before does not count
         system.goes(f"set {LAMP} 1")
-        system.until(f"get {LAMP}", "1")
+        system.sends(lambda: reader.value(OUTPUT) is True)
         system.goes("cleanup")
-        reader.wait_for("el2904.standard_1", False)
+        reader.wait_for(OUTPUT, False)
 
 
-def test_a_target_position_without_a_command_follows_the_axis(
+def test_an_output_without_a_controller_has_its_stop_value(
     program: Path, robot: Master, reader: Client
 ) -> None:
-    names = (f"s:{POSITION}", f"c:{POSITION}", "c:drive_1/0x60ff:00")
+    """The stop value of the mode is 8, its `default` in the slave YAML; the others have none."""
+    velocity, mode = VELOCITY.replace("/", "."), MODE.replace("/", ".")
+    names = (f"c:{VELOCITY}", f"c:{MODE}")
     with System(program, f"socket={robot.path}", "misses=1000", *names) as system:
-        system.goes("init", "configure", "activate", f"set {POSITION} 4711")
-        system.until(f"get {POSITION}", "4711")
-        system.goes(f"set {POSITION} nan")
-        system.until(f"get {POSITION}", "0")  # where the emulated axis is
-        system.goes("set drive_1/0x60ff:00 1e30")
+        system.goes("init", "configure", "activate", f"set {VELOCITY} 500", "cycle 20")
+        assert reader.value(velocity) == 0  # no controller has it
+        system.goes(f"start {VELOCITY} {MODE}", f"set {VELOCITY} 500", f"set {MODE} 3")
+        system.sends(lambda: (reader.value(velocity), reader.value(mode)) == (500, 3))
+        system.goes(f"set {VELOCITY} nan")
+        system.sends(lambda: (reader.value(velocity), reader.value(mode)) == (0, 3))
+        system.goes(f"set {VELOCITY} 500")
+        system.sends(lambda: reader.value(velocity) == 500)
+        # A controller may write in its on_deactivate, after the switch: that does not count.
+        system.goes(f"stop {VELOCITY} {MODE}", f"set {VELOCITY} 700")
+        system.sends(lambda: (reader.value(velocity), reader.value(mode)) == (0, 8))
+        system.goes(f"start {VELOCITY}", "cycle 20")
+        assert reader.value(velocity) == 0  # 700 is not a command of the next one either
+        system.goes(f"set {VELOCITY} 1e30")
         assert system.ask("cycle 3") == "write ERROR"
         assert "drive_1/0x60ff:00 cannot take 1" in system.end()
+
+
+def test_nothing_is_sent_before_a_cycle_was_read(
+    program: Path, robot: Master, reader: Client
+) -> None:
+    """The actual position is not known yet; 0 in its place would be a command."""
+
+    def state() -> str:
+        (row,) = [r for r in reader.good("status")["in_cycle"] if r["outputs"]]
+        return str(row["state"])
+
+    with System(program, f"socket={robot.path}", "misses=1000", "c:drive_1/position") as system:
+        system.goes("init", "configure", "activate", "write")
+        begun = reader.good("status")["cycles"]
+        while reader.good("status")["cycles"] < begun + 5:
+            pass
+        assert state() == "waits"
+        system.sends(lambda: state() == "runs")
+
+
+def test_an_initial_value_is_what_an_output_has_without_a_controller(
+    program: Path, robot: Master, reader: Client
+) -> None:
+    with System(program, f"socket={robot.path}", "misses=1000", f"c:{MODE}=9") as system:
+        system.goes("init", "configure", "activate")
+        system.sends(lambda: reader.value("drive_1.0x6060:00") == 9)
+        system.goes("deactivate")
+        reader.wait_for("drive_1.0x6060:00", 8)
+
+
+def test_names_may_be_mapped_to_those_of_the_plan(
+    program: Path, robot: Master, reader: Client
+) -> None:
+    names = (
+        "s:joint_1/position",
+        "s:joint_1/mode",
+        "c:joint_1/mode",
+        "p:joint_1/subdevice=drive_2",
+    )
+    names += ("p:joint_1/state_interface/mode=drive_2.0x6061:00",)
+    names += ("p:joint_1/command_interface/mode=drive_1.0x6060:00",)
+    with System(program, f"socket={robot.path}", "misses=1000", *names) as system:
+        system.goes("init", "configure", "activate", "start joint_1/mode", "set joint_1/mode 1")
+        system.sends(lambda: reader.value("drive_1.0x6060:00") == 1)
+        assert system.ask("get joint_1/position") == "0"
+        assert system.ask("get joint_1/mode") == "0"  # 0x6061, not what is sent
+
+
+def test_an_error_waits_for_no_thread(program: Path) -> None:
+    """fsn-master stands still: its replies never come, for which the follower waits 5 s."""
+    with master_running(name="el6910") as master:
+        words = (f"socket={master.path}", f"c:{LAMP}", "s:el6910-el1904/state")
+        with System(program, *words) as system:
+            system.goes("init", "configure", "activate", "cycle 3")
+            os.kill(master.process.pid, signal.SIGSTOP)
+            try:
+                while (answer := system.ask("cycle 1")) == "OK":
+                    pass
+                assert answer == "read ERROR"
+                begun_s = time.monotonic()
+                system.goes("error", "cleanup")
+                assert time.monotonic() - begun_s < REPLY_S / 2
+            finally:
+                os.kill(master.process.pid, signal.SIGCONT)
+            while system.ask("configure") != "SUCCESS":
+                pass
+            system.goes("activate", "cycle 3")
+
+
+def test_an_axis_by_ros2_control(program: Path, tmp_path: Path) -> None:
+    """An emulated drive that is not at 0, over a wire: its states are never its commands."""
+    scenario = tmp_path / "motors.yaml"
+    text = (EXAMPLES / "robot-cell" / "scenario.yaml").read_text("utf-8")
+    text = text.partition("\nsteps:")[0].replace("duration_s: 4\n", "")
+    assert "axis_1: {" in text
+    scenario.write_text(text.replace("axis_1: {", "axis_1: {position_rev: 0.25, "), "utf-8")
+    network = EXAMPLES / "robot-cell" / "network.yaml"
+    case = ("axis", network, program, scenario)
+    seen = on_the_wire(*case, tmp=tmp_path, script="ros2_rig.py", good=lambda s: s["late"])
+    # 0.25 revolutions are 16384 of the drive's 65536 counts.
+    assert seen["disabled"] == {"state": "16384", "sent": 100000, "actual": 16384}
+    assert seen["released"] == 16384  # the target follows the actual position
+    assert seen["enabled"] == 16384
+    assert abs(seen["moved"] - 20000) <= 2
+    assert seen["held"] == 40000  # the last target, not the actual position of an enabled drive
+    assert seen["not_a_number"] == 21000
 
 
 @pytest.mark.parametrize(
     ("words", "line", "text"),
     [
-        (["s:el2904/lamp"], "configure", "the plan has no state el2904/lamp"),
-        (["c:drive_1/velocity"], "configure", "the plan has no output drive_1/velocity"),
+        (["s:el2904/lamp"], "configure", "el2904/lamp: the plan has no input el2904.lamp; `fsoe"),
+        (
+            ["s:el2904/standard_1"],
+            "configure",
+            "the plan has no input el2904.standard_1; the output of that name is what is sent",
+        ),
+        (["c:drive_1/velocity"], "configure", "the plan has no output drive_1.velocity"),
+        (["c:drive_1/effort", "p:drive_1/command_interface/effort=x.y"], "configure", "output x.y"),
+        (["c:el2904/standard_1=on"], "init", "initial_value of el2904/standard_1 is not a number"),
         (["c:el6910/logic_control"], "activate", "logic_control"),
         (["misses=x"], "init", "param `misses` of the hardware is no whole number: x"),
         (["socket=/nowhere/s"], "configure", "nobody answers on /nowhere/s"),
@@ -217,22 +325,114 @@ def test_the_states_of_a_connection_are_those_of_real_frames(program: Path, tmp_
     assert seen["back"] == "1"
 
 
-@pytest.mark.parametrize("name", ["el6910", "estop", "legs"])
-def test_the_converted_description_has_the_names_of_the_plan(name: str, tmp_path: Path) -> None:
-    target = tmp_path / "ros2_control.urdf.xacro"
-    done = fsn("convert", str(EXAMPLES / name / "network.yaml"), "-o", str(target))
+def interfaces(component: ET.Element) -> dict[tuple[str, str], str]:
+    """Return the symbol of each interface by kind and name, as the package finds it."""
+    given = {row.get("name", ""): row.text or "" for row in component.findall("param")}
+    owner = given.get("subdevice", component.get("name", ""))
+    return {
+        (row.tag, name): given.get(f"{row.tag}/{name}", f"{owner}.{name}")
+        for row in component
+        if row.tag.endswith("_interface")
+        for name in [row.get("name", "")]
+    }
+
+
+def converted(*words: str | Path, target: Path) -> dict[str, dict[tuple[str, str], str]]:
+    """Convert to ros2_control; return the interfaces of each joint and gpio by its name."""
+    done = fsn("convert", *map(str, words), "-o", str(target))
     assert done.returncode == 0, done.stderr
-    root = ET.parse(target).getroot()
+    (block,) = ET.parse(target).getroot().iter("ros2_control")
+    return {c.get("name", ""): interfaces(c) for c in block if c.tag in ("joint", "gpio")}
+
+
+@pytest.mark.parametrize("name", ["el6910", "estop", "legs", "robot-cell"])
+def test_every_symbol_that_a_controller_may_use_is_written_once(name: str, tmp_path: Path) -> None:
+    target = tmp_path / "ros2_control.urdf.xacro"
+    rows = converted(EXAMPLES / name / "network.yaml", target=target)
     plan = decode_plan(compile_plan(example(name)).to_bytes())
     outputs = {s.name for s in plan.symbols if s.output and not s.restart_relevant}
     inputs = {s.name for s in plan.symbols if not s.output}
-    found: dict[str, set[str]] = {"command_interface": set(), "state_interface": set()}
-    for component in (*root.iter("joint"), *root.iter("gpio")):
-        for side, names in found.items():
-            names |= {f"{component.get('name')}.{row.get('name')}" for row in component.iter(side)}
-    assert found == {"command_interface": outputs, "state_interface": inputs}
-    sensors = {s.get("name") for s in root.iter("sensor")}
+    found = [(kind, symbol) for row in rows.values() for (kind, _), symbol in row.items()]
+    assert len(set(found)) == len(found)
+    assert {symbol for kind, symbol in found if kind == "command_interface"} == outputs
+    assert {symbol for kind, symbol in found if kind == "state_interface"} == inputs
+    sensors = {s.get("name") for s in ET.parse(target).getroot().iter("sensor")}
     assert sensors == {c.name for c in example(name).connections}
+
+
+DRIVE = """vendor_id: 0x000000fb
+product_id: 0x64400000
+rpdo:
+  - index: 0x1603
+    channels:
+      - {index: 0x6040, sub_index: 0, type: uint16, default: 0}
+      - {index: 0x607a, sub_index: 0, type: int32, command_interface: position, default: .nan}
+      - {index: 0x60ff, sub_index: 0, type: int32, default: 0}
+      - {index: 0x6060, sub_index: 0, type: int8, default: 8}
+tpdo:
+  - index: 0x1a03
+    channels:
+      - {index: 0x6041, sub_index: 0, type: uint16}
+      - {index: 0x6064, sub_index: 0, type: int32, state_interface: position}
+      - {index: 0x606c, sub_index: 0, type: int32}
+      - {index: 0x6061, sub_index: 0, type: int8}
+"""
+ROBOT = """<robot name="arm"><ros2_control name="motors" type="system">
+  <hardware><plugin>ethercat_driver/EthercatDriver</plugin>
+    <param name="master_id">0</param><param name="control_frequency">1000</param></hardware>
+  <joint name="shoulder">
+    <state_interface name="velocity"/><state_interface name="position"/>
+    <command_interface name="position"/><command_interface name="reset_fault"/>
+    <ec_module name="first"><plugin>ethercat_generic_plugins/EcCiA402Drive</plugin>
+      <param name="alias">0</param><param name="position">0</param>
+      <param name="mode_of_operation">9</param><param name="slave_config">drive.yaml</param>
+    </ec_module></joint>
+  <joint name="second">
+    <state_interface name="position"/><command_interface name="position"/>
+    <ec_module name="second"><plugin>ethercat_generic_plugins/EcCiA402Drive</plugin>
+      <param name="alias">0</param><param name="position">1</param>
+      <param name="slave_config">drive.yaml</param>
+    </ec_module></joint>
+</ros2_control></robot>
+"""
+
+
+def test_joints_of_a_robot_keep_their_names_states_and_mode(tmp_path: Path) -> None:
+    (tmp_path / "drive.yaml").write_text(DRIVE, "utf-8")
+    (tmp_path / "arm.urdf").write_text(ROBOT, "utf-8")
+    target = tmp_path / "ros2_control.urdf.xacro"
+    rows = converted(tmp_path / "arm.urdf", target=target)
+    assert list(rows) == ["shoulder", "second"]
+    # The order of the description first; then the objects, with the names of ros2_control.
+    assert list(rows["shoulder"].items()) == [
+        (("command_interface", "position"), "first.position"),
+        (("state_interface", "velocity"), "first.0x606c:00"),
+        (("state_interface", "position"), "first.position"),
+        (("command_interface", "control_word"), "first.0x6040:00"),
+        (("command_interface", "velocity"), "first.0x60ff:00"),
+        (("command_interface", "mode_of_operation"), "first.0x6060:00"),
+        (("state_interface", "status_word"), "first.0x6041:00"),
+        (("state_interface", "mode_of_operation_display"), "first.0x6061:00"),
+    ]
+    root = ET.parse(target).getroot()
+    modes = {
+        joint.get("name"): row.findtext("param")
+        for joint in root.iter("joint")
+        for row in joint.iter("command_interface")
+        if row.get("name") == "mode_of_operation"
+    }
+    assert modes == {"shoulder": "9", "second": "8"}
+    plan = compile_plan(resolve(load_network([tmp_path / "arm.urdf"]).network))
+    stops = {s.name: s.stop_value for s in plan.symbols if s.name.endswith("0x6060:00")}
+    assert stops == {"first.0x6060:00": 9, "second.0x6060:00": 8}
+
+
+def test_an_interface_that_only_a_plugin_provides_is_named(tmp_path: Path) -> None:
+    (tmp_path / "drive.yaml").write_text(DRIVE, "utf-8")
+    (tmp_path / "arm.urdf").write_text(ROBOT, "utf-8")
+    done = fsn("convert", str(tmp_path / "arm.urdf"), "-o", str(tmp_path / "x" / "out.urdf.xacro"))
+    assert "shoulder: the plan has nothing for the command_interface reset_fault" in done.stderr
+    assert "shoulder: the state position has no factor" in done.stderr
 
 
 def test_a_name_is_a_name_to_xacro_too(tmp_path: Path) -> None:
@@ -257,8 +457,12 @@ def test_a_whole_description_is_taken(program: Path, robot: Master, tmp_path: Pa
     (block,) = ET.parse(target).getroot().iter("ros2_control")
     for component in block:
         for row in component:
-            if row.tag.endswith("_interface"):
-                words.append(f"{row.tag[0]}:{component.get('name')}/{row.get('name')}")
+            name = f"{component.get('name')}/{row.get('name')}"
+            if row.tag == "param":
+                words.append(f"p:{name}={row.text}")
+            elif row.tag.endswith("_interface"):
+                initial = row.findtext("param")
+                words.append(f"{row.tag[0]}:{name}" + (f"={initial}" if initial else ""))
     with System(program, f"socket={robot.path}", "misses=1000", *words) as system:
         system.goes("init", "configure", "activate", "cycle 20", "deactivate", "cleanup")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,10 +14,14 @@ from fsoe_net.run.control_values import Symbol
 
 
 def symbol(name: str, kind: str = "signed", *, output: bool = False, **more: object) -> Symbol:
+    subdevice, _, entry = name.partition(".")
+    address = re.fullmatch(r"0x([0-9a-f]{4}):([0-9a-f]{2})", entry)
+    index, subindex = (int(n, 16) for n in address.groups()) if address else (0, 0)
     row: dict[str, object] = {
-        "name": name, "is_output": output, "kind": kind, "bits": 1 if kind == "bool" else 32,
+        "name": name, "subdevice": subdevice, "is_output": output, "index": index,
+        "subindex": subindex, "kind": kind, "bits": 1 if kind == "bool" else 32,
         "open": output, "restart_relevant": False, "stop_value": 0, "client": None, "factor": 1.0,
-        "offset": 0.0, "mask": 0, "interface": "",
+        "offset": 0.0,
     }  # fmt: skip
     return Symbol(**(row | more))  # type: ignore[arg-type]
 
@@ -31,12 +36,17 @@ def test_an_axis_is_found_by_its_objects_or_by_the_names_of_the_driver() -> None
             symbol("b.effort"),
             symbol("c.0x606c:00"),  # no position
             symbol("d.0x6064:00", output=True),  # no input
-            symbol("e.pos.x", interface="pos.x"),
+            symbol("e.pos.x"),
+            symbol("f.where", index=0x6064),  # the maker of the file calls it so
+            symbol("g.position", output=True),
+            symbol("g.actual", index=0x6064),
         ]
     )
     assert found == (
         Joint(name="a", position="a.0x6064:00", velocity="a.0x606c:00", effort="a.0x6077:00"),
         Joint(name="b", position="b.position", velocity="", effort="b.effort"),
+        Joint(name="f", position="f.where", velocity="", effort=""),
+        Joint(name="g", position="g.actual", velocity="", effort=""),
     )
 
 
@@ -93,6 +103,9 @@ def test_nobody_sets_an_output_of_a_drive_one_that_is_armed_or_one_that_is_not_o
         symbol("drive.0x60fe:01", output=True),
         symbol("other.0x6040:00", output=True),
         symbol("other.0x60ff:00", output=True),
+        symbol("named.run", output=True, index=0x6040),  # a controlword with a name of its own
+        symbol("named.lamp", "bool", output=True),
+        symbol("part.controlword", output=True),  # a part of an object
         symbol("logic.run", output=True, restart_relevant=True),
         symbol("safe.frame", output=True, open=False),
         symbol("io.lamp", "bool", output=True),

@@ -47,13 +47,19 @@ SECOND = [
         "{index: 0x6841, sub_index: 0, type: uint16}\n      - {index: 0x6864,",
     ],
 ]
+URDF_MODE_9 = [["robot.urdf", 'mode_of_operation">8', 'mode_of_operation">9']]
 CASES = {
     "position, mode and what they are": ([mode(8), DISPLAY], []),
     "velocity by start-up, with its target": (
         [start_up(9), [DRIVE, "0x607a, sub_index: 0", "0x60ff, sub_index: 0"]],
         [],
     ),
-    "velocity without its target": ([mode(9), DISPLAY], ["FSN470"]),
+    "velocity without its target": ([*URDF_MODE_9, mode(8), DISPLAY], ["FSN470"]),
+    "the plugin writes the mode of the URDF": ([mode(9), DISPLAY], []),
+    "a generic plugin writes that of the slave YAML": (
+        [mode(9), DISPLAY, ["robot.urdf", PLUGIN, "ethercat_generic_plugins/GenericEcSlave"]],
+        ["FSN470"],
+    ),
     "torque without its target": ([start_up(10)], ["FSN470"]),
     "homing takes no target": ([start_up(6), NO_ACTUAL], []),
     "profile position is no loop": ([start_up(1), NO_ACTUAL], []),

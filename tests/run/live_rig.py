@@ -354,12 +354,12 @@ def in_the_cycle(network, other):
         seen["breaks"] = turns(lambda cycle: not complete(cycle))
         emulator.do(f"heal {last}")
         seen["heals"] = turns(complete)
-        sent = realtime[mode]
+        sent = realtime.sent(mode)
         seen["sent"] = 0 <= sent < 100
         counts = realtime.counts()
         seen |= {"on_time": counts.on_time, "late": counts.late, "missed": counts.missed}
     wait_for("Data", running.in_data)
-    wait_for("its stop value", lambda: running.client.get(mode).values[mode] == 8)
+    wait_for("its stop value", lambda: running.client.get(mode).outputs[mode] == 8)
     running.end(signal.SIGINT)
     emulator.end()
     return seen
@@ -499,8 +499,8 @@ CASES = {
 
 
 def main():
-    network, other = sys.argv[2], sys.argv[3] if len(sys.argv) > 3 else None
-    sys.stdout.write(json.dumps(CASES[sys.argv[1]](network, other)) + "\n")
+    network, other, *more = [*sys.argv[2:4], *[None] * (4 - len(sys.argv)), *sys.argv[4:]]
+    sys.stdout.write(json.dumps(CASES[sys.argv[1]](network, other, *more)) + "\n")
 
 
 if __name__ == "__main__":

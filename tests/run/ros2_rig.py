@@ -8,6 +8,8 @@ import time
 from ros2.rig import Peer, System, bridged, typestore
 from run.live_rig import CASES, Emulator, Running, main
 
+from fsoe_net.run.client import Client
+
 ARRAY = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
 
 
@@ -94,7 +96,67 @@ def adapter(network, program):
     return seen
 
 
-CASES |= {"adapter": adapter, "reset": reset}
+def axis(network, program, scenario):
+    """A drive is commanded while it is disabled, then enabled, moved and released."""
+    emulator = Emulator(network, "--scenario", scenario)
+    running = Running(network)
+    reader = Client(running.socket)
+    position, control, mode = (
+        f"axis_1/{w}" for w in ("position", "control_word", "mode_of_operation")
+    )
+    names = [f"c:{position}", f"c:{control}", f"c:{mode}", f"s:{position}", "s:axis_1/status_word"]
+
+    def target():
+        return reader.get("axis_1.position").outputs["axis_1.position"]
+
+    def actual():
+        return reader.get("axis_1.position").inputs["axis_1.position"]
+
+    with System(
+        program, f"socket={running.socket}", "misses=1000", "lost_ms=2000", *names
+    ) as system:
+        system.goes("init", "configure", "activate")
+        system.until(f"get {position}", "16384")
+        system.goes(f"start {position}", f"set {position} 100000")
+        system.sends(lambda: target() == 100000)
+        system.goes("cycle 50")
+        seen = {
+            "disabled": {
+                "state": system.ask(f"get {position}"),
+                "sent": target(),
+                "actual": actual(),
+            }
+        }
+        system.goes(f"stop {position}", f"set {position} 100000")
+        system.sends(lambda: target() != 100000)
+        seen["released"] = target()
+        system.goes(f"start {control} {mode}", f"set {mode} 8")
+        states = {0x21: 7, 0x23: 15}
+        while (state := int(float(system.ask("get axis_1/status_word"))) & 0x6F) != 0x27:
+            if state & 0x4F == 0x40:  # a person's reset lets the logic give the torque back
+                for word in ("release", "press"):
+                    emulator.do(word)
+            system.goes(f"set {control} {states.get(state, 6)}", "cycle 20")
+        system.goes("cycle 20")
+        seen["enabled"] = target()
+        system.goes(f"start {position}", f"set {position} 20000")
+        system.sends(lambda: abs(actual() - 20000) <= 2)
+        seen["moved"] = actual()
+        system.goes(f"set {position} 40000")  # a third of a revolution takes a while
+        system.sends(lambda: target() == 40000)
+        seen["late"] = actual() < 39000
+        system.goes(f"stop {position}", f"set {position} 30000", "cycle 20")
+        seen["held"] = target()
+        system.goes(f"start {position}", f"set {position} 21000")
+        system.sends(lambda: target() == 21000)
+        system.goes(f"set {position} nan", "cycle 20")
+        seen["not_a_number"] = target()
+    running.end(signal.SIGINT)
+    emulator.end()
+    return seen
+
+
+CASES |= {"adapter": adapter, "axis": axis, "reset": reset}
 
 if __name__ == "__main__":
     main()

@@ -196,11 +196,11 @@ def output(network, _other):
     name, value = "drive_1.0x6060:00", 3  # its stop value is 8
     client.request("lease", "60000")
     client.request("set", f"{name}={value}")
-    wait_for("the value", lambda: client.request("get", name)["values"][name] == value)
+    wait_for("the value", lambda: client.request("get", name)["outputs"][name] == value)
     program = Program("next", "--take-over")
     program.wait_for("took the bus over")
     client = wait_for("the socket", connect)
-    fallen = client.request("get", name)["values"][name]
+    fallen = client.request("get", name)["outputs"][name]
     client.request("set", f"{name}={value}")
     return finish(emulator, wire, program) | {"fallen": fallen}
 
@@ -258,7 +258,7 @@ def standby_output(network, _other):
     os.kill(program.pid, signal.SIGCONT)  # it has ended
     code = program.process.wait()
     client = wait_for("the socket", connect)
-    fallen = client.request("get", name)["values"][name]
+    fallen = client.request("get", name)["outputs"][name]
     second.wait_for("follows process")
     os.kill(standby.pid, signal.SIGKILL)
     second.wait_for("took the bus over")

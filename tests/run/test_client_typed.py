@@ -33,31 +33,34 @@ def client(master):
 def test_state_and_values(master, client):
     status = client.status()
     assert (status.state, status.in_op, status.fault) == (BusState.RUNNING, 2, "")
-    position = next(s for s in client.symbols() if s.interface)
-    assert (position.subdevice, position.entry) == ("drive_1", "0x607a:00")
-    assert (position.factor, position.is_output, position.client) == (0.5, True, None)
+    target, actual = (s for s in client.symbols() if s.name == "drive_1.position")
+    assert (target.subdevice, target.entry, target.index) == ("drive_1", "position", 0x607A)
+    assert (target.factor, target.is_output, target.client) == (0.5, True, None)
+    assert (actual.is_output, actual.index, actual.open) == (False, 0x6064, False)
     assert client.set({"drive_1.0x6040:00": 6, "drive_2.0x6040:00": 15}) == 2
     found = client.get("drive_1.0x6040:00", "drive_2.0x6040:00")
-    assert (found.cycle, list(found.values.values())) == (9, [6, 15])
+    assert (found.cycle, list(found.outputs.values()), found.inputs) == (9, [6, 15], {})
     assert client.arm("logic.ack") == 10_000
     assert client.lease(500) == 500
     assert client.connections()[0].state.word == "data_process"
-    client.get("drive_1.position", typed=True)
+    client.set({"drive_1.position": 700})
+    both = client.get("drive_1.position", typed=True)
     assert master.asked[-1] == "get --typed drive_1.position"
+    assert both.outputs == {"drive_1.position": 700}
+    assert both.inputs == {"drive_1.position": 0}  # where the axis is, not where it shall go
 
 
 @pytest.mark.parametrize(
-    ("name", "interface", "entry"),
+    ("name", "entry"),
     [
-        ("cell.drive.0x607a:00", "", "0x607a:00"),
-        ("cell.drive.0x607a:00", "position", "0x607a:00"),
-        ("cell.drive.axis.position", "axis.position", "axis.position"),
+        ("cell.drive.0x607a:00", "0x607a:00"),
+        ("cell.drive.axis.position", "axis.position"),
     ],
 )
-def test_a_subdevice_may_have_points_in_its_name(client, name, interface, entry):
-    symbol = replace(client.symbols()[0], name=name, interface=interface)
-    assert (symbol.subdevice, symbol.entry) == ("cell.drive", entry)
-    assert SymbolNames([symbol]).some("cell.drive") == [name]
+def test_a_subdevice_may_have_points_in_its_name(client, name, entry):
+    symbol = replace(client.symbols()[0], name=name, subdevice="cell.drive")
+    assert symbol.entry == entry
+    assert SymbolNames([symbol]).some("cell.drive") == [symbol]
 
 
 def test_values_are_written_as_the_protocol_has_them(master, client):
@@ -92,7 +95,7 @@ def test_watch_tells_what_was_skipped(master, client):
         if cycle.cycle == 50:
             break
     assert [c.skipped for c in found] == [0, 0, 2]
-    assert found[0].values == {"drive_1.0x6041:00": 0x27}
+    assert found[0].inputs == {"drive_1.0x6041:00": 0x27}
     assert client.status().cycles == 5
     assert master.asked[-3:] == ["watch 10 drive_1.0x6041:00", "watch off", "status"]
 

@@ -125,8 +125,32 @@ def test_list_says_whose_an_output_is(master, rig):
     assert "client 2" in found["drive_2.0x6040:00"]
     assert found["logic.ack"].split()[-3:] == ["free", "restart", "relevant"]
     assert "input" in found["drive_1.0x6041:00"]
-    assert "as position" in found["drive_1.0x607a:00"]
+    assert "free" in found["out:drive_1.position"]
+    assert "input" in found["in:drive_1.position"]
     assert rig.console.owned() == ["drive_1.0x6040:00"]
+
+
+def test_an_input_and_an_output_of_one_name_are_never_mistaken(master, rig):
+    rig.do("set drive_1.position 700")
+    assert [line.split() for line in rig.do("get drive_1.position")] == [
+        ["out:drive_1.position", "700"],
+        ["in:drive_1.position", "0"],
+    ]
+    assert rig.do("get in:drive_1.position")[0].split() == ["in:drive_1.position", "0"]
+    rig.do("set out:drive_1.position 9")
+    assert master.outputs["drive_1.position"] == 9
+    assert master.inputs["drive_1.position"] == 0
+    with pytest.raises(ConsoleError, match=r"write in:drive_1\.position or out:drive_1\.position"):
+        rig.do("expect drive_1.position == 9")
+    rig.do("expect out:drive_1.position == 9; expect in:drive_1.position == 0")
+    with pytest.raises(ConsoleError, match=r"in:drive_1\.position is 0"):
+        rig.do("expect in:drive_* == 9")
+    with pytest.raises(ConsoleError, match="stands for inputs only"):
+        rig.do("set in:drive_1.position 1")
+    with pytest.raises(ConsoleError, match=r"no output is called drive_1\.0x6041"):
+        rig.do("get out:drive_1.0x6041")
+    seen = rig.do("watch drive_1.position every 10 for 100ms")
+    assert "out:drive_1.position = 9  in:drive_1.position = 0" in seen[0]
 
 
 def test_start_stop_restart(master, rig):
@@ -198,7 +222,7 @@ def test_waiting_and_expecting(master, rig):
     master.connection_state = 1
     with pytest.raises(ConsoleError, match=r"not within 0.05 s: .*; c1 is in reset"):
         rig.do("wait until connection c1 in Data for 50ms")
-    threading.Timer(0.05, lambda: master.values.update({"drive_2.0x6041:00": 0x27})).start()
+    threading.Timer(0.05, lambda: master.inputs.update({"drive_2.0x6041:00": 0x27})).start()
     rig.do("wait until drive_*.0x6041 & 7 == 7 for 60s")
 
 
@@ -206,7 +230,7 @@ def test_waiting_and_expecting(master, rig):
     ("text", "message"),
     [
         ("get", "usage: get NAME"),
-        ("get drive_1.0x6042", "did you mean drive_1"),
+        ("get drive_2.0x6042", "did you mean drive_2"),
         ("get logic.0x7000", "; logic has ack$"),  # no other index is guessed for a named output
         ("get x*", "like x"),
         ("set", "usage: set"),
@@ -333,11 +357,11 @@ def test_the_prompt_connects_again(master):
 def test_outputs_that_fell_back_are_told(master, rig):
     rig.do("set drive_1.0x6040 1 drive_1.position 5")
     master.send_event(event="fallback", outputs=["drive_2.0x6040:00"], text="others")
-    mine = ["drive_1.0x6040:00", "drive_1.0x607a:00", "drive_2.0x6040:00"]
+    mine = ["drive_1.0x6040:00", "drive_1.position", "drive_2.0x6040:00"]
     master.send_event(event="fallback", outputs=mine, text="late")
     while not rig.notes:
         rig.do("wait 1ms")
-    assert rig.notes == ["U info late: drive_1.0x6040:00 drive_1.0x607a:00"]
+    assert rig.notes == ["U info late: drive_1.0x6040:00 drive_1.position"]
 
 
 def test_every_command_has_help_and_an_example_that_parses(rig):
@@ -362,7 +386,8 @@ def test_quit(rig):
         ("", "my", ["mymacro"]),
         ("get ", "drive_2.", ["drive_2.0x6040:00", "drive_2.0x6041:00"]),
         ("set ", "drive_2", ["drive_2", "drive_2.0x6040:00"]),
-        ("set all ", "0x60", ["0x6040:00", "0x607a:00"]),
+        ("set all ", "po", ["position"]),
+        ("get ", "in", ["in:drive_1.position"]),
         ("state ", "d", ["drive_1", "drive_2"]),
         ("arm ", "", ["logic.ack"]),
         ("sdo ", "", ["read", "write"]),

@@ -22,7 +22,7 @@ def test_the_examples_of_the_page_are_taken():
     blocks = re.findall(r"^```\n(.*?)^```", PAGE, re.M | re.S)
     macros, script = (b for b in blocks if b.startswith(("let", "# selftest")))
     with FakeMaster() as master:
-        master.values["drive_1.0x6041:00"] = 8
+        master.inputs["drive_1.0x6041:00"] = 8
         console = Console(Keeper(master.path), lambda _: None, lambda _: None)
         console.run_script(macros.replace("100ms", "1ms"), "page")
         script = script.replace("0x6061", "0x6041").replace("100ms", "1ms")

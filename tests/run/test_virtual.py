@@ -244,9 +244,9 @@ def test_standard_process_data(tmp_path: Path):
     )
     session = session_of(ESTOP, text, tmp=tmp_path)
     result = run_virtual(session, session.duration_ns)
-    symbols = session.plan.symbols
-    assert session.core.read_symbol(symbols["ek1914.input_2"]) == 1
-    assert session.core.read_symbol(symbols["ek1914.output_1"]) == 1
+    plan = session.plan
+    assert session.core.read_symbol(plan.inputs["ek1914.input_2"]) == 1
+    assert session.core.read_symbol(plan.outputs["ek1914.output_1"]) == 1
     sm = session.plan.sync_manager("ek1914", 2)
     assert session.bus.read_outputs(sm)[6] == 1
     assert result.connections[0].state == "data_failsafe"

@@ -23,7 +23,7 @@ from run.test_edges import session
 from scans import scan_of, subdevice
 
 from fsoe_net import __version__
-from fsoe_net.errors import ControlRefused, FsnError
+from fsoe_net.errors import ConsoleError, ControlRefused, FsnError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.scenario import Action
@@ -95,7 +95,8 @@ def test_the_place_of_a_command_and_what_an_image_lacks():
     assert command.step is not None
     assert (str(command.step.span), command.step.action) == ("command:7:1", Action.BREAK)
     row = read_watched({"cycle": 3, "now_ns": 4}, 2)
-    assert (row.cycle, row.now_ns, row.skipped, row.values, row.image) == (3, 4, 2, {}, None)
+    assert (row.cycle, row.now_ns, row.skipped, row.image) == (3, 4, 2, None)
+    assert row.inputs == row.outputs == {}
     assert (row.expected_wkc, row.actual_wkc) == (0, 0)
 
 
@@ -209,7 +210,7 @@ data_process
 expect connection c9 in data
   no connection is called c9; there are: c1
 get drive_1.nothing
-  no input or output is called drive_1.nothing; drive_1 has 0x6040:00, 0x6041:00, 0x607a:00
+  no input or output is called drive_1.nothing; drive_1 has 0x6040:00, 0x6041:00, position
 get logic.0x7000
   no input or output is called logic.0x7000; logic has ack
 get nobody
@@ -261,8 +262,10 @@ def test_what_the_console_takes(master: FakeMaster, console: ConsoleRig):
 def test_a_name_that_is_there_in_both_cases_is_taken_as_it_is(master: FakeMaster):
     master.symbols.append({**master.symbols[0], "name": "logic.ACK"})
     rig = ConsoleRig(master.path)
-    assert rig.console.names().one("logic.ACK") == "logic.ACK"
-    assert rig.console.names().one("logic.ack") == "logic.ack"
+    for name in ("logic.ACK", "logic.ack"):
+        assert [s.name for s in rig.console.names().some(name)] == [name]
+    with pytest.raises(ConsoleError, match=r"no input or output is called logic\.Ack"):
+        rig.console.names().some("logic.Ack")
     rig.keeper.close()
 
 

@@ -284,8 +284,8 @@ def test_a_role_that_may_not_is_refused_in_words(fake: tuple[FakeMaster, Browser
     page = Controlling(browser)
     assert page.answer["access"] == "operator"
     assert "only for maintainers" in page.refused("stop-bus")
-    master.values["drive_1.0x607a:00"] = None  # a real that is no number
-    assert page.outputs()["drive_1.0x607a:00"]["value"] == "not a number"
+    master.outputs["drive_1.position"] = None  # a real that is no number
+    assert page.outputs()["drive_1.position"]["value"] == "not a number"
     master.refuse["get"] = {"error": "FSN_E_BUSY", "text": "no stable picture of a cycle"}
     answer = page.good("keep-control")
     assert (answer["outputs"], answer["why"]) == ([], "get: no stable picture of a cycle")
@@ -295,7 +295,7 @@ def test_control_ends_with_the_connection_and_with_a_refusal_behind_arming(
     fake: tuple[FakeMaster, Browser],
 ) -> None:
     master, browser = fake
-    row = next(row for row in master.symbols if row["name"] == "drive_1.0x607a:00")
+    row = next(row for row in master.symbols if row["name"] == "drive_1.position")
     row["restart_relevant"] = True
     page = Controlling(browser)
     assert "from -2147483648 to 2147483647" in page.refused(

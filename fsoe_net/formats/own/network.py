@@ -29,6 +29,7 @@ from fsoe_net.formats.shared.files import Collector, is_there, read_bytes
 from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.drives import with_mode
 from fsoe_net.model.network import Net, NetworkConfig
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ class _Assembly:
         self.out = Collector()
         self._options = options
         self._devices: dict[str, Device | None] = {}
+        self._drives: dict[tuple[str, int], Device] = {}  # by path and mode of operation
         self._located: dict[tuple[str, str], str] = {}
         self._network_file: _Yaml | None = None
         self._transfer_files: list[_Yaml] = []
@@ -335,6 +337,8 @@ class _Assembly:
             named_at = decl.at("slave_config")
             self._relative(decl.slave_config, named_at)
             device = self._device(decl.slave_config, named_at.file, named_at)
+        if device is not None and decl.mode is not None:
+            device = self._with_mode(device, decl.mode, decl.at("mode_of_operation"))
         return SubDevice(
             span=decl.span,
             fields=decl.fields,
@@ -344,10 +348,18 @@ class _Assembly:
             device=device,
             plugin=decl.plugin,
             required=decl.required,
-            origin=decl.origin,
+            origin=decl.component.kind,
+            component=decl.component,
             system=system.name,
             master_id=system.master_id,
         )
+
+    def _with_mode(self, device: Device, mode: int, span: Span) -> Device:
+        """Return the device with the mode its plugin writes; drives of one mode share it."""
+        key = (device.path, mode)
+        if key not in self._drives:
+            self._drives[key] = with_mode(device, mode, span)
+        return self._drives[key]
 
     def _from_rows(self, file: _Yaml, master_id: int) -> list[SubDevice]:
         return [

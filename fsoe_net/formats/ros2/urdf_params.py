@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.xml_tree import Element
+from fsoe_net.model.drives import CIA402_PLUGIN
 
 __all__ = [
     "DRIVER_PLUGIN",
@@ -24,6 +25,7 @@ __all__ = [
     "read_address",
     "read_flag",
     "read_frequency",
+    "read_mode",
     "read_params",
 ]
 
@@ -38,7 +40,7 @@ Omron_NX_ECC202_NX_ID5142_1 Omron_NX_ECC202_NX_OD5256 Schneider_ATV320
 """
 _KNOWN_PLUGINS = (
     "ethercat_generic_plugins/GenericEcSlave",
-    "ethercat_generic_plugins/EcCiA402Drive",
+    CIA402_PLUGIN,
     *(f"ethercat_plugins/{name}" for name in _VENDOR_PLUGINS.split()),
 )
 _MAX_ADDRESS = 0xFFFF
@@ -252,6 +254,22 @@ def read_frequency(params: Params, out: Collector) -> float:
         hint=f"write {number.group()}" if possible and number else "write it in Hz, such as 1000",
     )
     return 0.0
+
+
+def read_mode(params: Params, out: Collector) -> int | None:
+    """Return ``mode_of_operation`` as the CiA 402 plugin writes it; FSN116 for one it does not."""
+    text = params.text("mode_of_operation")
+    if text is None:
+        return None
+    if re.fullmatch(r"0?[0-9]|10", text.strip()):
+        return int(text)
+    out.add(
+        "FSN116",
+        params.span("mode_of_operation"),
+        f"mode_of_operation is {_short(text)!r}; the plugin writes modes 0 … 10 only",
+        hint="write 8 for cyclic synchronous position, 9 velocity, 10 torque",
+    )
+    return None
 
 
 def read_flag(params: Params, name: str, out: Collector) -> bool:

@@ -14,11 +14,13 @@ from fsoe_net.formats.ros2.urdf_params import (
     read_address,
     read_flag,
     read_frequency,
+    read_mode,
     read_params,
 )
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.xml_tree import Element
-from fsoe_net.model.bus import Located
+from fsoe_net.model.bus import Located, RobotComponent
+from fsoe_net.model.drives import CIA402_PLUGIN
 
 __all__ = ["COMPONENTS", "DriverSystem", "ModuleDecl", "plugin_of", "read_system"]
 
@@ -46,8 +48,8 @@ class ModuleDecl(Located):
             unreadable gets a high unused one, so that nothing else is said about it.
         slave_config: As written (after expansion); empty when absent.
         required: False when the driver may leave the module out.
-        origin: ``joint``, ``gpio`` or ``sensor``.
-        component: Name of that joint, gpio or sensor.
+        component: The joint, gpio or sensor that it is declared in.
+        mode: Mode of operation that the plugin for CiA 402 writes, else ``None``.
         params: Every ``param``, as written.
     """
 
@@ -57,8 +59,8 @@ class ModuleDecl(Located):
     position: int
     slave_config: str
     required: bool
-    origin: str
-    component: str = ""
+    component: RobotComponent
+    mode: int | None = None
     params: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -203,8 +205,10 @@ class _System:
             position=-1 if position is None else position,
             slave_config=params.text("slave_config") or "",
             required=read_flag(params, "required", out),
-            origin=component.name,
-            component=component.attributes.get("name", ""),
+            component=_robot_component(component),
+            mode=read_mode(params, out)
+            if plugin is not None and plugin.text == CIA402_PLUGIN
+            else None,
             params={key: row.text for key, row in params.rows.items()},
         )
 
@@ -228,6 +232,19 @@ class _System:
         used = {m.position for m in modules}
         free = (n for n in range(0xFFFF, -1, -1) if n not in used)
         return [replace(m, position=next(free, 0)) if m.position < 0 else m for m in modules]
+
+
+def _robot_component(element: Element) -> RobotComponent:
+    states, commands = (
+        tuple(row.attributes.get("name", "") for row in element.all(f"{side}_interface"))
+        for side in ("state", "command")
+    )
+    return RobotComponent(
+        kind=element.name,
+        name=element.attributes.get("name", ""),
+        states=states,
+        commands=commands,
+    )
 
 
 def _nested_interfaces(element: Element, component: Element, out: Collector) -> None:

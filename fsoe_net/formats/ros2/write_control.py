@@ -1,34 +1,84 @@
 """A description as a ``ros2_control`` block for the package ``fsoe_net_ros``.
 
-Its components are SubDevices and safety connections, its interfaces the symbols of the plan: the
-package finds them by ``COMPONENT.INTERFACE``.
+Components are the joints of the robot description where the input has them, else SubDevices; and
+safety connections. The package finds an interface in the plan as ``SUBDEVICE.INTERFACE``; a
+``param`` of the component names another SubDevice or another symbol.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from xml.sax.saxutils import quoteattr
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from xml.sax.saxutils import escape, quoteattr
 
 from fsoe_net.formats.shared.writers import Written, unique_names
-from fsoe_net.model.bus import Direction, Entry
 from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.drives import AXIS_STEP, drive_axes
+from fsoe_net.model.symbols import DeviceSymbol, device_symbols
 
 __all__ = ["write_control"]
 
-_MOST_BITS = 64
-_ACTUAL_POSITION = "0x6064:00"
+# Interfaces of ros2_control and ethercat_driver_ros2, by the objects of CiA 402 (IEC 61800-7-201).
+_STATES = {
+    0x6041: "status_word",
+    0x6061: "mode_of_operation_display",
+    0x6064: "position",
+    0x606C: "velocity",
+    0x6077: "effort",
+}
+_COMMANDS = {
+    0x6040: "control_word",
+    0x6060: "mode_of_operation",
+    0x6071: "effort",
+    0x607A: "position",
+    0x60FF: "velocity",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Interface:
+    """One interface of a component.
+
+    ``symbol`` is its name in the plan without the SubDevice; ``initial`` what an output has
+    without a command, 0 where nothing states it.
+    """
+
+    is_command: bool
+    name: str
+    subdevice: str
+    symbol: str
+    scaled: bool = True
+    initial: float = 0.0
+
+
+@dataclass(slots=True)
+class _Component:
+    kind: str
+    name: str
+    interfaces: list[_Interface] = field(default_factory=list)
 
 
 def write_control(description: Description, *, file: str = "ros2_control.urdf.xacro") -> Written:
     """Return one URDF; a SubDevice with an actual position is a joint, every other one a gpio.
 
-    Outputs that a copy writes, and those that can restart a machine, are no commands.
+    Joints, gpios and sensors of a robot description keep their names. Outputs that a copy writes,
+    and those that can restart a machine, are no commands.
 
     Args:
         description: What is written.
         file: Name of the URDF.
     """
     names = unique_names(description)
+    components: dict[tuple[str, str], _Component] = {}
+    notes = ["the socket is that of your fsn-master: xacro … socket:=PATH"]
+    for number, sub in enumerate(description.subdevices):
+        symbols = list(_open_symbols(description, number, sub))
+        for made in _components(sub, names[number], symbols):
+            known = components.setdefault((made.kind, made.name), _Component(made.kind, made.name))
+            known.interfaces += _without_taken(made.interfaces, known.interfaces)
+            notes += _notes(sub, known)
+    joints = [c.name for c in components.values() if c.kind == "joint"]
     lines = [
         '<?xml version="1.0"?>',
         "<!-- For fsoe_net_ros: what controllers may read and write beside safety. -->",
@@ -41,25 +91,22 @@ def write_control(description: Description, *, file: str = "ros2_control.urdf.xa
         '      <param name="start">false</param>',
         "    </hardware>",
     ]
-    joints = []
-    for number, sub in enumerate(description.subdevices):
-        rows = list(_interfaces(description, number, sub))
-        if not rows:
-            continue
-        states = {name for kind, name in rows if kind == "state"}
-        is_joint = bool({_ACTUAL_POSITION, "position"} & states)
-        joints += [names[number]] * is_joint
-        lines += _component("joint" if is_joint else "gpio", names[number], rows)
+    for component in components.values():
+        if component.interfaces:
+            lines += _component_lines(component)
     for place, connection in enumerate(description.connections):
         ends = [names[n] for n in (connection.main, connection.sub) if n is not None]
         name = connection.name or "-".join(ends) or f"connection_{place + 1}"
-        lines += _component("sensor", name, [("state", "in_data"), ("state", "state")])
+        rows = [
+            _Interface(is_command=False, name=row, subdevice=name, symbol=row)
+            for row in ("in_data", "state")
+        ]
+        lines += _component_lines(_Component("sensor", name, rows))
     lines += ["  </ros2_control>", *_links(joints), "</robot>"]
-    notes = ["the socket is that of your fsn-master: xacro … socket:=PATH"]
     return Written(files={file: "\n".join(lines) + "\n"}, notes=tuple(notes))
 
 
-def _links(joints: list[str]) -> Iterator[str]:
+def _links(joints: Sequence[str]) -> Iterator[str]:
     """Yield joints and links as a URDF needs them; your own description replaces them."""
     yield '  <link name="world"/>'
     for name in joints:
@@ -69,60 +116,136 @@ def _links(joints: list[str]) -> Iterator[str]:
         yield "  </joint>"
 
 
+def _component_lines(component: _Component) -> Iterator[str]:
+    yield f"    <{component.kind} name={_attribute(component.name)}>"
+    subdevices = {row.subdevice for row in component.interfaces}
+    serving = subdevices.pop() if len(subdevices) == 1 else component.name
+    if serving != component.name:
+        yield f'      <param name="subdevice">{_text(serving)}</param>'
+    for row in component.interfaces:
+        side = "command_interface" if row.is_command else "state_interface"
+        if (row.subdevice, row.symbol) != (serving, row.name):
+            symbol = f"{row.subdevice}.{row.symbol}"
+            yield f"      <param name={_attribute(f'{side}/{row.name}')}>{_text(symbol)}</param>"
+    for row in component.interfaces:
+        side = "command_interface" if row.is_command else "state_interface"
+        tag = f"{side} name={_attribute(row.name)}"
+        if row.initial:
+            initial = f'<param name="initial_value">{row.initial:g}</param>'
+            yield f"      <{tag}>{initial}</{side}>"
+        else:
+            yield f"      <{tag}/>"
+    yield f"    </{component.kind}>"
+
+
+def _plain(text: str) -> str:
+    """Return a text in which xacro evaluates nothing."""
+    return text.replace("$(", "$$(").replace("${", "$${")
+
+
 def _attribute(text: str) -> str:
-    """Return a name in quotes; xacro evaluates nothing in it."""
-    return quoteattr(text.replace("$(", "$$(").replace("${", "$${"))
+    return quoteattr(_plain(text))
 
 
-def _component(kind: str, name: str, rows: list[tuple[str, str]]) -> Iterator[str]:
-    yield f"    <{kind} name={_attribute(name)}>"
-    for side, interface in rows:
-        yield f"      <{side}_interface name={_attribute(interface)}/>"
-    yield f"    </{kind}>"
+def _text(text: str) -> str:
+    return escape(_plain(text))
 
 
-def _interfaces(
+def _open_symbols(
     description: Description, number: int, sub: DescribedSubDevice
-) -> Iterator[tuple[str, str]]:
-    """Yield ``state`` or ``command`` and the name of each symbol, as the plan calls it."""
-    taken: set[str] = set()
-    for manager in sub.device.layout.managers:
-        is_output = manager.sm.direction is Direction.OUTPUT
-        copied = [
-            (copy.destination.bit_offset, copy.destination.bit_offset + copy.bits)
-            for copy in description.copies
-            if (copy.destination.subdevice, copy.destination.sm_index) == (number, manager.sm.index)
-        ]
-        for placed in manager.placed:
-            entry, first = placed.entry, placed.bit_offset
-            last = max(first, placed.end_bit - 1)
-            in_frame = manager.block_at(first) is not None or manager.block_at(last) is not None
-            if not entry.registered or in_frame or not 0 < entry.bits <= _MOST_BITS:
-                continue
-            closed = entry.restart_relevant or any(a <= last and first < b for a, b in copied)
-            for interface in _views(entry):
-                name = _unused(interface, entry, taken)
-                if not is_output:
-                    yield "state", name
-                elif not closed:
-                    yield "command", name
+) -> Iterator[DeviceSymbol]:
+    """Yield the inputs, and the outputs that a client may write in every cycle."""
+    managers = sub.device.layout.managers
+    copied = [
+        (copy.destination.sm_index, copy.destination.bit_offset, copy.bits)
+        for copy in description.copies
+        if copy.destination.subdevice == number
+    ]
+    for symbol in device_symbols(sub.device.layout):
+        first, end = symbol.bit_offset, symbol.bit_offset + symbol.view.bits
+        index = managers[symbol.sm].sm.index
+        is_copied = any(sm == index and at < end and first < at + bits for sm, at, bits in copied)
+        if not symbol.is_output or not (is_copied or symbol.entry.restart_relevant):
+            yield symbol
 
 
-def _views(entry: Entry) -> list[str]:
-    if entry.views:
-        return [v.command_interface or v.state_interface or entry.name or "" for v in entry.views]
-    own = "data_mapping" not in entry.fields
-    named = (entry.command_interface or entry.state_interface) if own else None
-    return [named or entry.name or ""]
+def _components(
+    sub: DescribedSubDevice, name: str, symbols: Sequence[DeviceSymbol]
+) -> Iterator[_Component]:
+    """Yield what a SubDevice serves: its component of the description, or one for each axis."""
+    axes = max(1, len(drive_axes(sub.device.layout)))
+    stated = sub.component
+    for axis in range(axes):
+        own = [s for s in symbols if _axis_of(s, axes) == axis]
+        rows = [_interface(name, s, own, axis) for s in own]
+        if stated is not None and axis == 0:
+            wanted = (stated.states, stated.commands)
+            rows.sort(key=lambda row: _rank(wanted[row.is_command], row.name))
+            yield _Component(stated.kind, stated.name or name, rows)
+            continue
+        is_joint = any(row.name == "position" and not row.is_command for row in rows)
+        label = name if axes == 1 else f"{name}_{axis + 1}"
+        yield _Component("joint" if is_joint else "gpio", label, rows)
 
 
-def _unused(interface: str, entry: Entry, taken: set[str]) -> str:
-    """Return the name that the plan gives: the interface, else the address, else with a number."""
-    number = 2
-    names = [n for n in (interface, entry.address) if n]
-    while all(name in taken for name in names):
-        names.append(f"{entry.address}-{number}")
-        number += 1
-    name = next(n for n in names if n not in taken)
-    taken.add(name)
-    return name
+def _axis_of(symbol: DeviceSymbol, axes: int) -> int:
+    """Return the axis that an object is of; 0 for everything else."""
+    axis = (symbol.entry.index - 0x6000) // AXIS_STEP
+    return axis if 0 <= axis < axes else 0
+
+
+def _interface(
+    subdevice: str, symbol: DeviceSymbol, others: Sequence[DeviceSymbol], axis: int
+) -> _Interface:
+    """Return an interface: a standard name for the objects of an axis that have none."""
+    is_command = symbol.is_output
+    standard = (_COMMANDS if is_command else _STATES).get(symbol.entry.index - axis * AXIS_STEP)
+    taken = {s.name for s in others if s.is_output is is_command}
+    named = symbol.name != symbol.entry.address
+    whole = symbol.is_whole and symbol.entry.subindex == 0
+    use = standard is not None and whole and not named and standard not in taken
+    scaled = (symbol.view.factor, symbol.view.offset) != (1.0, 0.0)
+    default = symbol.entry.default if whole and is_command and not scaled else None
+    return _Interface(
+        is_command=is_command,
+        name=standard if standard is not None and use else symbol.name,
+        subdevice=subdevice,
+        symbol=symbol.name,
+        scaled=scaled,
+        initial=default if default is not None and math.isfinite(default) else 0.0,
+    )
+
+
+def _rank(wanted: Sequence[str], name: str) -> int:
+    """Interfaces that the description names come first, in its order."""
+    return wanted.index(name) if name in wanted else len(wanted)
+
+
+def _without_taken(
+    rows: Collection[_Interface], taken: Collection[_Interface]
+) -> Iterator[_Interface]:
+    names = {(row.is_command, row.name) for row in taken}
+    for row in rows:
+        if (row.is_command, row.name) in names:
+            yield replace(row, name=f"{row.subdevice}.{row.symbol}")
+        else:
+            yield row
+
+
+def _notes(sub: DescribedSubDevice, component: _Component) -> Iterator[str]:
+    if sub.component is not None:
+        for side, wanted in (("state", sub.component.states), ("command", sub.component.commands)):
+            have = {r.name for r in component.interfaces if r.is_command is (side == "command")}
+            for name in wanted:
+                if name not in have:
+                    yield (
+                        f"{component.name}: the plan has nothing for the {side}_interface {name}; "
+                        "a plugin of the driver may provide it, fsoe_net_ros does not"
+                    )
+    for row in component.interfaces:
+        if component.kind == "joint" and row.name == "position" and not row.scaled:
+            side = "command" if row.is_command else "state"
+            yield (
+                f"{component.name}: the {side} position has no factor, so its unit is that of the "
+                "drive, not radians"
+            )

@@ -16,6 +16,7 @@ __all__ = ["VALUE_COMMANDS"]
 _POLL_S = 0.1
 _WATCH_S = 0.1
 _MOST_EVERY = 1_000_000
+_UNREAD = "-"
 
 
 def _list(room: Room, words: Sequence[str]) -> None:
@@ -24,19 +25,17 @@ def _list(room: Room, words: Sequence[str]) -> None:
         raise usage("list", VALUE_COMMANDS["list"].usage)
     room.forget()  # owners change
     names = room.names()
-    chosen = names.some(words[0]) if words else list(names.by_name)
+    chosen = names.some(words[0]) if words else list(names.symbols)
     values = _values(room, chosen, typed=bool(given), may_fail=True)
     rows = [
-        _row(names.by_name[n], values, room.keeper.client_number)
-        for n in chosen
-        if n in names.by_name
+        (names.label(symbol), *_row(symbol, values.get(symbol, _UNREAD), room.keeper.client_number))
+        for symbol in chosen
     ]
     for line in table(rows, "NAME", "TYPE", "VALUE", "OWNER", "NOTE"):
         room.out(line)
 
 
-def _row(symbol: Symbol, values: dict[str, Value], me: int) -> tuple[str, ...]:
-    value = shown(values[symbol.name], symbol) if symbol.name in values else "-"
+def _row(symbol: Symbol, value: str, me: int) -> tuple[str, ...]:
     if not symbol.is_output:
         owner = "input"
     elif not symbol.open:
@@ -45,28 +44,34 @@ def _row(symbol: Symbol, values: dict[str, Value], me: int) -> tuple[str, ...]:
         owner = "free"
     else:
         owner = "you" if symbol.client == me else f"client {symbol.client}"
-    notes = ["restart relevant"] if symbol.restart_relevant else []
-    notes += [f"as {symbol.interface}"] if symbol.interface else []
+    note = "restart relevant" if symbol.restart_relevant else ""
     kind = symbol.kind if symbol.kind == "bool" else f"{symbol.kind}{symbol.bits}"
-    return symbol.name, kind, value, owner, ", ".join(notes)
+    return kind, value, owner, note
 
 
 def _values(
-    room: Room, names: Sequence[str], *, typed: bool, may_fail: bool = False
-) -> dict[str, Value]:
-    """Return values; those of a request are of one cycle."""
-    found: dict[str, Value] = {}
-    for portion in batches(names):
+    room: Room, symbols: Sequence[Symbol], *, typed: bool, may_fail: bool = False
+) -> dict[Symbol, str]:
+    """Return values for people; those of a request are of one cycle."""
+    inputs: dict[str, Value] = {}
+    outputs: dict[str, Value] = {}
+    for portion in batches(dict.fromkeys(s.name for s in symbols)):
 
         def job(client: Client, names: list[str] = portion) -> Values:
             return client.get(*names, typed=typed)
 
         try:
-            found |= room.keeper.call(job).values
+            values = room.keeper.call(job)
         except ControlRefused:
             if not may_fail:
                 raise
-    return found
+        else:
+            inputs |= values.inputs
+            outputs |= values.outputs
+    sides = {False: inputs, True: outputs}
+    return {
+        s: shown(sides[s.is_output][s.name], s) for s in symbols if s.name in sides[s.is_output]
+    }
 
 
 def _get(room: Room, words: Sequence[str]) -> None:
@@ -74,9 +79,9 @@ def _get(room: Room, words: Sequence[str]) -> None:
     if not words:
         raise usage("get", VALUE_COMMANDS["get"].usage)
     names = room.names()
-    chosen = list(dict.fromkeys(name for word in words for name in names.some(word)))
+    chosen = list(dict.fromkeys(symbol for word in words for symbol in names.some(word)))
     values = _values(room, chosen, typed=bool(given))
-    for line in table([(n, shown(v, names.by_name.get(n))) for n, v in values.items()]):
+    for line in table([(names.label(symbol), text) for symbol, text in values.items()]):
         room.out(line)
 
 
@@ -87,7 +92,7 @@ def _set(room: Room, words: Sequence[str]) -> None:
     if not values:
         raise usage("set", VALUE_COMMANDS["set"].usage)
     done = room.keeper.call(lambda client: client.set(values, typed=bool(given)))
-    room.mine.update(names.proper(name) for name in values)
+    room.mine.update(values)
     room.out(f"{done} set: {' '.join(values)}" if done <= 8 else f"{done} outputs set")
 
 
@@ -112,21 +117,16 @@ def _pairs(names: SymbolNames, words: Sequence[str]) -> dict[str, str]:
 
 
 def _targets(names: SymbolNames, scope: str, name: str) -> list[str]:
-    if scope:
-        return names.outputs_of(scope, name)
-    found = names.some(name)
-    if len(found) == 1:
-        return found
-    outputs = [n for n in found if names.by_name[n].is_output]
-    if not outputs:
-        raise ConsoleError(f"{name} stands for inputs only; list shows the outputs")
-    return outputs
+    return names.outputs_of(scope, name) if scope else names.outputs(name)
 
 
 def _arm(room: Room, words: Sequence[str]) -> None:
     if len(words) != 1:
         raise usage("arm", VALUE_COMMANDS["arm"].usage)
-    name = room.names().one(words[0])
+    names = room.names().outputs(words[0])
+    if len(names) > 1:
+        raise ConsoleError(f"{words[0]} stands for several outputs; arm one", is_usage=True)
+    (name,) = names
     for_ms = room.keeper.call(lambda client: client.arm(name))
     room.out(f"{name} may change once within {for_ms / 1000:g} s")
 
@@ -137,7 +137,8 @@ def _watch(room: Room, words: Sequence[str]) -> None:
     if not words:
         raise usage("watch", VALUE_COMMANDS["watch"].usage)
     known = room.names()
-    names = list(dict.fromkeys(name for word in words for name in known.some(word)))
+    symbols = list(dict.fromkeys(symbol for word in words for symbol in known.some(word)))
+    names = dict.fromkeys(symbol.name for symbol in symbols)
     until = None if for_s is None else time.monotonic() + for_s
     typed = bool(given)
     try:
@@ -145,7 +146,7 @@ def _watch(room: Room, words: Sequence[str]) -> None:
         while until is None or time.monotonic() < until:
             left = _POLL_S if until is None else min(_POLL_S, until - time.monotonic())
             for seen in room.keeper.call(lambda client, s=left: client.watched(max(0.0, s))):  # type: ignore[misc]
-                _tell(room, seen)
+                _print_cycle(room, seen, {known.label(s): s for s in symbols})
     finally:
         room.keeper.post(lambda client: client.watch_off())
 
@@ -170,10 +171,13 @@ def _watch_words(room: Room, words: Sequence[str]) -> tuple[list[str], int, floa
     return rest, every, for_s
 
 
-def _tell(room: Room, seen: WatchedCycle) -> None:
+def _print_cycle(room: Room, seen: WatchedCycle, symbols: dict[str, Symbol]) -> None:
     if seen.skipped:
         room.out(f"… {seen.skipped} left out: this client or the recorder was too slow")
-    values = "  ".join(f"{n} = {shown(v)}" for n, v in seen.values.items())
+    values = "  ".join(
+        f"{label} = {shown(seen.side(symbol.is_output).get(symbol.name))}"
+        for label, symbol in symbols.items()
+    )
     room.out(f"cycle {seen.cycle}  {values}")
 
 

@@ -68,7 +68,7 @@ def _behind(
     if name == "arm":
         return [s.name for s in names.symbols if s.restart_relevant]
     more = ["every", "for"] if name == "watch" and len(words) > 1 else []
-    return [*names.by_name, *subdevices, "all", "--typed", *more]
+    return [*names.labels, *subdevices, "all", "--typed", *more]
 
 
 def _set(words: list[str], names: SymbolNames) -> list[str]:
@@ -84,7 +84,7 @@ def _condition(words: list[str], names: SymbolNames) -> list[str]:
         return ["until"]
     rest = words[2:] if words[0] == "wait" else words[1:]
     if not rest:
-        return ["connection", "state", *names.by_name]
+        return ["connection", "state", *names.labels]
     if rest[0] == "state":
         return [str(state) for state in BusState] if len(rest) == 1 else ["for"]
     if rest[0] == "connection":

@@ -10,7 +10,7 @@ from typing import Any
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.names import SymbolNames, number, shown, value_of
-from fsoe_net.run.control_values import BusState, Value
+from fsoe_net.run.control_values import BusState, Symbol, Value
 
 __all__ = ["FORMS", "Condition", "condition"]
 
@@ -102,23 +102,25 @@ def _value(
         raise ConsoleError(f"{' '.join(words)}: no condition; {FORMS}", is_usage=True)
     wanted = value_of(rest[0])
     known = names()
-    wanted_names = known.some(words[0])
+    chosen = known.single(words[0])
+    wanted_names = [s.name for s in chosen]
 
     def look(client: Client) -> tuple[bool, str]:
         try:
-            found = client.get(*wanted_names, typed=typed).values
+            values = client.get(*wanted_names, typed=typed)
         except ControlRefused as exc:
             if exc.status == "FSN_E_STATE":
                 return False, str(exc)
             raise
-        wrong = [n for n in found if not _holds(found[n], mask, sign, wanted)]
-        return not wrong, ", ".join(f"{n} is {_plain(found[n], n, known)}" for n in wrong)
+        found = [(s, values.side(s.is_output)[s.name]) for s in chosen]
+        wrong = [(s, value) for s, value in found if not _holds(value, mask, sign, wanted)]
+        return not wrong, ", ".join(f"{known.label(s)} is {_plain(v, s)}" for s, v in wrong)
 
     return look
 
 
-def _plain(value: Value, name: str, known: SymbolNames) -> str:
-    return " = ".join(shown(value, known.by_name.get(name)).split("  "))
+def _plain(value: Value, symbol: Symbol) -> str:
+    return " = ".join(shown(value, symbol).split("  "))
 
 
 def _holds(value: Value, mask: int | None, sign: str, wanted: Value) -> bool:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 
 from fsoe_net.errors import ConsoleError
+from fsoe_net.model.symbols import directed_names
 from fsoe_net.model.times import time_ns
 from fsoe_net.run.control_values import Symbol, Value
 
@@ -23,52 +24,78 @@ _MOST_BYTES = 7_000
 class SymbolNames:
     """The symbols of the plan and the ways to write them.
 
-    ``drive_1.0x6040:00``, ``drive_1.0x6040`` when it has one subindex only, ``drive_1.velocity``
-    (the driver's interface), ``drive_*.0x6040:00``; ``all.0x6040`` of each SubDevice; ``drive_1``
-    or ``all`` for everything.
+    ``drive_1.0x6040:00``, ``drive_1.0x6040`` when it has one subindex only, ``drive_*.0x6040:00``;
+    ``all.0x6040`` of each SubDevice; ``drive_1`` or ``all`` for everything. A word stands for the
+    inputs and the outputs of its name; ``in:`` or ``out:`` before it leaves one of them.
     """
 
     def __init__(self, symbols: Sequence[Symbol]) -> None:
         self.symbols = tuple(symbols)
-        self.by_name = {s.name: s for s in symbols}
         self.subdevices = tuple(dict.fromkeys(s.subdevice for s in symbols))
+        labels = directed_names([(s.is_output, s.name) for s in symbols])
+        self._labels = {(s.is_output, s.name): n for s, n in zip(symbols, labels, strict=True)}
 
-    def some(self, text: str) -> list[str]:
-        """Return the names a word stands for, in plan order.
+    @property
+    def labels(self) -> list[str]:
+        """A name for each symbol that no other one has."""
+        return list(self._labels.values())
+
+    def label(self, symbol: Symbol) -> str:
+        """Return the name of a symbol, with ``in:`` or ``out:`` where two symbols have it."""
+        return self._labels[symbol.is_output, symbol.name]
+
+    def some(self, text: str) -> list[Symbol]:
+        """Return the symbols a word stands for, in plan order.
 
         Raises:
             ConsoleError: It stands for nothing.
         """
-        if text == "all":
-            return [s.name for s in self.symbols]
-        if text in self.subdevices:
-            return [s.name for s in self.symbols if s.subdevice == text]
-        pattern = "*." + text.removeprefix("all.") if text.startswith("all.") else text
+        side, word = _split(text)
+        symbols = [s for s in self.symbols if side is None or s.is_output is side]
+        if word == "all":
+            return symbols
+        if word in self.subdevices:
+            return [s for s in symbols if s.subdevice == word]
+        pattern = "*." + word.removeprefix("all.") if word.startswith("all.") else word
         if any(c in pattern for c in "*?["):
-            found = _like(pattern.lower(), [s.name for s in self.symbols])
+            found = _like(pattern.lower(), symbols)
             if not found:
-                raise ConsoleError(f"no input or output is called like {text}; list shows them")
+                raise ConsoleError(f"no {_noun(side)} is called like {word}; list shows them")
             return found
-        return [self.one(text)]
-
-    def one(self, text: str) -> str:
-        """Return the name a word stands for; raises as `some`."""
-        found = self._match(text, self.symbols)
-        if found is None:
-            raise ConsoleError(f"no input or output is called {text}{self._hint(text)}")
+        found = _match(word, symbols)
+        if not found:
+            raise ConsoleError(f"no {_noun(side)} is called {word}{self._hint(word, symbols)}")
         return found
 
-    def proper(self, name: str) -> str:
-        """Return the name `symbols` has for one that may be of a driver's interface."""
-        outputs = (s for s in self.symbols if s.is_output and s.interface)
-        return next((s.name for s in outputs if f"{s.subdevice}.{s.interface}" == name), name)
+    def single(self, text: str) -> list[Symbol]:
+        """Return the symbols a word stands for where each name has to be that of one symbol.
+
+        Raises:
+            ConsoleError: It stands for nothing, or for an input and an output of one name.
+        """
+        found = self.some(text)
+        seen: set[str] = set()
+        for symbol in found:
+            if symbol.name in seen:
+                raise ConsoleError(
+                    f"{symbol.name} is an input and an output; write in:{text} or out:{text}",
+                    is_usage=True,
+                )
+            seen.add(symbol.name)
+        return found
+
+    def outputs(self, text: str) -> list[str]:
+        """Return the names of the outputs a word stands for; raises as `some`."""
+        outputs = [s.name for s in self.some(text) if s.is_output]
+        if not outputs:
+            raise ConsoleError(f"{text} stands for inputs only; list shows the outputs")
+        return outputs
 
     def outputs_of(self, scope: str, entry: str) -> list[str]:
         """Return the outputs ``SUBDEVICE.ENTRY``; for ``all``, of each SubDevice that has it."""
         scopes = self.subdevices if scope == "all" else (scope,)
         outputs = [s for s in self.symbols if s.is_output]
-        found = [self._match(f"{one}.{entry}", outputs) for one in scopes]
-        names = [name for name in found if name is not None]
+        names = [s.name for one in scopes for s in _match(f"{one}.{entry}", outputs)]
         if not names:
             owner = "no SubDevice has an" if scope == "all" else f"{scope} has no"
             entries = list(dict.fromkeys(s.entry for s in outputs if scope in ("all", s.subdevice)))
@@ -76,42 +103,54 @@ class SymbolNames:
             raise ConsoleError(f"{owner} output {entry}{hint}")
         return names
 
-    def _match(self, text: str, symbols: Sequence[Symbol]) -> str | None:
-        """Return the one symbol of this name, of this interface, or of this index."""
-        low = text.lower()
-        for exact in (text, low):
-            if exact in self.by_name and self.by_name[exact] in symbols:
-                return exact
-        found = [s.name for s in symbols if s.name.lower() == low]
-        found = found or [s.name for s in symbols if s.name.lower().rpartition(":")[0] == low]
-        if not found and any(
-            s.interface and f"{s.subdevice}.{s.interface}" == text for s in symbols
-        ):
-            return text  # the server knows it by this name too
-        return found[0] if len(found) == 1 else None
-
-    def _hint(self, text: str) -> str:
+    def _hint(self, text: str, symbols: Sequence[Symbol]) -> str:
         owner, _, entry = text.partition(".")
-        of_owner = [s for s in self.symbols if s.subdevice == owner]
+        of_owner = [s for s in symbols if s.subdevice == owner]
         if not of_owner or not entry:
-            return _nearest(text, [*self.by_name, *self.subdevices]) or "; list shows the names"
+            known = [*(s.name for s in symbols), *self.subdevices]
+            return _nearest(text, known) or "; list shows the names"
         # an entry with a name is not known by its index: another index would be a wrong guess
         by_index = entry.lower().startswith("0x") and any("0x" not in s.entry for s in of_owner)
-        near = "" if by_index else _nearest(text, [s.name for s in of_owner])
         names = list(dict.fromkeys(s.entry for s in of_owner))
+        near = "" if by_index else _nearest(entry, names, before=f"{owner}.")
         more = f" and {len(names) - _MOST_TO_TELL} more" if len(names) > _MOST_TO_TELL else ""
         return near or f"; {owner} has {', '.join(names[:_MOST_TO_TELL])}{more}"
 
 
-def _like(pattern: str, names: Sequence[str]) -> list[str]:
-    """Return the names of a pattern; without a subindex in it, those of the index."""
-    whole = [n for n in names if fnmatch.fnmatchcase(n.lower(), pattern)]
-    return whole or [n for n in names if fnmatch.fnmatchcase(n.lower().rpartition(":")[0], pattern)]
+def _split(text: str) -> tuple[bool | None, str]:
+    """Return whether a word names outputs (``out:``) or inputs (``in:``), and the rest of it."""
+    side = {"in": False, "out": True}.get(text.partition(":")[0])
+    return side, text if side is None else text.partition(":")[2]
 
 
-def _nearest(text: str, names: Sequence[str]) -> str:
+def _noun(side: bool | None) -> str:
+    return "input or output" if side is None else "output" if side else "input"
+
+
+def _match(text: str, symbols: Sequence[Symbol]) -> list[Symbol]:
+    """Return the symbols of this name, or of this index where each side has only one."""
+    low = text.lower()
+    for matches in (
+        [s for s in symbols if s.name == text],
+        [s for s in symbols if s.name.lower() == low],
+        [s for s in symbols if s.name.lower().rpartition(":")[0] == low],
+    ):
+        sides = [s.is_output for s in matches]
+        if matches:
+            return matches if len(set(sides)) == len(sides) else []
+    return []
+
+
+def _like(pattern: str, symbols: Sequence[Symbol]) -> list[Symbol]:
+    """Return the symbols of a pattern; without a subindex in it, those of the index."""
+    names = [(s, s.name.lower()) for s in symbols]
+    whole = [s for s, name in names if fnmatch.fnmatchcase(name, pattern)]
+    return whole or [s for s, n in names if fnmatch.fnmatchcase(n.rpartition(":")[0], pattern)]
+
+
+def _nearest(text: str, names: Sequence[str], before: str = "") -> str:
     close = difflib.get_close_matches(text, names, n=1, cutoff=0.6)
-    return f"; did you mean {close[0]}?" if close else ""
+    return f"; did you mean {before}{close[0]}?" if close else ""
 
 
 def batches(names: Iterable[str]) -> Iterator[list[str]]:

@@ -143,7 +143,7 @@ function Bus({ state, access, bus }) {
 /** @param {{ outputs: Output[], set: (output: Output, value: string) => void }} props */
 function Outputs({ outputs, set }) {
   const [part, setPart] = useState("");
-  const shown = outputs.filter((o) => `${o.name} ${o.interface}`.includes(part));
+  const shown = outputs.filter((o) => o.name.includes(part));
   return html`<h3>Outputs that no copy and no FSoE frame has</h3>
     ${outputs.length > MANY &&
     html`<p><label>Only with <input type="search" value=${part} onInput=${(/** @type {any} */ e) => setPart(e.target.value)} /> in the name</label></p>`}

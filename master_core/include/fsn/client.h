@@ -103,8 +103,13 @@ FSN_API FSN_MUST_USE fsn_status fsn_realtime_open(const struct fsn_realtime_opti
 /** Disconnects: its outputs take their stop values. NULL is allowed. Context: set-up. */
 FSN_API void fsn_realtime_close(struct fsn_realtime *realtime);
 
-/** Number of a symbol, or FSN_REALTIME_NONE. Context: set-up; compares names one by one. */
-FSN_API int32_t fsn_realtime_find(const struct fsn_realtime *realtime, const char *name);
+/** Number of an input, or FSN_REALTIME_NONE. An output of the same name is another symbol: the
+ *  target of an axis is never taken for its actual value.
+ *  Context: set-up; compares names one by one. */
+FSN_API int32_t fsn_realtime_input(const struct fsn_realtime *realtime, const char *name);
+
+/** Number of an output, or FSN_REALTIME_NONE. Context: set-up; compares names one by one. */
+FSN_API int32_t fsn_realtime_output(const struct fsn_realtime *realtime, const char *name);
 
 /** How many symbols there are: 0 to this - 1. Context: any. */
 FSN_API uint32_t fsn_realtime_symbol_count(const struct fsn_realtime *realtime);

@@ -153,10 +153,10 @@ static fsn_status find_torque_off(const struct search *search) {
     if (name == NULL) {
         return FSN_OK;
     }
-    search->symbols->torque_off = fsn_realtime_find(search->realtime, name);
+    search->symbols->torque_off = fsn_realtime_input(search->realtime, name);
     if (search->symbols->torque_off == FSN_REALTIME_NONE || search->options->torque_off_mask == 0) {
         char text[260];
-        snprintf(text, sizeof text, "no symbol %.120s with the bit for STO, or no bit of it", name);
+        snprintf(text, sizeof text, "no input %.120s with the bit for STO, or no bit of it", name);
         return refuse(search, FSN_E_ARG, text);
     }
     return FSN_OK;

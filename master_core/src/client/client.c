@@ -376,13 +376,23 @@ fsn_status fsn_realtime_symbol(const struct fsn_realtime *realtime, uint32_t num
     return FSN_OK;
 }
 
-int32_t fsn_realtime_find(const struct fsn_realtime *realtime, const char *name) {
+static int32_t find(const struct fsn_realtime *realtime, const char *name, bool output) {
     for (uint32_t i = 0; i < realtime->inputs->symbol_count; i++) {
-        if (strcmp((const char *)realtime->inputs + realtime->symbols[i].name, name) == 0) {
+        const struct fsn_shared_symbol *symbol = &realtime->symbols[i];
+        if ((symbol->output != 0) == output &&
+            strcmp((const char *)realtime->inputs + symbol->name, name) == 0) {
             return (int32_t)i;
         }
     }
     return FSN_REALTIME_NONE;
+}
+
+int32_t fsn_realtime_input(const struct fsn_realtime *realtime, const char *name) {
+    return find(realtime, name, false);
+}
+
+int32_t fsn_realtime_output(const struct fsn_realtime *realtime, const char *name) {
+    return find(realtime, name, true);
 }
 
 /** NULL: there is none of this number. */

@@ -46,24 +46,6 @@ static int make_file(const char *name, size_t size_bytes, int seals, void **at) 
     return fd;
 }
 
-/** Name of the SubDevice that a symbol is of. */
-static const char *subdevice_of(const struct fsn_plan *plan, const struct fsn_symbol_info *info) {
-    return fsn_known_subdevice(plan, fsn_known_sm(plan, info->sm).subdevice).name;
-}
-
-/** The entry that is this symbol and no more; index 0: it is a part of one. */
-static struct fsn_entry_record object_of(const struct fsn_plan *plan,
-                                         const struct fsn_symbol_info *info) {
-    uint32_t behind;
-    for (uint32_t n = fsn_sm_entries(plan, info->sm, &behind); n < behind; n++) {
-        const struct fsn_entry_record entry = fsn_read_entry(plan, n);
-        if (entry.bit_offset == info->bit_offset && entry.bits == info->bits) {
-            return entry;
-        }
-    }
-    return (struct fsn_entry_record){0};
-}
-
 static uint32_t put_name(struct fsn_shared_inputs *inputs, size_t *at, const char *name) {
     const size_t begin = *at;
     const size_t bytes = strlen(name) + 1;
@@ -79,9 +61,10 @@ static size_t put_symbols(const struct fsn_core *core, struct fsn_shared_inputs 
     size_t name_at = at + count * sizeof(struct fsn_shared_symbol);
     for (uint32_t i = 0; i < count; i++, at += sizeof(struct fsn_shared_symbol)) {
         const struct fsn_symbol_info info = fsn_known_symbol(core->plan, i);
-        const struct fsn_entry_record object = object_of(core->plan, &info);
+        const struct fsn_entry_record object = fsn_symbol_object(core->plan, &info);
         const uint32_t name = put_name(inputs, &name_at, info.name);
-        const uint32_t subdevice = put_name(inputs, &name_at, subdevice_of(core->plan, &info));
+        const uint32_t subdevice =
+            put_name(inputs, &name_at, fsn_symbol_subdevice(core->plan, &info));
         const struct fsn_shared_symbol symbol = {.factor = info.factor,
                                                  .offset = info.offset,
                                                  .stop_value = info.stop_value,
@@ -104,7 +87,7 @@ static size_t symbols_bytes(const struct fsn_core *core) {
     for (uint32_t i = 0; i < count; i++) {
         const struct fsn_symbol_info info = fsn_known_symbol(core->plan, i);
         bytes += sizeof(struct fsn_shared_symbol) + strlen(info.name) + 1 +
-                 strlen(subdevice_of(core->plan, &info)) + 1;
+                 strlen(fsn_symbol_subdevice(core->plan, &info)) + 1;
     }
     return align(bytes);
 }

@@ -335,6 +335,18 @@ fsn_status fsn_plan_symbol(const struct fsn_plan *plan, uint32_t number,
     return FSN_OK;
 }
 
+struct fsn_entry_record fsn_symbol_object(const struct fsn_plan *plan,
+                                          const struct fsn_symbol_info *symbol) {
+    uint32_t behind;
+    for (uint32_t n = fsn_sm_entries(plan, symbol->sm, &behind); n < behind; n++) {
+        const struct fsn_entry_record entry = fsn_read_entry(plan, n);
+        if (entry.bit_offset == symbol->bit_offset && entry.bits == symbol->bits) {
+            return entry;
+        }
+    }
+    return (struct fsn_entry_record){0};
+}
+
 fsn_status fsn_plan_block(const struct fsn_plan *plan, uint32_t number,
                           struct fsn_block_info *info) {
     if (number >= plan->count[FSN_SEC_BLOCK]) {

@@ -163,6 +163,16 @@ enum fsn_overlap { FSN_OVERLAP_NONE, FSN_OVERLAP_EXACT, FSN_OVERLAP_PART };
 enum fsn_overlap fsn_overlap_of(const struct fsn_plan *plan, uint32_t sm, uint32_t byte,
                                 uint32_t size);
 
+/** Name of the SubDevice of a symbol. */
+static inline const char *fsn_symbol_subdevice(const struct fsn_plan *plan,
+                                               const struct fsn_symbol_info *symbol) {
+    return fsn_known_subdevice(plan, fsn_known_sm(plan, symbol->sm).subdevice).name;
+}
+
+/** The entry that is this symbol and no more; index 0: the symbol is a part of one. */
+struct fsn_entry_record fsn_symbol_object(const struct fsn_plan *plan,
+                                          const struct fsn_symbol_info *symbol);
+
 /** Whether a copy writes a byte of this symbol. */
 bool fsn_is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol);
 

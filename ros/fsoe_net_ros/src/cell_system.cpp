@@ -1,8 +1,10 @@
 // ros2_control's view of a cell: nothing but names and return values. Written for Humble and Jazzy from
 // their public interfaces; CI compiles it against the stubs in test/stubs. Not built with ROS so far.
+#include <cmath>
 #include <hardware_interface/hardware_info.hpp>
 #include <hardware_interface/system_interface.hpp>
 #include <hardware_interface/types/hardware_interface_return_values.hpp>
+#include <limits>
 #include <memory>
 #include <pluginlib/class_list_macros.hpp>
 #include <rclcpp/rclcpp.hpp>
@@ -39,11 +41,15 @@ public:
             for (const auto *components : {&info_.joints, &info_.gpios, &info_.sensors}) {
                 for (const auto &component : *components) {
                     for (const auto &row : component.state_interfaces) {
-                        states_.push_back({component.name, row.name, cell_->add_state(component.name, row.name)});
+                        const auto symbol = symbol_of(component, "state_interface/", row.name);
+                        states_.push_back({component.name, row.name,
+                                           cell_->add_state(component.name + "/" + row.name, symbol)});
                     }
                     for (const auto &row : component.command_interfaces) {
-                        commands_.push_back(
-                            {component.name, row.name, cell_->add_command(component.name, row.name)});
+                        const auto symbol = symbol_of(component, "command_interface/", row.name);
+                        commands_.push_back({component.name, row.name,
+                                             cell_->add_command(component.name + "/" + row.name, symbol,
+                                                                initial_of(component, row))});
                     }
                 }
             }
@@ -81,8 +87,20 @@ public:
     CallbackReturn on_shutdown(const rclcpp_lifecycle::State &) override {
         return guarded([this] { cell_->cleanup(); });
     }
+    /** Called by the real-time thread after an error of read() or write(): waits for no thread. */
     CallbackReturn on_error(const rclcpp_lifecycle::State &) override {
-        return guarded([this] { cell_->cleanup(); });
+        return guarded([this] { cell_->disconnect(); });
+    }
+
+    return_type perform_command_mode_switch(const std::vector<std::string> &start_interfaces,
+                                            const std::vector<std::string> &stop_interfaces) override {
+        for (const auto &name : stop_interfaces) {
+            cell_->release(name);
+        }
+        for (const auto &name : start_interfaces) {
+            cell_->claim(name);
+        }
+        return return_type::OK;
     }
 
     return_type read(const rclcpp::Time &, const rclcpp::Duration &) override {
@@ -106,6 +124,37 @@ private:
             RCLCPP_ERROR(logger(), "%s", fault.what());
             return CallbackReturn::ERROR;
         }
+    }
+
+    /** The name in the plan: `SUBDEVICE.INTERFACE`, or what a param of the component says. */
+    static std::string symbol_of(const hardware_interface::ComponentInfo &component,
+                                 const std::string &side, const std::string &name) {
+        const auto &given = component.parameters;
+        const auto symbol = given.find(side + name);
+        if (symbol != given.end()) {
+            return symbol->second;
+        }
+        const auto subdevice = given.find("subdevice");
+        return (subdevice != given.end() ? subdevice->second : component.name) + "." + name;
+    }
+
+    /** What an output has without a command; not a number: its stop value. */
+    static double initial_of(const hardware_interface::ComponentInfo &component,
+                             const hardware_interface::InterfaceInfo &row) {
+        if (row.initial_value.empty()) {
+            return std::numeric_limits<double>::quiet_NaN();
+        }
+        std::size_t used = 0;
+        double value = 0;
+        try {
+            value = std::stod(row.initial_value, &used);
+        } catch (const std::exception &) {
+        }
+        if (used != row.initial_value.size() || !std::isfinite(value)) {
+            throw Fault("initial_value of " + component.name + "/" + row.name +
+                        " is not a number: " + row.initial_value);
+        }
+        return value;
     }
 
     return_type failed() {

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -18,15 +19,16 @@ constexpr std::size_t kMostBytes = 16u << 20;
 
 }  // namespace
 
-ControlSocket::ControlSocket(const std::string &path) : path_(path), fd_(-1) {
+ControlSocket::ControlSocket(const std::string &path, int wake) : path_(path), fd_(-1), wake_(wake) {
     sockaddr_un address{};
     address.sun_family = AF_UNIX;
     if (path.empty() || path.size() >= sizeof address.sun_path) {
         throw Fault("'" + path + "' is not the path of a control socket");
     }
     std::memcpy(address.sun_path, path.c_str(), path.size());
+    const timeval most{kReplyMs / 1000, 0};  // for a connect() to a process that is stopped
     fd_ = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    if (fd_ < 0 || connect(fd_, reinterpret_cast<sockaddr *>(&address), sizeof address) != 0) {
+    if (fd_ < 0 || setsockopt(fd_, SOL_SOCKET, SO_SNDTIMEO, &most, sizeof most) != 0 || connect(fd_, reinterpret_cast<sockaddr *>(&address), sizeof address) != 0) {
         const std::string why = std::strerror(errno);
         if (fd_ >= 0) {
             ::close(fd_);
@@ -37,6 +39,14 @@ ControlSocket::ControlSocket(const std::string &path) : path_(path), fd_(-1) {
 
 ControlSocket::~ControlSocket() { ::close(fd_); }
 
+void ControlSocket::wait_for_reply() {
+    pollfd ready[2] = {{fd_, POLLIN, 0}, {wake_, POLLIN, 0}};
+    const int found = poll(ready, 2, kReplyMs);
+    if (found <= 0 || ready[1].revents != 0 || received_.size() > kMostBytes) {
+        throw Fault("fsn-master at " + path_ + " does not answer");
+    }
+}
+
 nlohmann::json ControlSocket::request(const std::string &line) {
     const std::string sent = line + "\n";
     if (send(fd_, sent.data(), sent.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(sent.size())) {
@@ -44,10 +54,7 @@ nlohmann::json ControlSocket::request(const std::string &line) {
     }
     std::size_t end;
     while ((end = received_.find('\n')) == std::string::npos) {
-        pollfd ready{fd_, POLLIN, 0};
-        if (poll(&ready, 1, kReplyMs) <= 0 || received_.size() > kMostBytes) {
-            throw Fault("fsn-master at " + path_ + " does not answer");
-        }
+        wait_for_reply();
         char buffer[1 << 16];
         const ssize_t got = recv(fd_, buffer, sizeof buffer, 0);
         if (got <= 0) {

@@ -9,8 +9,9 @@ namespace fsoe_net_ros {
 
 class ControlSocket {
 public:
-    /** @throws Fault  nobody answers there. */
-    explicit ControlSocket(const std::string &path);
+    /** @param[in] wake  descriptor; as soon as it is readable a request fails. -1: none.
+     *  @throws Fault  nobody answers there. */
+    explicit ControlSocket(const std::string &path, int wake = -1);
     ~ControlSocket();
     ControlSocket(const ControlSocket &) = delete;
     ControlSocket &operator=(const ControlSocket &) = delete;
@@ -19,8 +20,10 @@ public:
     nlohmann::json request(const std::string &line);
 
 private:
+    void wait_for_reply();
+
     std::string path_, received_;
-    int fd_;
+    int fd_, wake_;
 };
 
 }  // namespace fsoe_net_ros

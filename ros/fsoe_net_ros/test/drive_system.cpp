@@ -1,9 +1,11 @@
 // Drives the adapter, linked against the stubs, as a controller manager would: commands come as lines.
 //
-//   drive_system [PARAM=VALUE…] [s:COMPONENT/INTERFACE…] [c:COMPONENT/INTERFACE…]
+//   drive_system [PARAM=VALUE…] [s:COMPONENT/INTERFACE…] [c:COMPONENT/INTERFACE[=INITIAL]…]
+//                [p:COMPONENT/PARAM=VALUE…]
 //
-// Lines: init configure activate deactivate cleanup · cycle N (read, write, 1 ms) · set COMPONENT/INTERFACE
-// VALUE · get COMPONENT/INTERFACE. Each line is answered by one.
+// Lines: init configure activate deactivate cleanup error · cycle N (read, write, 1 ms), write · start NAME…, stop NAME…
+// (a controller claims or releases commands) · set COMPONENT/INTERFACE VALUE · get COMPONENT/INTERFACE. Each
+// line is answered by one.
 #include <chrono>
 #include <hardware_interface/system_interface.hpp>
 #include <iostream>
@@ -25,13 +27,19 @@ hardware_interface::HardwareInfo info_of(int count, char **words) {
     for (int i = 1; i < count; ++i) {
         const std::string word = words[i];
         const auto slash = word.find('/');
-        if (word.rfind("s:", 0) == 0 || word.rfind("c:", 0) == 0) {
+        const auto equal = word.find('=');
+        if (word.size() > 1 && word[1] == ':') {
             auto &component = found[word.substr(2, slash - 2)];
             component.name = word.substr(2, slash - 2);
-            auto &rows = word[0] == 's' ? component.state_interfaces : component.command_interfaces;
-            rows.push_back({word.substr(slash + 1)});
+            const std::string name = word.substr(slash + 1, equal - slash - 1);
+            const std::string value = equal == std::string::npos ? "" : word.substr(equal + 1);
+            if (word[0] == 'p') {
+                component.parameters[name] = value;
+            } else {
+                auto &rows = word[0] == 's' ? component.state_interfaces : component.command_interfaces;
+                rows.push_back({name, value});
+            }
         } else {
-            const auto equal = word.find('=');
             info.hardware_parameters[word.substr(0, equal)] = word.substr(equal + 1);
         }
     }
@@ -66,14 +74,14 @@ int main(int count, char **words) {
     while (std::getline(std::cin, line)) {
         std::istringstream text(line);
         std::string verb, name;
-        double value = 0;
         text >> verb;
         std::map<std::string, CallbackReturn (hardware_interface::SystemInterface::*)(
                                   const rclcpp_lifecycle::State &)>
             transitions{{"configure", &hardware_interface::SystemInterface::on_configure},
                         {"activate", &hardware_interface::SystemInterface::on_activate},
                         {"deactivate", &hardware_interface::SystemInterface::on_deactivate},
-                        {"cleanup", &hardware_interface::SystemInterface::on_cleanup}};
+                        {"cleanup", &hardware_interface::SystemInterface::on_cleanup},
+                        {"error", &hardware_interface::SystemInterface::on_error}};
         if (verb == "init") {
             const bool good = system->on_init(info) == CallbackReturn::SUCCESS;
             if (good) {
@@ -88,6 +96,8 @@ int main(int count, char **words) {
             int number = 0;
             text >> number;
             std::cout << cycles(*system, number) << std::endl;
+        } else if (verb == "write") {
+            std::cout << (system->write({}, {}) == return_type::OK ? "OK" : "write ERROR") << std::endl;
         } else if (verb == "get") {
             text >> name;
             for (const auto &row : states) {
@@ -96,13 +106,23 @@ int main(int count, char **words) {
                 }
             }
         } else if (verb == "set") {
+            std::string value;
             text >> name >> value;
             for (auto &row : commands) {
                 if (row.get_name() == name) {
-                    row.set_value(value);
+                    row.set_value(std::stod(value));  // operator>> reads "nan" as 0
                 }
             }
             std::cout << "OK" << std::endl;
+        } else if (verb == "start" || verb == "stop") {
+            std::vector<std::string> names;
+            while (text >> name) {
+                names.push_back(name);
+            }
+            const std::vector<std::string> none;
+            const bool start = verb == "start";
+            const auto done = system->perform_command_mode_switch(start ? names : none, start ? none : names);
+            std::cout << (done == return_type::OK ? "OK" : "ERROR") << std::endl;
         }
     }
     return 0;

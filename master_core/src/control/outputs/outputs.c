@@ -14,9 +14,10 @@ struct output {
     uint64_t armed_until; /**< monotonic, nanoseconds */
 };
 
-/** A symbol, to be found by its name. */
+/** A symbol, to be found by its name and direction. */
 struct named {
     const char *name;
+    bool output;
     uint32_t symbol;
 };
 
@@ -35,7 +36,8 @@ struct fsn_outputs {
 static int compare_names(const void *left, const void *right) {
     const struct named *a = left;
     const struct named *b = right;
-    return strcmp(a->name, b->name);
+    const int order = strcmp(a->name, b->name);
+    return order != 0 ? order : (int)a->output - (int)b->output;
 }
 
 struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan) {
@@ -55,7 +57,8 @@ struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan) {
     for (uint32_t i = 0; i < o->count; i++) {
         o->output[i].info = fsn_known_symbol(plan, i);
         o->output[i].copied = fsn_is_copied(plan, &o->output[i].info);
-        o->by_name[i] = (struct named){o->output[i].info.name, i};
+        const struct fsn_symbol_info *info = &o->output[i].info;
+        o->by_name[i] = (struct named){info->name, info->output != 0, i};
     }
     qsort(o->by_name, o->count, sizeof *o->by_name, compare_names);
     return o;
@@ -132,13 +135,14 @@ void fsn_outputs_close(struct fsn_outputs *outputs, fsn_fallback_fn fallback, vo
     write_noted(outputs);
 }
 
-uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name) {
+uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name, bool output) {
+    const struct named wanted = {name, output, FSN_NONE};
     uint32_t low = 0;
     uint32_t high = outputs->count;
     while (low < high) {
         /* mutants: any place between them leads there */
         const uint32_t middle = low + (high - low) / 2;
-        const int order = strcmp(name, outputs->by_name[middle].name);
+        const int order = compare_names(&wanted, &outputs->by_name[middle]);
         if (order == 0) {
             return outputs->by_name[middle].symbol;
         }

@@ -42,8 +42,8 @@ void fsn_outputs_attach(struct fsn_outputs *outputs, struct fsn_core *core);
  *  stop value. */
 void fsn_outputs_close(struct fsn_outputs *outputs, fsn_fallback_fn fallback, void *self);
 
-/** Finds a symbol by its name.   @retval FSN_NONE  no such name. */
-uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name);
+/** Finds an input or an output by its name.   @retval FSN_NONE  no such name there. */
+uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name, bool output);
 
 struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uint32_t symbol);
 

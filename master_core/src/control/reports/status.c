@@ -285,10 +285,14 @@ void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_put_open(json, "symbols", '[');
     for (uint32_t i = 0; i < fsn_plan_symbol_count(view->plan); i++) {
         const struct fsn_symbol_info info = fsn_known_symbol(view->plan, i);
+        const struct fsn_entry_record object = fsn_symbol_object(view->plan, &info);
         const struct fsn_output_state state = fsn_outputs_state(view->outputs, i);
         fsn_json_open(json, '{');
         fsn_json_put_text(json, "name", info.name);
+        fsn_json_put_text(json, "subdevice", fsn_symbol_subdevice(view->plan, &info));
         fsn_json_put_text(json, "direction", info.output != 0 ? "output" : "input");
+        fsn_json_put_u64(json, "index", object.index);
+        fsn_json_put_u64(json, "subindex", object.subindex);
         fsn_json_put_text(json, "type", fsn_value_type(&info));
         fsn_json_put_u64(json, "bits", info.bits);
         fsn_json_key(json, "factor");

@@ -69,7 +69,9 @@ static fsn_status read_names(struct fsn_request *request, size_t first, struct w
     }
     for (size_t i = first; i < request->count; i++) {
         const char *word = request->argument[i];
-        const uint32_t symbol = fsn_outputs_find(request->services->view.outputs, word);
+        const struct fsn_outputs *outputs = request->services->view.outputs;
+        uint32_t symbol = fsn_outputs_find(outputs, word, true);
+        symbol = symbol != FSN_NONE ? symbol : fsn_outputs_find(outputs, word, false);
         fsn_status found = fsn_request_mark(request, word, wanted->marks);
         if (found == FSN_OK && symbol != FSN_NONE) {
             found = check(request, symbol);

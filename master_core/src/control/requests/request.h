@@ -25,11 +25,17 @@ typedef fsn_status (*fsn_answer_fn)(struct fsn_request *request);
 fsn_status fsn_request_refuse(struct fsn_request *request, fsn_status status, const char *hint,
                               const char *text);
 
-/** Finds a symbol by its name, or refuses. */
-fsn_status fsn_request_symbol(struct fsn_request *request, const char *name, uint32_t *symbol,
-                              struct fsn_symbol_info *info);
+/** The symbols of a name. Inputs and outputs have names of their own: neither is taken for the
+ * other. */
+struct fsn_named {
+    uint32_t input;  /**< or FSN_NONE */
+    uint32_t output; /**< or FSN_NONE */
+};
 
-/** Marks the symbols that a word names, or refuses; it may end in *: all that begin so.
+/** Finds the input and the output of a name, or refuses a name that is neither's. */
+fsn_status fsn_request_find(struct fsn_request *request, const char *name, struct fsn_named *found);
+
+/** Marks the inputs and outputs that a word names, or refuses; it may end in *: all that begin so.
  *  @param[in,out] marks  one per symbol. */
 fsn_status fsn_request_mark(struct fsn_request *request, const char *word, uint8_t *marks);
 

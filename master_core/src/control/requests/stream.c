@@ -34,14 +34,15 @@ static fsn_status take(struct fsn_bus_view *view, uint64_t number) {
     return found;
 }
 
-static void put_values(struct fsn_bus_view *view, const struct fsn_stream *stream,
+static void put_values(struct fsn_bus_view *view, const struct fsn_stream *stream, bool output,
                        struct fsn_json *json) {
-    fsn_json_put_open(json, "values", '{');
+    fsn_json_put_open(json, output ? "outputs" : "inputs", '{');
     for (size_t i = 0; i < stream->count; i++) {
         const struct fsn_symbol_info info = fsn_known_symbol(view->plan, stream->symbols[i]);
         uint64_t raw;
-        if (fsn_core_read_symbol(view->core, view->recorded.image, stream->symbols[i], &raw) ==
-            FSN_OK) {
+        if ((info.output != 0) == output &&
+            fsn_core_read_symbol(view->core, view->recorded.image, stream->symbols[i], &raw) ==
+                FSN_OK) {
             fsn_json_key(json, info.name);
             (stream->typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, json);
         }
@@ -72,7 +73,8 @@ static void put_line(struct fsn_services *services, struct fsn_client *client) {
     if (stream->image) {
         put_image(view, json);
     } else {
-        put_values(view, stream, json);
+        put_values(view, stream, false, json);
+        put_values(view, stream, true, json);
     }
     fsn_json_close(json, '}');
     fsn_json_end(json);
@@ -130,16 +132,19 @@ fsn_status fsn_request_mark(struct fsn_request *request, const char *word, uint8
     const struct fsn_plan *plan = request->services->view.plan;
     const size_t len = strlen(word);
     struct fsn_symbol_info info;
-    uint32_t symbol;
     if (len == 0 || word[len - 1] != '*') {
-        const fsn_status found = fsn_request_symbol(request, word, &symbol, &info);
-        if (found == FSN_OK) {
-            marks[symbol] = 1;
+        struct fsn_named found;
+        const fsn_status status = fsn_request_find(request, word, &found);
+        if (found.input != FSN_NONE) {
+            marks[found.input] = 1;
         }
-        return found;
+        if (found.output != FSN_NONE) {
+            marks[found.output] = 1;
+        }
+        return status;
     }
     bool any = false;
-    for (symbol = 0; fsn_plan_symbol(plan, symbol, &info) == FSN_OK; symbol++) {
+    for (uint32_t symbol = 0; fsn_plan_symbol(plan, symbol, &info) == FSN_OK; symbol++) {
         if (strncmp(info.name, word, len - 1) == 0) {
             marks[symbol] = 1;
             any = true;

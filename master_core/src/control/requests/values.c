@@ -7,15 +7,23 @@
 #include "control/requests/request.h"
 #include "plan/plan_internal.h"
 
-fsn_status fsn_request_symbol(struct fsn_request *request, const char *name, uint32_t *symbol,
-                              struct fsn_symbol_info *info) {
-    *symbol = fsn_outputs_find(request->services->view.outputs, name);
-    if (*symbol == FSN_NONE) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols lists the names",
-                               "no input or output is called %.150s", name);
-    }
-    *info = fsn_known_symbol(request->services->view.plan, *symbol);
-    return FSN_OK;
+fsn_status fsn_request_find(struct fsn_request *request, const char *name,
+                            struct fsn_named *found) {
+    const struct fsn_outputs *outputs = request->services->view.outputs;
+    found->input = fsn_outputs_find(outputs, name, false);
+    found->output = fsn_outputs_find(outputs, name, true);
+    return found->input != FSN_NONE || found->output != FSN_NONE
+               ? FSN_OK
+               : fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols lists the names",
+                                 "no input or output is called %.150s", name);
+}
+
+/** Finds the output of a name, or else its input, which fsn_outputs_check() refuses. */
+static fsn_status find_output(struct fsn_request *request, const char *name, uint32_t *symbol) {
+    struct fsn_named found;
+    const fsn_status status = fsn_request_find(request, name, &found);
+    *symbol = found.output != FSN_NONE ? found.output : found.input;
+    return status;
 }
 
 bool fsn_request_typed(struct fsn_request *request) {
@@ -23,6 +31,36 @@ bool fsn_request_typed(struct fsn_request *request) {
     request->argument += typed;
     request->count -= typed;
     return typed;
+}
+
+/** Writes the value of a symbol under its name; refuses one that the bus has no place for. */
+static fsn_status put_value(struct fsn_request *request, uint32_t symbol, bool typed) {
+    struct fsn_bus_view *view = &request->services->view;
+    const struct fsn_symbol_info info = fsn_known_symbol(view->plan, symbol);
+    uint64_t raw;
+    if (fsn_core_read_symbol(view->core, view->image, symbol, &raw) != FSN_OK) {
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG, NULL,
+                               "%.150s has no place in the process image", info.name);
+    }
+    fsn_json_key(request->json, info.name);
+    (typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, request->json);
+    return FSN_OK;
+}
+
+/** Writes the inputs, or the outputs, that the arguments name. */
+static fsn_status put_direction(struct fsn_request *request, bool output, bool typed) {
+    fsn_status status = FSN_OK;
+    fsn_json_put_open(request->json, output ? "outputs" : "inputs", '{');
+    for (size_t i = 0; status == FSN_OK && i < request->count; i++) {
+        struct fsn_named found;
+        status = fsn_request_find(request, request->argument[i], &found);
+        const uint32_t symbol = output ? found.output : found.input;
+        if (status == FSN_OK && symbol != FSN_NONE) {
+            status = put_value(request, symbol, typed);
+        }
+    }
+    fsn_json_close(request->json, '}');
+    return status;
 }
 
 fsn_status fsn_answer_get(struct fsn_request *request) {
@@ -35,29 +73,14 @@ fsn_status fsn_answer_get(struct fsn_request *request) {
         return fsn_request_refuse(request, FSN_E_BUSY, "ask again", "no stable picture of a cycle");
     }
     fsn_json_put_u64(request->json, "cycle", view->statistics.cycles);
-    fsn_json_put_open(request->json, "values", '{');
-    for (size_t i = 0; i < request->count; i++) {
-        uint32_t symbol;
-        struct fsn_symbol_info info = {0};
-        uint64_t raw;
-        if (fsn_request_symbol(request, request->argument[i], &symbol, &info) != FSN_OK) {
-            return FSN_E_ARG;
-        }
-        if (fsn_core_read_symbol(view->core, view->image, symbol, &raw) != FSN_OK) {
-            return fsn_refusal_set(&request->refusal, FSN_E_ARG, NULL,
-                                   "%.150s has no place in the process image", info.name);
-        }
-        fsn_json_key(request->json, info.name);
-        (typed ? fsn_value_write_typed : fsn_value_write)(&info, raw, request->json);
-    }
-    fsn_json_close(request->json, '}');
-    return FSN_OK;
+    const fsn_status status = put_direction(request, false, typed);
+    return status != FSN_OK ? status : put_direction(request, true, typed);
 }
 
 static fsn_status read_wanted(struct fsn_request *request, const char *word, bool typed,
                               uint64_t now_ns, struct fsn_wanted *wanted) {
     char name[FSN_LINE_BYTES + 1];
-    struct fsn_symbol_info info = {0};
+    struct fsn_symbol_info info;
     const char *equals = strrchr(word, '=');
     if (equals == NULL || equals == word) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG, "set NAME=VALUE …",
@@ -65,10 +88,11 @@ static fsn_status read_wanted(struct fsn_request *request, const char *word, boo
     }
     memcpy(name, word, (size_t)(equals - word));
     name[equals - word] = 0;
-    fsn_status found = fsn_request_symbol(request, name, &wanted->symbol, &info);
+    const fsn_status found = find_output(request, name, &wanted->symbol);
     if (found != FSN_OK) {
         return found;
     }
+    info = fsn_known_symbol(request->services->view.plan, wanted->symbol);
     const char *wrong =
         (typed ? fsn_value_parse_typed : fsn_value_parse)(&info, equals + 1, &wanted->raw);
     if (wrong != NULL) {
@@ -154,15 +178,15 @@ fsn_status fsn_answer_set(struct fsn_request *request) {
 
 fsn_status fsn_answer_arm(struct fsn_request *request) {
     uint32_t symbol;
-    struct fsn_symbol_info info = {0};
-    fsn_status found = fsn_request_symbol(request, request->argument[0], &symbol, &info);
+    fsn_status found = find_output(request, request->argument[0], &symbol);
     if (found == FSN_OK) {
         found = fsn_outputs_arm(request->services->view.outputs, symbol, request->client->number,
                                 fsn_now_ns(), &request->refusal);
     }
     if (found == FSN_OK) {
         report_edge(request, "arm", symbol, 0);
-        fsn_json_put_text(request->json, "armed", info.name);
+        fsn_json_put_text(request->json, "armed",
+                          fsn_known_symbol(request->services->view.plan, symbol).name);
         fsn_json_put_u64(request->json, "for_ms", FSN_ARM_MS);
     }
     return found;

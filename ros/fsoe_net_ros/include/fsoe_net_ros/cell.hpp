@@ -1,14 +1,16 @@
 /** A bus that fsn-master drives as named numbers that are read and written: all that ros2_control needs
  *  of it, without ROS. Part of the black channel, no safety function.
  *
- *  A state or command is COMPONENT and INTERFACE: SubDevice and entry of the plan (`drive_1`,
- *  `velocity`), or an FSoE connection with `in_data` (1 or 0) and `state` (0 silent … 6 process data).
+ *  A state is an input of the plan, by its name (`drive_1.velocity`), or an FSoE connection with
+ *  `in_data` (1 or 0) and `state` (0 silent … 6 process data). A command is an output of the plan. An
+ *  input and an output may share a name; one is never taken for the other.
  */
 #ifndef FSOE_NET_ROS_CELL_HPP
 #define FSOE_NET_ROS_CELL_HPP
 
 #include <atomic>
 #include <chrono>
+#include <cstdint>
 #include <deque>
 #include <memory>
 #include <stdexcept>
@@ -16,6 +18,7 @@
 #include <thread>
 
 struct fsn_realtime;
+struct fsn_realtime_symbol;
 
 namespace fsoe_net_ros {
 
@@ -41,12 +44,25 @@ public:
     Cell &operator=(const Cell &) = delete;
 
     /** Declares a state; the place of its value, valid as long as this object. Not a number until it
-     *  is read. Before configure(). */
-    const double *add_state(const std::string &component, const std::string &interface);
+     *  is read. Before configure().
+     *  @param[in] name    `drive_1/position`, for messages.
+     *  @param[in] symbol  name of an input of the plan, or `CONNECTION.in_data`, `CONNECTION.state`. */
+    const double *add_state(const std::string &name, const std::string &symbol);
 
-    /** Declares a command. Not a number is no command: a target position then follows the actual one,
-     *  any other output has its stop value. Before configure(). */
-    double *add_command(const std::string &component, const std::string &interface);
+    /** Declares a command. Before configure().
+     *
+     *  While no controller claims it, or its value is not a number, there is no command. An output
+     *  without a command has `initial`, or its stop value where that is not a number. A target
+     *  position without one holds the last position that was sent while the drive is enabled, and
+     *  follows the actual position while it is not: an axis neither sags nor jumps.
+     *  @param[in] name  as ros2_control calls it; claim() and release() take it. */
+    double *add_command(const std::string &name, const std::string &symbol, double initial);
+
+    /** A controller commands this from now on; its value counts once it is written. RT-safe. */
+    void claim(const std::string &name);
+
+    /** No controller commands this any more: what is written into it does not count. RT-safe. */
+    void release(const std::string &name);
 
     /** Connects, waits until the bus runs, and finds every state and command.
      *  @throws Fault  nobody answers, the bus does not run, or a name is not there. */
@@ -60,47 +76,66 @@ public:
      *  back: fault() says which. RT-safe but for the text of a fault. */
     bool read();
 
-    /** Sends the commands, once activate() has taken the outputs. @return false  one is outside the range of its output: fault() names it, and
-     *  nothing is sent. RT-safe but for the text of a fault. */
+    /** Sends the commands, once activate() has taken the outputs.
+     *  @return false  one is outside the range of its output: fault() names it, and nothing is sent.
+     *  RT-safe but for the text of a fault. */
     bool write();
 
-    /** Gives the outputs back: they take their stop values. States are read on. @throws Fault */
+    /** Gives the outputs back: they take their stop values. States are still read. Does not wait. */
     void deactivate();
 
-    /** Disconnects; the bus goes on. */
+    /** Gives the outputs back and disconnects, without waiting for any thread: what an error in the
+     *  real-time thread may call. The bus continues. */
+    void disconnect();
+
+    /** disconnect(), and waits for the thread that follows the connections. */
     void cleanup();
 
     const std::string &fault() const { return fault_; }
 
 private:
-    struct Value {
-        std::string component, interface;
+    struct State {
+        std::string name, symbol_name;
         double number;
-        int32_t symbol;           // of the plan; none: of a connection
-        int32_t actual;           // of a target position: where the axis is
-        std::size_t connection;   // index, for a state of a connection
+        int32_t symbol;           // input of the plan; none: of a connection
+        std::size_t connection;   // its index
+        bool in_data;             // 1 or 0, not the number of its state
+    };
+    struct Command {
+        std::string name, symbol_name;
+        double number, initial;
+        int32_t symbol, actual, status;   // of a target position: actual position and statusword
+        uint64_t stop_value;
+        bool claimed, sent;               // a controller has it; a position was sent
     };
     struct Connection {
         std::string name;
         std::atomic<int> state{0};
     };
 
-    void open(bool with_outputs);
-    void close();
-    int32_t find(const std::string &name, bool output) const;
-    void resolve();
+    fsn_realtime *open(bool with_outputs) const;
+    fsn_realtime *current() const { return writer_ != nullptr ? writer_ : reader_; }
+    int32_t find_object(const std::string &subdevice, unsigned index) const;
+    void resolve_state(State &state);
+    void resolve_command(Command &command);
+    void resolve_position(Command &command, const struct fsn_realtime_symbol &target);
+    bool write_command(Command &command);
+    bool holds_position(Command &command) const;
     void wait_until_running();
     void read_connections();
     void follow_connections();
     bool refuse(const std::string &text);
 
     Options options_;
-    std::deque<Value> states_, commands_;
+    std::deque<State> states_;
+    std::deque<Command> commands_;
     std::deque<Connection> connections_;
-    fsn_realtime *realtime_ = nullptr;
-    bool active_ = false;
+    fsn_realtime *reader_ = nullptr;   // from configure() on
+    fsn_realtime *writer_ = nullptr;   // from activate() on: has the outputs
+    bool seen_ = false;                // the writer has the inputs of a cycle
     std::thread follower_;
-    std::atomic<bool> ending_{false}, follows_{false};
+    int wake_;                         // eventfd: ends what the follower waits for
+    std::atomic<bool> follows_{false};
     std::chrono::steady_clock::time_point last_good_;
     std::string fault_;
 };

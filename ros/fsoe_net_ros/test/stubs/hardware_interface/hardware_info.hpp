@@ -6,10 +6,11 @@
 
 namespace hardware_interface {
 struct InterfaceInfo {
-    std::string name;
+    std::string name, initial_value;
 };
 struct ComponentInfo {
     std::string name;
+    std::unordered_map<std::string, std::string> parameters;
     std::vector<InterfaceInfo> command_interfaces, state_interfaces;
 };
 struct HardwareInfo {

@@ -1,0 +1,109 @@
+"""The ordinary process data of a device by name: a symbol for each value a program may use."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from fsoe_net.model.bus import Direction, Entry, EntryView
+from fsoe_net.model.layout import DeviceLayout, SmLayout
+
+__all__ = ["DeviceSymbol", "device_symbols", "directed_names"]
+
+_MOST_BITS = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceSymbol:
+    """A value outside FSoE frames that a driver registers.
+
+    ``sm`` is the number of the sync manager in the layout, ``bit_offset`` counts from its first
+    bit. ``view`` says what the bits mean; of an entry without ``data_mapping`` it is the whole one.
+    """
+
+    name: str
+    sm: int
+    is_output: bool
+    entry: Entry
+    view: EntryView
+    bit_offset: int
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the symbol is the entry itself, not a part of it."""
+        return not self.entry.views
+
+
+def device_symbols(layout: DeviceLayout) -> tuple[DeviceSymbol, ...]:
+    """Return the symbols of a device, by sync manager and place.
+
+    A name is the interface of the slave YAML, else the name of the entry, else its address, such
+    as ``0x6041:00``. It is unique among the inputs or among the outputs: the command and the
+    state of an axis share the interface ``position``, and both keep it.
+    """
+    found: list[DeviceSymbol] = []
+    taken: dict[bool, set[str]] = {True: set(), False: set()}
+    for manager in layout.managers:
+        is_output = manager.sm.direction is Direction.OUTPUT
+        for entry, view, bit_offset in _values(manager):
+            name = next(n for n in _candidates(entry, view) if n not in taken[is_output])
+            taken[is_output].add(name)
+            found.append(
+                DeviceSymbol(
+                    name=name,
+                    sm=manager.number,
+                    is_output=is_output,
+                    entry=entry,
+                    view=view,
+                    bit_offset=bit_offset,
+                )
+            )
+    return tuple(found)
+
+
+def directed_names(symbols: Sequence[tuple[bool, str]]) -> list[str]:
+    """Return a name for each pair of *is output* and name that is unique over both directions.
+
+    It is the name itself, and ``in:NAME`` or ``out:NAME`` where an input and an output share it.
+    """
+    known = set(symbols)
+    shared = {name for is_output, name in symbols if (not is_output, name) in known}
+    return [
+        f"{'out' if is_output else 'in'}:{name}" if name in shared else name
+        for is_output, name in symbols
+    ]
+
+
+def _candidates(entry: Entry, view: EntryView) -> Iterator[str]:
+    named = view.command_interface or view.state_interface or entry.name
+    if named:
+        yield named
+    yield entry.address
+    yield from (f"{entry.address}-{number}" for number in itertools.count(2))
+
+
+def _values(manager: SmLayout) -> Iterator[tuple[Entry, EntryView, int]]:
+    for placed in manager.placed:
+        entry = placed.entry
+        first, last = placed.bit_offset, max(placed.bit_offset, placed.end_bit - 1)
+        in_frame = manager.block_at(first) is not None or manager.block_at(last) is not None
+        if not entry.registered or in_frame or not 0 < entry.bits <= _MOST_BITS:
+            continue
+        for view in entry.views or (_whole(entry),):
+            yield entry, view, first + view.bit
+
+
+def _whole(entry: Entry) -> EntryView:
+    # Interfaces of a data_mapping whose items no symbol can hold are not those of the channel.
+    own = "data_mapping" not in entry.fields
+    return EntryView(
+        bit=0,
+        bits=entry.bits,
+        type_name=entry.type_name,
+        command_interface=entry.command_interface if own else None,
+        state_interface=entry.state_interface if own else None,
+        default=entry.default,
+        factor=entry.factor,
+        offset=entry.offset,
+    )
