@@ -73,6 +73,16 @@ class ControlRefused(EnvironmentFault):
         super().__init__(message)
         self.status = status
 
+    @property
+    def bus_stopped(self) -> bool:
+        """Whether the only reason is that the bus does not run now."""
+        return self.status == "FSN_E_STATE"
+
+    @property
+    def busy(self) -> bool:
+        """Whether the same request may be granted a moment later."""
+        return self.status == "FSN_E_BUSY"
+
 
 class InputError(FsnError):
     """A file was refused as a whole.

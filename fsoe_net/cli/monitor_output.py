@@ -122,6 +122,8 @@ def _stopped(view: BusView) -> str:
     if status is None:
         return "nothing is known yet"
     fault = f": {status.fault}" if status.fault else ""
+    if view.refused:
+        return f"the bus is {status.state.value}, but its state cannot be read: {view.refused}"
     shown = "; what is shown was seen last" if view.snapshot is not None else ""
     return f"the bus does not run ({status.state.value}){fault}{shown}"
 

@@ -59,7 +59,9 @@ def compare_running(wanted: Known, socket: str) -> Comparison:
         status = client.status()
         try:
             connections = client.connections()
-        except ControlRefused:  # the bus is stopped
+        except ControlRefused as refused:
+            if not refused.bus_stopped:
+                raise
             connections = ()
     fingerprint = fingerprint_in_use(status)
     if fingerprint is None:

@@ -97,6 +97,8 @@ class Health:
         elif not known:
             level = HealthLevel.ERROR if status.state is BusState.FAILED else HealthLevel.WARN
             text = f"the bus does not run ({status.state.value})"
+            if view.refused:
+                level, text = HealthLevel.ERROR, f"its state cannot be read: {view.refused}"
         else:
             level, text = self._cycle_level(view, status)
         values = [] if status is None else list(_bus_values(status))

@@ -58,11 +58,13 @@ class WatchedConnection:
 class BusView:
     """What is known now.
 
-    ``away``: why ``fsn-master`` does not answer; empty while it does. ``snapshot`` is the last one,
-    ``current`` whether it is of now. Times of ``events`` count from the begin of the monitor.
+    ``away``: why ``fsn-master`` does not answer; empty while it does. ``refused``: why it gives no
+    snapshot of a bus that runs. ``snapshot`` is the last one, ``current`` whether it is of now.
+    Times of ``events`` count from the begin of the monitor.
     """
 
     away: str
+    refused: str
     status: Status | None
     connections: tuple[WatchedConnection, ...]
     snapshot: BusSnapshot | None
@@ -89,6 +91,7 @@ class BusView:
             "result": "pass" if self.good else "fail",
             "state": None if status is None or self.away else status.state.value,
             "away": self.away or None,
+            "refused": self.refused or None,
             "status": None if status is None else asdict(status),
             "current": self.current,
             "duration_ms": self.now_s * 1000,
@@ -117,7 +120,7 @@ class Attachment:
         self._facts: tuple[PlannedConnection, ...] = ()
         self._snapshot: BusSnapshot | None = None
         self._status: Status | None = None
-        self._away = ""
+        self._away = self._refused = ""
         self._missed = 0
         self._client: Client | None = None
         self._attach(_REPLY_S)
@@ -193,6 +196,7 @@ class Attachment:
             if time.monotonic() >= until or (stop is not None and stop.is_set()):
                 break
         self._status = client.status()
+        self._refused = ""
         if self._status.state not in (BusState.RUNNING, BusState.STARTING):
             return False
         try:
@@ -200,8 +204,10 @@ class Attachment:
                 self._facts = _facts(client)
             self._snapshot = client.snapshot()
         except ControlRefused as refused:
+            if not (refused.bus_stopped or refused.busy):
+                self._refused = str(refused)
             # Between two states, or a cycle that leaves no time for a snapshot.
-            return refused.status == "FSN_E_BUSY" and self._snapshot is not None
+            return refused.busy and self._snapshot is not None
         return True
 
     def _view(self, current: bool) -> BusView:
@@ -213,6 +219,7 @@ class Attachment:
         lost = self._client.events_lost if self._client is not None else 0
         return BusView(
             away=self._away,
+            refused=self._refused,
             status=self._status,
             connections=tuple(rows),
             snapshot=self._snapshot,
@@ -254,7 +261,9 @@ def _facts(client: Client) -> tuple[PlannedConnection, ...]:
     names = client.connections()
     try:
         stated = {c.name: c for c in client.layout().connections}
-    except ControlRefused:
+    except ControlRefused as refused:
+        if not refused.bus_stopped:
+            raise
         stated = {}
     unknown = PlannedConnection(name="")
     return tuple(

@@ -70,7 +70,7 @@ class Client(ControlLink):
         return self._read(self.request("status"), read_status)
 
     def snapshot(self) -> BusSnapshot:
-        """Return counters, connections and SubDevices of one cycle.
+        """Return counters, connections and SubDevices; of a large bus each page is of one cycle.
 
         Raises:
             ControlRefused: The bus is stopped.
@@ -89,14 +89,14 @@ class Client(ControlLink):
 
     def symbols(self) -> tuple[Symbol, ...]:
         """Return the named inputs and outputs, and who writes them."""
-        return self._read(self.request("symbols"), read_symbols)
+        return self._read(self.request_all("symbols"), read_symbols)
 
     def layout(self) -> Layout:
         """Return where everything lies in the process image."""
         return self._document("layout", read_layout)
 
     def _document(self, request: str, read: Callable[[JsonObject], _T]) -> _T:
-        return self._read(self.request(request), lambda reply: read(ReplyObject(reply)))
+        return self._read(self.request_all(request), lambda reply: read(ReplyObject(reply)))
 
     def get(self, *names: str, typed: bool = False) -> Values:
         """Return values of one cycle, raw or with factor and offset."""

@@ -19,6 +19,7 @@ __all__ = ["PROTOCOL", "ControlLink", "quoted"]
 
 PROTOCOL = 1
 _MAX_LINE = 16 << 20
+_MOST_PAGES = 1000  # of 128 KiB
 _MAX_EVENTS = 10_000
 _CYCLE_EVENTS = ("values", "image")
 _T = TypeVar("_T")
@@ -114,6 +115,27 @@ class ControlLink:
                 text = f"{words[0]}: {reply.get('text', 'refused')}{hint}"
                 raise ControlRefused(text, str(reply.get("error", "")))
             return reply
+
+    def request_all(self, word: str) -> dict[str, Any]:
+        """Return a report with the rows of all its pages.
+
+        What is not a row, such as statistics, is that of the first page; each page is of one cycle.
+
+        Raises:
+            ControlRefused: A page was refused.
+            EnvironmentFault: The pages have no end.
+        """
+        reply = self.request(word)
+        for _ in range(_MOST_PAGES):
+            row = reply.pop("next", None)
+            if row is None:
+                return reply
+            for key, rows in self.request(word, str(row)).items():
+                if isinstance(rows, list) and isinstance(reply.get(key), list):
+                    reply[key] += rows
+                elif key == "next":
+                    reply["next"] = rows
+        raise self._broken(f"a {word} of more than {_MOST_PAGES} pages")
 
     def subscribe(self) -> None:
         """Subscribe to every change; `events` returns them."""

@@ -162,9 +162,9 @@ class _LiveRun:
         try:
             self._last = client.snapshot()
         except ControlRefused as refused:
-            if refused.status not in ("FSN_E_STATE", "FSN_E_BUSY"):
+            if not (refused.bus_stopped or refused.busy):
                 raise
-            return refused.status == "FSN_E_BUSY" and self._last is not None
+            return refused.busy and self._last is not None
         if self._begin_ns is None:
             self._begin_ns = time.monotonic_ns()
         return True

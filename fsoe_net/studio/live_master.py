@@ -183,7 +183,7 @@ def _view(path: str, view: BusView) -> Row:
     return {
         "title": path if status is None else _title(status),
         "state": "away" if view.away or status is None else status.state.value,
-        "away": view.away,
+        "away": view.away or view.refused,
         "current": view.current,
         "good": view.good,
         "ended": False,

@@ -193,6 +193,7 @@ def test_a_finding_is_fixed_as_a_whole_or_not_at_all():
 
 
 VIEW = BusView(
+    refused="",
     away="", status=None, connections=(), snapshot=None, current=False, now_s=1.5, events=(),
     events_lost=0,
 )  # fmt: skip

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from networks import example
+from networks import example, resolved
 from patience import PATIENCE_S
 from tied import tied
 
@@ -180,9 +180,11 @@ def when_it_listens(path: Path, process: subprocess.Popen[bytes]) -> Client:
             assert process.poll() is None
 
 
-def write_plan(directory: Path, name: str = "el6910") -> Path:
+def write_plan(directory: Path, name: str = "el6910", network: Path | None = None) -> Path:
+    """Compile an example, or a network of its own."""
     path = directory / f"{name}.fsnplan"
-    path.write_bytes(compile_plan(example(name)).to_bytes())
+    resolution = example(name) if network is None else resolved(network)
+    path.write_bytes(compile_plan(resolution).to_bytes())
     return path
 
 
@@ -215,13 +217,16 @@ def notify_socket(directory: Path) -> Iterator[socket.socket]:
 
 
 @contextlib.contextmanager
-def running(*arguments: object, name: str = "el6910") -> Iterator[Master]:
+def running(
+    *arguments: object, name: str = "el6910", network: Path | None = None
+) -> Iterator[Master]:
     """Run it until it is ready. The directory is short: a socket's path has 107 bytes."""
     with tempfile.TemporaryDirectory(prefix="fsn-") as text:
         directory = Path(text)
         path = directory / "s"
         with notify_socket(directory) as listener:
-            command = tied(program(), write_plan(directory, name), "--bus", "emulated")
+            plan = write_plan(directory, name, network)
+            command = tied(program(), plan, "--bus", "emulated")
             command += ["--policy", "other", "--socket", str(path), "--log", "json"]
             process = subprocess.Popen(
                 [*command, *map(str, arguments)],

@@ -140,7 +140,9 @@ def _status_line(status: Status, connections: Sequence[ConnectionSnapshot]) -> s
 def _connections(client: Client) -> tuple[ConnectionSnapshot, ...]:
     try:
         return client.connections()
-    except ControlRefused:
+    except ControlRefused as refused:
+        if not refused.bus_stopped:
+            raise
         return ()
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.run.client import Client
-from fsoe_net.run.console.names import SymbolNames, number, shown, value_of
+from fsoe_net.run.console.names import SymbolNames, batches, number, shown, value_of
 from fsoe_net.run.control_values import BusState, Symbol, Value
 
 __all__ = ["FORMS", "Condition", "condition"]
@@ -78,6 +78,8 @@ def _connection(name: str, state: str) -> Callable[[Client], tuple[bool, str]]:
         try:
             rows = client.connections()
         except ControlRefused as exc:
+            if not (exc.bus_stopped or exc.busy):
+                raise
             return False, str(exc)
         found = [row for row in rows if name in ("all", row.name)]
         if not found:
@@ -106,13 +108,17 @@ def _value(
     wanted_names = [s.name for s in chosen]
 
     def look(client: Client) -> tuple[bool, str]:
+        sides: dict[bool, dict[str, Value]] = {False: {}, True: {}}
         try:
-            values = client.get(*wanted_names, typed=typed)
+            for names in batches(wanted_names):
+                values = client.get(*names, typed=typed)
+                sides[False] |= values.inputs
+                sides[True] |= values.outputs
         except ControlRefused as exc:
-            if exc.status == "FSN_E_STATE":
-                return False, str(exc)
-            raise
-        found = [(s, values.side(s.is_output)[s.name]) for s in chosen]
+            if not (exc.bus_stopped or exc.busy):
+                raise
+            return False, str(exc)
+        found = [(s, sides[s.is_output][s.name]) for s in chosen]
         wrong = [(s, value) for s, value in found if not _holds(value, mask, sign, wanted)]
         return not wrong, ", ".join(f"{known.label(s)} is {_plain(v, s)}" for s, v in wrong)
 

@@ -324,9 +324,8 @@ void Cell::wait_until_running() {
 
 void Cell::read_connections() {
     ControlSocket control(options_.socket);
-    const auto snapshot = control.request("snapshot");
     connections_.clear();
-    for (const auto &row : snapshot.value("connections", nlohmann::json::array())) {
+    for (const auto &row : control.rows("snapshot", "connections")) {
         connections_.emplace_back();
         connections_.back().name = row.value("name", "");
         connections_.back().state = row.value("outside", kUnknown);
@@ -338,9 +337,8 @@ void Cell::follow_connections() {
     try {
         ControlSocket control(options_.socket, wake_);
         do {
-            const auto snapshot = control.request("snapshot");
             std::size_t number = 0;
-            for (const auto &row : snapshot.value("connections", nlohmann::json::array())) {
+            for (const auto &row : control.rows("snapshot", "connections")) {
                 if (number < connections_.size()) {
                     connections_[number++].state = row.value("outside", kUnknown);
                 }

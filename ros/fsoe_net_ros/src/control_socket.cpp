@@ -16,6 +16,7 @@ namespace {
 
 constexpr int kReplyMs = 5000;
 constexpr std::size_t kMostBytes = 16u << 20;
+constexpr unsigned kMostPages = 1000;
 
 }  // namespace
 
@@ -72,6 +73,22 @@ nlohmann::json ControlSocket::request(const std::string &line) {
         throw Fault(line + ": " + reply.value("text", "refused") + (hint.empty() ? "" : "; " + hint));
     }
     return reply;
+}
+
+nlohmann::json ControlSocket::rows(const std::string &word, const std::string &list) {
+    auto found = nlohmann::json::array();
+    std::string line = word;
+    for (unsigned page = 0; page < kMostPages; ++page) {
+        const auto reply = request(line);
+        for (const auto &row : reply.value(list, nlohmann::json::array())) {
+            found.push_back(row);
+        }
+        if (!reply.contains("next")) {
+            return found;
+        }
+        line = word + " " + reply["next"].dump();
+    }
+    throw Fault(path_ + ": a " + word + " without an end");
 }
 
 }  // namespace fsoe_net_ros

@@ -19,6 +19,9 @@ public:
     /** Sends a request and returns its reply. @throws Fault  it is refused, or no reply comes in 5 s. */
     nlohmann::json request(const std::string &line);
 
+    /** Sends a request whose reply may have several pages; returns the rows of all under `list`. */
+    nlohmann::json rows(const std::string &word, const std::string &list);
+
 private:
     void wait_for_reply();
 

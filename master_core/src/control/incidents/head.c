@@ -85,8 +85,9 @@ void fsn_incident_head(struct fsn_incidents *in, struct fsn_json *json) {
     if (view->core == NULL) {
         fsn_json_null(json);
     } else {
+        struct fsn_page whole = {0};
         fsn_json_open(json, '{');
-        (void)fsn_report_layout(view, json);
+        (void)fsn_report_layout(view, &whole, json);
         fsn_json_close(json, '}');
     }
     if (in->fsoe.len_bytes > 0) {

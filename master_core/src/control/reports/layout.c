@@ -7,12 +7,12 @@ void fsn_report_name(struct fsn_bus_view *view, struct fsn_json *json, const cha
     fsn_json_put_text(json, key, fsn_known_subdevice(view->plan, subdevice).name);
 }
 
-static void put_sms(struct fsn_bus_view *view, struct fsn_json *json) {
+static void put_sms(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json) {
     struct fsn_sm_info info;
     fsn_json_put_open(json, "sms", '[');
     for (uint32_t sm = 0; fsn_plan_sm(view->plan, sm, &info) == FSN_OK; sm++) {
         const uint32_t byte = fsn_core_sm_base(view->core, sm);
-        if (byte == FSN_NONE) {
+        if (byte == FSN_NONE || !fsn_page_takes(page, json)) {
             continue;
         }
         fsn_json_open(json, '{');
@@ -27,7 +27,7 @@ static void put_sms(struct fsn_bus_view *view, struct fsn_json *json) {
 }
 
 /** With the working counters of the last cycle that can be had. */
-static void put_datagrams(struct fsn_bus_view *view, struct fsn_json *json) {
+static void put_datagrams(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json) {
     const struct fsn_core *core = view->core;
     const uint32_t count = fsn_core_datagram_count(core);
     const bool known =
@@ -37,6 +37,9 @@ static void put_datagrams(struct fsn_bus_view *view, struct fsn_json *json) {
         const uint32_t byte = fsn_core_datagram_byte(core, d);
         const uint32_t end =
             d + 1 < count ? fsn_core_datagram_byte(core, d + 1) : fsn_core_image_bytes(core);
+        if (!fsn_page_takes(page, json)) {
+            continue;
+        }
         fsn_json_open(json, '{');
         fsn_json_put_u64(json, "byte", byte);
         fsn_json_put_u64(json, "bytes", end - byte);
@@ -57,10 +60,13 @@ static void put_place(struct fsn_bus_view *view, struct fsn_json *json,
     fsn_json_put_u64(json, "bytes", copy->size_bytes);
 }
 
-static void put_copies(struct fsn_bus_view *view, struct fsn_json *json) {
+static void put_copies(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json) {
     struct fsn_copy_info copy;
     fsn_json_put_open(json, "copies", '[');
     for (uint32_t i = 0; fsn_plan_copy(view->plan, i, &copy) == FSN_OK; i++) {
+        if (!fsn_page_takes(page, json)) {
+            continue;
+        }
         fsn_json_open(json, '{');
         if (copy.net != NULL && copy.net[0] != 0) {
             fsn_json_put_text(json, "name", copy.net);
@@ -79,10 +85,14 @@ static void put_way(struct fsn_bus_view *view, struct fsn_json *json, const char
     fsn_json_close(json, '}');
 }
 
-static void put_connections(struct fsn_bus_view *view, struct fsn_json *json) {
+static void put_connections(struct fsn_bus_view *view, struct fsn_page *page,
+                            struct fsn_json *json) {
     struct fsn_connection_info info;
     fsn_json_put_open(json, "connections", '[');
     for (uint32_t i = 0; fsn_plan_connection(view->plan, i, &info) == FSN_OK; i++) {
+        if (!fsn_page_takes(page, json)) {
+            continue;
+        }
         fsn_json_open(json, '{');
         fsn_json_put_text(json, "name", info.name);
         fsn_report_name(view, json, "main", info.main_subdevice);
@@ -97,14 +107,15 @@ static void put_connections(struct fsn_bus_view *view, struct fsn_json *json) {
     fsn_json_close(json, ']');
 }
 
-fsn_status fsn_report_layout(struct fsn_bus_view *view, struct fsn_json *json) {
+fsn_status fsn_report_layout(struct fsn_bus_view *view, struct fsn_page *page,
+                             struct fsn_json *json) {
     if (view->core == NULL) {
         return FSN_E_STATE;
     }
     fsn_json_put_u64(json, "image_bytes", fsn_core_image_bytes(view->core));
-    put_sms(view, json);
-    put_datagrams(view, json);
-    put_copies(view, json);
-    put_connections(view, json);
+    put_sms(view, page, json);
+    put_datagrams(view, page, json);
+    put_copies(view, page, json);
+    put_connections(view, page, json);
     return FSN_OK;
 }

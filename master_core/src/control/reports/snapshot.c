@@ -117,7 +117,17 @@ static fsn_status take_snapshot(struct fsn_bus_view *view) {
                : fsn_core_snapshot(view->core, &view->statistics, view->connections, NULL);
 }
 
-static void put_snapshot(struct fsn_bus_view *view, struct fsn_json *json, bool taken) {
+bool fsn_page_takes(struct fsn_page *page, const struct fsn_json *json) {
+    const uint32_t row = page->row++;
+    const bool is_full = page->limit_bytes != 0 && json->len_bytes > page->limit_bytes;
+    if (row > page->first && page->next == 0 && is_full) {
+        page->next = row;
+    }
+    return row >= page->first && page->next == 0;
+}
+
+static void put_snapshot(struct fsn_bus_view *view, struct fsn_page *page, struct fsn_json *json,
+                         bool taken) {
     const uint32_t connections = taken ? fsn_plan_connection_count(view->plan) : 0;
     fsn_report_fingerprint(view, json);
     if (taken) {
@@ -128,20 +138,24 @@ static void put_snapshot(struct fsn_bus_view *view, struct fsn_json *json, bool 
     }
     fsn_json_put_open(json, "connections", '[');
     for (uint32_t i = 0; i < connections; i++) {
-        put_connection(view, json, i);
+        if (fsn_page_takes(page, json)) {
+            put_connection(view, json, i);
+        }
     }
     fsn_json_close(json, ']');
-    fsn_report_subdevices(view, json);
+    (void)fsn_report_subdevices(view, page, json);
 }
 
-fsn_status fsn_report_snapshot(struct fsn_bus_view *view, struct fsn_json *json) {
+fsn_status fsn_report_snapshot(struct fsn_bus_view *view, struct fsn_page *page,
+                               struct fsn_json *json) {
     const fsn_status status = take_snapshot(view);
     if (status == FSN_OK) {
-        put_snapshot(view, json, true);
+        put_snapshot(view, page, json, true);
     }
     return status;
 }
 
 void fsn_report_last_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
-    put_snapshot(view, json, take_snapshot(view) == FSN_OK);
+    struct fsn_page whole = {0};
+    put_snapshot(view, &whole, json, take_snapshot(view) == FSN_OK);
 }

@@ -273,40 +273,52 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
     fsn_json_close(json, '}');
 }
 
-void fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_json *json) {
+fsn_status fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_page *page,
+                                 struct fsn_json *json) {
     fsn_json_put_open(json, "subdevices", '[');
     for (uint32_t i = 0; i < fsn_plan_subdevice_count(view->plan); i++) {
-        one_subdevice(view, i, json);
+        if (fsn_page_takes(page, json)) {
+            one_subdevice(view, i, json);
+        }
     }
     fsn_json_close(json, ']');
+    return FSN_OK;
 }
 
-void fsn_report_symbols(struct fsn_bus_view *view, struct fsn_json *json) {
+static void one_symbol(struct fsn_bus_view *view, uint32_t number, struct fsn_json *json) {
+    const struct fsn_symbol_info info = fsn_known_symbol(view->plan, number);
+    const struct fsn_entry_record object = fsn_symbol_object(view->plan, &info);
+    const struct fsn_output_state state = fsn_outputs_state(view->outputs, number);
+    fsn_json_open(json, '{');
+    fsn_json_put_text(json, "name", info.name);
+    fsn_json_put_text(json, "subdevice", fsn_symbol_subdevice(view->plan, &info));
+    fsn_json_put_text(json, "direction", info.output != 0 ? "output" : "input");
+    fsn_json_put_u64(json, "index", object.index);
+    fsn_json_put_u64(json, "subindex", object.subindex);
+    fsn_json_put_text(json, "type", fsn_value_type(&info));
+    fsn_json_put_u64(json, "bits", info.bits);
+    fsn_json_key(json, "factor");
+    fsn_json_real(json, info.factor);
+    fsn_json_key(json, "offset");
+    fsn_json_real(json, info.offset);
+    fsn_json_put_bool(json, "open", state.open);
+    if (info.output != 0) {
+        fsn_json_put_bool(json, "restart_relevant", info.restart_relevant != 0);
+        fsn_json_key(json, "stop_value");
+        fsn_value_write(&info, info.stop_value, json);
+        fsn_json_put_known(json, "client", state.owner != FSN_NOBODY, state.owner);
+    }
+    fsn_json_close(json, '}');
+}
+
+fsn_status fsn_report_symbols(struct fsn_bus_view *view, struct fsn_page *page,
+                              struct fsn_json *json) {
     fsn_json_put_open(json, "symbols", '[');
     for (uint32_t i = 0; i < fsn_plan_symbol_count(view->plan); i++) {
-        const struct fsn_symbol_info info = fsn_known_symbol(view->plan, i);
-        const struct fsn_entry_record object = fsn_symbol_object(view->plan, &info);
-        const struct fsn_output_state state = fsn_outputs_state(view->outputs, i);
-        fsn_json_open(json, '{');
-        fsn_json_put_text(json, "name", info.name);
-        fsn_json_put_text(json, "subdevice", fsn_symbol_subdevice(view->plan, &info));
-        fsn_json_put_text(json, "direction", info.output != 0 ? "output" : "input");
-        fsn_json_put_u64(json, "index", object.index);
-        fsn_json_put_u64(json, "subindex", object.subindex);
-        fsn_json_put_text(json, "type", fsn_value_type(&info));
-        fsn_json_put_u64(json, "bits", info.bits);
-        fsn_json_key(json, "factor");
-        fsn_json_real(json, info.factor);
-        fsn_json_key(json, "offset");
-        fsn_json_real(json, info.offset);
-        fsn_json_put_bool(json, "open", state.open);
-        if (info.output != 0) {
-            fsn_json_put_bool(json, "restart_relevant", info.restart_relevant != 0);
-            fsn_json_key(json, "stop_value");
-            fsn_value_write(&info, info.stop_value, json);
-            fsn_json_put_known(json, "client", state.owner != FSN_NOBODY, state.owner);
+        if (fsn_page_takes(page, json)) {
+            one_symbol(view, i, json);
         }
-        fsn_json_close(json, '}');
     }
     fsn_json_close(json, ']');
+    return FSN_OK;
 }

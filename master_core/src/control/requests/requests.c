@@ -10,7 +10,10 @@
 #include "control/requests/request.h"
 #include "fsn/version.h"
 
-enum { AGAIN_NS = 1000000000 /**< between two events about refused requests of a client */ };
+enum {
+    AGAIN_NS = 1000000000,  /**< between two events about refused requests of a client */
+    PAGE_BYTES = 128 * 1024 /**< of a report, after which the next page begins */
+};
 
 /** One request of the protocol. */
 struct entry {
@@ -52,30 +55,44 @@ static fsn_status status(struct fsn_request *request) {
     return FSN_OK;
 }
 
-static fsn_status snapshot(struct fsn_request *request) {
-    const fsn_status found = fsn_report_snapshot(&request->services->view, request->json);
+typedef fsn_status (*report_fn)(struct fsn_bus_view *view, struct fsn_page *page,
+                                struct fsn_json *json);
+
+/** Answers one page of a report: from the row of the argument on, with the next row as `next`. */
+static fsn_status paged(struct fsn_request *request, report_fn report) {
+    uint64_t first = 0;
+    if (request->count > 0 && fsn_value_parse_number(request->argument[0], 32, &first) != NULL) {
+        return fsn_request_refuse(request, FSN_E_ARG, "the page before has it as next",
+                                  "the first row of a page is a number");
+    }
+    struct fsn_page page = {.first = (uint32_t)first, .limit_bytes = PAGE_BYTES};
+    const fsn_status found = report(&request->services->view, &page, request->json);
     if (found == FSN_E_STATE) {
         return fsn_request_refuse(request, found, "send start first", "the bus is stopped");
     }
-    return found == FSN_OK
-               ? FSN_OK
-               : fsn_request_refuse(request, found, "ask again", "no stable picture of a cycle");
+    if (found != FSN_OK) {
+        return fsn_request_refuse(request, found, "ask again", "no stable picture of a cycle");
+    }
+    if (page.next != 0) {
+        fsn_json_put_u64(request->json, "next", page.next);
+    }
+    return FSN_OK;
+}
+
+static fsn_status snapshot(struct fsn_request *request) {
+    return paged(request, fsn_report_snapshot);
 }
 
 static fsn_status layout(struct fsn_request *request) {
-    return fsn_report_layout(&request->services->view, request->json) == FSN_OK
-               ? FSN_OK
-               : fsn_request_refuse(request, FSN_E_STATE, "send start first", "the bus is stopped");
+    return paged(request, fsn_report_layout);
 }
 
 static fsn_status subdevices(struct fsn_request *request) {
-    fsn_report_subdevices(&request->services->view, request->json);
-    return FSN_OK;
+    return paged(request, fsn_report_subdevices);
 }
 
 static fsn_status symbols(struct fsn_request *request) {
-    fsn_report_symbols(&request->services->view, request->json);
-    return FSN_OK;
+    return paged(request, fsn_report_symbols);
 }
 
 /** The words of a request in one line, as far as there is room. */
@@ -185,16 +202,16 @@ static const struct entry requests[] = {
      "hello: version of protocol and program, your client number"},
     {"status", FSN_OBSERVER, 0, 0, status, READS,
      "status: state of the program and of the bus, short"},
-    {"snapshot", FSN_OBSERVER, 0, 0, snapshot, READS,
-     "snapshot: statistics, connections and SubDevices in full"},
-    {"subdevices", FSN_OBSERVER, 0, 0, subdevices, READS,
-     "subdevices: what is known about each SubDevice"},
-    {"symbols", FSN_OBSERVER, 0, 0, symbols, READS,
-     "symbols: named inputs and outputs, and who writes them"},
+    {"snapshot", FSN_OBSERVER, 0, 1, snapshot, READS,
+     "snapshot [ROW]: statistics, connections and SubDevices in full"},
+    {"subdevices", FSN_OBSERVER, 0, 1, subdevices, READS,
+     "subdevices [ROW]: what is known about each SubDevice"},
+    {"symbols", FSN_OBSERVER, 0, 1, symbols, READS,
+     "symbols [ROW]: named inputs and outputs, and who writes them"},
     {"get", FSN_OBSERVER, 1, FSN_WORDS, fsn_answer_get, READS,
      "get [--typed] NAME…: values of one cycle"},
-    {"layout", FSN_OBSERVER, 0, 0, layout, READS,
-     "layout: where everything lies in the process image"},
+    {"layout", FSN_OBSERVER, 0, 1, layout, READS,
+     "layout [ROW]: where everything lies in the process image"},
     {"set", FSN_OPERATOR, 1, FSN_WORDS, fsn_answer_set, REFUSED_ONLY,
      "set [--typed] NAME=VALUE…: all or none; yours until your lease ends"},
     {"lease", FSN_OBSERVER, 1, 1, lease, READS,

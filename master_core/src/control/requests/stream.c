@@ -13,7 +13,7 @@ enum {
     MOST_EVERY = 1000000,      /**< cycles between two lines */
     TURN_LINES = 32,           /**< lines for one client before the others have their turn */
     PENDING_BYTES = 256 << 10, /**< unread bytes of a client that gets no more lines for now */
-    LINE_BYTES = 256 << 10,    /**< of one line */
+    LINE_BYTES = 512 << 10,    /**< of one line */
     NUMBER_BYTES = 28,         /**< of a value, with what stands around its name */
 };
 

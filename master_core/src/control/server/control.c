@@ -38,7 +38,7 @@ struct fsn_control *fsn_control_create(const struct fsn_plan *plan,
     services->jobs.host = host;
     services->client = control->client;
     services->clients = FSN_CONTROL_CLIENTS;
-    services->line.limit_bytes = FSN_CLIENT_OUT_BYTES / 4;
+    services->line.limit_bytes = FSN_CLIENT_OUT_BYTES / 2;
     services->events = (struct fsn_events){.host = host,
                                            .json.limit_bytes = FSN_CLIENT_OUT_BYTES,
                                            .deliver = deliver,
