@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import cached_property
 
 from fsoe_net.emul.device import EmulatedDevice
 from fsoe_net.emul.drive.axis import EmulatedAxis
@@ -43,17 +44,17 @@ class EmulatedDevices:
                 ends = self.mains if port.is_main else self.subs
                 ends[port.setup.connection.name] = port
 
-    @property
+    @cached_property
     def masters(self) -> list[EmulatedDevice]:
         """Devices that hold a MainInstance, so have a logic."""
         return [d for d in self.devices.values() if any(p.is_main for p in d.ports)]
 
-    @property
+    @cached_property
     def safe_inputs(self) -> dict[str, Port]:
         """Safe inputs of all SubInstances by name."""
         return {name: port for port in self.subs.values() for name in port.sends}
 
-    @property
+    @cached_property
     def safe_outputs(self) -> dict[str, Port]:
         """Safe outputs of all SubInstances by name."""
         return {name: port for port in self.subs.values() for name in port.receives}
@@ -113,7 +114,7 @@ class EmulatedDevices:
         name = normal_name(name)
         return self.safe_outputs[name].received(name)
 
-    @property
+    @cached_property
     def axes(self) -> dict[str, WiredAxis]:
         """Emulated axes by name, as `fsoe_net.model.drives.axis_name` has it."""
         return {wired.name: wired for device in self.devices.values() for wired in device.axes}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -44,6 +43,12 @@ class EmulatedDevice:
     _unpublished: set[int] = field(default_factory=set)
     _set: set[tuple[int, int]] = field(default_factory=set)
     _shown: dict[tuple[int, int], int] = field(default_factory=dict)
+    _mains: tuple[Port, ...] = ()
+    _rx_sms: tuple[int, ...] = ()  # a logic has many ends in one sync manager
+
+    def __post_init__(self) -> None:
+        self._mains = tuple(port for port in self.ports if port.is_main)
+        self._rx_sms = tuple({port.rx_sm for port in self.ports})
 
     def set_input(self, sm: int, bit: int, bits: int, value: int) -> None:
         """Set standard input bits of a sync manager; the next step publishes them.
@@ -60,9 +65,9 @@ class EmulatedDevice:
     def step(self, now_ns: int, io: ProcessData) -> None:
         """Read outputs, let every FSoE end take one step, publish inputs that changed."""
         changed = self._unpublished
+        images = {sm: io.read_outputs(sm) for sm in self._rx_sms}
         for port in self.ports:
-            image = io.read_outputs(port.rx_sm)
-            frame = image[port.rx_byte : port.rx_byte + port.rx_bytes]
+            frame = images[port.rx_sm][port.rx_byte : port.rx_byte + port.rx_bytes]
             if not port.is_main:
                 self._prepare_sub(port)
             port.instance.set_safe_data(bytes(port.safe))
@@ -101,21 +106,21 @@ class EmulatedDevice:
 
     def _decide(self, now_ns: int) -> None:
         """Run the logic of a safety master over all its connections."""
-        mains = [p for p in self.ports if p.is_main]
-        if not mains:
+        if not self._mains:
             return
-        due = [p for p in mains if p.setup.connection.name not in self.away]
+        due = {p for p in self._mains if p.setup.connection.name not in self.away}
         good = all(p.instance.state is State.DATA and p.instance.data_valid for p in due)
         good = good and all(p.received(name) for p, name in self.logic_inputs if p in due)
         self.logic.update(good, now_ns)
-        self._switch(mains)
+        self._switch()
 
-    def _switch(self, mains: Sequence[Port]) -> None:
+    def _switch(self) -> None:
         """Give the outputs of the logic to the frames of its connections."""
         held = [(port, name) for port, name in self.logic_outputs if self.logic.is_on(name)]
-        for port in mains:
+        holding = {port for port, _ in held}
+        for port in self._mains:
             port.safe[:] = bytes(len(port.safe))
-            enabled = self.logic.on or any(p is port for p, _ in held)
+            enabled = self.logic.on or port in holding
             port.instance.enable = enabled and port.instance.state is State.DATA
         for port, name in held:
             signal = port.sends[name]

@@ -19,15 +19,17 @@ __all__ = ["Port", "main_port", "sub_port"]
 SessionIds = Callable[[], int]
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Port:
     """One FSoE end of a device and where its frames lie.
 
-    ``receives`` and ``sends`` name the safe data; ``safe`` is what the end sends while enabled.
+    ``is_main``: it is the MainInstance of its connection. ``receives`` and ``sends`` name the safe
+    data; ``safe`` is what the end sends while enabled.
     """
 
     setup: FsoeSetup
     instance: MainInstance | SubInstance
+    is_main: bool
     rx_sm: int
     rx_byte: int
     rx_bytes: int
@@ -40,11 +42,6 @@ class Port:
     """Values a SubInstance sends as it receives them: what a drive received, it reports."""
     reported: dict[str, int] = field(default_factory=dict)
     """Values that an emulated axis reports: 1 for a safety function that acts."""
-
-    @property
-    def is_main(self) -> bool:
-        """Whether this is the MainInstance of its connection."""
-        return isinstance(self.instance, MainInstance)
 
     def received(self, name: str) -> int:
         """Return a received safe value; 0 while the data are not valid."""
@@ -82,6 +79,7 @@ def _port(
     return Port(
         setup=setup,
         instance=instance,
+        is_main=named_by_sub,
         rx_sm=_sm_index(rx),
         rx_byte=rx.byte_offset,
         rx_bytes=received.transfer.size_bytes,
