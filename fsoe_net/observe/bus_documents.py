@@ -55,6 +55,7 @@ class SubDeviceSnapshot:
     """
 
     name: str
+    bus: int
     alias: int
     position: int
     known: bool
@@ -253,6 +254,7 @@ def read_subdevice(row: JsonObject) -> SubDeviceSnapshot:
     facts = row if known else row.empty()
     return SubDeviceSnapshot(
         name=row.label("name"),
+        bus=row.optional("bus") or 0,
         alias=row.count("alias"),
         position=row.count("position"),
         known=known,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 
@@ -10,13 +11,16 @@ from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
 from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_cycles import BadCycles
-from fsoe_net.observe.incident import TriggerKind
+from fsoe_net.observe.incident import IncidentEvent, TriggerKind
 
 __all__ = ["bus_causes"]
 
 _WATCHDOG = 5
 _TENTH_MS = 100_000
 _MOST_ERRNO = 4095
+_NO_INTERFACE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.ENOLINK})
+_TOGETHER_NS = 250_000_000  # SubDevices are looked at one after the other
+_LINK_DOWN_NS = 100_000_000
 
 
 def bus_causes(e: IncidentEvidence) -> Iterator[Candidate]:
@@ -51,19 +55,23 @@ def _other_main(e: IncidentEvidence) -> Iterator[Candidate]:
 
 def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
     """SubDevices that do not answer any more."""
-    gone = e.lost_subdevices()
-    known = [s for s in e.head.subdevices if s.known]
-    if not gone or (len(gone) == len(known) and _is_late(e)):
+    lost = e.lost_subdevices()
+    if not lost or (len(lost) == sum(s.known for s in e.head.subdevices) and _is_late(e)):
         return  # frames that come back late have been everywhere
-    first, several = gone[0], len(gone) > 1
+    first = lost[0]
+    gone = [s for s in lost if s.bus == first.bus]
+    line, several = e.line(first.bus), len(gone) > 1
     score = 92 if _own(e, [s.name for s in gone]) else 45
     facts = [*_facts_of_gone(e, gone), *_when(e, gone), *_ring(e)]
     facts.append(f"the bus says of {first.name}: {first.detail}" if first.detail else "")
-    before = {s.position: s.name for s in known if s.position < first.position}
-    if _names_a_link(gone) or (several and len(known) - len(before) == len(gone)):
-        other = before[max(before)] if before else "the MainDevice"
-        line = "all devices from there on are gone" if several else ""
-        yield candidate(e, "cable_cut", score + 4, line, *facts, device=first.name, other=other)
+    before = line[: line.index(first)]
+    if len(gone) == len(line) and _interface_down(e):
+        yield candidate(e, "main_link_lost", score + 6, *facts, device=first.name)
+        return
+    if _names_a_link(gone) or (several and len(line) - len(before) == len(gone)):
+        other = before[-1].name if before else "the MainDevice"
+        text = "all devices from there on are gone" if several else ""
+        yield candidate(e, "cable_cut", score + 4, text, *facts, device=first.name, other=other)
         if several:
             yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
         return
@@ -149,25 +157,77 @@ def _when(e: IncidentEvidence, gone: list[SubDeviceSnapshot]) -> list[str]:
 
 
 def _back(e: IncidentEvidence) -> Iterator[Candidate]:
-    """SubDevices that were gone for a while."""
-    start = e.window_ns[0]
-    everybody = {s.name for s in e.head.subdevices if s.known}
-    fell: dict[str, str] = {}
-    for event in e.events("subdevice", start):
+    """SubDevices that were gone for a while: one, all from one on, or all of a bus."""
+    fell: dict[str, IncidentEvent] = {}
+    # A connection that is silent is noticed later than one that is reset.
+    gaps = [r.start_ns for r in e.bus.short_between(*e.window_ns)]
+    for event in e.events("subdevice", min([e.window_ns[0], *gaps])):
         if event.keys.get("after", "") in ("none", "INIT", "INIT+ERROR"):
-            fell.setdefault(event.keys.get("subdevice", ""), event.text)
-    back = [name for name in fell if (s := e.subdevice(name)) and s.answers]
-    if not back or (len(everybody) > 1 and set(fell) >= everybody):
-        return  # all at once: that is the bus, not one device
-    mine = _own(e, back)
-    device = (mine or back)[0]
-    score = 88 if mine else 45
-    seen = e.subdevice(device)
+            fell.setdefault(event.keys.get("subdevice", ""), event)
+    for bus in sorted({s.bus for s in e.head.subdevices}):
+        line = e.line(bus)
+        back = [s for s in line if s.name in fell and s.answers]
+        if back and _own(e, [s.name for s in back]):
+            yield from _back_on(e, line, back, fell, 88)
+        elif back:
+            yield from _back_on(e, line, back, fell, 45)
+
+
+def _back_on(
+    e: IncidentEvidence,
+    line: list[SubDeviceSnapshot],
+    back: list[SubDeviceSnapshot],
+    fell: dict[str, IncidentEvent],
+    score: int,
+) -> Iterator[Candidate]:
+    """Judge what was gone on one bus.
+
+    The first device in the ring of those that fell together is next to the fault: a line ends there
+    for all after it, in whatever order their connections drop.
+    """
+    begun_ns = min(fell[s.name].now_ns for s in back)
+    together = [s for s in back if fell[s.name].now_ns - begun_ns <= _TOGETHER_NS]
+    first = together[0]
+    before = line[: line.index(first)]
+    other = before[-1].name if before else "the MainDevice"
     facts = [
-        f"event: {fell[device]}",
-        f"times it has come back so far: {seen.returns}" if seen and seen.returns else "",
+        f"event: {fell[first.name].text}",
+        f"times it has come back so far: {first.returns}" if first.returns else "",
+        *_wkc(e),
     ]
-    yield candidate(e, "device_interrupted", score, *facts, *_wkc(e), device=device)
+    if len(together) == 1 and len(line) > 1:
+        yield candidate(e, "device_interrupted", score, *facts, device=first.name)
+        return
+    names = ", ".join(s.name for s in together[:6]) + (", ..." if len(together) > 6 else "")
+    facts.insert(0, f"gone together and back: {names}")
+    if before:
+        yield candidate(e, "cable_interrupted", score, *facts, device=first.name, other=other)
+        yield candidate(e, "device_interrupted", score - 20, *facts, device=first.name)
+    elif _interface_down(e):
+        yield candidate(e, "main_link_lost", 97, *facts, _unsent(e), device=first.name)
+    elif len(line) == len(together) and _one_gap(e):
+        yield candidate(e, "main_link_lost", score + 4, *facts, device=first.name)
+
+
+def _interface_down(e: IncidentEvidence) -> bool:
+    """Whether frames were not sent because the network interface was down or had no link."""
+    c = e.head.counters
+    return c is not None and c.unsent_frames > 0 and c.send_errno in _NO_INTERFACE
+
+
+def _one_gap(e: IncidentEvidence) -> bool:
+    """Whether nearly all that is missing is one gap, too long for interference.
+
+    Interference comes in bursts; a link that is down is down.
+    """
+    bursts = [r for r in e.bus.short if _is_burst(r)]
+    longest = max((r.length_ns for r in bursts), default=0)
+    return (
+        not _is_late(e)
+        and not e.events("ring", e.window_ns[0])
+        and longest >= _LINK_DOWN_NS
+        and 5 * longest >= 4 * sum(r.length_ns for r in bursts)
+    )
 
 
 def _state(e: IncidentEvidence) -> Iterator[Candidate]:

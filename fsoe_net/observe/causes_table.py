@@ -148,6 +148,25 @@ _ROWS = (
         "Replace plug or cable, or repair the supply (own fuse, thicker wire, separate supply).",
     ),
     (
+        "cable_interrupted",
+        "The line was interrupted before {device} for a while: it and the devices after it were "
+        "gone and came back.",
+        "Several devices drop together, always from {device} on, and return by themselves.",
+        "With the machine secured, check the cable and plugs between {other} and {device} and the "
+        "supply of {device}; a device that restarts interrupts the line for those after it.",
+        "Replace the cable or plug, or repair the supply; where it moves, use a cable made for "
+        "that.",
+    ),
+    (
+        "main_link_lost",
+        "The link of the MainDevice was down: no frame reached any SubDevice.",
+        "All SubDevices and connections drop at the same moment.",
+        "Compare the time with the system log: a network manager or power saving can take an "
+        "interface down. Read carrier and errors with `ip -s link`. With the machine secured, "
+        "check the cable and plugs between the MainDevice and {device}, and the power of {device}.",
+        "Keep other programs away from the interface, or replace the cable or plug.",
+    ),
+    (
         "device_state",
         "{device} has left OP on its own account.",
         "Its ERR LED blinks; its inputs stand still.",

@@ -183,10 +183,20 @@ class IncidentEvidence:
 
         Where another device was found there is one.
         """
-        return sorted(
-            (s for s in self.head.subdevices if s.known and not s.answers and s.found != _OTHER),
-            key=lambda s: s.position,
-        )
+        return [
+            s
+            for bus in sorted({s.bus for s in self.head.subdevices})
+            for s in self.line(bus)
+            if not s.answers and s.found != _OTHER
+        ]
+
+    def line(self, bus: int) -> list[SubDeviceSnapshot]:
+        """Return the SubDevices of a bus in ring order, as far as the bus knows their state.
+
+        Where some have an alias a position may count from it: then it is the order of the plan.
+        """
+        own = [s for s in self.head.subdevices if s.known and s.bus == bus]
+        return own if any(s.alias for s in own) else sorted(own, key=lambda s: s.position)
 
     def stopped(self) -> list[str]:
         """Return all connections that had a Reset close to the moment or are not in Data."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,56 @@ def unplugged_for_a_moment(tmp: Path) -> Path:
     rig = Rig(network(CELL, tmp), tmp, steps=steps)
     rig.run(1_700)
     return rig.end()
+
+
+def line_interrupted(order: tuple[str, ...]) -> Callable[[Path], Path]:
+    """A cable is cut between two devices and joined again: all after it were gone.
+
+    The connection that drops first is that of the last device: which end drops first says nothing
+    about the place.
+    """
+
+    def seed(tmp: Path) -> Path:
+        steps = "".join(f"  - {{at_ms: {500 + n}, break: {d}}}\n" for n, d in enumerate(order))
+        steps += "".join(f"  - {{at_ms: 900, heal: {d}}}\n" for d in order)
+        rig = Rig(
+            network(CELL, tmp, ("connection_id: 4, watchdog_ms: 100", SHORT)), tmp, steps=steps
+        )
+        rig.run(1_900)
+        return rig.end()
+
+    return seed
+
+
+SHORT = "connection_id: 4, watchdog_ms: 40"
+
+
+def link_lost(tmp: Path) -> Path:
+    """The first cable, or all devices without power: one gap of 400 ms for everything."""
+    rig = Rig(network(CELL, tmp), tmp, steps=all_of(500, "break") + all_of(900, "heal"))
+    rig.run(1_900)
+    return rig.end()
+
+
+def interface_down(tmp: Path, *, heal_ms: int = 560) -> Path:
+    """The interface goes down for a moment: the kernel refuses to send (ENETDOWN)."""
+    rig = Rig(
+        network(
+            CELL, tmp, ("connection_id: 1, watchdog_ms: 100", "connection_id: 1, watchdog_ms: 40")
+        ),
+        tmp,
+        steps=all_of(500, "break") + all_of(heal_ms, "heal"),
+    )
+    rig.run(1_900)
+
+    def unsent(head: dict[str, Any]) -> None:
+        head["statistics"] |= {"unsent_frames": heal_ms - 500, "send_errno": errno.ENETDOWN}
+
+    return edited(rig.end(), unsent)
+
+
+def interface_stays_down(tmp: Path) -> Path:
+    return interface_down(tmp, heal_ms=5_000)
 
 
 def power_cycled(tmp: Path) -> Path:
@@ -143,6 +194,17 @@ DEVICES: dict[str, Seed] = {
     "cable cut between two": (cable_cut, "cable_cut"),
     "cable of a ring": (ring_opened, "ring_open"),
     "unplugged for a moment": (unplugged_for_a_moment, "device_interrupted"),
+    "line cut and joined": (
+        line_interrupted(("el2904", "drive_1", "drive_2")),
+        "cable_interrupted",
+    ),
+    "line cut and joined, the last is missed first": (
+        line_interrupted(("drive_2", "drive_1", "el2904")),
+        "cable_interrupted",
+    ),
+    "first cable cut and joined": (link_lost, "main_link_lost"),
+    "interface down for a moment": (interface_down, "main_link_lost"),
+    "interface down": (interface_stays_down, "main_link_lost"),
     "device power-cycled": (power_cycled, "device_restarted"),
     "logic restarted": (logic_restarted, "main_restarted"),
     "connection switched off in the program": (local_reset, "local_reset"),

@@ -234,6 +234,8 @@ TRIED: dict[str, Seed] = {
 
 # The right ones are named: the first text of the likely cause.
 NAMED = {
+    "line cut and joined": ("el2904", ""),
+    "line cut and joined, the last is missed first": ("el2904", ""),
     "second and fourth of five swapped": ("s2", "s4"),
     "last two of five swapped": ("s4", "s5"),
     "three of five moved on by one": ("s1", "s3, s5"),

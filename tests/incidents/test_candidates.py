@@ -103,6 +103,7 @@ def device(name: str, position: int, **changes: Any) -> SubDeviceSnapshot:
         detail="",
         returns=0,
         stale_cycles=0,
+        bus=0,
         alias=0,
         vendor_id=0,
         product_code=0,

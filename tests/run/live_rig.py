@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 from incidents.rig import judged
@@ -205,6 +206,30 @@ def incident(network, other):
     running.end(signal.SIGINT)
     emulator.end()
     return {"last": last, "file": str(named()[0]) if named() else None}
+
+
+def gap(network, kind):
+    """The line opens for a while: after a SubDevice, or at the interface of the MainDevice."""
+    emulator = Emulator(network)
+    running = Running(network, "--incidents", ".")
+    opens, closes = {
+        "line": (lambda: emulator.do("cut el1904"), lambda: emulator.do("splice el1904")),
+        "interface": (partial(_set_link, "down"), partial(_set_link, "up")),
+    }[kind]
+    opens()
+    wait_for("its loss", lambda: not running.client.subdevices()[-1].in_op)
+    wait_for("a Reset", lambda: not running.in_data())
+    closes()
+    wait_for("a file", lambda: [p for p in Path().glob("incident-*") if _is_whole(p)])
+    running.end(signal.SIGINT)
+    emulator.end()
+    first = min(Path().glob("incident-*"), key=lambda p: p.stat().st_mtime_ns)
+    likely = judged(first).likely
+    return {"key": likely and likely.key, "title": likely and likely.title}
+
+
+def _set_link(state):
+    subprocess.run(["ip", "link", "set", "near", state], check=True)
 
 
 def _send_as_another(frames):
@@ -488,6 +513,7 @@ CASES = {
         wrong,
         unplug,
         in_the_cycle,
+        gap,
         incident,
         ring,
         kill_tool,

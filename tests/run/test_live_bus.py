@@ -162,6 +162,19 @@ def test_an_unplugged_subdevice_is_named(tmp_path):
     assert any(text.startswith("the clocks are synchronous: all within") for text in said)
 
 
+@pytest.mark.parametrize(
+    ("kind", "key", "title"),
+    [
+        # The devices after el1904 are gone; which connection drops first is chance.
+        ("line", "cable_interrupted", "The line was interrupted before el2904 for a while"),
+        ("interface", "main_link_lost", "The link of the MainDevice was down"),
+    ],
+)
+def test_a_gap_is_named_by_its_place(kind, key, title, tmp_path):
+    seen = on_the_wire("gap", ROBOT, kind, tmp=tmp_path, good=lambda s: s["key"] == key)
+    assert seen["title"].startswith(title)
+
+
 def test_an_incident_names_its_cause_and_holds_what_the_devices_tell(tmp_path):
     seen = on_the_wire("incident", ESTOP, tmp=tmp_path, good=lambda s: s["file"] is not None)
     done = fsn("incident", str(tmp_path / seen["file"]), "--format", "json")
