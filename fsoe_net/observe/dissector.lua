@@ -367,7 +367,8 @@ local function show(s, tvb, packet, tree)
   local pdu, arrow = decode(s.raw), connection.arrows[direction]
   local verdict, state, sequence = finding_of(s, packet)
   local text = arrow .. " " .. command_text(pdu)
-  local range = tvb(s.at, place.size)
+  local range = s.at and tvb(s.at, place.size)
+    or ByteArray.new(s.raw, true):tvb("FSoE frame of two datagrams"):range()
   local number = sequence and " #" .. sequence or ""
   local sub = tree:add(fsoe, range, "FSoE " .. text .. ", " .. verdict .. number)
   sub:add(f.connection, connection.name):set_generated()
@@ -381,7 +382,7 @@ local function show(s, tvb, packet, tree)
   return state and (verdict == "wrong" and text .. " WRONG CRC" or text) or nil
 end
 
--- Returns what lies in a datagram, in the order of the connections.
+-- Returns what lies in a run of datagrams, in the order of the connections.
 local function places_in(address, size)
   local key = address * 2048 + size
   if places_of[key] then return places_of[key] end
@@ -398,19 +399,48 @@ local function places_in(address, size)
   return found
 end
 
-local function look_at(tvb, at, size, address, seen)
-  local answered = tvb(at + size, 2):le_uint() > 0
-  for _, p in ipairs(places_in(address, size)) do
+-- Returns the bytes of a place in a run, whether all of them were answered, and where they are in the
+-- packet; nil when they are in two datagrams.
+local function bytes_of(tvb, run, offset, size)
+  local raw, answered, at = "", true, nil
+  for _, part in ipairs(run.parts) do
+    local first, last = math.max(offset, part.offset), math.min(offset + size, part.offset + part.size)
+    if first < last then
+      local begin = part.at + first - part.offset
+      raw = raw .. tvb:raw(begin, last - first)
+      answered = answered and part.answered
+      if last - first == size then at = begin end
+    end
+  end
+  return raw, answered, at
+end
+
+local function look_at(tvb, run, seen)
+  for _, p in ipairs(places_in(run.address, run.size)) do
+    local raw, answered, at = bytes_of(tvb, run, p.offset, p.place.size)
     if answered or not p.place.is_input then -- on the way out the inputs are old
       seen[#seen + 1] = {
         connection = p.connection,
         place = p.place,
-        at = at + p.offset,
-        raw = tvb:raw(at + p.offset, p.place.size),
+        at = at,
+        raw = raw,
         watched = answered and p.place.watched,
       }
     end
   end
+end
+
+-- Appends a datagram to the run of datagrams that it continues: a MainDevice may cut its image, and an
+-- FSoE frame with it, into several.
+local function append(runs, command, address, part)
+  local run = runs[#runs]
+  if not run or run.command ~= command or run.address + run.size ~= address then
+    run = {command = command, address = address, size = 0, parts = {}}
+    runs[#runs + 1] = run
+  end
+  part.offset = run.size
+  run.parts[#run.parts + 1] = part
+  run.size = run.size + part.size
 end
 
 -- Returns where the EtherCAT header begins in an Ethernet frame, also in UDP.
@@ -432,16 +462,18 @@ local function frames_in(tvb)
   local seen, at = {}, ethercat_start(tvb)
   if not at or floor(tvb(at, 2):le_uint() / 4096) ~= 1 then return seen end
   at = at + 2
-  local more = true
+  local more, runs = true, {}
   while more and tvb:len() >= at + 12 do
     local command, flags = tvb(at, 1):uint(), tvb(at + 6, 2):le_uint()
     local size = flags % 2048
     more = flags >= 0x8000 and tvb:len() >= at + 12 + size
     if command >= 10 and command <= 12 and tvb:len() >= at + 12 + size then
-      look_at(tvb, at + 10, size, tvb(at + 2, 4):le_uint(), seen)
+      local answered = tvb(at + 10 + size, 2):le_uint() > 0
+      append(runs, command, tvb(at + 2, 4):le_uint(), {at = at + 10, size = size, answered = answered})
     end
     at = at + 12 + size
   end
+  for _, run in ipairs(runs) do look_at(tvb, run, seen) end
   return seen
 end
 

@@ -31,11 +31,9 @@ static void begin_packet(void) {
     packet.now_ns += NS;
 }
 
-static void add_datagram(uint32_t address, const uint8_t *data, uint16_t size) {
+/** Adds a datagram that does not say of the one before that it is followed. */
+static void add_last_datagram(uint32_t address, const uint8_t *data, uint16_t size) {
     uint8_t *at = packet.bytes + packet.len;
-    if (packet.len > HEAD_AT + 2) { /* the one before has a follower: all are of one size here */
-        at[-1 - 2 - size - 2] |= 0x80;
-    }
     CHECK(packet.len + DATAGRAM_HEAD + size + 2 <= sizeof packet.bytes);
     at[0] = LRW;
     memcpy(at + 2, &address, sizeof address);
@@ -44,6 +42,13 @@ static void add_datagram(uint32_t address, const uint8_t *data, uint16_t size) {
     memcpy(at + DATAGRAM_HEAD, data, size);
     at[DATAGRAM_HEAD + size] = 1;
     packet.len += DATAGRAM_HEAD + size + 2u;
+}
+
+static void add_datagram(uint32_t address, const uint8_t *data, uint16_t size) {
+    if (packet.len > HEAD_AT + 2) { /* the one before has a follower: all are of one size here */
+        packet.bytes[packet.len - 1 - 2 - size - 2] |= 0x80;
+    }
+    add_last_datagram(address, data, size);
 }
 
 static void hand_over(struct fsn_scan *scan) {
@@ -255,6 +260,46 @@ static void what_is_no_frame_holds_nothing_up(void) {
     CHECK(packets_until_found(20, 0x3600) < 1000);
 }
 
+/** One image in two datagrams, cut at each byte. Every seventh packet the second has no answer. */
+static void a_frame_may_be_cut_by_two_datagrams(void) {
+    enum { PACKETS = 300 };
+    for (uint16_t cut = 1; cut < 2 * FRAME; cut++) {
+        struct pair pair = {0};
+        struct fsn_scan *scan;
+        struct fsn_sighting seen;
+        struct fsn_scan_counts counts;
+        unsigned right = 0, wrong = 0, sent = 0;
+        chain_clear(&pair.chain);
+        CHECK(fsn_scan_create(&scan) == FSN_OK);
+        for (unsigned i = 0; i < PACKETS; i++) {
+            const bool answered = i % 7 != 0;
+            if (answered) {
+                next_frame(&pair, 7, sent % 2, (uint8_t)sent);
+                sent++;
+            }
+            begin_packet();
+            add_datagram(0x1000, pair.frames, cut);
+            packet.bytes[HEAD_AT + 2 + 7] |= 0x80; /* another follows */
+            uint8_t rest[2 * FRAME] = {0}; /* without an answer the outputs of before come back */
+            memcpy(rest, answered ? pair.frames + cut : rest, (size_t)(2 * FRAME - cut));
+            add_last_datagram(0x1000u + cut, rest, (uint16_t)(2 * FRAME - cut));
+            if (!answered) {
+                memset(packet.bytes + packet.len - 2, 0, 2);
+            }
+            hand_over(scan);
+            while (fsn_scan_next(scan, &seen)) {
+                right += seen.verdict == FSN_VERDICT_RIGHT;
+                wrong += seen.verdict == FSN_VERDICT_WRONG;
+            }
+        }
+        fsn_scan_counts(scan, &counts);
+        CHECK(fsn_scan_connection_count(scan) == 1 && wrong == 0);
+        CHECK(right > PACKETS / 2 && counts.unanswered == PACKETS / 7 + 1);
+        CHECK(counts.datagrams == 2 * PACKETS - counts.unanswered);
+        fsn_scan_free(scan);
+    }
+}
+
 static void what_is_no_packet_is_no_harm(void) {
     static const uint8_t short_one[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x88, 0xA4, 0};
     struct fsn_scan *scan;
@@ -279,6 +324,7 @@ int main(void) {
     connections_are_limited();
     a_packet_full_of_answers_is_right();
     what_is_no_frame_holds_nothing_up();
+    a_frame_may_be_cut_by_two_datagrams();
     what_is_no_packet_is_no_harm();
     return 0;
 }

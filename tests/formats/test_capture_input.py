@@ -19,7 +19,7 @@ from formats.startup import (
     Startup,
     startup,
 )
-from observe.traffic import Bus, datagram, packet
+from observe.traffic import Bus, cut, datagram, packet
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.capture import read as capture
@@ -64,6 +64,17 @@ def ways(description):
         (c.source.subdevice, c.source.sm_index, c.destination.subdevice, c.destination.sm_index)
         for c in description.copies
     }
+
+
+def test_frames_that_two_datagrams_hold_are_found():
+    made = Startup()
+    made.configure()
+    begun, bus = len(made.packets), Bus()
+    made.cycle(bus, 300)
+    places = [at + 2 for at in (bus.main_at, bus.sub_at, bus.main_copy_at, bus.sub_copy_at)]
+    made.packets[begun:] = [cut(row, *places) for row in made.packets[begun:]]
+    found, _ = described(made.pcap())
+    assert ways(found) == WAYS
 
 
 @pytest.mark.parametrize("how", ["upload", "complete", "segments"])

@@ -8,6 +8,7 @@ import pytest
 from data_files import listed, need
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from observe.traffic import cut
 from observe.tshark import items, run, tshark
 from run.support import ESTOP, ROBOT, needs_core, resolution_of, session_of
 
@@ -175,6 +176,28 @@ def test_verdicts_are_those_of_our_decoders(folder: Path, head: str, tmp_path: P
     sent, arrived = set(by_scanner(made)), {row[1:] for row in found}
     assert not arrived - sent
     assert len(sent - arrived) <= len(made.naming.connections)
+
+
+@pytest.mark.uncounted
+def test_frames_that_two_datagrams_hold_are_judged_as_whole_ones(tmp_path: Path):
+    """Each frame of the network is cut in two at its second byte."""
+    made = Made(ESTOP, tmp_path)
+    whole = made.packets()
+    expected = by_monitor(made)
+    assert {row[4] for row in expected} >= {"right"}
+    names = made.naming.connections[0]
+    places = {address + 2 for side in names.addresses for address in side}
+    made.write([cut(packet, *places) for packet in whole])
+    word = {"verdict": "fsoe.crc.verdict", "state": "fsoe.state", "number": "fsoe.sequence"}
+    found = [
+        (i.packet, i.one(word["verdict"]), i.one(word["state"]), int(i.one(word["number"]) or 0))
+        for i in items(made.script, made.capture)
+        if i.one(word["verdict"]) not in ("copy", "same")
+    ]
+    assert sorted(found) == sorted((row[0], *row[4:]) for row in expected)
+    scanned = [row[2:] for row in by_scanner(made)]
+    made.write(whole)
+    assert scanned == [row[2:] for row in by_scanner(made)]
 
 
 @pytest.mark.parametrize("folder", [ESTOP, ROBOT], ids=["estop", "el6910"])

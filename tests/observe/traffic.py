@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import random
 import struct
 
@@ -28,6 +29,21 @@ def packet(*datagrams, vlan=False, udp=False):
         )
         return MAC + b"\x08\0" + ip + struct.pack(">HHHH", 0x88A4, 0x88A4, 8 + length, 0) + ethercat
     return MAC + (b"\x81\0\0\5" if vlan else b"") + b"\x88\xa4" + ethercat
+
+
+def cut(data, *places):
+    """Return a packet of one logical datagram with its image cut into several; see `packet`."""
+    at = 26 - 10
+    command, _, address, length = struct.unpack_from("<BBIH", data, at)
+    image = data[at + 10 : at + 10 + (length & 0x7FF)]
+    (counter,) = struct.unpack_from("<H", data, at + 10 + len(image))
+    ends = [0, *sorted(places), len(image)]
+    rows = [
+        datagram(command, address + first, image[first:last], counter, more=last != len(image))
+        for first, last in itertools.pairwise(ends)
+    ]
+    body = b"".join(rows)
+    return data[: at - 2] + struct.pack("<H", 0x1000 | len(body)) + body
 
 
 class Bus:

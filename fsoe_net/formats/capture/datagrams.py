@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import enum
 import struct
+from collections.abc import Sequence
 from typing import NamedTuple
 
-__all__ = ["Datagram", "DatagramCommand", "datagrams"]
+__all__ = ["LOGICAL", "Datagram", "DatagramCommand", "datagrams", "joined"]
 
 _ETHERCAT, _IPV4, _VLANS, _UDP_PORT = 0x88A4, 0x0800, (0x8100, 0x88A8, 0x9100), 0x88A4
 _MOST_TAGS = 4
+LOGICAL = (10, 11, 12)
+"""Commands of the logical address space: LRD, LWR, LRW."""
 _HEAD = struct.Struct("<BBHHHH")
 _COMMANDS_TYPE = 1
 _LENGTH, _MORE = 0x07FF, 0x8000
@@ -45,6 +48,28 @@ class Datagram(NamedTuple):
     def logical(self) -> int:
         """The logical address of LRD, LWR and LRW."""
         return self.register << 16 | self.address
+
+
+def joined(rows: Sequence[Datagram]) -> list[Datagram]:
+    """Return the logical datagrams of a packet, those that continue each other as one.
+
+    A MainDevice cuts its image into datagrams as it likes, which may cut an FSoE frame in two. A
+    datagram with an answer is not joined to one without.
+    """
+    found: list[Datagram] = []
+    for row in rows:
+        if row.command not in LOGICAL:
+            continue
+        last = found[-1] if found else None
+        if (
+            last is not None
+            and (last.command, bool(last.counter)) == (row.command, bool(row.counter))
+            and last.logical + len(last.data) == row.logical
+        ):
+            found[-1] = last._replace(data=last.data + row.data)
+        else:
+            found.append(row)
+    return found
 
 
 def datagrams(packet: bytes) -> tuple[list[Datagram], bool] | None:

@@ -17,7 +17,7 @@ from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
 from fsoe_net.formats.capture.cycles import Cycles, FramePlace
-from fsoe_net.formats.capture.datagrams import DatagramCommand, datagrams
+from fsoe_net.formats.capture.datagrams import LOGICAL, DatagramCommand, datagrams, joined
 from fsoe_net.formats.capture.device import describe_station
 from fsoe_net.formats.capture.packets import CaptureReader
 from fsoe_net.formats.capture.ring import Ring
@@ -31,7 +31,6 @@ from fsoe_net.model.network import SourceFile
 
 __all__ = ["load_capture", "read_stream"]
 
-_LOGICAL = (DatagramCommand.LRD, DatagramCommand.LWR, DatagramCommand.LRW)
 _AGAIN = "capture from before the MainDevice starts until some seconds of OP have passed"
 
 
@@ -123,12 +122,12 @@ class _Capture:
             self._cuts += 1
             self._first_cut = self._first_cut or self._packets
         for row in rows:
-            if row.command in _LOGICAL:
-                if self._ring.changed:
-                    self._watch()
-                self._cycles.take(row, self._packets)
-            else:
+            if row.command not in LOGICAL:
                 self._ring.take(row, self._packets)
+        if self._ring.changed:
+            self._watch()
+        for row in joined(rows):
+            self._cycles.take(row, self._packets)
 
     def _watch(self) -> None:
         """Work out anew where frames are to be expected."""

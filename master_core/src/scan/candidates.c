@@ -241,13 +241,20 @@ static void check_place(struct fsn_scan *scan, struct window *w, uint32_t offset
     }
 }
 
-void scan_process_data(struct fsn_scan *scan, uint8_t command, uint32_t address,
-                       const uint8_t *data, uint16_t size_bytes) {
+void scan_process_data(struct fsn_scan *scan, struct run *run) {
+    const uint16_t size_bytes = run->size_bytes;
+    const uint8_t *data = run->data;
     if (size_bytes < FSN_MIN_FRAME_BYTES) {
         return;
     }
-    struct window *w = window_of(scan, command, address, size_bytes);
-    if (w == NULL || (w->seen && memcmp(w->last, data, size_bytes) == 0)) {
+    struct window *w = window_of(scan, run->command, run->address, size_bytes);
+    if (w == NULL) {
+        return;
+    }
+    for (uint32_t i = 0; i < size_bytes; i++) {
+        run->data[i] = run->answered[i] ? run->data[i] : w->last[i];
+    }
+    if (w->seen && memcmp(w->last, data, size_bytes) == 0) {
         return;
     }
     for (uint32_t p = 0; p + FSN_MIN_FRAME_BYTES <= size_bytes; p++) {

@@ -3,6 +3,7 @@
 #include "scan/scan.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 enum {
     ETHERTYPE_ETHERCAT = 0x88A4,
@@ -59,6 +60,35 @@ static bool is_process_data(uint8_t command, uint32_t address) {
     return command >= CMD_APRD && command <= CMD_FPRW && address >> 16 >= PROCESS_DATA_START;
 }
 
+static void end_run(struct fsn_scan *scan) {
+    if (scan->run.any_answer) {
+        scan_process_data(scan, &scan->run);
+    }
+    scan->run.command = 0;
+    scan->run.any_answer = false;
+}
+
+/** Appends a datagram to the run that it continues, or begins another. */
+static void take(struct fsn_scan *scan, uint8_t command, uint32_t address, const uint8_t *data,
+                 uint16_t size) {
+    struct run *run = &scan->run;
+    const bool is_logical = command >= CMD_LRD && command <= CMD_LRW;
+    if (!is_logical || run->command != command || run->address + run->size_bytes != address) {
+        end_run(scan);
+        run->command = command;
+        run->address = address;
+        run->size_bytes = 0;
+        run->any_answer = false;
+    }
+    const bool answered = little16(data + size) != 0;
+    memcpy(run->data + run->size_bytes, data, size);
+    memset(run->answered + run->size_bytes, answered, size);
+    run->size_bytes = (uint16_t)(run->size_bytes + size);
+    run->any_answer = run->any_answer || answered;
+    scan->counts.datagrams += answered;
+    scan->counts.unanswered += !answered;
+}
+
 /** Walks through the datagrams; false when one does not fit. */
 static bool walk(struct fsn_scan *scan, const uint8_t *at, size_t len) {
     bool more = true;
@@ -76,12 +106,7 @@ static bool walk(struct fsn_scan *scan, const uint8_t *at, size_t len) {
         }
         const uint8_t *data = at + DATAGRAM_HEAD_BYTES;
         if (is_process_data(command, address)) {
-            if (little16(data + size) == 0) {
-                scan->counts.unanswered++;
-            } else {
-                scan->counts.datagrams++;
-                scan_process_data(scan, command, address, data, size);
-            }
+            take(scan, command, address, data, size);
         }
         at = data + size + WKC_BYTES;
         len -= (size_t)DATAGRAM_HEAD_BYTES + size + WKC_BYTES;
@@ -122,6 +147,7 @@ uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *byt
     if (head >> 12 == 1 && !walk(scan, bytes + start + 2, len)) {
         scan->counts.malformed++;
     }
+    end_run(scan);
     scan_end_of_packet(scan);
     return scan->queue_count;
 }

@@ -64,8 +64,22 @@ struct found {
     bool unsure;
 };
 
+enum { MOST_DATA = 2048 }; /**< of one EtherCAT frame, whose length has 11 bits */
+
+/** Process data of one packet that follow each other in the address space: one datagram, or several
+ *  when a MainDevice cuts its image into datagrams, which may cut an FSoE frame in two. */
+struct run {
+    uint8_t command; /**< 0: none */
+    uint32_t address;
+    uint16_t size_bytes;
+    bool any_answer;
+    uint8_t data[MOST_DATA];
+    bool answered[MOST_DATA]; /**< per byte: a SubDevice has answered its datagram */
+};
+
 struct fsn_scan {
     struct fsn_scan_counts counts;
+    struct run run;
     uint64_t now_ns;
     uint64_t bus;                /**< of the packet */
     uint32_t pair_tries;         /**< left for this packet */
@@ -84,9 +98,8 @@ struct fsn_scan {
     uint32_t queue_head, queue_count, queue_slots;
 };
 
-/** Looks at the process data of one answered datagram. */
-void scan_process_data(struct fsn_scan *scan, uint8_t command, uint32_t address,
-                       const uint8_t *data, uint16_t size_bytes);
+/** Looks at the process data of a run; what has no answer stays as it was seen last. */
+void scan_process_data(struct fsn_scan *scan, struct run *run);
 
 /** Follows the frames that waited for the end of the packet. */
 void scan_end_of_packet(struct fsn_scan *scan);
