@@ -30,10 +30,11 @@ from fsoe_net.report.cycle_times import times_table, timing_bars
 from fsoe_net.run.attachment import BusView, WatchedConnection
 from fsoe_net.run.control_values import Status
 from fsoe_net.run.live_capture import LiveCapture
+from fsoe_net.timing.formulas import RESERVE
 
 __all__ = ["bus_document", "capture_text"]
 
-_TIGHT = 0.8  # of the watchdog; beyond it one lost frame more can be one too many
+_TIGHT = 1 / RESERVE  # of its own watchdog; beyond it the reserve over a healthy round trip is used
 _COLUMNS = (
     Column("connection"),
     Column("state"),

@@ -185,9 +185,9 @@ class NetworkConfig(Located):
             return ends[:1]
         return ends if 0 in ends else (ends[0], 0, ends[1])
 
-    def way_cycle_ns(self, source: SubDevice, destination: SubDevice) -> int | None:
-        """Return the longest bus cycle on that way, ns; ``None`` when one is not stated."""
-        if not self.buses:
-            return self.cycle_ns
-        cycles = [self.buses[number].cycle_ns for number in self.way(source, destination)]
-        return None if None in cycles else max(c for c in cycles if c is not None)
+    def way_cycles_ns(self, source: SubDevice, destination: SubDevice) -> tuple[int, ...] | None:
+        """Return the cycle of each bus on that way, ns; ``None`` when one is not stated."""
+        way = self.way(source, destination)
+        cycles = [self.buses[n].cycle_ns if self.buses else self.cycle_ns for n in way]
+        known = tuple(ns for ns in cycles if ns)
+        return known if len(known) == len(way) else None

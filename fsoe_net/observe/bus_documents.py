@@ -140,6 +140,7 @@ class PlannedConnection:
 
     ``safe_bytes`` are the lengths of the safe data to the sub and to the main, 0 where a plan is
     not at hand; ``to_sub`` and ``to_main`` the copies of its frames, empty without a layout.
+    ``cycle_ns`` is the longest bus cycle between its ends, 0 where there is one bus.
     """
 
     name: str
@@ -152,6 +153,7 @@ class PlannedConnection:
     safe_bytes: tuple[int, int] = (0, 0)
     to_sub: LayoutCopy = _NO_COPY
     to_main: LayoutCopy = _NO_COPY
+    cycle_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

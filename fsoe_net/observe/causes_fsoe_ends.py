@@ -190,7 +190,7 @@ def _watchdog(
     main, sub = link.sides
     means = [main.waits_mean_ns, sub.waits_mean_ns]
     most = [s.waits_most_ns for s in (main, sub)]
-    cycle = max(e.bus.cycle_ns, 1)
+    cycle = _way_cycle_ns(e, plan)
     round_trip = sum(means)
     facts = [
         f"the watchdog is {ms(watchdog)}, the bus cycle {ms(cycle)}",
@@ -204,6 +204,11 @@ def _watchdog(
         yield _tight(e, link, facts, is_quick=max(means) <= 4 * cycle)
     elif e.left_data and e.reset is not None:
         yield from _fell_silent(e, plan, e.reset, facts)
+
+
+def _way_cycle_ns(e: IncidentEvidence, plan: PlannedConnection) -> int:
+    """Return the longest bus cycle between both ends: a slow bus is no slow device."""
+    return max(plan.cycle_ns or e.bus.cycle_ns, 1)
 
 
 def _tight(e: IncidentEvidence, link: LinkFacts, facts: list[str], *, is_quick: bool) -> Candidate:
@@ -223,7 +228,7 @@ def _slow(
     most: list[int],
     facts: list[str],
 ) -> Iterator[Candidate]:
-    cycle = max(e.bus.cycle_ns, 1)
+    cycle = _way_cycle_ns(e, plan)
     calm = not (e.bus.short or e.bus.lost or e.bus.late_cycles)
     for end, device in ((_MAIN, plan.main), (_SUB, plan.sub)):
         mean, other = means[end], means[1 - end]

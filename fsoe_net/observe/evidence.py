@@ -339,6 +339,7 @@ def _planned(head: IncidentHead) -> dict[str, PlannedConnection]:
             address=c.address,
             watchdog_ms=c.watchdog_ms,
             safe_bytes=(c.safe_to_sub, c.safe_to_main),
+            cycle_ns=plan.way_cycle_ns(c.main, c.sub) if plan.buses else 0,
         )
         for c in plan.connections
     }

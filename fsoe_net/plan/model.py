@@ -250,6 +250,11 @@ class Plan:
         ends = (b.first_subdevice + b.subdevice_count for b in self.buses)
         return next((number for number, end in enumerate(ends) if subdevice < end), 0)
 
+    def way_cycle_ns(self, main: int, sub: int) -> int:
+        """Return the longest bus cycle between two SubDevices; no cycle is below the first's."""
+        cycles = [self.buses[self.bus_number(n)].cycle_ns for n in (main, sub) if self.buses]
+        return max(cycles, default=self.cycle_ns)
+
     def group_number(self, subdevice: int) -> int | None:
         """Return the number of the group of a SubDevice; ``None``: it is always there."""
         for number, group in enumerate(self.groups):

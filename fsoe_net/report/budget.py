@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from fsoe_net.diag.words import counted
@@ -21,8 +22,8 @@ from fsoe_net.document.model import (
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.claims import LevelClaim
 from fsoe_net.timing.elements import ElementRow, Quantity
-from fsoe_net.timing.formulas import PartTimes
-from fsoe_net.timing.reaction import DISTURBED, FunctionBudget, Reaction, ResponseCase, with_cycle
+from fsoe_net.timing.formulas import PartTimes, SignalWay
+from fsoe_net.timing.reaction import FunctionBudget, Reaction, ResponseCase, reaction_of
 from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
 __all__ = ["budget_document", "budget_json", "budget_picture", "reaction_pictures"]
@@ -116,7 +117,7 @@ def _assumptions(budget: Budget) -> str:
     drift = f"clocks of devices up to {budget.drift:.2%} slow" if budget.drift else "clocks exact"
     if budget.buses:
         cycle = "bus cycle " + ", ".join(f"{ms:g} ms ({name})" for name, ms in budget.buses)
-    across = " and one more for each exchange between buses" if budget.buses else ""
+    across = ", one more of each bus that takes a frame over" if budget.buses else ""
     return f"{cycle}, {counted(budget.copy_cycles, 'bus cycle')} per direction{across}, {drift}"
 
 
@@ -350,18 +351,28 @@ def reaction_pictures(budget: Budget, row: FunctionBudget) -> list[tuple[str, st
 
 
 def _panels(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
-    r, times = row.reaction, row.times
-    if r is None or times is None or budget.cycle is None:
+    r, times, cycle = row.reaction, row.times, budget.cycle
+    if r is None or times is None or cycle is None:
         return []
-    found = [("over the bus cycle, ms", _over_cycle(row, budget.drift), budget.cycle)]
+    over = "over the bus cycle, ms"
+    if budget.buses:
+        over = f"over the bus cycle of {budget.buses[0][0]}, ms, all buses in proportion"
+    scaled = {c: times.with_ways(partial(SignalWay.scaled, factor=c / cycle)) for c in _CYCLES}
+    found = [(over, _curves(row, scaled), cycle)]
     watchdog = max(r.watchdog_in or 0.0, r.watchdog_out or 0.0)
     if watchdog:
-        found.append(("over both watchdogs, ms", _over_watchdog(row, r, times, watchdog), watchdog))
+        spots = [watchdog * n / 10 for n in range(1, 21)]
+        watched = {s: times.with_ways(partial(_watched, watchdog=s)) for s in spots}
+        found.append(("over both watchdogs, ms", _curves(row, watched), watchdog))
     name = row.function.name
     return [
         (f"Reaction times of {name} {over}", _panel(f"{name}: {over}", curves, here=here))
         for over, curves, here in found
     ]
+
+
+def _watched(way: SignalWay, watchdog: float) -> SignalWay:
+    return replace(way, watchdog=watchdog) if way.connection else way
 
 
 def _svg(panels: Sequence[str], title: str, head: int = 34) -> str:
@@ -382,43 +393,19 @@ def _svg(panels: Sequence[str], title: str, head: int = 34) -> str:
     )
 
 
-def _over_cycle(row: FunctionBudget, drift: float) -> list[_Curve]:
-    found = [(c, with_cycle(row, c, drift)) for c in _CYCLES]
+def _curves(row: FunctionBudget, times: Mapping[float, PartTimes]) -> list[_Curve]:
+    """Return the response times of a function with other times, at the place of each."""
+    found = [(x, reaction_of(t)) for x, t in times.items()]
     curves = [
-        _Curve("error-free", tuple((c, r.error_free) for c, r in found)),
-        _Curve("ETG.5100, one failure", tuple((c, r.worst_etg) for c, r in found)),
-        _Curve("Beckhoff, two watchdogs", tuple((c, r.worst_beckhoff) for c, r in found)),
-        _Curve("FSoE handshake, one late", tuple((c, r.decides.ms) for c, r in found)),
+        _Curve("error-free", tuple((x, r.error_free) for x, r in found)),
+        _Curve("ETG.5100, one failure", tuple((x, r.worst_etg) for x, r in found)),
+        _Curve("Beckhoff, two watchdogs", tuple((x, r.worst_beckhoff) for x, r in found)),
+        _Curve("FSoE handshake, one late", tuple((x, r.decides.ms) for x, r in found)),
     ]
-    return curves + _required(row, _CYCLES)
-
-
-def _over_watchdog(row: FunctionBudget, r: Reaction, times: PartTimes, now: float) -> list[_Curve]:
-    spots = [now * n / 10 for n in range(1, 21)]
-    sides = [(r.worst_input, r.watchdog_in), (r.worst_output, r.watchdog_out)]
-    rests = [worst - dog for worst, dog in sides if worst is not None and dog is not None]
-    actuator = r.worst_beckhoff - (r.watchdog_in or 0.0) - (r.watchdog_out or 0.0)
-    curves = [
-        _Curve("error-free", tuple((w, r.error_free) for w in spots)),
-        _Curve(
-            "ETG.5100, one failure",
-            tuple((w, max(r.error_free, *(rest + w for rest in rests))) for w in spots),
-        ),
-        _Curve("Beckhoff, two watchdogs", tuple((w, actuator + len(rests) * w) for w in spots)),
-        _Curve("FSoE handshake, one late", tuple((w, _counted(r, times, w)) for w in spots)),
-    ]
-    return curves + _required(row, spots)
-
-
-def _counted(r: Reaction, times: PartTimes, watchdog: float) -> float:
-    """Return the longest response of one late and lost connection at another watchdog."""
-    late = [DISTURBED[c.way](times, watchdog) for c in r.late if c.connection]
-    return max([r.polled, *late])
-
-
-def _required(row: FunctionBudget, spots: Sequence[float]) -> list[_Curve]:
     required = row.function.required_reaction_ms
-    return [] if required is None else [_Curve("required", tuple((s, required) for s in spots))]
+    if required is not None:
+        curves.append(_Curve("required", tuple((x, required) for x in times)))
+    return curves
 
 
 def _ticks(most: float) -> Iterable[float]:

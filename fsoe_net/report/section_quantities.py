@@ -110,7 +110,7 @@ def shortest_mission(row: FunctionBudget) -> list[Part]:
 
 
 def _rates(rows: Sequence[WatchdogBudget]) -> Table:
-    source = "two safety PDUs in four bus cycles"
+    source = "two safety PDUs in four bus cycles, two of the bus of each end"
     return Table(
         name="safety PDUs",
         columns=(Column("Connection"), Column("Safety PDUs, both directions", number=True)),

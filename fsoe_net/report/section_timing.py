@@ -134,8 +134,8 @@ def _across(budget: Budget) -> list[Point]:
     return [
         Point(
             PointKind.ASSUMPTION,
-            f"several buses ({cycles}): a frame that crosses needs one bus cycle more for each "
-            "exchange, and every cycle on its way counts as the longest of them",
+            f"several buses ({cycles}): a frame that crosses waits for one cycle of its own bus, "
+            "needs another, and waits for one of each bus that takes it over",
         )
     ]
 
@@ -191,7 +191,8 @@ def _watchdogs(budget: Budget) -> Table:
             Column("Verdict"),
         ),
         rows=tuple(rows),
-        remark="At least: 1.2 x the longest round trip, for availability. At most: "
+        remark="Each connection counts its own device, its own way and its own watchdog. At "
+        "least: 1.2 x the longest round trip, for availability. At most: "
         "what the required reaction times leave, as both methods print it (the smaller), and when "
         "this connection is late up to its watchdog and then lost, the handshake of FSoE counted; "
         "the smaller one counts. Margin: configured over least.",
@@ -207,7 +208,8 @@ def _margin(c: WatchdogBudget) -> Item:
 def _lost(c: WatchdogBudget) -> Item:
     if c.lost_frames is None:
         return muted("not judged")
-    return stated(c.lost_frames, "cycles", "(watchdog - round trip - 1 ms) / T_Com")
+    source = "(watchdog - round trip - 1 ms) / T_Com of the slowest bus on its way"
+    return stated(c.lost_frames, "cycles", source)
 
 
 def _reasons(budget: Budget) -> list[Part]:

@@ -94,40 +94,63 @@ def _timing(ctx: Context) -> None:
     _sync_manager_watchdogs(ctx)
     if network.cycle_ns is None:
         return
-    cycle_ms = network.cycle_ns / 1e6
-    ways = {
-        (c.net_number, c.facts_number): (
-            WATCHDOG_BUS_CYCLES + 2 * (len(network.way(c.main, c.sub)) - 1),
-            (network.way_cycle_ns(c.main, c.sub) or 0) / 1e6,
-        )
-        for c in ctx.resolution.connections
-    }
+    alone = (network.cycle_ns / 1e6,)
+    ways: dict[tuple[int, int | None], tuple[float, ...]] = {}
+    for c in ctx.resolution.connections:
+        cycles_ns = network.way_cycles_ns(c.main, c.sub)
+        if cycles_ns is not None:
+            ways[c.net_number, c.facts_number] = tuple(ns / 1e6 for ns in cycles_ns)
     for net_number, net in enumerate(network.nets):
         for number, fact in enumerate(net.connections):
-            cycles, way_ms = ways.get((net_number, number), (WATCHDOG_BUS_CYCLES, cycle_ms))
-            least_ms = cycles * way_ms
-            if fact.watchdog_ms and fact.watchdog_ms < least_ms:
-                ctx.add(
-                    "FSN601",
-                    fact.at("watchdog_ms"),
-                    f"watchdog {fact.watchdog_ms} ms is shorter than "
-                    f"{counted(cycles, 'bus cycle')} of {way_ms:g} ms; it would expire without any "
-                    "fault",
-                    hint=f"at least {least_ms:g} ms plus the cycle times of both devices, or a "
-                    "shorter bus cycle; then calculate the reaction times again, and accept again",
-                )
-        least_hz = 1000 * WATCHDOG_BUS_CYCLES // _TWINSAFE_DEFAULT_MS
-        unstated = not any(f.watchdog_ms for f in net.connections)
-        has_fsoe = any(t.kind is TransferKind.FSOE for t in net.transfers)
-        if unstated and has_fsoe and WATCHDOG_BUS_CYCLES * cycle_ms > _TWINSAFE_DEFAULT_MS:
-            ctx.add(
-                "FSN601",
-                net.span,
-                f"the bus cycle is {cycle_ms:g} ms; the usual FSoE watchdog of "
-                f"{_TWINSAFE_DEFAULT_MS} ms is shorter than {WATCHDOG_BUS_CYCLES} such cycles",
-                hint=f"control_frequency of at least {least_hz} Hz; state the watchdogs of the "
-                "safety project as watchdog_ms, and calculate the reaction times again",
-            )
+            _short_watchdog(ctx, fact, ways.get((net_number, number), alone))
+        own = [cycles for (of, _), cycles in ways.items() if of == net_number]
+        _unstated_watchdogs(ctx, net, max(own, key=_least_ms, default=alone))
+
+
+def _short_watchdog(ctx: Context, fact: ConnectionFacts, cycles: Sequence[float]) -> None:
+    least_ms = _least_ms(cycles)
+    if fact.watchdog_ms and fact.watchdog_ms < least_ms:
+        ctx.add(
+            "FSN601",
+            fact.at("watchdog_ms"),
+            f"watchdog {fact.watchdog_ms} ms is shorter than {_least_words(cycles)}; it would "
+            "expire without any fault",
+            hint=f"at least {least_ms:g} ms plus the cycle times of both devices, or a "
+            "shorter bus cycle; then calculate the reaction times again, and accept again",
+        )
+
+
+def _unstated_watchdogs(ctx: Context, net: Net, cycles: Sequence[float]) -> None:
+    """Compare the usual watchdog with the slowest connection of a net that states none."""
+    unstated = not any(f.watchdog_ms for f in net.connections)
+    has_fsoe = any(t.kind is TransferKind.FSOE for t in net.transfers)
+    if unstated and has_fsoe and _least_ms(cycles) > _TWINSAFE_DEFAULT_MS:
+        most_ms = _TWINSAFE_DEFAULT_MS / WATCHDOG_BUS_CYCLES
+        ctx.add(
+            "FSN601",
+            net.span,
+            f"the usual FSoE watchdog of {_TWINSAFE_DEFAULT_MS} ms is shorter than "
+            f"{_least_words(cycles)}",
+            hint=f"bus cycles of at most {most_ms:g} ms (control_frequency of at least "
+            f"{1000 / most_ms:g} Hz); state the watchdogs of the safety project as "
+            "watchdog_ms, and calculate the reaction times again",
+        )
+
+
+def _least_ms(cycles: Sequence[float]) -> float:
+    """Return the shortest watchdog, ms: an FSoE cycle at best, and a bus cycle for jitter.
+
+    Args:
+        cycles: Of each bus on the way of a frame, ms. Both ends wait twice for their own bus.
+    """
+    return 2 * (cycles[0] + cycles[-1]) + max(cycles)
+
+
+def _least_words(cycles: Sequence[float]) -> str:
+    if len(cycles) == 1:
+        return f"{counted(WATCHDOG_BUS_CYCLES, 'bus cycle')} of {cycles[0]:g} ms"
+    buses = ", ".join(f"{c:g} ms" for c in cycles)
+    return f"{_least_ms(cycles):g} ms, an FSoE cycle over buses of {buses}"
 
 
 def _sync_manager_watchdogs(ctx: Context) -> None:

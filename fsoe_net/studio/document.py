@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.diag.printable import printable
+from fsoe_net.document.model import outward
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.layout import FramePair
@@ -136,8 +137,8 @@ def _connection(budget: WatchdogBudget, path: str) -> Row:
         "address": facts.address,
         "connection_id": facts.connection_id,
         "watchdog_ms": facts.watchdog_ms,
-        "least_ms": _ms(budget.least),
-        "greatest_ms": _ms(budget.greatest),
+        "least_ms": _ms(budget.least, up=True),
+        "greatest_ms": _ms(budget.greatest, up=False),
         "unconfirmed": facts.unconfirmed,
         "to_sub_bytes": row.to_sub.transfer.size_bytes,
         "to_main_bytes": row.to_main.transfer.size_bytes,
@@ -160,8 +161,9 @@ def _copy(way: ResolvedTransfer) -> Row:
     }
 
 
-def _ms(limit: Limit | None) -> float | None:
-    return None if limit is None else round(limit.ms, 1)
+def _ms(limit: Limit | None, *, up: bool) -> float | None:
+    """Return a limit never on the better side of itself: 109.96 ms at most are no 110 ms."""
+    return None if limit is None else outward(limit.ms, 1, up=up)
 
 
 def _own_line(span: Span, path: str) -> int:

@@ -30,7 +30,8 @@ class Budget:
     Attributes:
         cycle: Bus cycle, ms, of several buses that of the first; ``None`` when the network does not
             state it.
-        copy_cycles: Bus cycles per direction, k; each exchange between two buses adds one.
+        copy_cycles: Bus cycles per direction on one bus, k; a frame that crosses waits for one more
+            cycle of each bus that fetches it.
         drift: Share by which a clock of a device may be slow; watchdogs count that much longer.
         buses: Name and cycle in ms of each of several buses, of those that state one.
         connections: In the order of the resolution.
@@ -73,11 +74,11 @@ def make_budget(
         for f in network.safety_functions
     ]
     connections = tuple(
-        connection_budget(c, rows, bus.cycle((c,)), (measured or {}).get(c.name), drift)
+        connection_budget(c, rows, bus.cycles(c.main, c.sub), (measured or {}).get(c.name), drift)
         for c in resolution.connections
     )
     return Budget(
-        cycle=bus.cycle(()),
+        cycle=bus.first_cycle,
         copy_cycles=copy_cycles,
         drift=drift,
         connections=connections,

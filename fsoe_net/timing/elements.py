@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.model.bus import SubDevice
@@ -81,8 +81,6 @@ class Apart:
 class FunctionParts:
     """Elements with times, and the connections between input, logic and output.
 
-    Several elements of one kind work in parallel: the slowest one counts.
-
     Attributes:
         rows: In the order of the function.
         to_input: Connections between inputs and logic; empty when they are one SubDevice.
@@ -99,34 +97,27 @@ class FunctionParts:
     apart: tuple[Apart, ...]
     unverified: tuple[str, ...]
 
-    def slowest(self, kind: ElementKind) -> float:
-        """Return the longest time of a kind, ms; 0 while it is missing."""
-        return max((r.time.value or 0.0 for r in self.rows if r.element.kind is kind), default=0.0)
+    def slowest(self, kind: ElementKind, device: str = "") -> float:
+        """Return the longest time of a kind, ms; 0 while it is missing.
+
+        Args:
+            kind: Elements that count; of one kind they work in parallel.
+            device: Only those of this SubDevice, and those that name none.
+        """
+        rows = (r for r in self.rows if r.element.kind is kind)
+        if device:
+            rows = (r for r in rows if r.element.sub in ("", device))
+        return max((r.time.value or 0.0 for r in rows), default=0.0)
 
     @property
-    def sensor(self) -> float:
-        """T_S, ms."""
-        return self.slowest(ElementKind.SENSOR)
+    def logic(self) -> tuple[str, ...]:
+        """SubDevices with the logic, by name."""
+        return tuple(r.element.sub for r in self.rows if r.element.kind is ElementKind.LOGIC)
 
-    @property
-    def input(self) -> float:
-        """T_I, ms."""
-        return self.slowest(ElementKind.INPUT)
-
-    @property
-    def logic(self) -> float:
-        """T_L, ms."""
-        return self.slowest(ElementKind.LOGIC)
-
-    @property
-    def output(self) -> float:
-        """T_O, ms."""
-        return self.slowest(ElementKind.OUTPUT)
-
-    @property
-    def actuator(self) -> float:
-        """T_A, ms."""
-        return self.slowest(ElementKind.ACTUATOR)
+    def local(self, kind: ElementKind) -> tuple[str, ...]:
+        """Return SubDevices that have inputs or outputs and the logic, by name."""
+        subs = (r.element.sub for r in self.rows if r.element.kind is kind)
+        return tuple(dict.fromkeys(sub for sub in subs if sub and sub in self.logic))
 
 
 def parts_of(function: SafetyFunction, resolution: Resolution, library: Library) -> FunctionParts:
@@ -139,33 +130,57 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
     """
     subs = {s.name: s for s in resolution.network.subdevices}
     rows = tuple(_row(e, subs, library) for e in function.elements)
-    unstated = [
-        f"no {kind.value} is stated; write time_ms: 0 and zero_because: for what takes no time"
-        for kind in ElementKind
-        if all(e.kind is not kind for e in function.elements)
-    ]
-    unstated += [
-        f"the time of {r.element.kind.value} {r.element.name} is not stated"
-        for r in rows
-        if r.time.value is None
-    ]
     logic = _named(function, ElementKind.LOGIC, subs)
-    to_input, apart_in = _between(_named(function, ElementKind.INPUT, subs), logic, resolution)
-    to_output, apart_out = _between(_named(function, ElementKind.OUTPUT, subs), logic, resolution)
+    to_input = _between(_named(function, ElementKind.INPUT, subs), logic, resolution)
+    to_output = _between(_named(function, ElementKind.OUTPUT, subs), logic, resolution)
+    ends = {**to_input, **to_output}
+    unstated = [*_unstated(rows, subs), *_several_logics(to_input, to_output, logic)]
+    if ends and not logic and any(r.element.kind is ElementKind.LOGIC for r in rows):
+        unstated.append("the logic names no SubDevice; write sub: with its name")
     return FunctionParts(
         rows=rows,
-        to_input=to_input,
-        to_output=to_output,
+        to_input=tuple(c for there in to_input.values() for c in there),
+        to_output=tuple(c for there in to_output.values() for c in there),
         unstated=tuple(unstated),
-        apart=(*apart_in, *apart_out),
-        unverified=tuple(
-            dict.fromkeys(
-                r.element.name
-                for r in rows
-                for q in (r.time, r.pfh)
-                if q.value is not None and not q.answered_for
-            )
+        apart=tuple(
+            Apart(end=end, logic=tuple(logic))
+            for end, there in ends.items()
+            if logic and not there and end not in logic
         ),
+        unverified=_unverified(rows),
+    )
+
+
+def _unstated(rows: Sequence[ElementRow], subs: Mapping[str, SubDevice]) -> list[str]:
+    """Name kinds without an element, elements without a time, and names without a SubDevice."""
+    kinds = {r.element.kind for r in rows}
+    return [
+        *(
+            f"no {kind.value} is stated; write time_ms: 0 and zero_because: for what takes no time"
+            for kind in ElementKind
+            if kind not in kinds
+        ),
+        *(
+            f"the time of {r.element.kind.value} {r.element.name} is not stated"
+            for r in rows
+            if r.time.value is None
+        ),
+        *(
+            f"{r.element.sub} is not a SubDevice of this network"
+            for r in rows
+            if r.element.sub and r.element.sub not in subs
+        ),
+    ]
+
+
+def _unverified(rows: Sequence[ElementRow]) -> tuple[str, ...]:
+    return tuple(
+        dict.fromkeys(
+            r.element.name
+            for r in rows
+            for q in (r.time, r.pfh)
+            if q.value is not None and not q.answered_for
+        )
     )
 
 
@@ -174,25 +189,37 @@ def _named(function: SafetyFunction, kind: ElementKind, subs: dict[str, SubDevic
     return list(dict.fromkeys(names))
 
 
-def _between(
-    ends: Sequence[str], logic: Sequence[str], resolution: Resolution
-) -> tuple[tuple[Connection, ...], list[Apart]]:
-    """Return the connections between SubDevices and the logic, and the ends that have none."""
-    found: list[Connection] = []
-    apart: list[Apart] = []
-    for end in ends:
-        if end in logic:
-            continue
-        there = [
+_Joined = dict[str, tuple[Connection, ...]]  # SubDevices, each with its connections to the logic
+
+
+def _between(ends: Sequence[str], logic: Sequence[str], resolution: Resolution) -> _Joined:
+    return {
+        end: tuple(
             c
             for c in resolution.connections
-            if end in (c.main.name, c.sub.name)
-            and any(name in (c.main.name, c.sub.name) for name in logic)
-        ]
-        found += there
-        if logic and not there:
-            apart.append(Apart(end=end, logic=tuple(logic)))
-    return tuple(found), apart
+            if end not in logic and end in _ends(c) and any(name in _ends(c) for name in logic)
+        )
+        for end in ends
+    }
+
+
+def _ends(connection: Connection) -> tuple[str, str]:
+    return connection.main.name, connection.sub.name
+
+
+def _several_logics(there: _Joined, back: _Joined, logic: Sequence[str]) -> list[str]:
+    """Name an input and an output that no single logic joins: that way has more connections."""
+
+    def logics(joined: _Joined) -> list[tuple[str, set[str]]]:
+        found = [(end, {end, *(n for c in cs for n in _ends(c))}) for end, cs in joined.items()]
+        return [(end, names.intersection(logic)) for end, names in found]
+
+    return [
+        f"{one} and {other} have different logics; a way through several logics is not worked out"
+        for one, first in logics(there)
+        for other, second in logics(back)
+        if first and second and not first & second
+    ][:1]
 
 
 def _row(element: SafetyElement, subs: dict[str, SubDevice], library: Library) -> ElementRow:

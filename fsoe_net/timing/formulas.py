@@ -11,25 +11,31 @@ Neither method counts the handshake of FSoE: `error_free`, `worst_case_input`, `
 and `beckhoff_worst_case` hold under assumptions that their docstrings name and that schedules
 within the times of the parts break. What holds without them: `fsoe_net.timing.handshake`.
 
+The sources print one input device and one output device. A function with several has one
+`SignalWay` for each, with its own times. Its longest response takes the longest way in and the
+longest way out.
+
 All times are in milliseconds.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 __all__ = [
     "RESERVE",
     "PartTimes",
+    "SignalWay",
     "beckhoff_typical",
     "beckhoff_worst_case",
     "error_free",
+    "least_watchdog",
+    "longest_in",
+    "longest_out",
     "lost_frames_survived",
-    "round_trip_input",
-    "round_trip_output",
-    "watchdog_input",
-    "watchdog_output",
+    "round_trip",
     "worst_case_input",
     "worst_case_output",
 ]
@@ -39,75 +45,110 @@ _WATCHDOG_STEP_MS = 1.0  # FSoE watchdogs are whole milliseconds; the last one m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartTimes:
-    """Processing times of the parts of a safety function, in ms, and the bus between them.
+class SignalWay:
+    """Times between the logic and one input or output device, ms.
 
     Attributes:
-        sensor: T_S, from the event to the input terminal.
-        input: T_I, of the SubDevice that reads the sensor.
-        logic: T_L, of the safety logic.
-        output: T_O, of the SubDevice that drives the actuator.
-        actuator: T_A, until the machine is in the requested state.
-        cycle: T_Com, the EtherCAT cycle.
-        cycles_in: Bus cycles a frame needs from the input to the logic, the k of the sources: 2
-            when it is copied in the cycle in which it arrived, 3 when one cycle later; 0 when both
-            are one SubDevice.
-        cycles_out: The same from the logic to the output.
+        connection: Name of the FSoE connection; empty where device and logic are one SubDevice:
+            what follows is 0 then.
+        device: T_I or T_O of the device.
+        logic: T_L.
+        to_logic: Longest transfer of a frame to the logic, k times T_Com on one bus.
+        from_logic: The same from the logic to the device.
+        cycle: T_Com; where the way crosses buses, the longest bus cycle on it.
+        watchdog: T_WD on the slowest clock; 0 while it is not stated. Only what counts a failure
+            counts it.
     """
 
-    sensor: float = 0.0
-    input: float
+    device: float
     logic: float
-    output: float
-    actuator: float = 0.0
-    cycle: float
-    cycles_in: int = 2
-    cycles_out: int = 2
+    connection: str = ""
+    to_logic: float = 0.0
+    from_logic: float = 0.0
+    cycle: float = 0.0
+    watchdog: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is no time.
 
         Raises:
-            ValueError: A time or count is negative or not finite, or the cycle is 0.
+            ValueError: A time is negative or not finite.
         """
-        times = (self.sensor, self.input, self.logic, self.output, self.actuator, self.cycle)
-        if any(not math.isfinite(t) or t < 0 for t in times) or self.cycle == 0:
-            raise ValueError(f"times are finite and not negative, the cycle is not 0: {times}")
-        if self.cycles_in < 0 or self.cycles_out < 0:
-            raise ValueError(f"bus cycles are not negative: {self.cycles_in}, {self.cycles_out}")
+        times = (self.device, self.logic, self.to_logic, self.from_logic, self.cycle, self.watchdog)
+        _refuse(*times)
 
-    @property
-    def transfer_in(self) -> float:
-        """Time of a frame between input and logic, k times T_Com, ms."""
-        return self.cycles_in * self.cycle
-
-    @property
-    def transfer_out(self) -> float:
-        """Time of a frame between logic and output, k times T_Com, ms."""
-        return self.cycles_out * self.cycle
+    def scaled(self, factor: float) -> SignalWay:
+        """Return the way with every bus cycle on it that many times as long."""
+        to_logic, from_logic = factor * self.to_logic, factor * self.from_logic
+        return replace(self, to_logic=to_logic, from_logic=from_logic, cycle=factor * self.cycle)
 
 
-def round_trip_input(t: PartTimes) -> float:
-    """Return the longest time between two frames of a healthy connection to an input device."""
-    return 2 * t.input + 2 * t.transfer_in + 2 * t.logic
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartTimes:
+    """Times of the parts of a safety function, ms.
 
-
-def round_trip_output(t: PartTimes) -> float:
-    """Return the longest time between two frames of a healthy connection to an output device."""
-    return 2 * t.transfer_out + 2 * t.logic + 2 * t.output
-
-
-def watchdog_input(t: PartTimes) -> float:
-    """Return T_WD_In, the least watchdog of a connection to an input device (ETG.5100 9.3).
-
-    A SubDevice with inputs and outputs takes the larger of this and `watchdog_output`.
+    Attributes:
+        sensor: T_S, from the event to the input terminal.
+        inputs: Ways from the input devices to the logic, at least one.
+        outputs: Ways from the logic to the output devices, at least one.
+        actuator: T_A, until the machine is in the requested state.
     """
-    return round_trip_input(t) * RESERVE
+
+    sensor: float = 0.0
+    inputs: tuple[SignalWay, ...]
+    outputs: tuple[SignalWay, ...]
+    actuator: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no time.
+
+        Raises:
+            ValueError: A time is negative or not finite.
+        """
+        _refuse(self.sensor, self.actuator)
+
+    @property
+    def inputs_by_bus(self) -> tuple[SignalWay, ...]:
+        """Input ways with a connection."""
+        return tuple(w for w in self.inputs if w.connection)
+
+    @property
+    def outputs_by_bus(self) -> tuple[SignalWay, ...]:
+        """Output ways with a connection."""
+        return tuple(w for w in self.outputs if w.connection)
+
+    def with_ways(self, change: Callable[[SignalWay], SignalWay]) -> PartTimes:
+        """Return the times with every way changed."""
+        inputs, outputs = tuple(map(change, self.inputs)), tuple(map(change, self.outputs))
+        return replace(self, inputs=inputs, outputs=outputs)
 
 
-def watchdog_output(t: PartTimes) -> float:
-    """Return T_WD_Out, the least watchdog of a connection to an output device (ETG.5100 9.3)."""
-    return round_trip_output(t) * RESERVE
+def _refuse(*times: float) -> None:
+    if any(not math.isfinite(t) or t < 0 for t in times):
+        raise ValueError(f"times are finite and not negative: {times}")
+
+
+def round_trip(way: SignalWay) -> float:
+    """Return the longest time between two frames of a healthy connection."""
+    return 2 * way.device + way.to_logic + way.from_logic + 2 * way.logic
+
+
+def least_watchdog(way: SignalWay) -> float:
+    """Return T_WD_In or T_WD_Out, the least watchdog of a connection (ETG.5100 9.3).
+
+    A SubDevice with inputs and outputs takes the larger of both.
+    """
+    return round_trip(way) * RESERVE
+
+
+def longest_in(t: PartTimes) -> float:
+    """Return the longest way in: each part just missed the value, then needs its time."""
+    return max(2 * w.device + w.to_logic + 2 * w.logic for w in t.inputs)
+
+
+def longest_out(t: PartTimes) -> float:
+    """Return the longest way out, counted like `longest_in`."""
+    return max(2 * w.logic + w.from_logic + 2 * w.device for w in t.outputs)
 
 
 def error_free(t: PartTimes) -> float:
@@ -116,20 +157,11 @@ def error_free(t: PartTimes) -> float:
     Assumes that a value is sent in the next cycle of the part that has it. FSoE is
     polled: `polled_error_free`.
     """
-    return (
-        2 * t.sensor
-        + 2 * t.input
-        + t.transfer_in
-        + 2 * t.logic
-        + 2 * t.logic
-        + t.transfer_out
-        + 2 * t.output
-        + 2 * t.actuator
-    )
+    return 2 * t.sensor + longest_in(t) + longest_out(t) + 2 * t.actuator
 
 
 def worst_case_input(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the connection to the input device fails (ETG.5100 9.3).
+    """Return the longest response when the connection to an input device fails (ETG.5100 9.3).
 
     Assumes as `error_free`, and that nothing was accepted on that connection after the event, and
     that a watchdog acts when it ends, not in the next cycle of its task: `broken_input`.
@@ -138,11 +170,11 @@ def worst_case_input(t: PartTimes, watchdog: float) -> float:
         t: Times of the parts.
         watchdog: Watchdog of that connection, ms.
     """
-    return 2 * t.sensor + watchdog + 2 * t.logic + t.transfer_out + 2 * t.output + 2 * t.actuator
+    return 2 * t.sensor + watchdog + longest_out(t) + 2 * t.actuator
 
 
 def worst_case_output(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the connection to the output device fails (ETG.5100 9.3).
+    """Return the longest response when the connection to an output device fails (ETG.5100 9.3).
 
     Assumes as `worst_case_input`, here that the output device accepted nothing after the logic had
     decided: `broken_output`.
@@ -151,15 +183,8 @@ def worst_case_output(t: PartTimes, watchdog: float) -> float:
         t: Times of the parts.
         watchdog: Watchdog of that connection, ms.
     """
-    return (
-        2 * t.sensor
-        + 2 * t.input
-        + t.transfer_in
-        + 2 * t.logic
-        + 2 * t.logic
-        + watchdog
-        + 2 * t.actuator
-    )
+    logic = max(w.logic for w in t.outputs)
+    return 2 * t.sensor + longest_in(t) + 2 * logic + watchdog + 2 * t.actuator
 
 
 def beckhoff_typical(t: PartTimes) -> float:
@@ -167,9 +192,10 @@ def beckhoff_typical(t: PartTimes) -> float:
 
     The factor of 3 is Beckhoff's and holds for a copy in the same cycle or in the next.
     """
-    there = 3 * t.cycle if t.cycles_in else 0.0
-    back = 3 * t.cycle if t.cycles_out else 0.0
-    return t.sensor + t.input + there + t.logic + back + t.output + t.actuator
+    there = max(w.device + 3 * w.cycle for w in t.inputs)
+    back = max(3 * w.cycle + w.device for w in t.outputs)
+    logic = max(w.logic for w in (*t.inputs, *t.outputs))
+    return t.sensor + there + logic + back + t.actuator
 
 
 def beckhoff_worst_case(watchdog_in: float, watchdog_out: float, actuator: float) -> float:
@@ -195,7 +221,7 @@ def lost_frames_survived(watchdog: float, round_trip: float, cycle: float) -> in
 
     Args:
         watchdog: Configured watchdog, ms.
-        round_trip: `round_trip_input` or `round_trip_output`, ms.
-        cycle: T_Com, ms.
+        round_trip: As `round_trip` returns it, ms.
+        cycle: T_Com, ms; where the way crosses buses, the longest cycle on it.
     """
     return max(0, math.floor((watchdog - round_trip - _WATCHDOG_STEP_MS) / cycle))

@@ -16,13 +16,12 @@ at the start, as `fsoe_net.fsoe` does; a cycle lasts at most the time of the par
 
 from __future__ import annotations
 
-from fsoe_net.timing.formulas import PartTimes, round_trip_input, round_trip_output
+from fsoe_net.timing.formulas import PartTimes, SignalWay, longest_in, longest_out, round_trip
 
 __all__ = [
     "besides_input",
     "besides_output",
     "besides_shared",
-    "broken",
     "broken_input",
     "broken_output",
     "disturbed_both",
@@ -30,6 +29,7 @@ __all__ = [
     "disturbed_output",
     "disturbed_shared",
     "polled_error_free",
+    "shared_ways",
 ]
 
 
@@ -38,83 +38,66 @@ def polled_error_free(t: PartTimes) -> float:
     return _around(t, _polled_in(t), _polled_out(t))
 
 
-def besides_input(t: PartTimes) -> float:
+def besides_input(t: PartTimes, way: SignalWay) -> float:
     """Return what `disturbed_input` counts besides two watchdogs."""
-    return _around(t, 2 * t.logic, _polled_out(t))
+    return _around(t, 2 * way.logic, _polled_out(t))
 
 
-def besides_output(t: PartTimes) -> float:
+def besides_output(t: PartTimes, way: SignalWay) -> float:
     """Return what `disturbed_output` counts besides two watchdogs."""
-    return _around(t, _polled_in(t), 2 * t.output)
+    return _around(t, _polled_in(t), 2 * way.device)
 
 
-def besides_shared(t: PartTimes) -> float:
+def besides_shared(t: PartTimes, there: SignalWay, back: SignalWay) -> float:
     """Return what `disturbed_shared` counts besides three watchdogs."""
-    return _around(t, 0.0, 2 * max(t.input, t.output))
+    return _around(t, 0.0, 2 * max(there.device, back.device))
 
 
-def broken_input(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the connection to the input device breaks for good.
+def broken_input(t: PartTimes, way: SignalWay) -> float:
+    """Return the longest response when the connection to an input device breaks for good.
 
     Args:
         t: Times of the parts.
-        watchdog: Watchdog of that connection on the slowest clock, ms.
+        way: That of the connection.
     """
-    there = watchdog + t.input + t.transfer_in + 3 * t.logic
+    there = way.watchdog + way.device + way.to_logic + 3 * way.logic
     return max(polled_error_free(t), _around(t, there, _polled_out(t)))
 
 
-def broken_output(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the connection to the output device breaks for good.
+def broken_output(t: PartTimes, way: SignalWay) -> float:
+    """Return the longest response when the connection to an output device breaks for good.
 
     Args:
         t: Times of the parts.
-        watchdog: Watchdog of that connection on the slowest clock, ms.
+        way: That of the connection.
     """
-    back = watchdog + t.logic + t.transfer_out + 3 * t.output
+    back = way.watchdog + way.logic + way.from_logic + 3 * way.device
     return max(polled_error_free(t), _around(t, _polled_in(t), back))
 
 
-def broken(t: PartTimes, watchdog_in: float | None, watchdog_out: float | None) -> float:
-    """Return the longest response with at most one connection broken for good.
-
-    Args:
-        t: Times of the parts.
-        watchdog_in: Watchdog of the connection to the input device on the slowest clock, ms;
-            ``None``: input and logic are one SubDevice.
-        watchdog_out: The same of the output device.
-    """
-    found = [polled_error_free(t)]
-    if watchdog_in is not None:
-        found.append(broken_input(t, watchdog_in))
-    if watchdog_out is not None:
-        found.append(broken_output(t, watchdog_out))
-    return max(found)
-
-
-def disturbed_input(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the input device's connection is late and lost at will.
+def disturbed_input(t: PartTimes, way: SignalWay) -> float:
+    """Return the longest response when the connection to an input device is late and lost at will.
 
     The worst is late up to its watchdog with the old value, and lost from then on.
 
     Args:
         t: Times of the parts.
-        watchdog: Watchdog of that connection on the slowest clock, ms.
+        way: That of the connection.
     """
-    return _around(t, _disturbed_in(t, watchdog), _polled_out(t))
+    return max(polled_error_free(t), 2 * way.watchdog + besides_input(t, way))
 
 
-def disturbed_output(t: PartTimes, watchdog: float) -> float:
-    """Return the longest response when the output device's connection is late and lost at will.
+def disturbed_output(t: PartTimes, way: SignalWay) -> float:
+    """Return the longest response when the connection to an output device is late and lost at will.
 
     Args:
         t: Times of the parts.
-        watchdog: Watchdog of that connection on the slowest clock, ms.
+        way: That of the connection.
     """
-    return _around(t, _polled_in(t), _disturbed_out(t, watchdog))
+    return max(polled_error_free(t), 2 * way.watchdog + besides_output(t, way))
 
 
-def disturbed_shared(t: PartTimes, watchdog: float) -> float:
+def disturbed_shared(t: PartTimes, there: SignalWay, back: SignalWay) -> float:
     """Return the longest response when one connection carries both ways, late and lost at will.
 
     The device samples the old value; each of its next three frames waits for an answer, at most its
@@ -123,20 +106,23 @@ def disturbed_shared(t: PartTimes, watchdog: float) -> float:
 
     Args:
         t: Times of the parts.
-        watchdog: Watchdog of that connection on the slowest clock, ms.
+        there: SignalWay in of the connection.
+        back: Its way out.
     """
-    return max(polled_error_free(t), 3 * watchdog + besides_shared(t))
+    return max(polled_error_free(t), 3 * there.watchdog + besides_shared(t, there, back))
 
 
-def disturbed_both(t: PartTimes, watchdog_in: float, watchdog_out: float) -> float:
-    """Return the longest response whatever the bus does to both connections.
+def disturbed_both(t: PartTimes) -> float:
+    """Return the longest response whatever the bus does to one connection in and one out."""
+    there = [2 * w.watchdog + 2 * w.logic for w in t.inputs_by_bus]
+    back = [2 * w.watchdog + 2 * w.device for w in t.outputs_by_bus]
+    return _around(t, max([_polled_in(t), *there]), max([_polled_out(t), *back]))
 
-    Args:
-        t: Times of the parts.
-        watchdog_in: Watchdog of the connection to the input device on the slowest clock, ms.
-        watchdog_out: The same of the connection to the output device, ms.
-    """
-    return _around(t, _disturbed_in(t, watchdog_in), _disturbed_out(t, watchdog_out))
+
+def shared_ways(t: PartTimes) -> list[tuple[SignalWay, SignalWay]]:
+    """Return way in and way out of each connection that carries both."""
+    back = {w.connection: w for w in t.outputs_by_bus}
+    return [(w, back[w.connection]) for w in t.inputs_by_bus if w.connection in back]
 
 
 def _around(t: PartTimes, there: float, back: float) -> float:
@@ -145,24 +131,10 @@ def _around(t: PartTimes, there: float, back: float) -> float:
 
 
 def _polled_in(t: PartTimes) -> float:
-    if not t.cycles_in:
-        return 2 * t.input + 2 * t.logic  # one SubDevice: no connection, no turn
-    return round_trip_input(t) + t.input + t.transfer_in + 2 * t.logic
+    by_bus = [round_trip(w) + w.device + w.to_logic + 2 * w.logic for w in t.inputs_by_bus]
+    return max([longest_in(t), *by_bus])
 
 
 def _polled_out(t: PartTimes) -> float:
-    if not t.cycles_out:
-        return 2 * t.logic + 2 * t.output
-    return round_trip_output(t) + t.logic + t.transfer_out + 2 * t.output
-
-
-def _disturbed_in(t: PartTimes, watchdog: float) -> float:
-    if not t.cycles_in:
-        return _polled_in(t)
-    return max(_polled_in(t), 2 * watchdog + 2 * t.logic)
-
-
-def _disturbed_out(t: PartTimes, watchdog: float) -> float:
-    if not t.cycles_out:
-        return _polled_out(t)
-    return max(_polled_out(t), 2 * watchdog + 2 * t.output)
+    by_bus = [round_trip(w) + w.logic + w.from_logic + 2 * w.device for w in t.outputs_by_bus]
+    return max([longest_out(t), *by_bus])

@@ -5,10 +5,8 @@ A value that nobody states stays open and is named; what is missing is never tak
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from fsoe_net.model.resolve import Connection
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.timing.claims import LevelClaim, level_claims
 from fsoe_net.timing.elements import FunctionParts
@@ -21,30 +19,21 @@ from fsoe_net.timing.formulas import (
     worst_case_output,
 )
 from fsoe_net.timing.handshake import (
-    broken,
+    broken_input,
+    broken_output,
     disturbed_both,
     disturbed_input,
     disturbed_output,
     disturbed_shared,
     polled_error_free,
+    shared_ways,
 )
 from fsoe_net.timing.judgement import Judgement, exceeds
 from fsoe_net.timing.pfh import PfhSum, sum_pfh
 from fsoe_net.timing.transit import Transit
+from fsoe_net.timing.ways import part_times, watchdog_of
 
-__all__ = [
-    "DISTURBED",
-    "FunctionBudget",
-    "Reaction",
-    "ResponseCase",
-    "function_budget",
-    "longest_watchdog",
-    "watchdog_of",
-    "with_cycle",
-]
-
-
-DISTURBED = {"input": disturbed_input, "output": disturbed_output, "both ways": disturbed_shared}
+__all__ = ["FunctionBudget", "Reaction", "ResponseCase", "function_budget", "reaction_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,9 +41,9 @@ class ResponseCase:
     """One connection that is late up to its watchdog and lost then; no fault; a printed formula.
 
     Attributes:
-        way: ``input``, ``output``, ``both ways`` of one connection, as in `DISTURBED`; ``no
-            fault``; ``ETG.5100`` or ``Beckhoff``.
-        connection: Its name, the one with the longest watchdog; empty unless one is late.
+        way: ``input``, ``output``, ``both ways`` of one connection; ``no fault``; ``ETG.5100`` or
+            ``Beckhoff``.
+        connection: Its name; empty unless one is late.
         ms: Longest response; the handshake of FSoE is counted unless a printed formula is meant.
     """
 
@@ -81,8 +70,8 @@ class Reaction:
     ``worst_beckhoff`` counts both watchdogs and the actuator. ``printed`` is the larger of the two.
     Neither method counts the handshake of FSoE (`fsoe_net.timing.handshake`): ``polled`` is the
     response without a fault that does, ``broken`` that with one connection broken for good,
-    ``late`` is that without a fault and those with one connection late and lost at will,
-    ``disturbed`` that with both.
+    ``late`` is that without a fault and those with one connection late and lost at will, of each
+    way the longest; ``disturbed`` that with one connection in and one out.
     """
 
     watchdog_in: float | None
@@ -187,26 +176,14 @@ def function_budget(
     """
     unstated = list(parts.unstated)
     used = (*parts.to_input, *parts.to_output)
-    cycle = bus.cycle(used)
-    if cycle is None:
+    times = part_times(parts, bus, drift)
+    if times is None:
         unstated.append("the bus cycle is not stated")
-    times = None
-    if cycle is not None and not unstated and not parts.apart:
-        times = PartTimes(
-            sensor=parts.sensor,
-            input=parts.input,
-            logic=parts.logic,
-            output=parts.output,
-            actuator=parts.actuator,
-            cycle=cycle,
-            cycles_in=bus.cycles(parts.to_input),
-            cycles_out=bus.cycles(parts.to_output),
-        )
+    if unstated or parts.apart:
+        times = None
     for connection in dict.fromkeys(c.name for c in used if watchdog_of(c) is None):
         unstated.append(f"the watchdog of {connection} is not stated")
-    reaction = None
-    if times is not None and not unstated:
-        reaction = _reaction(times, parts, drift)
+    reaction = None if times is None or unstated else reaction_of(times)
     pfh = sum_pfh(function, parts, crosses_bus=bool(used))
     return FunctionBudget(
         function=function,
@@ -219,61 +196,45 @@ def function_budget(
     )
 
 
-def watchdog_of(connection: Connection) -> float | None:
-    """Return the configured watchdog, ms; ``None`` when it is not stated or 0."""
-    facts = connection.facts
-    return None if facts is None or not facts.watchdog_ms else float(facts.watchdog_ms)
-
-
-def longest_watchdog(connections: Sequence[Connection], drift: float) -> float | None:
-    """Return the longest watchdog of connections that work in parallel, on a slow clock."""
-    known = [w for w in map(watchdog_of, connections) if w is not None]
-    return max(known) * (1 + drift) if known else None
-
-
-def _late(times: PartTimes, parts: FunctionParts, drift: float) -> list[ResponseCase]:
+def _late(t: PartTimes) -> list[ResponseCase]:
     """Return the response without a fault, and with one connection late and lost, for each way."""
-    found = [ResponseCase(way="no fault", ms=polled_error_free(times))]
-    shared = tuple(c for c in parts.to_input if c in parts.to_output)
-    used = {"input": parts.to_input, "output": parts.to_output, "both ways": shared}
-    for way, connections in used.items():
-        watchdog = longest_watchdog(connections, drift)
-        if watchdog is not None:
-            slowest = max(connections, key=lambda c: watchdog_of(c) or 0.0)
-            ms = DISTURBED[way](times, watchdog)
-            found.append(ResponseCase(way=way, connection=slowest.name, ms=ms))
-    return found
+    late = {
+        "input": [(w, disturbed_input(t, w)) for w in t.inputs_by_bus],
+        "output": [(w, disturbed_output(t, w)) for w in t.outputs_by_bus],
+        "both ways": [(w, disturbed_shared(t, w, back)) for w, back in shared_ways(t)],
+    }
+    longest = {way: max(cases, key=lambda case: case[1]) for way, cases in late.items() if cases}
+    return [
+        ResponseCase(way="no fault", ms=polled_error_free(t)),
+        *(
+            ResponseCase(way=way, connection=w.connection, ms=ms)
+            for way, (w, ms) in longest.items()
+        ),
+    ]
 
 
-def _reaction(times: PartTimes, parts: FunctionParts, drift: float) -> Reaction:
-    one, two = longest_watchdog(parts.to_input, drift), longest_watchdog(parts.to_output, drift)
-    there, back = one or 0.0, two or 0.0
+def reaction_of(t: PartTimes) -> Reaction:
+    """Return the response times of a safety function.
+
+    Args:
+        t: Its times, with every watchdog.
+    """
+    one = max((w.watchdog for w in t.inputs_by_bus), default=None)
+    two = max((w.watchdog for w in t.outputs_by_bus), default=None)
+    broken = [
+        *(broken_input(t, w) for w in t.inputs_by_bus),
+        *(broken_output(t, w) for w in t.outputs_by_bus),
+    ]
     return Reaction(
         watchdog_in=one,
         watchdog_out=two,
-        error_free=error_free(times),
-        typical=beckhoff_typical(times),
-        worst_input=None if one is None else worst_case_input(times, one),
-        worst_output=None if two is None else worst_case_output(times, two),
-        worst_beckhoff=beckhoff_worst_case(there, back, times.actuator),  # mutants: a sum
-        polled=polled_error_free(times),
-        broken=broken(times, one, two),
-        late=tuple(_late(times, parts, drift)),
-        disturbed=disturbed_both(times, there, back),
+        error_free=error_free(t),
+        typical=beckhoff_typical(t),
+        worst_input=None if one is None else worst_case_input(t, one),
+        worst_output=None if two is None else worst_case_output(t, two),
+        worst_beckhoff=beckhoff_worst_case(one or 0.0, two or 0.0, t.actuator),  # mutants: a sum
+        polled=polled_error_free(t),
+        broken=max([polled_error_free(t), *broken]),
+        late=tuple(_late(t)),
+        disturbed=disturbed_both(t),
     )
-
-
-def with_cycle(row: FunctionBudget, cycle: float, drift: float) -> Reaction:
-    """Return the response times of a judged function at another bus cycle.
-
-    Args:
-        row: With times and watchdogs.
-        cycle: Bus cycle, ms.
-        drift: As in `Budget`.
-
-    Raises:
-        ValueError: Its times are not complete.
-    """
-    if row.times is None or row.reaction is None:
-        raise ValueError(f"{row.function.name} has no reaction time")
-    return _reaction(replace(row.times, cycle=cycle), row.parts, drift)

@@ -1,19 +1,22 @@
-"""How long a frame is on its way: the bus cycle that counts, and how many of them.
+"""How long a frame is on its way from one SubDevice to another.
 
-On one bus a frame needs k cycles per direction. Where it crosses buses each exchange between two
-cycles costs one cycle more of the side that takes it, at most; every cycle counts as the longest
-on the way (`docs/explanation/timing.md`).
+On one bus a frame needs k cycles: it waits at most one for its own bus to fetch it, needs one more,
+and with k = 3 a third for a program that copies a cycle later. Where it crosses buses, each further
+bus fetches it with its own next cycle: one cycle of that bus at most. The two directions between
+two buses differ (`docs/explanation/timing.md`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import NetworkConfig
-from fsoe_net.model.resolve import Connection
 
-__all__ = ["Transit"]
+__all__ = ["Transit", "transfer_time"]
+
+_COPIED_AT_ONCE = 2  # k of a program that copies in the cycle in which a frame arrived
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,25 +26,38 @@ class Transit:
     Attributes:
         network: Its buses.
         given: Bus cycle in ms instead of those of the network.
-        copy_cycles: Bus cycles that a frame needs per direction on one bus.
+        copy_cycles: Bus cycles that a frame needs per direction on one bus, k.
     """
 
     network: NetworkConfig
     given: float | None
     copy_cycles: int
 
-    def cycle(self, connections: Iterable[Connection]) -> float | None:
-        """Return the longest bus cycle on the way of some connections, ms.
-
-        Without connections that of the first bus; ``None`` when one is not stated.
-        """
+    @property
+    def first_cycle(self) -> float | None:
+        """Cycle of the first bus, ms; ``None`` when it is not stated."""
         if self.given is not None:
             return self.given
-        ways = [self.network.way_cycle_ns(c.main, c.sub) for c in connections]
-        cycles = [ns / 1e6 for ns in ways or [self.network.cycle_ns] if ns]
-        return max(cycles) if cycles and len(cycles) == max(1, len(ways)) else None
+        return self.network.cycle_ns / 1e6 if self.network.cycle_ns else None
 
-    def cycles(self, connections: Iterable[Connection]) -> int:
-        """Return how many of them a frame needs per direction; 0 without connections."""
-        found = [len(self.network.way(c.main, c.sub)) - 1 for c in connections]
-        return self.copy_cycles + max(found) if found else 0
+    def cycles(self, source: SubDevice, destination: SubDevice) -> tuple[float, ...] | None:
+        """Return the cycle of each bus on the way, ms; ``None`` when one is not stated."""
+        if self.given is not None:
+            return (self.given,) * len(self.network.way(source, destination))
+        cycles = self.network.way_cycles_ns(source, destination)
+        return None if cycles is None else tuple(ns / 1e6 for ns in cycles)
+
+    def transfer(self, source: SubDevice, destination: SubDevice) -> float | None:
+        """Return the longest time from the end that writes a frame to its arrival, ms."""
+        cycles = self.cycles(source, destination)
+        return None if cycles is None else transfer_time(cycles, self.copy_cycles)
+
+
+def transfer_time(cycles: Sequence[float], copy_cycles: int) -> float:
+    """Return the longest time from the end that writes a frame to its arrival, ms.
+
+    Args:
+        cycles: Of each bus on the way, ms, that of the sender first.
+        copy_cycles: Bus cycles that a frame needs per direction on one bus, k.
+    """
+    return cycles[0] + sum(cycles) + (copy_cycles - _COPIED_AT_ONCE) * max(cycles)

@@ -9,21 +9,22 @@ The smaller of the two greatest ones counts; an interval without a value is an e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.model.resolve import Connection
 from fsoe_net.timing.formulas import (
     RESERVE,
+    SignalWay,
     lost_frames_survived,
-    round_trip_input,
-    round_trip_output,
+    round_trip,
     worst_case_input,
     worst_case_output,
 )
-from fsoe_net.timing.handshake import besides_input, besides_output, besides_shared
+from fsoe_net.timing.handshake import besides_input, besides_output, besides_shared, shared_ways
 from fsoe_net.timing.judgement import WatchdogJudgement, exceeds
-from fsoe_net.timing.reaction import FunctionBudget, longest_watchdog, watchdog_of
+from fsoe_net.timing.reaction import FunctionBudget
+from fsoe_net.timing.ways import watchdog_of
 
 __all__ = ["Limit", "WatchdogBudget", "connection_budget"]
 
@@ -135,7 +136,7 @@ class WatchdogBudget:
 def connection_budget(
     connection: Connection,
     rows: Sequence[FunctionBudget],
-    cycle: float | None,
+    cycles: tuple[float, ...] | None,
     measured: float | None,
     drift: float,
 ) -> WatchdogBudget:
@@ -144,7 +145,7 @@ def connection_budget(
     Args:
         connection: Which.
         rows: All safety functions.
-        cycle: Bus cycle, ms; ``None`` when nobody states it.
+        cycles: Cycle of each bus on its way, ms; ``None`` when one is not stated.
         measured: Longest round trip that was seen, ms; it counts when it is the longer one.
         drift: As in `Budget`.
     """
@@ -152,16 +153,13 @@ def connection_budget(
     trip: float | None = None
     printed: Limit | None = None
     handshake: Limit | None = None
-    for row in rows:
-        for there, side in ((row.parts.to_input, "input"), (row.parts.to_output, "output")):
-            if connection.name not in (c.name for c in there) or row.times is None:
-                continue
-            time = (round_trip_input if side == "input" else round_trip_output)(row.times)
-            if trip is None or time > trip:
-                why = f"{row.function.name}: 1.2 x {time:g} ms round trip of its {side}"
-                trip, least = time, Limit(ms=time * RESERVE, why=why)
-            printed = _smallest(printed, _printed(connection, row, side, drift))
-            handshake = _smallest(handshake, _handshake(connection, row, side, drift))
+    for row, way, side in _uses(connection, rows):
+        time = round_trip(way)
+        if trip is None or time > trip:
+            why = f"{row.function.name}: 1.2 x {time:g} ms round trip of its {side}"
+            trip, least = time, Limit(ms=time * RESERVE, why=why)
+        printed = _smallest(printed, _printed(way, row, side, drift))
+        handshake = _smallest(handshake, _handshake(way, row, side, drift))
     if measured is not None and (trip is None or measured > trip):
         trip = measured
         least = Limit(ms=measured * RESERVE, why=f"1.2 x {measured:g} ms round trip as measured")
@@ -175,10 +173,30 @@ def connection_budget(
         printed=printed,
         handshake=handshake,
         functions=tuple(functions),
-        # Two safety PDUs in four bus cycles, see the reference on residual errors.
-        spdus_per_hour=None if cycle is None else 2 * 3_600_000 / (4 * cycle),
-        cycle=cycle,
+        spdus_per_hour=None if cycles is None else _spdus_per_hour(cycles),
+        cycle=None if cycles is None else max(cycles),
     )
+
+
+def _uses(
+    connection: Connection, rows: Sequence[FunctionBudget]
+) -> Iterator[tuple[FunctionBudget, SignalWay, str]]:
+    """Yield each safety function that uses a connection, with its way there."""
+    for row in rows:
+        if row.times is not None:
+            for ways, side in ((row.times.inputs, "input"), (row.times.outputs, "output")):
+                for way in ways:
+                    if way.connection == connection.name:
+                        yield row, way, side
+
+
+def _spdus_per_hour(cycles: tuple[float, ...]) -> float:
+    """Return the highest rate of safety PDUs, both directions.
+
+    One FSoE cycle moves two. Devices that answer at once still wait for their own bus: each frame
+    needs one cycle of the bus that fetches it to be fetched, and one to be handed on.
+    """
+    return 2 * 3_600_000 / (2 * cycles[0] + 2 * cycles[-1])
 
 
 def _names(row: FunctionBudget) -> set[str]:
@@ -202,35 +220,36 @@ def _room(row: FunctionBudget, rest: float, what: str, drift: float, *, share: i
     )
 
 
-def _printed(connection: Connection, row: FunctionBudget, side: str, drift: float) -> Limit | None:
+def _printed(way: SignalWay, row: FunctionBudget, side: str, drift: float) -> Limit | None:
     """Return the largest watchdog that keeps the required reaction time in both methods."""
     times = row.times
     if row.function.required_reaction_ms is None or times is None:
         return None
     rest = worst_case_input(times, 0.0) if side == "input" else worst_case_output(times, 0.0)
     by_etg = _room(row, rest, "ETG.5100", drift)
-    others = row.parts.to_output if side == "input" else row.parts.to_input
-    apart = [c for c in others if c.name != connection.name]
+    others = times.outputs_by_bus if side == "input" else times.inputs_by_bus
+    apart = [w for w in others if w.connection != way.connection]
     what = "two watchdogs and actuator, Beckhoff"
     both = None
     if len(apart) < len(others):  # one connection there and back: its watchdog is the other, too
         both = _room(row, times.actuator, what, drift, share=2)
     # An open watchdog counts as 0 here, which leaves more than ETG.5100; FunctionBudget names it.
-    other = longest_watchdog(apart, drift) or 0.0
+    other = max((w.watchdog for w in apart), default=0.0)
     by_beckhoff = _room(row, other + times.actuator, what, drift)
     return _smallest(by_etg, both, by_beckhoff)
 
 
-def _handshake(
-    connection: Connection, row: FunctionBudget, side: str, drift: float
-) -> Limit | None:
+def _handshake(way: SignalWay, row: FunctionBudget, side: str, drift: float) -> Limit | None:
     """Return the largest watchdog that keeps the required time when this one is late, then lost."""
-    if row.function.required_reaction_ms is None or row.times is None:
+    times = row.times
+    if row.function.required_reaction_ms is None or times is None:
         return None
-    rest = besides_input(row.times) if side == "input" else besides_output(row.times)
+    rest = besides_input(times, way) if side == "input" else besides_output(times, way)
     one_way = _room(row, rest, "late, then lost; FSoE handshake counted", drift, share=2)
-    if connection not in row.parts.to_input or connection not in row.parts.to_output:
-        return one_way
     what = "late both ways, then lost; FSoE handshake counted"
-    both = _room(row, besides_shared(row.times), what, drift, share=3)
-    return _smallest(one_way, both)
+    both = [
+        _room(row, besides_shared(times, there, back), what, drift, share=3)
+        for there, back in shared_ways(times)
+        if there.connection == way.connection
+    ]
+    return _smallest(one_way, *both)

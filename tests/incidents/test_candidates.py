@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from typing import Any
@@ -535,3 +536,17 @@ def test_an_emptied_image_is_no_frame():
     for n, frame in enumerate((bytes([Command.RESET, 5, 0, 0, 0, 0]), bytes(6))):
         one.cycle(n, n * MS, frame + bytes(6))
     assert [f.data[:2].hex() for f in one.facts().frames] == ["2a05"]
+
+
+@pytest.mark.parametrize(("cycle_ns", "count"), [(0, 1), (9 * MS, 1), (10 * MS, 0)])
+def test_a_slow_bus_is_not_a_slow_device(cycle_ns: int, count: int) -> None:
+    """The sub answers after 38 ms: four cycles of 10 ms of its own bus, far more of the first."""
+    sides = (
+        WireSide(right=40, waits=10, waits_sum_ns=30 * MS, waits_most_ns=4 * MS),
+        WireSide(right=40, waits=10, waits_sum_ns=380 * MS, waits_most_ns=40 * MS),
+    )
+    one = link(sides=sides)
+    e = replace(evidence(one), planned={"a": replace(planned("a"), cycle_ns=cycle_ns)})
+    codes = Counter({("sub", int(ResetCode.WATCHDOG)): 1})
+    keys = [c.key for c in causes_fsoe_ends._watchdog(e, one, codes)]
+    assert keys.count("slow_device") == count

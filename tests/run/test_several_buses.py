@@ -56,6 +56,7 @@ def test_a_plan_says_which_subdevices_are_on_which_bus():
         ("drives", 2_000_000, 3, 2),
     ]
     assert [plan.bus_number(n) for n in range(5)] == [0, 0, 0, 1, 1]
+    assert (plan.way_cycle_ns(0, 1), plan.way_cycle_ns(0, 3)) == (1_000_000, 2_000_000)
     assert decode_plan(encode_plan(plan)) == plan
 
 
@@ -133,6 +134,7 @@ def test_every_changed_byte_is_refused_or_another_fingerprint():
 def test_one_bus_keeps_its_plan():
     plan = compile_plan(resolved(EXAMPLES / "el6910" / "network.yaml"))
     assert (plan.buses, plan.format, plan.bus_number(3)) == ((), "1.1", 0)
+    assert plan.way_cycle_ns(0, 3) == plan.cycle_ns
 
 
 # -- rules ----------------------------------------------------------------------------------------
@@ -167,10 +169,10 @@ def test_buses_that_are_not_possible(changed, pair, line, text):
 
 def test_a_watchdog_counts_the_way_between_the_buses(changed):
     (one,) = [x for x in found(changed(("connection_id: 3, watchdog_ms: 100",
-                                        "connection_id: 3, watchdog_ms: 13"),
+                                        "connection_id: 3, watchdog_ms: 7"),
                                        base=PLAIN / "two-buses" / "network.yaml"))
               if x.startswith("FSN601")]  # fmt: skip
-    assert "watchdog 13 ms is shorter than 7 bus cycles of 2 ms" in one
+    assert "watchdog 7 ms is shorter than 8 ms, an FSoE cycle over buses of 1 ms, 2 ms" in one
 
 
 def test_keys_of_one_bus_beside_several(changed):
@@ -198,7 +200,7 @@ def test_other_formats_hold_one_bus(name, tmp_path):
 # -- timing ---------------------------------------------------------------------------------------
 
 
-def test_a_connection_across_takes_one_cycle_more_of_the_longer(changed):
+def test_a_connection_across_waits_for_each_bus(changed):
     from fsoe_net.model.library import Library
     from fsoe_net.timing.budget import make_budget
 
@@ -206,10 +208,12 @@ def test_a_connection_across_takes_one_cycle_more_of_the_longer(changed):
     trips = {w.connection.name: w.round_trip for w in budget.connections}
     # Input and logic, or logic and output, twice each; two cycles of 1 ms per direction.
     assert trips["el6910-el2904"] == 2 * (4 + 4) + 2 * 2 * 1
-    assert trips["el6910-drive_1"] == 2 * (4 + 8) + 2 * 3 * 2
+    # To the drive 1 + 1 + 2, from it 2 + 2 + 1.
+    assert trips["el6910-drive_1"] == 2 * (4 + 8) + 4 + 5
     assert [w.cycle for w in budget.connections] == [1, 1, 2, 2]
     slow = make_budget(resolved(changed(("cycle_us: 2000", "cycle_us: 8000"))), Library(devices=()))
-    assert slow.connections[2].round_trip == 2 * (4 + 8) + 2 * 3 * 8
+    assert slow.connections[2].round_trip == 2 * (4 + 8) + (1 + 1 + 8) + (8 + 8 + 1)
+    assert slow.connections[1].round_trip == trips["el6910-el2904"]
     one = make_budget(resolved(NETWORK), Library(devices=()), cycle=3.0)
     assert {w.cycle for w in one.connections} == {3.0}
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from fsoe_net.timing.formulas import PartTimes
+from fsoe_net.timing.formulas import PartTimes, SignalWay
 
 NEVER = 1 << 62
 MS = 1_000_000
@@ -188,18 +188,61 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """Times of the parts of a safety function on one bus, ms; k bus cycles for each way."""
+
+    sensor: float = 0.0
+    input: float
+    logic: float
+    output: float
+    actuator: float = 0.0
+    cycle: float
+    cycles_in: int = 2
+    cycles_out: int = 2
+
+    def times(self, watchdog_in: float = 0.0, watchdog_out: float = 0.0) -> PartTimes:
+        """Return them as the formulas take them; no connection where k is 0."""
+        there, back = (
+            SignalWay(device=device, logic=self.logic)
+            if not k
+            else SignalWay(
+                connection=name,
+                device=device,
+                logic=self.logic,
+                to_logic=k * self.cycle,
+                from_logic=k * self.cycle,
+                cycle=self.cycle,
+                watchdog=watchdog,
+            )
+            for name, device, k, watchdog in (
+                ("in", self.input, self.cycles_in, watchdog_in),
+                ("out", self.output, self.cycles_out, watchdog_out),
+            )
+        )
+        return PartTimes(
+            sensor=self.sensor, inputs=(there,), outputs=(back,), actuator=self.actuator
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
     """A safety function under attack; watchdogs as configured, ms; drift as a share."""
 
-    times: PartTimes
+    parts: Parts
     watchdog_in: float
     watchdog_out: float
     drift: float = 0.0
 
+    @property
+    def times(self) -> PartTimes:
+        """As the formulas take them, watchdogs on the slowest clock."""
+        slow = 1 + self.drift
+        return self.parts.times(self.watchdog_in * slow, self.watchdog_out * slow)
+
 
 def links(setup: Setup, genes: Genes, fault_in: Fault, fault_out: Fault) -> tuple[Link, Link]:
     """Return both connections of a safety function."""
-    t = setup.times
+    t = setup.parts
     cycle = round(t.cycle * MS * (1 - BUS_DRIFT * genes.take()))
     made = []
     for task, watchdog, k, fault in (
@@ -221,7 +264,7 @@ def links(setup: Setup, genes: Genes, fault_in: Fault, fault_out: Fault) -> tupl
 def response(setup: Setup, genes: Genes, fault_in: Fault, fault_out: Fault) -> float:
     """Return the response of one schedule through both handshakes, ms."""
     there, back = links(setup, genes, fault_in, fault_out)
-    t, take = setup.times, genes.take
+    t, take = setup.parts, genes.take
     through = there.run(to_main=True) + back.run(to_main=False)
     return through / MS + 2 * t.sensor * take() + 2 * t.actuator * take()
 
@@ -249,25 +292,25 @@ def round_trips(setup: Setup, genes: Genes, lost: int = 0) -> tuple[float, float
 
 
 def _there(setup: Setup, genes: Genes) -> float:
-    t, take = setup.times, genes.take
+    t, take = setup.parts, genes.take
     moved = (t.cycles_in - 1 + take()) * t.cycle
     return t.input * (take() + take()) + moved + t.logic * (take() + take())
 
 
 def _back(setup: Setup, genes: Genes) -> float:
-    t, take = setup.times, genes.take
+    t, take = setup.parts, genes.take
     moved = (t.cycles_out - 1 + take()) * t.cycle
     return t.logic * (take() + take()) + moved + t.output * (take() + take())
 
 
 def _watchdog(ms: float, setup: Setup, genes: Genes) -> float:
     """Return the time until a watchdog ends that was started before."""
-    before = setup.times.cycle * genes.take()
+    before = setup.parts.cycle * genes.take()
     return ms * (1 + setup.drift * genes.take()) - before
 
 
 def _ends(setup: Setup, genes: Genes) -> float:
-    t, take = setup.times, genes.take
+    t, take = setup.parts, genes.take
     return t.sensor * (take() + take()) + t.actuator * (take() + take())
 
 
@@ -285,7 +328,7 @@ def as_printed_input(setup: Setup, genes: Genes) -> float:
 def as_printed_output(setup: Setup, genes: Genes) -> float:
     """Return one response with the connection to the output device already dead, ms."""
     dead = _watchdog(setup.watchdog_out, setup, genes)
-    decided = setup.times.logic * (genes.take() + genes.take())
+    decided = setup.parts.logic * (genes.take() + genes.take())
     return _ends(setup, genes) + _there(setup, genes) + decided + dead
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from signal_path.path import (
     Genes,
+    Parts,
     Setup,
     as_printed_beckhoff,
     as_printed_error_free,
@@ -18,13 +19,13 @@ from signal_path.path import (
 )
 
 from fsoe_net.timing import formulas, handshake
-from fsoe_net.timing.formulas import PartTimes
+from fsoe_net.timing.formulas import SignalWay
 
 GENES = 64
 
 # The worked table of docs/explanation/timing.md.
-PARTS = PartTimes(sensor=5, input=4, logic=2, output=3, actuator=20, cycle=1)
-WORKED = Setup(times=PARTS, watchdog_in=100, watchdog_out=100, drift=0.01)
+PARTS = Parts(sensor=5, input=4, logic=2, output=3, actuator=20, cycle=1)
+WORKED = Setup(parts=PARTS, watchdog_in=100, watchdog_out=100, drift=0.01)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +52,12 @@ class Found:
         return self.worst / self.bound
 
 
-def _in(s: Setup) -> float:
-    return s.watchdog_in * (1 + s.drift)
+def _there(s: Setup) -> SignalWay:
+    return s.times.inputs[0]
 
 
-def _out(s: Setup) -> float:
-    return s.watchdog_out * (1 + s.drift)
+def _back(s: Setup) -> SignalWay:
+    return s.times.outputs[0]
 
 
 # Formulas as printed, schedules restricted to what they leave out.
@@ -64,17 +65,19 @@ PRINTED = (
     Attack("error_free", lambda s: formulas.error_free(s.times), as_printed_error_free),
     Attack(
         "worst_case_input",
-        lambda s: formulas.worst_case_input(s.times, _in(s)),
+        lambda s: formulas.worst_case_input(s.times, _there(s).watchdog),
         as_printed_input,
     ),
     Attack(
         "worst_case_output",
-        lambda s: formulas.worst_case_output(s.times, _out(s)),
+        lambda s: formulas.worst_case_output(s.times, _back(s).watchdog),
         as_printed_output,
     ),
     Attack(
         "beckhoff_worst_case",
-        lambda s: formulas.beckhoff_worst_case(_in(s), _out(s), s.times.actuator),
+        lambda s: formulas.beckhoff_worst_case(
+            _there(s).watchdog, _back(s).watchdog, s.times.actuator
+        ),
         as_printed_beckhoff,
     ),
 )
@@ -83,12 +86,12 @@ PRINTED = (
 _FSOE = (
     Attack(
         "round_trip_input",
-        lambda s: formulas.round_trip_input(s.times),
+        lambda s: formulas.round_trip(_there(s)),
         lambda s, g: round_trips(s, g)[0],
     ),
     Attack(
         "round_trip_output",
-        lambda s: formulas.round_trip_output(s.times),
+        lambda s: formulas.round_trip(_back(s)),
         lambda s, g: round_trips(s, g)[1],
     ),
     Attack(
@@ -98,27 +101,27 @@ _FSOE = (
     ),
     Attack(
         "broken_input",
-        lambda s: handshake.broken_input(s.times, _in(s)),
+        lambda s: handshake.broken_input(s.times, _there(s)),
         lambda s, g: response(s, g, "breaks", "none"),
     ),
     Attack(
         "broken_output",
-        lambda s: handshake.broken_output(s.times, _out(s)),
+        lambda s: handshake.broken_output(s.times, _back(s)),
         lambda s, g: response(s, g, "none", "breaks"),
     ),
     Attack(
         "disturbed_input",
-        lambda s: handshake.disturbed_input(s.times, _in(s)),
+        lambda s: handshake.disturbed_input(s.times, _there(s)),
         lambda s, g: response(s, g, "any", "none"),
     ),
     Attack(
         "disturbed_output",
-        lambda s: handshake.disturbed_output(s.times, _out(s)),
+        lambda s: handshake.disturbed_output(s.times, _back(s)),
         lambda s, g: response(s, g, "none", "any"),
     ),
     Attack(
         "disturbed_both",
-        lambda s: handshake.disturbed_both(s.times, _in(s), _out(s)),
+        lambda s: handshake.disturbed_both(s.times),
         lambda s, g: response(s, g, "any", "any"),
     ),
 )
@@ -127,12 +130,10 @@ LOST = 20
 _LOST = tuple(
     Attack(
         f"round_trip_{side}, {LOST} bus cycles lost",
-        lambda s, trip=trip: trip(s.times) + LOST * s.times.cycle,
+        lambda s, way=way: formulas.round_trip(way(s)) + LOST * s.parts.cycle,
         lambda s, g, at=at: round_trips(s, g, LOST)[at],
     )
-    for at, (side, trip) in enumerate(
-        (("input", formulas.round_trip_input), ("output", formulas.round_trip_output))
-    )
+    for at, (side, way) in enumerate((("input", _there), ("output", _back)))
 )
 HANDSHAKE = (*_FSOE, *_LOST)
 

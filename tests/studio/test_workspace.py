@@ -293,6 +293,16 @@ def test_each_finding_is_shown_at_its_part(tmp_path: Path, name: str) -> None:
         assert set(row["subdevices"]) <= {sub["name"] for sub in shown["subdevices"]}
 
 
+def test_a_limit_is_shown_on_its_safe_side(estop: Workspace) -> None:
+    """1.2 * 20.02 ms at least, and a third of 400 - 10 - 8.02 - 40.04 ms at most."""
+    text = estop.text.replace("time_ms: 20", "time_ms: 20.02").replace(
+        "time_ms: 4,", "time_ms: 4.01,"
+    )
+    estop.replace(estop.version, text)
+    (row,) = state_of(estop)["connections"]
+    assert (row["least_ms"], row["greatest_ms"]) == (24.1, 113.9)
+
+
 def test_the_state_shows_what_the_timing_budget_allows(estop: Workspace) -> None:
     (row,) = state_of(estop)["connections"]
     assert (row["least_ms"], row["greatest_ms"]) == (24.0, 114.0)  # as `fsoe-net timing` prints

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from signal_path.path import Parts
 from timing.test_budget import (
     FUNCTION,
     Maker,
@@ -19,17 +20,19 @@ from timing.test_budget import (
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.model.library import Library, LibraryFigure
+from fsoe_net.model.safety import ElementKind
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import make_budget
 from fsoe_net.timing.formulas import (
     PartTimes,
+    SignalWay,
     beckhoff_typical,
     error_free,
+    round_trip,
     worst_case_input,
     worst_case_output,
 )
 from fsoe_net.timing.handshake import (
-    broken,
     broken_input,
     broken_output,
     disturbed_both,
@@ -39,56 +42,115 @@ from fsoe_net.timing.handshake import (
 )
 from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.pfh import PfhSum
-from fsoe_net.timing.reaction import ResponseCase, with_cycle
+from fsoe_net.timing.reaction import ResponseCase, reaction_of
 
 pytestmark = pytest.mark.usefixtures("said")
 
 __all__ = ["budgets_said", "resolution_of"]
 
-UNEQUAL = PartTimes(
+UNEQUAL = Parts(
     sensor=5, input=4, logic=2, output=3, actuator=20, cycle=1, cycles_in=2, cycles_out=3
 )
 
 
 def test_each_direction_has_its_own_transfer() -> None:
-    assert error_free(UNEQUAL) == 10 + 8 + 2 + 4 + 4 + 3 + 6 + 40
-    assert worst_case_input(UNEQUAL, 100) == 10 + 100 + 4 + 3 + 6 + 40
-    assert worst_case_output(UNEQUAL, 100) == 10 + 8 + 2 + 4 + 4 + 100 + 40
+    t = UNEQUAL.times(100, 100)
+    (there,), (back,) = t.inputs, t.outputs
+    assert error_free(t) == 10 + 8 + 2 + 4 + 4 + 3 + 6 + 40
+    assert worst_case_input(t, 100) == 10 + 100 + 4 + 3 + 6 + 40
+    assert worst_case_output(t, 100) == 10 + 8 + 2 + 4 + 4 + 100 + 40
     # The healthy ways: (8 + 4 + 4) + 4 + 2 + 4 there, (6 + 4 + 6) + 2 + 3 + 6 back.
-    assert broken_input(UNEQUAL, 100) == 10 + (100 + 4 + 2 + 6) + 27 + 40
-    assert broken_output(UNEQUAL, 100) == 10 + 26 + (100 + 2 + 3 + 9) + 40
-    assert broken(UNEQUAL, 100, None) == 189
-    assert broken(UNEQUAL, None, 100) == 190
-    assert broken(UNEQUAL, None, None) == 10 + 26 + 27 + 40
+    assert broken_input(t, there) == 10 + (100 + 4 + 2 + 6) + 27 + 40
+    assert broken_output(t, back) == 10 + 26 + (100 + 2 + 3 + 9) + 40
+    assert reaction_of(t).broken == 190
+    alone = replace(UNEQUAL, cycles_in=0).times(watchdog_out=100)
+    assert reaction_of(alone).broken == 10 + 12 + (100 + 2 + 3 + 9) + 40
+    alone = replace(UNEQUAL, cycles_out=0).times(watchdog_in=100)
+    assert reaction_of(alone).broken == 10 + (100 + 4 + 2 + 6) + 10 + 40
 
 
 def test_each_direction_is_disturbed_by_itself() -> None:
     # A connection that is lost at will takes two watchdogs, the other one its healthy way.
-    assert disturbed_input(UNEQUAL, 100) == 10 + (2 * 100 + 4) + 27 + 40
-    assert disturbed_output(UNEQUAL, 90) == 10 + 26 + (2 * 90 + 6) + 40
-    assert disturbed_both(UNEQUAL, 100, 90) == 10 + (2 * 100 + 4) + (2 * 90 + 6) + 40
+    t = UNEQUAL.times(100, 90)
+    (there,), (back,) = t.inputs, t.outputs
+    assert disturbed_input(t, there) == 10 + (2 * 100 + 4) + 27 + 40
+    assert disturbed_output(t, back) == 10 + 26 + (2 * 90 + 6) + 40
+    assert disturbed_both(t) == 10 + (2 * 100 + 4) + (2 * 90 + 6) + 40
     # A watchdog shorter than the healthy way counts no less than that.
-    assert disturbed_both(UNEQUAL, 1, 1) == polled_error_free(UNEQUAL) == 10 + 26 + 27 + 40
-    alone = replace(UNEQUAL, cycles_in=0, cycles_out=0)
-    assert disturbed_both(alone, 100, 90) == 10 + (8 + 4) + (4 + 6) + 40
+    t = UNEQUAL.times(1, 1)
+    assert disturbed_both(t) == polled_error_free(t) == 10 + 26 + 27 + 40
+
+
+def test_each_direction_between_two_buses_has_its_own_transfer() -> None:
+    """From a bus of 4 ms to the first, of 1 ms: 4 + 4 + 1; back: 1 + 1 + 4."""
+    there = SignalWay(
+        connection="in", device=4, logic=2, to_logic=9, from_logic=6, cycle=4, watchdog=90
+    )
+    back = SignalWay(
+        connection="out", device=3, logic=2, to_logic=9, from_logic=6, cycle=4, watchdog=80
+    )
+    t = PartTimes(inputs=(there,), outputs=(back,))
+    assert (round_trip(there), round_trip(back)) == (8 + 15 + 4, 6 + 15 + 4)
+    assert error_free(t) == (8 + 9 + 4) + (4 + 6 + 6)
+    polled_in, polled_out = 27 + 4 + 9 + 4, 25 + 2 + 6 + 6
+    assert polled_error_free(t) == polled_in + polled_out
+    assert broken_input(t, there) == (90 + 4 + 9 + 6) + polled_out
+    assert broken_output(t, back) == polled_in + (80 + 2 + 6 + 9)
+
+
+def test_the_longest_way_of_several_counts_for_each_formula() -> None:
+    """Each way has its own times: the greatest of each never meet in one that is not there."""
+    near = SignalWay(
+        connection="near", device=9, logic=2, to_logic=2, from_logic=2, cycle=1, watchdog=30
+    )
+    far = SignalWay(
+        connection="far", device=1, logic=2, to_logic=9, from_logic=6, cycle=4, watchdog=70
+    )
+    local = SignalWay(device=5, logic=2)
+    t = PartTimes(inputs=(near, far), outputs=(far, near, local))
+    assert error_free(t) == max(18 + 2 + 4, 2 + 9 + 4) + max(4 + 2 + 18, 4 + 6 + 2, 4 + 10)
+    trips = round_trip(near), round_trip(far)
+    assert trips == (18 + 4 + 4, 2 + 15 + 4)
+    polled_in = max(26 + 9 + 2 + 4, 21 + 1 + 9 + 4)
+    polled_out = max(21 + 2 + 6 + 2, 26 + 2 + 2 + 18, 14)
+    assert (polled_in, polled_out) == (41, 48)
+    reaction = reaction_of(t)
+    late = {case.way: (case.connection, case.ms) for case in reaction.late}
+    assert late == {
+        "no fault": ("", 89),
+        "input": ("far", (2 * 70 + 4) + 48),
+        "output": ("far", 41 + (2 * 70 + 2)),
+        "both ways": ("far", 3 * 70 + 2),
+    }
+    assert reaction.broken == max(70 + 1 + 9 + 6 + 48, 30 + 9 + 2 + 6 + 48, 41 + 70 + 2 + 6 + 3)
+    assert reaction.disturbed == (2 * 70 + 4) + (2 * 70 + 2)
+    assert (reaction.watchdog_in, reaction.watchdog_out) == (70, 70)
+
+
+def test_the_longest_watchdog_need_not_decide() -> None:
+    """20 ms more of the watchdog count less than 45 ms more of the device."""
+    slow = SignalWay(connection="slow", device=50, logic=2, to_logic=2, from_logic=2, watchdog=150)
+    long = SignalWay(connection="long", device=5, logic=2, to_logic=2, from_logic=2, watchdog=170)
+    there = SignalWay(connection="in", device=4, logic=2, to_logic=2, from_logic=2, watchdog=100)
+    decides = reaction_of(PartTimes(inputs=(there,), outputs=(long, slow))).decides
+    # 16 + 4 + 2 + 4 in, then out 2 * 150 + 2 * 50; with 2 * 170 + 2 * 5 it would be 376.
+    assert decides == ResponseCase(way="output", connection="slow", ms=26 + 400)
 
 
 def test_beckhoff_counts_three_cycles_for_each_connection_that_is_there() -> None:
-    times = {"sensor": 5, "input": 4, "logic": 2, "output": 3, "actuator": 20, "cycle": 4}
+    parts = Parts(sensor=5, input=4, logic=2, output=3, actuator=20, cycle=4)
     for there, back, cycles in ((2, 2, 6), (0, 2, 3), (2, 0, 3), (0, 0, 0)):
-        t = PartTimes(**times, cycles_in=there, cycles_out=back)  # type: ignore[arg-type]
+        t = replace(parts, cycles_in=there, cycles_out=back).times()
         assert beckhoff_typical(t) == 34 + cycles * 4
 
 
 def test_sensor_and_actuator_may_take_no_time_and_never_less() -> None:
-    t = PartTimes(input=0, logic=0, output=0, cycle=1)
+    way = SignalWay(device=0, logic=0)
+    t = PartTimes(inputs=(way,), outputs=(way,))
     assert (t.sensor, t.actuator) == (0, 0)
     for wrong in ({"sensor": -1.0}, {"actuator": -1.0}):
         with pytest.raises(ValueError, match="not negative"):
-            PartTimes(input=0, logic=0, output=0, cycle=1, **wrong)
-    for cycles in ({"cycles_in": -1, "cycles_out": 2}, {"cycles_in": 2, "cycles_out": -1}):
-        with pytest.raises(ValueError, match="bus cycles"):
-            PartTimes(input=0, logic=0, output=0, cycle=1, **cycles)
+            PartTimes(inputs=(way,), outputs=(way,), **wrong)
 
 
 def test_output_and_logic_in_one_subdevice(resolution_of: Maker) -> None:
@@ -119,17 +181,14 @@ def test_one_watchdog_that_is_missing_is_enough(
     name = next(c.connection.name for c in budget.connections if c.connection.sub.name == sub)
     assert row.unstated == (f"the watchdog of {name} is not stated",)
     assert (row.reaction, row.judgement) == (None, Judgement.MISSING)
-    with pytest.raises(ValueError, match="estop has no reaction time"):
-        with_cycle(row, 4, 0)
 
 
-def test_another_cycle_needs_every_time(resolution_of: Maker) -> None:
+def test_another_cycle_scales_every_transfer(resolution_of: Maker) -> None:
     (row,) = budget_of(resolution_of()).functions
-    assert with_cycle(row, 4, 0).error_free == 88
-    assert with_cycle(row, 4, 0.01).worst_beckhoff == pytest.approx(222)
-    (row,) = budget_of(resolution_of(FUNCTION.replace("time_ms: 4, ", ""))).functions
-    with pytest.raises(ValueError, match="estop has no reaction time"):
-        with_cycle(row, 4, 0)
+    assert row.times is not None
+    times = row.times.with_ways(lambda way: way.scaled(4))
+    assert error_free(times) == 88
+    assert {(w.to_logic, w.from_logic, w.cycle) for w in times.inputs} == {(8, 8, 4)}
 
 
 def test_of_parallel_inputs_the_longest_watchdog_and_time_count(resolution_of: Maker) -> None:
@@ -152,17 +211,17 @@ def test_what_takes_exactly_the_required_time_is_within(
 
 
 def test_rounding_of_floating_point_is_no_finding(resolution_of: Maker) -> None:
-    # 2 * 5 + (3 * 2.3 + 6 + 4 * 0.1) + 2 * 100 + 6 + 2 * 0.4 ms are 230.1 ms, more as floats.
-    functions, network = with_watchdogs(230.1, 100, 100)
-    for old, new in (("4,", "2.3,"), ("2,", "0.1,"), ("20,", "0.4,")):
+    # 2 * 5 + (3 * 3.4 + 6 + 4 * 0.3) + 2 * 100 + 6 + 2 * 0.1 ms are 233.6 ms, more as floats.
+    functions, network = with_watchdogs(233.6, 100, 100)
+    for old, new in (("4,", "3.4,"), ("2,", "0.3,"), ("20,", "0.1,")):
         assert functions.count(f"time_ms: {old}") == 1
         functions = functions.replace(f"time_ms: {old}", f"time_ms: {new}")
     resolution = resolution_of(functions, network)
     budget = budget_of(resolution)
     (row,) = budget.functions
     assert row.reaction is not None
-    assert row.reaction.decides.ms == pytest.approx(230.1)
-    assert row.reaction.decides.ms > 230.1  # else this example shows nothing
+    assert row.reaction.decides.ms == pytest.approx(233.6)
+    assert row.reaction.decides.ms > 233.6  # else this example shows nothing
     assert row.judgement is Judgement.WITHIN
     codes = [d.code for d in check_timing(resolution.network, budget)]
     assert not {"FSN604", "FSN611"} & set(codes)
@@ -241,11 +300,12 @@ def test_figures_of_the_library_are_taken_by_name(resolution_of: Maker) -> None:
 
 def test_a_time_that_is_missing_is_zero_and_unverified(resolution_of: Maker) -> None:
     (row,) = budget_of(resolution_of(FUNCTION.replace("time_ms: 4, ", ""))).functions
-    assert (row.parts.input, row.parts.rows[1].time.answered_for) == (0, False)
+    assert row.parts.slowest(ElementKind.INPUT) == 0
+    assert not row.parts.rows[1].time.answered_for
     assert row.parts.unverified == ()
     (sensor,) = re.findall(r" +- {kind: sensor,.*\n.*\n", FUNCTION)
     (row,) = budget_of(resolution_of(FUNCTION.replace(sensor, ""))).functions
-    assert row.parts.sensor == 0
+    assert row.parts.slowest(ElementKind.SENSOR) == 0
 
 
 def test_one_of_two_logics_is_enough_to_be_joined(resolution_of: Maker) -> None:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from fsoe_net.project.self_test.model import TriedValue, reference
+
+if TYPE_CHECKING:
+    from fsoe_net.timing.formulas import PartTimes, SignalWay
 
 __all__ = ["crcs_of_fsoe", "long_division", "timing"]
 
@@ -65,16 +69,49 @@ def crcs_of_fsoe() -> Iterator[TriedValue]:
 
 def timing() -> Iterator[TriedValue]:
     """Compare watchdogs and response times with the worked tables."""
-    from fsoe_net.timing import formulas, handshake
+    known = reference()["timing"]
+    yield from _printed(known)
+    yield from _handshake(known)
+    yield from _several_buses(known["several_buses"])
+
+
+def _way(part: Mapping[str, Any], logic: float, copy_cycles: int = 2) -> SignalWay:
+    from fsoe_net.timing.formulas import SignalWay
+    from fsoe_net.timing.transit import transfer_time
+
+    cycles = part["cycles"]
+    return SignalWay(
+        connection=part.get("name", "connection"),
+        device=part["device"],
+        logic=logic,
+        to_logic=transfer_time(cycles, copy_cycles),
+        from_logic=transfer_time(cycles[::-1], copy_cycles),
+        cycle=max(cycles),
+        watchdog=part.get("watchdog", 0.0),
+    )
+
+
+def _one_bus(parts: Mapping[str, float], cycle: float, k: int, watchdog: float = 0.0) -> PartTimes:
     from fsoe_net.timing.formulas import PartTimes
 
-    known = reference()["timing"]
+    there, back = (
+        _way({"device": parts[name], "cycles": [cycle], "watchdog": watchdog}, parts["logic"], k)
+        for name in ("input", "output")
+    )
+    return PartTimes(
+        sensor=parts["sensor"], inputs=(there,), outputs=(back,), actuator=parts["actuator"]
+    )
+
+
+def _printed(known: Mapping[str, Any]) -> Iterator[TriedValue]:
+    from fsoe_net.timing import formulas
+
     for row in known["rows"]:
-        k = row["k"]
-        t = PartTimes(**known["parts"], cycle=row["cycle"], cycles_in=k, cycles_out=k)
-        least_in, least_out = formulas.watchdog_input(t), formulas.watchdog_output(t)
+        t = _one_bus(known["parts"], row["cycle"], row["k"])
+        there, back = t.inputs[0], t.outputs[0]
+        least_in, least_out = formulas.least_watchdog(there), formulas.least_watchdog(back)
         watchdog = max(least_in, least_out)
-        trip = max(formulas.round_trip_input(t), formulas.round_trip_output(t))
+        trip = max(formulas.round_trip(there), formulas.round_trip(back))
         got = {
             "watchdog_input": least_in,
             "watchdog_output": least_out,
@@ -83,20 +120,61 @@ def timing() -> Iterator[TriedValue]:
             "worst_output": formulas.worst_case_output(t, least_out),
             "beckhoff": formulas.beckhoff_worst_case(watchdog, watchdog, t.actuator),
             "margin_of_100_ms": 100 / watchdog,
-            "lost_of_100_ms": formulas.lost_frames_survived(100, trip, t.cycle),
+            "lost_of_100_ms": formulas.lost_frames_survived(100, trip, row["cycle"]),
         }
         for name, expected in row["expected"].items():
             digits = len(str(expected).partition(".")[2])
-            what = f"bus cycle {row['cycle']} ms, k {k}: {name}"
+            what = f"bus cycle {row['cycle']} ms, k {row['k']}: {name}"
             yield TriedValue(what, expected, round(got[name], digits))
     manual = known["beckhoff_typical"]
-    typical = formulas.beckhoff_typical(PartTimes(**manual["parts"]))
+    typical = formulas.beckhoff_typical(_one_bus(manual["parts"], manual["cycle"], 2))
     yield TriedValue("typical, ms", manual["expected"], typical)
+
+
+def _handshake(known: Mapping[str, Any]) -> Iterator[TriedValue]:
+    from fsoe_net.timing import handshake
+
     counted = known["handshake"]
-    t = PartTimes(**known["parts"], cycle=counted["cycle"])
-    yield TriedValue("polled_error_free, ms", counted["error_free"], handshake.polled_error_free(t))
-    for name, expected in counted["one_watchdog"].items():
-        got_ms = getattr(handshake, name)(t, counted["watchdog"])
-        yield TriedValue(f"{name}, ms", expected, got_ms)
-    both = handshake.disturbed_both(t, counted["watchdog"], counted["watchdog"])
-    yield TriedValue("disturbed_both, ms", counted["both"], both)
+    t = _one_bus(known["parts"], counted["cycle"], 2, counted["watchdog"])
+    there, back = t.inputs[0], t.outputs[0]
+    got = {
+        "polled_error_free": handshake.polled_error_free(t),
+        "broken_input": handshake.broken_input(t, there),
+        "broken_output": handshake.broken_output(t, back),
+        "disturbed_input": handshake.disturbed_input(t, there),
+        "disturbed_output": handshake.disturbed_output(t, back),
+        "disturbed_shared": handshake.disturbed_shared(t, there, back),
+        "disturbed_both": handshake.disturbed_both(t),
+    }
+    for name, expected in counted["expected"].items():
+        yield TriedValue(f"{name}, ms", expected, got[name])
+
+
+def _several_buses(known: Mapping[str, Any]) -> Iterator[TriedValue]:
+    """Compare the figures of each connection of one safety function over two buses."""
+    from fsoe_net.timing import formulas, handshake
+
+    there, *back = (_way(part, known["logic"]) for part in known["ways"])
+    t = formulas.PartTimes(
+        sensor=known["sensor"], inputs=(there,), outputs=tuple(back), actuator=known["actuator"]
+    )
+    for part, way in zip(known["ways"], (there, *back), strict=True):
+        is_in = way is there
+        trip = formulas.round_trip(way)
+        broken = handshake.broken_input if is_in else handshake.broken_output
+        disturbed = handshake.disturbed_input if is_in else handshake.disturbed_output
+        got = {
+            "to_logic": way.to_logic,
+            "from_logic": way.from_logic,
+            "round_trip": trip,
+            "least": formulas.least_watchdog(way),
+            "lost": formulas.lost_frames_survived(way.watchdog, trip, way.cycle),
+            "broken": broken(t, way),
+            "disturbed": disturbed(t, way),
+        }
+        for name, expected in part["expected"].items():
+            what = f"two buses, {part['name']}: {name}"
+            yield TriedValue(what, expected, round(got[name], 6))
+    got = {"error_free": formulas.error_free(t), "polled": handshake.polled_error_free(t)}
+    for name, expected in known["expected"].items():
+        yield TriedValue(f"two buses: {name}, ms", expected, got[name])
