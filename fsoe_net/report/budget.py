@@ -361,9 +361,10 @@ def _panels(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
     found = [(over, _curves(row, scaled), cycle)]
     watchdog = max(r.watchdog_in or 0.0, r.watchdog_out or 0.0)
     if watchdog:
-        spots = [watchdog * n / 10 for n in range(1, 21)]
-        watched = {s: times.with_ways(partial(_watched, watchdog=s)) for s in spots}
-        found.append(("over both watchdogs, ms", _curves(row, watched), watchdog))
+        shares = [n / 10 for n in range(1, 21)]
+        watched = {watchdog * s: times.with_ways(partial(_watched, share=s)) for s in shares}
+        over = "over the longest watchdog, ms, all in proportion"
+        found.append((over, _curves(row, watched), watchdog))
     name = row.function.name
     return [
         (f"Reaction times of {name} {over}", _panel(f"{name}: {over}", curves, here=here))
@@ -371,8 +372,8 @@ def _panels(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
     ]
 
 
-def _watched(way: SignalWay, watchdog: float) -> SignalWay:
-    return replace(way, watchdog=watchdog) if way.connection else way
+def _watched(way: SignalWay, share: float) -> SignalWay:
+    return replace(way, watchdog=share * way.watchdog)
 
 
 def _svg(panels: Sequence[str], title: str, head: int = 34) -> str:

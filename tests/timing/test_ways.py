@@ -8,13 +8,16 @@ from pathlib import Path
 import pytest
 from networks import PLAIN
 
+from fsoe_net.document.write_terminal import document_text
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.library import Library
 from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.report.budget import budget_document, budget_json, budget_picture
 from fsoe_net.rules.check import check
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import Budget, make_budget
 from fsoe_net.timing.judgement import Judgement
+from fsoe_net.timing.reaction import reaction_of
 from fsoe_net.timing.transit import transfer_time
 from fsoe_net.timing.watchdogs import WatchdogBudget
 
@@ -122,6 +125,8 @@ def test_the_longest_ways_count_for_the_response(resolution_of: Maker) -> None:
     assert late["input"] == ("el6910-el1904", 310)
     assert late["output"] == ("el6910-drive_1", 264)
     assert row.reaction.broken == 222
+    # Beckhoff: three cycles of the slowest bus on each way.
+    assert row.reaction.typical == 5 + (4 + 3 * 2) + 3 + (3 * 2 + 8) + 20
     assert row.reaction.worst_output == 10 + (8 + 5 + 6) + 6 + 80 + 40
     # A long watchdog of the contactors decides with their own 3 ms, not with those of the drive.
     (row,) = budget_of(resolution_of(("watchdog_ms: 25", "watchdog_ms: 150"))).functions
@@ -165,12 +170,37 @@ def test_the_rate_of_safety_pdus_is_the_highest(resolution_of: Maker) -> None:
 def test_a_bus_without_a_cycle_leaves_only_its_own_connections_open(resolution_of: Maker) -> None:
     resolution = resolution_of(("    cycle_us: 2000\n", ""))
     budget = budget_of(resolution)
+    assert bus_findings(resolution) == []
     rows = rows_of(budget)
     assert (rows["el2904"].cycle, rows["drive_1"].cycle) == (1, None)
     assert (rows["drive_1"].lost_frames, rows["drive_1"].spdus_per_hour) == (None, None)
     (row,) = budget.functions
     assert row.unstated == ("the bus cycle is not stated",)
     assert row.judgement is Judgement.MISSING
+
+
+def test_all_buses_scale_together(resolution_of: Maker) -> None:
+    """As the picture draws them: at twice the cycle of the first, each bus has twice its own."""
+    (row,) = budget_of(resolution_of()).functions
+    assert row.times is not None
+    twice = [("cycle_us: 2000", "cycle_us: 4000"), ("cycle_us: 1000", "cycle_us: 2000")]
+    (slow,) = budget_of(resolution_of(*twice)).functions
+    assert reaction_of(row.times.with_ways(lambda way: way.scaled(2))) == slow.reaction
+
+
+def test_text_and_picture_say_which_buses_count(resolution_of: Maker) -> None:
+    budget = budget_of(resolution_of())
+    text = document_text(budget_document(budget), width=None)
+    assert text.startswith(
+        "bus cycle 1 ms (cell), 2 ms (far), 2 bus cycles per direction, one more of each bus that "
+        "takes a frame over, clocks exact"
+    )
+    picture = budget_picture(budget, "t")
+    assert "estop: over the bus cycle of cell, ms, all buses in proportion" in picture
+    assert "estop: over the longest watchdog, ms, all in proportion" in picture
+    rows = {c["name"]: c for c in budget_json(budget)["connections"]}
+    assert rows["el6910-el2904"]["round_trip_ms"] == 16
+    assert rows["el6910-el2904"]["lost_cycles_survived"] == 8
 
 
 # -- elements without a way of their own ----------------------------------------------------------
