@@ -207,7 +207,7 @@ def _watchdog(
 
 
 def _way_cycle_ns(e: IncidentEvidence, plan: PlannedConnection) -> int:
-    """Return the longest bus cycle between both ends: a slow bus is no slow device."""
+    """Return the longest bus cycle between both ends: a slow bus is not a slow device."""
     return max(plan.cycle_ns or e.bus.cycle_ns, 1)
 
 

@@ -95,16 +95,18 @@ def _timing(ctx: Context) -> None:
     if network.cycle_ns is None:
         return
     alone = (network.cycle_ns / 1e6,)
-    ways: dict[tuple[int, int | None], tuple[float, ...]] = {}
-    for c in ctx.resolution.connections:
-        cycles_ns = network.way_cycles_ns(c.main, c.sub)
-        if cycles_ns is not None:
-            ways[c.net_number, c.facts_number] = tuple(ns / 1e6 for ns in cycles_ns)
     for net_number, net in enumerate(network.nets):
+        ways = [
+            (c.facts_number, tuple(ns / 1e6 for ns in cycles_ns))
+            for c in ctx.resolution.connections
+            if c.net_number == net_number
+            and (cycles_ns := network.way_cycles_ns(c.main, c.sub)) is not None
+        ]
+        of_facts = dict(ways)
         for number, fact in enumerate(net.connections):
-            _short_watchdog(ctx, fact, ways.get((net_number, number), alone))
-        own = [cycles for (of, _), cycles in ways.items() if of == net_number]
-        _unstated_watchdogs(ctx, net, max(own, key=_least_ms, default=alone))
+            _short_watchdog(ctx, fact, of_facts.get(number, alone))
+        slowest = max((cycles for _, cycles in ways), key=_least_ms, default=alone)
+        _unstated_watchdogs(ctx, net, slowest)
 
 
 def _short_watchdog(ctx: Context, fact: ConnectionFacts, cycles: Sequence[float]) -> None:

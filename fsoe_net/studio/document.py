@@ -162,7 +162,7 @@ def _copy(way: ResolvedTransfer) -> Row:
 
 
 def _ms(limit: Limit | None, *, up: bool) -> float | None:
-    """Return a limit never on the better side of itself: 109.96 ms at most are no 110 ms."""
+    """Return a limit, never on its better side: at most 109.96 ms is shown as 109.9 ms."""
     return None if limit is None else outward(limit.ms, 1, up=up)
 
 

@@ -49,10 +49,10 @@ class SignalWay:
     """Times between the logic and one input or output device, ms.
 
     Attributes:
-        connection: Name of the FSoE connection; empty where device and logic are one SubDevice:
-            what follows is 0 then.
         device: T_I or T_O of the device.
         logic: T_L.
+        connection: Name of the FSoE connection; empty where device and logic are one SubDevice:
+            all below is 0.
         to_logic: Longest transfer of a frame to the logic, k times T_Com on one bus.
         from_logic: The same from the logic to the device.
         cycle: T_Com; where the way crosses buses, the longest bus cycle on it.
@@ -69,7 +69,7 @@ class SignalWay:
     watchdog: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no time.
+        """Refuse an invalid time.
 
         Raises:
             ValueError: A time is negative or not finite.
@@ -100,7 +100,7 @@ class PartTimes:
     actuator: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no time.
+        """Refuse an invalid time.
 
         Raises:
             ValueError: A time is negative or not finite.
