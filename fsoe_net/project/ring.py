@@ -163,7 +163,10 @@ def _type_of(
     if sub is None:
         return None
     return replace(
-        sub, order=newest.order, revision=row.revision or sub.revision, notes=(*notes, *sub.notes)
+        sub,
+        order=newest.order,
+        revision=sub.revision if row.revision is None else row.revision,
+        notes=(*notes, *sub.notes),
     )
 
 

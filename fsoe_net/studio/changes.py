@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fsoe_net.errors import InputError
+from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.project.check import Checked
 from fsoe_net.studio.rows import (
@@ -70,14 +71,17 @@ def _facts_in(document: Any, connection: Connection) -> Any:
     if connection.facts is not None:
         return row_of(net["connections"], connection.facts)
     facts: dict[str, object] = {"main": connection.main.name, "sub": connection.sub.name}
-    facts |= _slots(connection.slot, connection.sub_slot)
+    facts |= _slot("slot", connection.main, connection.slot)
+    facts |= _slot("sub_slot", connection.sub, connection.sub_slot)
     net.setdefault("connections", []).append(facts)
     return net["connections"][-1]
 
 
-def _slots(slot: int | None, sub_slot: int | None) -> dict[str, object]:
-    """Return the keys that say which frames are meant; the first ones need no words."""
-    return {key: n for key, n in (("slot", slot), ("sub_slot", sub_slot)) if n}
+def _slot(key: str, sub: SubDevice, number: int | None) -> dict[str, object]:
+    """Return the key that names a frame pair; a SubDevice with one pair, slot 0, needs none."""
+    pairs = sub.layout.frame_pairs if sub.layout is not None else ()
+    needed = number is not None and (len(pairs) != 1 or number != 0)
+    return {key: number} if needed else {}
 
 
 def _set(request: Mapping[str, object], resolution: Resolution) -> Change:
@@ -115,14 +119,17 @@ def _disconnect(request: Mapping[str, object], resolution: Resolution) -> Change
 
 def _connect(request: Mapping[str, object], resolution: Resolution) -> Change:
     main, sub = (name_of(request, key, resolution) for key in ("main", "sub"))
-    slots = {key: number_of(request, key, 65535) for key in ("slot", "sub_slot")}
+    numbers = {key: number_of(request, key, 65535) for key in ("slot", "sub_slot")}
     if main == sub:
         raise InputError(f"{main} cannot be connected with itself")
+    known = {s.name: s for s in resolution.network.subdevices}
+    slots = _slot("slot", known[main], numbers["slot"])
+    slots |= _slot("sub_slot", known[sub], numbers["sub_slot"])
     own = [net for net in resolution.network.nets if net.safety_master == main]
 
     def change(document: Any) -> None:
         facts: dict[str, object] = {"main": main, "sub": sub}
-        facts |= _slots(**slots)
+        facts |= slots
         facts["unconfirmed"] = DRAWN
         if own:
             net = row_of(document["nets"], own[0])

@@ -345,6 +345,12 @@ def test_a_type_nobody_knows(tmp_path: Path):
     assert "did you mean 'EL1904'?" in done.stderr
 
 
+def test_revision_0_of_an_answer_is_a_revision(tmp_path: Path):
+    init(out=tmp_path / "o", answers="subdevices: [{type: EL6910}, {type: EL1904, revision: 0}]\n")
+    subs = yaml.safe_load((tmp_path / "o" / "network.yaml").read_text("utf-8"))["subdevices"]
+    assert [s.get("revision") for s in subs] == [None, 0]
+
+
 def test_a_ring_that_a_file_tells_is_not_answered(tmp_path: Path):
     done = init(EXAMPLE / "network.yaml", out=tmp_path / "o", answers=RING)
     assert done.returncode == 1

@@ -173,21 +173,24 @@ def test_values_are_set_where_they_stand(estop: Workspace) -> None:
     assert "{name: ek1914, position: 9, config" in estop.text
 
 
-def test_a_connection_goes_and_comes_back(cell: Workspace) -> None:
-    before = cell.text
+SUBS = ("el1904", "el2904", "drive_1", "drive_2")  # in the order of the slots of el6910
+
+
+@pytest.mark.parametrize("slot", range(4))
+def test_a_connection_goes_and_comes_back(slot: int, cell: Workspace) -> None:
+    before, name = cell.text, SUBS[slot]
     numbers = {c.sub.name: n for n, c in enumerate(cell.checked.resolution.connections)}
-    cell.change(cell.version, {"change": "disconnect", "connection": numbers["drive_2"]})
-    assert [c.sub.name for c in cell.checked.resolution.connections] == [
-        "el1904",
-        "el2904",
-        "drive_1",
-    ]
+    cell.change(cell.version, {"change": "disconnect", "connection": numbers[name]})
+    left = [c.sub.name for c in cell.checked.resolution.connections]
+    assert left == [sub for sub in SUBS if sub != name]
     gone = set(before.splitlines()) - set(cell.text.splitlines())
-    assert all("drive_2" in line or "size" in line or "el6910" in line for line in gone)
-    ends = {"main": "el6910", "slot": 3, "sub": "drive_2", "sub_slot": 0}
+    assert all(name in line or "size" in line or "el6910" in line for line in gone)
+    ends = {"main": "el6910", "slot": slot, "sub": name, "sub_slot": 0}
     cell.change(cell.version, {"change": "connect", **ends})
     last = cell.checked.resolution.connections[-1]
-    assert (last.sub.name, last.slot, last.stated.unconfirmed) == ("drive_2", 3, DRAWN)
+    assert (last.sub.name, last.slot, last.stated.unconfirmed) == (name, slot, DRAWN)
+    assert f"slot: {slot}" in cell.text
+    assert "sub_slot" not in cell.text
     assert "FSN234" in _codes(cell)  # a person has to compare it first
     number = len(cell.checked.resolution.connections) - 1
     cell.change(cell.version, {"change": "confirm", "connection": number})
@@ -195,6 +198,13 @@ def test_a_connection_goes_and_comes_back(cell: Workspace) -> None:
     while cell.can_undo:
         cell.undo(cell.version)
     assert cell.text == before
+
+
+def test_slot_0_of_several_is_written(cell: Workspace) -> None:
+    ends = {"main": "drive_2", "slot": 0, "sub": "el6910", "sub_slot": 0}
+    cell.change(cell.version, {"change": "connect", **ends})
+    keys = [line.split(":")[0].strip() for line in cell.text.splitlines()]
+    assert keys[keys.index("- main") : keys.index("unconfirmed")] == ["- main", "sub", "sub_slot"]
 
 
 def test_a_network_without_nets_gets_one(estop: Workspace) -> None:
