@@ -45,7 +45,7 @@ def main() -> None:
             path.mkdir()
             network = str(write_big_network(path, subdevices, transfers))
             check, memory_1 = best("check", network)
-            plan, memory_2 = best("plan", network, "-o", str(path / "x.fsnplan"))
+            plan, memory_2 = best("plan", network, "-o", str(path / "x.fsnplan"), "--overwrite")
             sums[subdevices] = check + plan
             name = f"{subdevices} / {transfers}"
             memory = max(memory_1, memory_2)

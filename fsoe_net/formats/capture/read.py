@@ -124,9 +124,10 @@ class _Capture:
         for row in rows:
             if row.command not in LOGICAL:
                 self._ring.take(row, self._packets)
-        if self._ring.changed:
+        logical = joined(rows)
+        if logical and self._ring.changed:
             self._watch()
-        for row in joined(rows):
+        for row in logical:
             self._cycles.take(row, self._packets)
 
     def _watch(self) -> None:
