@@ -25,7 +25,8 @@ from playwright.sync_api import sync_playwright
 from studio.browser import ARGUMENTS, CHROMIUM
 from studio.server_rig import running
 
-CONNECTIONS, SIGNALS, SECONDS, FIRST_PAGES = 60, 20, 10, 9
+CONNECTIONS, SIGNALS, FIRST_PAGES = 60, 20, 9
+SECONDS = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
 CHANGES = 20
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SIZE = {"width": 1920, "height": 1080}

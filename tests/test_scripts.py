@@ -1,0 +1,26 @@
+"""CI runs every script, at least in its shortest form: one that nothing runs stops working unseen."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+SCRIPTS = {path.name for path in (ROOT / "scripts").iterdir() if path.is_file()}
+
+
+def started_by(text: str) -> set[str]:
+    """Return the scripts whose name a text has, other than in a comment."""
+    code = re.sub(r"(?m)^\s*#.*$", "", text)
+    return SCRIPTS & set(re.findall(r"[\w-]+", code))
+
+
+def test_ci_runs_every_script():
+    seen: set[str] = set()
+    left = {"test"}
+    texts = [(ROOT / name).read_text("utf-8") for name in (".ci/run", "Makefile")]
+    texts.append((ROOT / "tests/master/test_standby_model.py").read_text("utf-8"))
+    left |= set().union(*map(started_by, texts))
+    while left:
+        name = left.pop()
+        seen.add(name)
+        left |= started_by((ROOT / "scripts" / name).read_text("utf-8")) - seen
+    assert seen == SCRIPTS
