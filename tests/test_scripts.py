@@ -1,4 +1,4 @@
-"""CI runs every script, at least in its shortest form: one that nothing runs stops working unseen."""
+"""CI runs every script, at least in its shortest form."""
 
 import re
 from pathlib import Path

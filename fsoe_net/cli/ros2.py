@@ -11,6 +11,7 @@ from fsoe_net.cli.options import FILE, RUN_TIME, master_options, master_socket, 
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
+from fsoe_net.diag.packages import missing_package
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2.names import is_node_name, legal_token
@@ -105,10 +106,7 @@ def command(
     try:
         from fsoe_net.ros2.bridge import Bridge, BridgeOptions
     except ImportError as exc:
-        package = str(exc.name).partition(".")[0]
-        raise EnvironmentFault(
-            f"ros2 needs {package}, which is not installed; pip install 'fsoe-net[ros2]'"
-        ) from exc
+        raise EnvironmentFault(missing_package("ros2", exc.name, "ros2")) from exc
     stop = stop_on(ENDS_OR_HANGS_UP)
     here_only = localhost or (
         os.environ.get("ROS_LOCALHOST_ONLY") == "1"

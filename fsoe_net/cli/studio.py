@@ -13,6 +13,7 @@ from fsoe_net.cli.options import FILE, master_options, master_socket, overwrite_
 from fsoe_net.cli.studio_snapshot import write_snapshot
 from fsoe_net.cli.studio_start import check_control, listening, usual_port
 from fsoe_net.cli.terminal import echo
+from fsoe_net.diag.packages import missing_package
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
 
@@ -110,9 +111,7 @@ def command(
     try:
         from fsoe_net.studio.server import Studio
     except ImportError as exc:
-        raise EnvironmentFault(
-            f"studio needs {exc.name}, which is not installed; pip install 'fsoe-net[studio]'"
-        ) from exc
+        raise EnvironmentFault(missing_package("studio", exc.name, "studio")) from exc
     from fsoe_net.studio.begin import empty_network
     from fsoe_net.studio.workspace import Workspace
 

@@ -7,11 +7,12 @@ import re
 from base64 import b64encode
 from typing import Any
 
+from fsoe_net.diag.packages import missing_package
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.document.model import Document
 from fsoe_net.document.style import PICTURES, STYLE
 from fsoe_net.document.write_html import document_html
-from fsoe_net.errors import InputError
+from fsoe_net.errors import EnvironmentFault
 
 __all__ = ["document_pdf", "pdf_library"]
 
@@ -38,18 +39,16 @@ def pdf_library() -> Any:
     """Return WeasyPrint.
 
     Raises:
-        InputError: It, or a library of the system that it needs, is not installed.
+        EnvironmentFault: It, or a library of the system that it needs, is not installed.
     """
     try:
         import weasyprint
     except ImportError as exc:
-        raise InputError(
-            "PDF needs WeasyPrint, which is not installed; install it with "
-            f"pip install 'fsoe-net[pdf]', {_OTHERWISE}"
-        ) from exc
+        reason = missing_package("PDF", exc.name, "pdf")
+        raise EnvironmentFault(f"{reason}, {_OTHERWISE}") from exc
     except OSError as exc:
         first = str(exc).partition("\n")[0]
-        raise InputError(
+        raise EnvironmentFault(
             f"PDF needs WeasyPrint, which misses a library of the system ({first}); install Pango "
             f"(Debian, Ubuntu: libpango-1.0-0 libpangoft2-1.0-0), {_OTHERWISE}"
         ) from exc

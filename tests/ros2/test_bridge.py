@@ -525,5 +525,6 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     result = CliRunner().invoke(cli, ["ros2", "--socket", "x"])
     assert isinstance(result.exception, EnvironmentFault)
     assert str(result.exception) == (
-        "ros2 needs cyclonedds, which is not installed; pip install 'fsoe-net[ros2]'"
+        "ros2 needs cyclonedds, which is not installed; "
+        f"{sys.executable} -m pip install 'cyclonedds>=0.10.5' 'mcap>=1.1'"
     )

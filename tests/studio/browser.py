@@ -30,7 +30,7 @@ def needed(module: str, extra: str) -> ModuleType:
     """Return a module; absent it skips, but fails where FSN_REQUIRE names ``browser``."""
     if REQUIRED:
         return importlib.import_module(module)
-    return pytest.importorskip(module, reason=f"needs fsoe-net[{extra}]")
+    return pytest.importorskip(module, reason=f"needs pip install -e '.[{extra}]'")
 
 
 def available() -> ModuleType:

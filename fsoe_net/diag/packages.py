@@ -1,0 +1,41 @@
+"""How the packages of an extra are installed beside this installation of fsoe-net."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shlex
+import sys
+from importlib import metadata
+
+__all__ = ["missing_package"]
+
+_OF_EXTRA = re.compile(r"extra\s*==\s*['\"]([\w-]+)['\"]")
+
+
+def missing_package(who: str, name: str | None, extra: str) -> str:
+    """Return the message for a package that cannot be imported, with the command that installs it.
+
+    The command names the packages that the metadata of this installation lists for the extra: it
+    works for a source tree, a wheel and a virtual environment alike, and needs no package index
+    that has fsoe-net.
+
+    Args:
+        who: What needs the package, e.g. a command.
+        name: The module that could not be imported.
+        extra: The extra of ``pyproject.toml`` that lists it.
+    """
+    top = (name or extra).partition(".")[0]
+    try:
+        rows = metadata.requires("fsoe-net") or []
+    except metadata.PackageNotFoundError:  # a source tree that was never installed
+        rows = []
+    wanted = [
+        row.partition(";")[0].strip()
+        for row in rows
+        if (found := _OF_EXTRA.search(row)) and found[1] == extra
+    ]
+    pip = [sys.executable, "-m", "pip", "install"]
+    if importlib.util.find_spec("pip") is None:
+        pip = ["uv", "pip", "install", "--python", sys.executable]
+    return f"{who} needs {top}, which is not installed; {shlex.join([*pip, *(wanted or [top])])}"

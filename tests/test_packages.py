@@ -1,0 +1,34 @@
+"""What is said of a package that is missing."""
+
+import importlib.util
+import subprocess
+import sys
+from importlib import metadata
+
+from fsoe_net.diag.packages import missing_package
+
+
+def test_the_command_is_one_that_pip_takes():
+    said = missing_package("studio", "starlette.routing", "studio")
+    begin = f"studio needs starlette, which is not installed; {sys.executable} -m pip install "
+    assert said.startswith(begin)
+    command = said.partition("; ")[2].replace("pip install", "pip install --dry-run --quiet")
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_without_pip_it_is_uv(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    said = missing_package("PDF", None, "pdf")
+    assert said == (
+        f"PDF needs pdf, which is not installed; uv pip install --python {sys.executable} "
+        "'weasyprint>=70'"
+    )
+
+
+def test_a_tree_that_was_never_installed(monkeypatch):
+    def absent(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "requires", absent)
+    assert missing_package("ros2", "mcap", "ros2").endswith("-m pip install mcap")
