@@ -1,1 +1,15 @@
 """Command line: one module per command, the only layer that prints or exits."""
+
+import os
+import sys
+
+
+def start() -> None:
+    """Run the command line and exit; Ctrl-C while it is still being loaded prints no traceback."""
+    try:
+        from fsoe_net.cli.main import main as run
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted\n")
+        sys.stderr.flush()
+        os._exit(130)
+    run()

@@ -1,6 +1,6 @@
 """``python -m fsoe_net.cli``."""
 
-from fsoe_net.cli.main import main
+from fsoe_net.cli import start
 
 if __name__ == "__main__":
-    main()
+    start()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -26,8 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-_NETWORK = "network.yaml"
-
 _EPILOG = """\b
 Examples:
   fsoe-net check                    # network.yaml of this folder
@@ -43,15 +39,8 @@ Exit codes: 0 no error and no warning (notes do not count), 1 errors or warnings
 bus or no permission. `fsoe-net explain CODE` says more of a finding."""
 
 
-def _files(_ctx: click.Context, _param: click.Parameter, files: tuple[str, ...]) -> tuple[str, ...]:
-    """Take the network of this folder when no file is named."""
-    if files or os.path.isfile(_NETWORK):
-        return files or (_NETWORK,)
-    raise click.UsageError(f"name the files to check; there is no {_NETWORK} in this folder")
-
-
 @click.command("check", epilog=_EPILOG)
-@functools.partial(input_options, callback=_files)
+@input_options
 @runtime_option
 @click.option(
     "--format",

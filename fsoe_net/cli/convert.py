@@ -8,7 +8,8 @@ from pathlib import Path
 
 import click
 
-from fsoe_net.cli.options import FILE, output_option
+from fsoe_net.cli.inputs import network_of_folder
+from fsoe_net.cli.options import NETWORK_FILE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
@@ -39,7 +40,7 @@ ENI: the copies of the network in that ENI, all else byte for byte."""
 
 
 @click.command("convert", help=_HELP, epilog=_EPILOG)
-@click.argument("files", nargs=-1, required=True, type=FILE)
+@click.argument("files", nargs=-1, type=NETWORK_FILE, callback=network_of_folder)
 @output_option("File to write; a folder for the ROS 2 driver.", metavar="OUT", required=True)
 @click.option(
     "--from",

@@ -12,7 +12,7 @@ from fsoe_net.cli.decode_inputs import (
     standard_input,
 )
 from fsoe_net.cli.decode_output import JsonOutput, Output, TextOutput
-from fsoe_net.cli.options import FILE, format_option, output_option
+from fsoe_net.cli.options import FILE, NETWORK_FILE, format_option, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.formats.capture.packets import is_capture
@@ -43,14 +43,14 @@ be checked, or an input cannot be read; 2 wrong use."""
 @click.option(
     "--network",
     multiple=True,
-    type=FILE,
+    type=NETWORK_FILE,
     metavar="FILE",
     help="File of the network, for names. Several times.",
 )
 @click.option(
     "--lua",
     multiple=True,
-    type=FILE,
+    type=NETWORK_FILE,
     metavar="FILE",
     help="Write a Wireshark dissector for this network. Several times.",
 )

@@ -8,7 +8,7 @@ from dataclasses import asdict
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.options import FILE, format_option
+from fsoe_net.cli.options import NETWORK_FILE, format_option
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.errors import InputError
@@ -35,8 +35,8 @@ Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use."""
 
 
 @click.command("diff", epilog=_EPILOG)
-@click.argument("a", type=FILE)
-@click.argument("b", type=FILE)
+@click.argument("a", type=NETWORK_FILE)
+@click.argument("b", type=NETWORK_FILE)
 @reference_options
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing; only the exit code says it.")
 @format_option

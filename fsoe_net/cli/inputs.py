@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar, cast
 
 import click
 
-from fsoe_net.cli.options import FILE
+from fsoe_net.cli.options import NETWORK, NETWORK_FILE
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.rules.runtime import Runtime
 
-__all__ = ["input_options", "reference_options", "runtime_option"]
+__all__ = ["input_options", "network_of_folder", "reference_options", "runtime_option"]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -32,16 +33,18 @@ def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
     return parse
 
 
-def input_options(function: _F, *, callback: Callable[..., Any] | None = None) -> _F:
-    """Add FILES and the options of `reference_options` to a command.
+def network_of_folder(
+    _ctx: click.Context, _param: click.Parameter, files: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Take the network of this folder when no file is named."""
+    if files or os.path.isfile(NETWORK):
+        return files or (NETWORK,)
+    raise click.UsageError(f"name a network; there is no {NETWORK} in this folder")
 
-    Args:
-        function: The command.
-        callback: Chooses files when none is named; without one they are required.
-    """
-    argument = click.argument(
-        "files", nargs=-1, required=callback is None, type=FILE, callback=callback
-    )
+
+def input_options(function: _F) -> _F:
+    """Add FILES and the options of `reference_options` to a command."""
+    argument = click.argument("files", nargs=-1, type=NETWORK_FILE, callback=network_of_folder)
     return reference_options(argument(function))
 
 

@@ -59,6 +59,21 @@ _GROUPS = {
         "replay": "Compare recorded FSoE runs with this engine.",
     },
 }
+# What other tools call it.
+_ALIKE = {
+    "build": "plan",
+    "compile": "plan",
+    "lint": "check",
+    "validate": "check",
+    "new": "init",
+    "simulate": "run",
+    "start": "run",
+    "export": "convert",
+    "import": "convert",
+    "status": "monitor",
+    "watch": "monitor",
+    "sign": "accept",
+}
 _COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
 
 
@@ -75,6 +90,11 @@ class _LazyGroup(click.Group):
         command: click.Command = module.command
         return command
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and args[0] in ("help", "version"):
+            args = [*args[1:], f"--{args[0]}"]
+        return super().parse_args(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         wide = max(map(len, _COMMANDS))
         for title, commands in _GROUPS.items():
@@ -88,7 +108,8 @@ class _LazyGroup(click.Group):
             import difflib
 
             close = difflib.get_close_matches(args[0], _COMMANDS, n=1, cutoff=0.5)
-            hint = f" Did you mean {close[0]!r}?" if close else ""
+            meant = _ALIKE.get(args[0]) or (close[0] if close else "")
+            hint = f" Did you mean {meant!r}?" if meant else ""
             if os.path.exists(args[0]):
                 hint = f" To check a file: fsoe-net check {args[0]}"
             raise click.UsageError(f"No command {args[0]!r}.{hint}", ctx)
@@ -115,7 +136,15 @@ itself. EtherCAT and Safety over EtherCAT are registered trademarks and patented
 licensed by Beckhoff Automation GmbH, Germany."""
 
 
-@click.command(cls=_LazyGroup, epilog=_EPILOG, context_settings={"max_content_width": 100})
+# https://no-color.org; what runs in an editor or a log calls itself dumb.
+_COLOURS = False if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" else None
+
+
+@click.command(
+    cls=_LazyGroup,
+    epilog=_EPILOG,
+    context_settings={"max_content_width": 100, "color": _COLOURS},
+)
 @click.version_option(
     __version__,
     "-V",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from fsoe_net.cli.monitor_output import bus_document
 from fsoe_net.cli.run_output import event_line, interesting, joined_events
-from fsoe_net.cli.terminal import echo, terminal
+from fsoe_net.cli.terminal import echo, is_screen, terminal
 from fsoe_net.document.write_terminal import TerminalView
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.attachment import Attachment, BusView
@@ -51,7 +51,7 @@ def watch(
 ) -> BusView:
     """Watch until the time is over or the user has had enough; return what was seen last."""
     until = None if duration_ns is None else time.monotonic() + duration_ns / 1e9
-    if live and sys.stdout.isatty():
+    if live and is_screen():
         from rich.live import Live
 
         with Live(refresh_per_second=10, transient=True, console=terminal()) as display:

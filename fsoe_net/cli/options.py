@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -21,6 +22,8 @@ __all__ = [
     "FOLDER",
     "INTERFACE",
     "INTERFACES",
+    "NETWORK",
+    "NETWORK_FILE",
     "RUN_TIME",
     "Time",
     "format_option",
@@ -101,7 +104,21 @@ class _Folder(_Path):
         return str(value)
 
 
+class _NetworkFile(_Path):
+    """A file, or a folder with a network."""
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str:
+        """Return the path, of a folder that of the network in it."""
+        inside = os.path.join(str(value), NETWORK)
+        return inside if os.path.isfile(inside) else str(value)
+
+
+NETWORK = "network.yaml"
+"""Name of the network file in a folder."""
 FILE = _Path("file", "file")
+NETWORK_FILE = _NetworkFile("file", "file")
 FOLDER = _Folder("folder", "dir")
 
 

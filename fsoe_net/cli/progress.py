@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from fsoe_net.cli.terminal import terminal
+from fsoe_net.cli.terminal import is_screen, terminal
 from fsoe_net.run.campaign import Progress
 
 __all__ = ["progress_bar"]
@@ -15,7 +14,7 @@ __all__ = ["progress_bar"]
 @contextmanager
 def progress_bar(first: str) -> Iterator[Progress | None]:
     """Show a bar on a terminal, on the error channel, so that it never mixes with the report."""
-    if not sys.stderr.isatty():
+    if not is_screen(err=True):
         yield None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import sys
 from typing import Any
 
 import click
@@ -22,7 +21,7 @@ from fsoe_net.cli.options import (
     scenario_option,
 )
 from fsoe_net.cli.run_output import display, print_result, write_timing
-from fsoe_net.cli.terminal import echo
+from fsoe_net.cli.terminal import echo, is_screen
 from fsoe_net.cli.write import check_target
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import make_folder
@@ -114,7 +113,7 @@ def command(
     resolution = whole_network(check_files(files, loading), "nothing started")
     make_folder(wanted["incidents"], "--incidents")
     make_folder(live.intervention_log, "--intervention-log")
-    is_shown = fmt == "text" and sys.stdout.isatty() and not wanted["virtual_time"]
+    is_shown = fmt == "text" and is_screen() and not wanted["virtual_time"]
     with display(resolution.network.name) if is_shown else contextlib.nullcontext() as show:
         if not live.wanted:
             virtual = wanted.pop("virtual_time")

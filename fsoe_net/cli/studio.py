@@ -9,7 +9,7 @@ import webbrowser
 import click
 
 from fsoe_net.cli.inputs import reference_options
-from fsoe_net.cli.options import FILE, master_options, master_socket, overwrite_option
+from fsoe_net.cli.options import FILE, NETWORK, master_options, master_socket, overwrite_option
 from fsoe_net.cli.studio_snapshot import write_snapshot
 from fsoe_net.cli.studio_start import check_control, listening, usual_port
 from fsoe_net.cli.terminal import echo
@@ -18,8 +18,6 @@ from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
 
 __all__ = ["command"]
-
-_NETWORK = "network.yaml"
 
 _EPILOG = """\b
 Examples:
@@ -40,9 +38,9 @@ use; 3 a port or a package is missing, or no fsn-master answers for a snapshot."
 
 def _network_file(path: str | None) -> tuple[str, bool]:
     """Return the network file, and whether it may be one that is still to be made."""
-    name = path or _NETWORK
+    name = path or NETWORK
     if os.path.isdir(name):
-        return os.path.join(name, _NETWORK), True
+        return os.path.join(name, NETWORK), True
     return name, path is None
 
 

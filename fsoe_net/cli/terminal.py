@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
@@ -14,7 +16,7 @@ if TYPE_CHECKING:
 
     from fsoe_net.document.model import Document
 
-__all__ = ["echo", "show", "terminal"]
+__all__ = ["echo", "is_screen", "show", "terminal"]
 
 
 def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
@@ -43,6 +45,16 @@ def show(document: Document, *, width: int | None = None, err: bool = False) -> 
         console.print(TerminalView(document), crop=False)
     else:
         echo(document_text(document, width=width), err=err, nl=False)
+
+
+def is_screen(*, err: bool = False) -> bool:
+    """Return whether what is printed can be replaced in place; not with ``TERM=dumb``.
+
+    Args:
+        err: For standard error.
+    """
+    stream = sys.stderr if err else sys.stdout
+    return stream.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
 
 
 def terminal(*, err: bool = False) -> Console:

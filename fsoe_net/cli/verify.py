@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
+
 import click
 
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import (
     FILE,
+    NETWORK,
+    NETWORK_FILE,
     format_option,
     master_options,
     master_socket,
@@ -36,11 +40,11 @@ signature says who agreed, not that it is right."""
 
 
 @click.command("verify", epilog=_EPILOG)
-@click.argument("files", nargs=-1, type=FILE)
+@click.argument("files", nargs=-1, type=NETWORK_FILE)
 @reference_options
 @click.option(
     "--accepted",
-    type=FILE,
+    type=NETWORK_FILE,
     metavar="FILE",
     help="What was accepted: acceptance record, fingerprint (JSON), plan or network.",
 )
@@ -73,7 +77,11 @@ def command(
     """
     live = socket is not None or interface is not None
     if not files and not live and acceptance is None:
-        raise click.UsageError("name a network or plan, --socket PATH or --interface IF to compare")
+        if not os.path.isfile(NETWORK):
+            raise click.UsageError(
+                "name a network or plan, --socket PATH or --interface IF to compare"
+            )
+        files = (NETWORK,)
     if (accepted is None) == (acceptance is None):
         raise click.UsageError("one of --accepted FILE and --acceptance RECORD says what was")
     address = master_socket(socket, interface) if live else None

@@ -37,8 +37,8 @@ def check_target(path: str | None, *, overwrite: bool, stdout: bool = False) -> 
         raise EnvironmentFault(f"cannot write {path}: there is no folder {target.parent}")
     if not overwrite:
         refuse_present(target)
-    if not os.access(target if target.exists() else target.parent, os.W_OK):
-        raise EnvironmentFault(f"cannot write {path}: permission denied")
+    if why := _why_closed(target if target.exists() else target.parent, os.W_OK):
+        raise EnvironmentFault(f"cannot write {path}: {why}")
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:
@@ -55,6 +55,15 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
             "--overwrite"
         )
     there = next((p for p in (folder, *folder.parents) if p.exists()), Path("."))
-    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-        why = "permission denied" if there.is_dir() else f"{there} is no folder"
+    why = _why_closed(there, os.W_OK | os.X_OK) if there.is_dir() else f"{there} is a file"
+    if why:
         raise EnvironmentFault(f"cannot write {folder}: {why}; nothing written")
+
+
+def _why_closed(place: Path, mode: int) -> str:
+    """Return why a file or folder cannot be written, or nothing."""
+    if os.access(place, mode):
+        return ""
+    if os.statvfs(place).f_flag & os.ST_RDONLY:
+        return "the file system is read-only"
+    return "permission denied"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import unicodedata
 
 __all__ = ["first_control", "printable"]
@@ -22,6 +23,9 @@ def printable(text: str, *, keep: str = "") -> str:
     """
     if text.isprintable():
         return text
+    # A name from the machine, where the locale of the process has no UTF-8.
+    with contextlib.suppress(UnicodeError):
+        text = text.encode("utf-8", "surrogateescape").decode("utf-8")
     return "".join(c if c in keep or not _is_hidden(c) else _escape(c) for c in text)
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
+import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -40,9 +43,115 @@ def test_check_takes_the_network_of_the_folder(tmp_path: Path):
     assert "estop: no findings, 2 SubDevices" in done.stdout
     done = fsn("check", cwd=tmp_path)
     assert done.returncode == 2
-    assert "name the files to check; there is no network.yaml in this folder" in done.stderr
+    assert "name a network; there is no network.yaml in this folder" in done.stderr
     (tmp_path / "network.yaml").mkdir()
     assert fsn("check", cwd=tmp_path).returncode == 2
+
+
+# What takes a network, with what else the command needs.
+OF_A_NETWORK = {
+    "check": "",
+    "plan": "",
+    "convert": "-o {out}/bus.h --to c",
+    "run": "--virtual-time --duration 1s",
+    "timing": "",
+    "test-protocol": "-o {out}/protocol.yaml",
+    "report": "-o {out}/report.html",
+    "verify": "--accepted {folder}/network.yaml",
+    "fingerprint": "",
+    "campaign": "--faults loss --cycles 100",
+}
+
+
+@pytest.mark.parametrize("command", OF_A_NETWORK)
+def test_each_command_takes_the_network_of_the_folder_or_of_one_that_is_named(
+    command: str, tmp_path: Path
+):
+    folder = EXAMPLES / "estop"
+    more = OF_A_NETWORK[command].format(out=tmp_path, folder=folder).split()
+    inside = fsn(command, *more, cwd=folder)
+    assert inside.returncode == 0, inside.stderr
+    named = fsn(command, str(folder), *more, *["--overwrite"] * ("-o" in more), cwd=tmp_path)
+    assert named.returncode == 0, named.stderr
+    assert fsn(command, *more, cwd=tmp_path).returncode == 2
+
+
+def test_other_words_for_help_version_and_commands():
+    assert fsn("help").stdout == fsn("--help").stdout
+    assert fsn("help", "plan").stdout == fsn("plan", "--help").stdout
+    assert fsn("version").stdout == fsn("--version").stdout
+    assert "Did you mean 'check'?" in fsn("validate").stderr
+
+
+@pytest.mark.parametrize("env", [{"NO_COLOR": "1"}, {"TERM": "dumb"}, {}])
+def test_colours_are_left_out_where_they_are_not_wanted(env: dict[str, str], tmp_path: Path):
+    (tmp_path / "network.yaml").write_text("nets: 3\n")
+    base = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "TERM")}
+    near, far = os.openpty()
+    done = subprocess.run(
+        [sys.executable, "-m", "fsoe_net.cli", "check", str(tmp_path)],
+        stdin=subprocess.DEVNULL,
+        stdout=far,
+        stderr=far,
+        env=base | {"TERM": "xterm"} | env,
+        check=False,
+    )
+    os.close(far)
+    said = b""
+    with contextlib.suppress(OSError):
+        while part := os.read(near, 4096):
+            said += part
+    os.close(near)
+    assert done.returncode == 1
+    assert b"FSN" in said
+    assert (b"\x1b[" in said) == (not env)
+
+
+def test_a_name_is_shown_whole_in_a_locale_without_utf_8(tmp_path: Path):
+    folder = tmp_path / "Zelle ä"
+    folder.mkdir()
+    env = dict(os.environ, LC_ALL="C", PYTHONUTF8="0")
+    done = subprocess.run(
+        [sys.executable, "-m", "fsoe_net.cli", "check", str(folder / "n.yaml")],
+        env=env,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert f"{folder}/n.yaml: error[FSN101]".encode() in done.stdout
+
+
+def test_ctrl_c_while_the_tool_is_loaded(tmp_path: Path):
+    (tmp_path / "click.py").write_text("import time\nprint(flush=True)\ntime.sleep(60)\n")
+    with subprocess.Popen(
+        [sys.executable, "-m", "fsoe_net.cli", "check"],
+        env=dict(os.environ, PYTHONPATH=str(tmp_path)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.communicate() == (b"", b"interrupted\n")
+    assert process.returncode == 130
+
+
+def test_a_file_system_that_is_read_only_is_named():
+    if shutil.which("bwrap") is None:
+        pytest.skip("bubblewrap is not installed")
+    call = [sys.executable, "-m", "fsoe_net.cli", "plan", "-o", "x.fsnplan"]
+    confined = ["bwrap", "--ro-bind", "/", "/", "--dev", "/dev"]
+    done = subprocess.run(
+        [*confined, *call],
+        cwd=EXAMPLES / "estop",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if "bwrap:" in done.stderr:
+        pytest.skip(done.stderr)
+    assert done.returncode == 3
+    assert done.stderr == "error: cannot write x.fsnplan: the file system is read-only\n"
 
 
 def completed(words: str) -> list[str]:
