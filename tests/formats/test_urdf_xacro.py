@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import subprocess
 import sys
@@ -245,8 +246,8 @@ def test_modules_of_the_current_folder_are_not_taken_for_xacro(
 
 @pytest.fixture
 def tight(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Small limits, so that hostile files fail soon."""
-    limits = xacro_expand.XacroLimits(cpu_seconds=1, wall_seconds=20.0, memory_bytes=400_000_000)
+    """Little time, so that hostile files fail soon; all other limits are the usual ones."""
+    limits = dataclasses.replace(xacro_expand.LIMITS, cpu_seconds=1)
     monkeypatch.setattr(xacro_expand, "LIMITS", limits)
 
 
@@ -272,9 +273,13 @@ ENDLESS = {
         "more time or memory",
     ),
     "large number": ("<a>${10 ** 10 ** 10}</a>", "more time or memory"),
-    "much memory": ("<a>${len([0] * 10 ** 8)}</a>", "more time or memory"),
+    "much memory": ("<a>${len([0] * 10 ** 9)}</a>", "more time or memory"),
     "long list": ("<a>${[0] * 10 ** 12}</a>", "more time or memory"),
     "slow expression": ("<a>${python.sum(x for x in range(10 ** 12))}</a>", "more time or memory"),
+    "long expansion": (
+        '<xacro:property name="p" value="${\'ha\' * 3 * 10 ** 6}"/><a>${p}</a>',
+        "its expansion is longer than 4 MiB",
+    ),
     "device": ('<xacro:include filename="/dev/zero"/>', "outside the folders"),
 }
 
@@ -301,7 +306,9 @@ def test_what_blocks_ends_at_the_wall_clock(
     import os
 
     os.mkfifo(tmp_path / "pipe")
-    monkeypatch.setattr(xacro_expand, "LIMITS", xacro_expand.XacroLimits(wall_seconds=1.5))
+    monkeypatch.setattr(
+        xacro_expand, "LIMITS", dataclasses.replace(xacro_expand.LIMITS, wall_seconds=1.5)
+    )
     found = _only(write("<a>${xacro.load_yaml('pipe')}</a>"))
     assert (found.code, "within 1.5 s" in found.message) == ("FSN119", True)
 

@@ -25,8 +25,9 @@ from patience import PATIENCE_S
 
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.ros2 import confine, xacro_expand
+from fsoe_net.formats.ros2 import confine
 from fsoe_net.formats.ros2.urdf import load_urdf
+from fsoe_net.formats.ros2.xacro_expand import LIMITS
 
 _T = TypeVar("_T")
 SECRET = "kept-to-itself"
@@ -336,18 +337,87 @@ ANSWERS = {
 }
 
 
-@pytest.mark.parametrize("name", ANSWERS)
-def test_a_forged_answer_is_refused(name: str, world: World, monkeypatch: pytest.MonkeyPatch):
-    limits = xacro_expand.XacroLimits(cpu_seconds=5, wall_seconds=60, answer_bytes=10**7)
-    monkeypatch.setattr(xacro_expand, "LIMITS", limits)
-    # The answer's descriptor is the one that is a regular file.
+def _answer(world: World, code: str) -> None:
+    """Write a robot whose expression writes the answer: to the one regular file that is open."""
     find = "import stat\nF = [f for f in range(3, 20) if stat.S_ISREG(_mode(f))][0]\n"
     mode = "def _mode(f):\n  try: return os.fstat(f).st_mode\n  except OSError: return 0\n"
-    _write(world, f"{mode}{find}{ANSWERS[name]}\nos._exit(0)")
+    _write(world, f"{mode}{find}{code}\nos._exit(0)")
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_a_forged_answer_is_refused(name: str, world: World):
+    _answer(world, ANSWERS[name])
     result = load_urdf(world.robot / "main.xacro")
     assert [d.code for d in result.diagnostics] == ["FSN119"]
     assert result.systems == ()
     assert "/etc/passwd" not in str(result)
+
+
+# The longest answer that the kernel lets pass, of what takes most memory for its length.
+# Begin, item, end.
+_ERROR = (
+    '{"sources": [], "error": {"code": "FSN119", "place": null, "via": [], "hint": "", "message"'
+)
+LONGEST = {
+    "lists": ("[", "[],", "[]]"),
+    "objects": ("[", "{},", "{}]"),
+    "texts": ("[", '"ab",', '""]'),
+    "numbers": ("[", "999,", "0]"),
+    "rows": (
+        '{"sources": [], "rows": [[0,"a",{},null,""]',
+        ',[1,"a",{},null,""]',
+        "]}",
+    ),
+    "message": (f'{_ERROR}: "', "x", '"}}'),
+}
+
+
+@pytest.mark.uncounted
+@pytest.mark.shows("R7")
+@pytest.mark.parametrize("name", LONGEST)
+def test_the_longest_answer_takes_little_memory(name: str, world: World):
+    begin, item, end = (text.encode() for text in LONGEST[name])
+    _answer(
+        world,
+        f"begin, item, end = {begin!r}, {item!r}, {end!r}\n"
+        f"room = {LIMITS.answer_bytes} - len(begin + end)\n"
+        "many = item * 1000\n"
+        "for piece in (begin, *[many] * (room // len(many)), end): os.write(F, piece)",
+    )
+    program = (
+        "import resource, sys\n"
+        "from fsoe_net.formats.ros2.urdf import load_urdf\n"
+        "peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss\n"
+        "before = peak()\n"
+        "found = str(load_urdf(sys.argv[1]).diagnostics)\n"
+        "print(peak() - before, len(found), found[:300])\n"
+    )
+    path = str(world.robot / "main.xacro")
+    shown = subprocess.check_output([sys.executable, "-c", program, path], text=True)
+    grown_kib, length, found = shown.split(" ", 2)
+    expected = {"rows": "FSN125", "message": "xacro: xxx"}
+    assert expected.get(name, "more time or memory") in found
+    assert int(grown_kib) < 200 * 1024, shown
+    assert int(length) < 10_000
+
+
+def test_named_sources_are_read_up_to_a_total(world: World):
+    """The answer names one large file by many names."""
+    with open(world.robot / "large", "wb") as large:
+        large.truncate(30 * 2**20)
+    (world.robot / "names").mkdir()
+    for number in range(20):
+        (world.robot / "names" / str(number)).symlink_to("../large")
+    _answer(
+        world,
+        "import json\n"
+        f"names = [f'{world.robot}/names/{{n}}' for n in range(20)]\n"
+        "rows = [[0, 'robot', {}, None, '']]\n"
+        "os.write(F, json.dumps({'sources': names, 'rows': rows}).encode())",
+    )
+    result = load_urdf(world.robot / "main.xacro")
+    assert [d.code for d in result.diagnostics] == ["FSN125"]
+    assert [Path(row.path).name for row in result.sources] == ["main.xacro", "0", "1"]
 
 
 # -- what a file may read --------------------------------------------------------------------------

@@ -26,10 +26,9 @@ from xml.parsers.expat import ExpatError
 
 from fsoe_net.formats.ros2.confine import confine, end_with_parent, inside, python_folders
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.xml_tree import MAX_ELEMENTS, Element, parse_xml
+from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 
 _PLACE = "fsn-place"
-_MAX_TEXT = 32 * 1024 * 1024
 _TEXT_NODES = (Node.TEXT_NODE, Node.CDATA_SECTION_NODE)
 
 Place = tuple[str, int, int, int, int]  # file, line, column; line and column of the text, or 0, 0
@@ -42,9 +41,17 @@ class _TimeUp(BaseException):
 class _Refused(Exception):
     """A finding that is complete as it is."""
 
-    def __init__(self, code: str, message: str, hint: str, place: tuple[str, int, int]) -> None:
+    def __init__(
+        self, code: str, message: str, hint: str, place: tuple[str, int, int] | None
+    ) -> None:
         super().__init__(message)
-        self.answer = {"code": code, "message": message, "hint": hint, "place": place, "via": []}
+        self.answer: dict[str, Any] = {
+            "code": code,
+            "message": message,
+            "hint": hint,
+            "place": place,
+            "via": [],
+        }
 
 
 class _Unknown(LookupError):
@@ -183,7 +190,6 @@ def _mark(document: xml.dom.minidom.Document, root: Element) -> None:
 def _rows(root: Any) -> list[list[Any]]:
     """Return the elements in document order: depth, name, attributes, place, own text."""
     rows: list[list[Any]] = []
-    size = 0
     stack = [(root, 0)]
     while stack:
         node, depth = stack.pop()
@@ -191,10 +197,7 @@ def _rows(root: Any) -> list[list[Any]]:
         # Blanks beside other nodes are not written by xacro either.
         text = "".join(t for t in texts if not t.isspace())
         attributes = dict(node.attributes.items())
-        size += len(text) + sum(map(len, attributes.values()))
         rows.append([depth, node.tagName, attributes, node.getUserData(_PLACE), text])
-        if len(rows) > MAX_ELEMENTS or size > _MAX_TEXT:
-            raise MemoryError
         below = [c for c in node.childNodes if c.nodeType == Node.ELEMENT_NODE]
         stack.extend((c, depth + 1) for c in reversed(below))
     return rows
@@ -275,8 +278,16 @@ def _explain(exc: BaseException, readable: list[str] | None) -> dict[str, Any]:
         "message": message,
         "hint": hint,
         "place": where[0][:3] if where else None,
-        "via": list(dict.fromkeys(via))[:4],
+        "via": list(dict.fromkeys(via)),
     }
+
+
+def _text_of(answer: dict[str, Any], most: int) -> str:
+    text = json.dumps(answer)
+    if len(text) <= most:
+        return text
+    message = f"its expansion is longer than {most >> 20} MiB"
+    return json.dumps({"sources": [], "error": _Refused("FSN119", message, "", None).answer})
 
 
 def main() -> None:
@@ -302,4 +313,4 @@ def main() -> None:
             "message": f"xacro is not installed: {exc}"
         }
     with os.fdopen(answer_to, "w", encoding="utf-8") as file:
-        json.dump(answer, file)
+        file.write(_text_of(answer, request["limits"]["answer_bytes"]))

@@ -15,7 +15,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.own.options import LoadOptions
@@ -34,17 +34,22 @@ class XacroLimits:
         cpu_seconds: Processor time; real robots take about one second.
         wall_seconds: Time by the clock, for what blocks without computing.
         memory_bytes: Address space of the child process.
-        answer_bytes: Length of the answer.
+        answer_bytes: Length of the answer; 1000 elements have about 0.2 MB. This process parses it,
+            in at most 25 times as much memory.
+        source_bytes: Of all files together that the answer names; this process reads them.
     """
 
     cpu_seconds: int = 20
     wall_seconds: float = 30.0
     memory_bytes: int = 1_500_000_000
-    answer_bytes: int = 256 * 1024 * 1024
+    answer_bytes: int = 4 * 1024 * 1024
+    source_bytes: int = 64 * 1024 * 1024
 
 
 LIMITS = XacroLimits()
 _MOST_SOURCES = 1000
+_MOST_RELATED = 4
+_MOST_CHARACTERS = 1000  # of a message or hint
 # What an interpreter that lies in an unusual place needs to start.
 _PYTHON_NEEDS = ("LD_LIBRARY_PATH", "PYTHONHOME")
 _NO_CONFINEMENT = (
@@ -107,7 +112,7 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
                 env=os.environ | env if options.trust_xacro else env,
             )
             answer.seek(0)
-            return _read_answer(json.load(answer), path, readable, out)
+            return _read_answer(json.loads(_bounded(answer)), path, readable, out)
         except subprocess.TimeoutExpired:
             _fail(out, Span(path, 1, 1), f"it does not end within {LIMITS.wall_seconds:g} s")
         except OSError as exc:
@@ -116,6 +121,18 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
             # No answer, or one cut off: the kernel ended the child at a limit.
             _fail(out, Span(path, 1, 1), "it needs more time or memory than is allowed")
     return None
+
+
+def _bounded(answer: IO[bytes]) -> bytes:
+    """Return a whole answer; the limit of the kernel does not hold for a trusted file.
+
+    Raises:
+        ValueError: It is too long.
+    """
+    data = answer.read(LIMITS.answer_bytes + 1)
+    if len(data) > LIMITS.answer_bytes:
+        raise ValueError("too long")
+    return data
 
 
 def _child_environment() -> dict[str, str]:
@@ -151,10 +168,11 @@ def _read_answer(
         ValueError, TypeError, LookupError: It is not an answer that the child gives.
     """
     read = Collector()
+    left = LIMITS.source_bytes
     for file in _list_of(str, answer["sources"])[:_MOST_SOURCES]:
         # A path that the child could not read is not a source; its error says so.
         if readable is None or inside(file, readable):
-            read_bytes(file, read)
+            left -= len(read_bytes(file, read, most=left) or b"")
     out.sources += [row for row in read.sources if row not in out.sources]
     known = {path, *(row.path for row in read.sources)}
     error = answer.get("error")
@@ -167,7 +185,7 @@ def _read_answer(
         return None
     related = tuple(
         Related(span=_span(place, known), message=f"expanded from <{_text(name)}> here")
-        for *place, name in error["via"]
+        for *place, name in error["via"][:_MOST_RELATED]
     )
     _fail(out, span, message, hint=hint, related=related)
     return None
@@ -176,7 +194,7 @@ def _read_answer(
 def _text(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError(f"{type(value)} instead of a text")
-    return value
+    return value[:_MOST_CHARACTERS]
 
 
 def _list_of(kind: type[_T], values: object) -> list[_T]:
@@ -220,7 +238,10 @@ _HINTS = (
     (r"name '(\w+)' is not defined", r"define \1 with <xacro:property>, or correct the spelling"),
     (r"Undefined parameters \[(.*?)\]", r"give the macro: \1"),
     (r"Invalid parameter \"(.*?)\"", r"delete \1, or add it to the params of the macro"),
-    (r"call each other|time or memory|does not end", "look for a macro that uses itself"),
+    (
+        r"call each other|time or memory|does not end|is longer than",
+        "look for a macro that uses itself",
+    ),
     (r"environment variable '(.*?)' is not set", r"set \1 before the call, and pass --env \1"),
     (r"unbound prefix", 'add xmlns:xacro="http://www.ros.org/wiki/xacro" to <robot>'),
     (r"xacro is not installed", "pip install xacro, or apt install ros-<distribution>-xacro"),
