@@ -54,12 +54,28 @@ class Span:
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
 
+# A message contains values of files, which may have any length.
+_MOST_CHARACTERS = 2000
+_LAST_CHARACTERS = 500
+
+
+def _shortened(text: str) -> str:
+    if len(text) <= _MOST_CHARACTERS:
+        return text
+    left_out = len(text) - _MOST_CHARACTERS
+    begin = text[: _MOST_CHARACTERS - _LAST_CHARACTERS]
+    return f"{begin} … ({left_out} characters) … {text[-_LAST_CHARACTERS:]}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Related:
     """A second place that explains a finding, e.g. the declaration a name collides with."""
 
     span: Span
     message: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", _shortened(self.message))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +109,8 @@ class Diagnostic:
 
     Args:
         code: ``FSNxyz`` from the catalogue; never renumbered.
-        message: One sentence that names the values involved.
+        message: One sentence that names the values involved; the middle of a long one is left out,
+            as of a long hint.
         span: Where the user has to look.
         severity: Taken from the catalogue when left out.
         hint: The concrete fix where one can be computed, else the next step; may be empty.
@@ -116,6 +133,8 @@ class Diagnostic:
         default = Severity(code_info(self.code).severity)
         if self.severity is None:
             object.__setattr__(self, "severity", default)
+        for name in ("message", "hint"):
+            object.__setattr__(self, name, _shortened(getattr(self, name)))
 
     @property
     def level(self) -> Severity:

@@ -163,3 +163,30 @@ def test_published_files_of_other_machines_are_one_line_each():
     done = fsn("check", str(ESTOP), *map(str, others), "--format", "json")
     rows = [d for d in json.loads(done.stdout)["diagnostics"] if d["code"] != "FSN449"]
     assert [d["code"] for d in rows] == ["FSN443"] * len(others)
+
+
+LONG = "x" * 3_000_000
+
+
+@pytest.mark.shows("R26")
+@pytest.mark.parametrize("form", ["text", "json", "sarif", "github"])
+@pytest.mark.parametrize(
+    ("find", "put"),
+    [
+        ("cycle_us: 1000", f"cycle_us: {LONG}"),
+        ("in: {ec_module: ek1914,", f"in: {{ec_module: {LONG},"),
+        ("devices/ek1914.yaml", LONG),
+        ("cycle_us: 1000", f"cycle_us: *{LONG}"),
+    ],
+    ids=["number", "name", "path", "anchor"],
+)
+def test_a_value_of_any_length_is_shown_in_part(
+    find: str, put: str, form: str, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(ESTOP.parent, tmp_path / "cell"))
+    edit(folder / "network.yaml", find, put)
+    done = fsn("check", "network.yaml", "--format", form, cwd=folder)
+    assert done.returncode == 1
+    shown = done.stdout + done.stderr
+    assert len(shown) < 30_000
+    assert " characters) … xxx" in shown or "characters) \\u2026 xxx" in shown
