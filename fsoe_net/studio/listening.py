@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.studio.connections import LimitedSocket
 
 __all__ = ["Listening", "bound_socket"]
 
@@ -69,7 +70,7 @@ def bound_socket(address: str, port: int) -> socket.socket:
     """
     try:
         row = socket.getaddrinfo(address, port, type=socket.SOCK_STREAM)[0]
-        found = socket.socket(row[0], row[1])
+        found = LimitedSocket(row[0], row[1])
     except OSError as exc:
         raise EnvironmentFault(f"{address} cannot be listened on: {exc.strerror}") from exc
     found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import hmac
 import secrets
@@ -14,6 +15,8 @@ from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from fsoe_net.studio.connections import client_network
+
 __all__ = ["LOGIN", "Login"]
 
 LOGIN = "/login"
@@ -22,6 +25,7 @@ _SESSION_S = 24 * 3600.0
 _MOST_SESSIONS = 32
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 0.5, 60.0
 _MOST_ADDRESSES = 1000
+_MOST_TRIES = 4  # that wait for their turn: one password is hashed at a time, which takes 16 MiB
 _HEADERS = {
     "content-security-policy": "default-src 'none'; style-src 'self'; base-uri 'none'; "
     "form-action 'self'; frame-ancestors 'none'",
@@ -52,6 +56,8 @@ class Login:
     _hash: bytes = b""
     _sessions: dict[str, float] = field(default_factory=dict)
     _wrong: dict[str, _Wrong] = field(default_factory=dict)
+    _tries: int = 0
+    _turn: asyncio.Lock = field(default_factory=asyncio.Lock)
 
     def __post_init__(self) -> None:
         """Forget the password itself."""
@@ -79,10 +85,17 @@ class Login:
         wait = wrong.until - monotonic()
         if wait > 0:
             return _page(f"not tried: wait {wait:.0f} s after a wrong password", 429)
+        if self._tries >= _MOST_TRIES:
+            return _page("not tried: too many log in at once; try again", 429)
         # Counted before it is known, so that many at once gain nothing.
         wrong.until = monotonic() + min(_LONGEST_WAIT_S, _FIRST_WAIT_S * 2**wrong.count)
         wrong.count = min(wrong.count + 1, 16)
-        given = await run_in_threadpool(self._hashed, fields.get("password", [""])[0])
+        self._tries += 1
+        try:
+            async with self._turn:
+                given = await run_in_threadpool(self._hashed, fields.get("password", [""])[0])
+        finally:
+            self._tries -= 1
         if not hmac.compare_digest(given, self._hash):
             return _page("this is not the password", 403)
         wrong.count, wrong.until = 0, 0.0
@@ -101,8 +114,9 @@ class Login:
         return session
 
     def _wrong_of(self, address: str) -> _Wrong:
-        found = self._wrong.pop(address, _Wrong())
-        self._wrong[address] = found  # the latest are last
+        client = client_network(address)
+        found = self._wrong.pop(client, _Wrong())
+        self._wrong[client] = found  # the latest are last
         while len(self._wrong) > _MOST_ADDRESSES:
             del self._wrong[next(iter(self._wrong))]
         return found

@@ -18,6 +18,7 @@ from starlette.staticfiles import StaticFiles
 
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
+from fsoe_net.studio.connections import LimitedProtocol
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.files import UPLOADS, file_routes
 from fsoe_net.studio.folder import Folder
@@ -132,6 +133,8 @@ class Studio:
         self._changed, self._trying = asyncio.Event(), asyncio.Lock()
         config = uvicorn.Config(
             guard,
+            loop="asyncio",  # accepts connections through the socket, see LimitedSocket
+            http=LimitedProtocol,
             ssl_certfile=None if remote is None else remote.certificate,
             ssl_keyfile=None if remote is None else remote.key,
             proxy_headers=False,  # no other program says where a request comes from

@@ -1,0 +1,101 @@
+"""Limits of connections to the studio: how many are open, and how long a request may take."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import socket
+from typing import Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+__all__ = ["LimitedProtocol", "LimitedSocket", "client_network"]
+
+MOST_CONNECTIONS = 128
+MOST_OF_ONE_CLIENT = 32  # a browser opens six for each origin
+_REQUEST_S = 20.0  # until a request is whole, without its body
+_LEAST_BYTES_PER_S = 65_536  # of a body
+
+
+def client_network(host: str) -> str:
+    """Return what counts as one client: an IPv4 address, or the /64 network of an IPv6 address."""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host
+    if isinstance(address, ipaddress.IPv4Address):
+        return host
+    mapped = address.ipv4_mapped
+    return str(mapped or ipaddress.ip_network((int(address) >> 64 << 64, 64)))
+
+
+class LimitedSocket(socket.socket):
+    """A listening socket that closes connections beyond the limits, before any TLS handshake."""
+
+    _accepted: list[tuple[str, socket.socket]]
+
+    def listen(self, backlog: int = 100, /) -> None:
+        """Begin to listen, with no connection."""
+        self._accepted = []
+        super().listen(backlog)
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """Return the next connection.
+
+        Raises:
+            ConnectionAbortedError: It was closed, since too many are open.
+        """
+        connection, address = super().accept()
+        client = client_network(str(address[0]))
+        self._accepted = [row for row in self._accepted if row[1].fileno() >= 0]
+        of_client = sum(other == client for other, _ in self._accepted)
+        if len(self._accepted) >= MOST_CONNECTIONS or of_client >= MOST_OF_ONE_CLIENT:
+            connection.close()
+            raise ConnectionAbortedError("too many connections")
+        self._accepted.append((client, connection))
+        return connection, address
+
+
+class LimitedProtocol(H11Protocol):
+    """HTTP/1.1 that closes a connection whose request does not arrive in time."""
+
+    _due: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Wait for the first request."""
+        super().connection_made(transport)
+        self._expect(_REQUEST_S)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Wait no longer."""
+        self._expect(None)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Wait for the rest of a request; for a body as long as its length needs."""
+        before = self.cycle
+        super().data_received(data)
+        cycle = self.cycle
+        if cycle is not None and not cycle.response_complete and not cycle.more_body:
+            self._expect(None)
+        elif cycle is not before:
+            self._expect(_REQUEST_S + self._body_bytes() / _LEAST_BYTES_PER_S)
+        elif self._due is None:
+            self._expect(_REQUEST_S)
+
+    def on_response_complete(self) -> None:
+        """Wait for the next request, or for the rest of a body that nothing reads."""
+        super().on_response_complete()
+        self._expect(_REQUEST_S)
+
+    def _body_bytes(self) -> int:
+        lengths = (int(value) for name, value in self.headers if name == b"content-length")
+        return next(lengths, 0)
+
+    def _expect(self, seconds: float | None) -> None:
+        if self._due is not None:
+            self._due.cancel()
+        self._due = None if seconds is None else self.loop.call_later(seconds, self._close)
+
+    def _close(self) -> None:
+        self.transport.abort()
