@@ -29,7 +29,7 @@ static void end(struct fsn_json *json, const char *level, const char *text) {
     fsn_json_put_text(json, "level", level);
     fsn_json_put_text(json, "text", text);
     fsn_json_close(json, '}');
-    log_entry(json);
+    log_entry(FSN_MAINTAINER, json);
     fsn_json_free(json);
 }
 

@@ -22,6 +22,7 @@ enum {
     TAIL_BYTES = 4 * INTERVENTION_LINE_BYTES, /**< of a file, looked through for its last entry */
     OWN_BYTES = 1024,                         /**< of an entry about the log itself */
     MOST_BACK = 1000, /**< files that are looked through for the last entry */
+    COUNT_MS = 100,   /**< between two counts of the files in a folder that has no room */
     LOG_VERSION = 1,
     MODE = 0640,
 };
@@ -68,12 +69,13 @@ void intervention_files_close(struct intervention_files *files) {
 
 /* -- what is there -------------------------------------------------------------------------- */
 
-/** Number of the last file in the folder; 0: there is none. */
-static int last_file(const struct intervention_files *files, uint32_t *last) {
+/** Number of the last file in the folder, 0: there is none; and the bytes of all. */
+static int last_file(const struct intervention_files *files, uint32_t *last, uint64_t *bytes) {
     const int copy = openat(files->folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     DIR *rows = copy < 0 ? NULL : fdopendir(copy);
     const struct dirent *row;
     *last = 0;
+    *bytes = 0;
     if (rows == NULL) {
         const int error = errno;
         if (copy >= 0) {
@@ -86,7 +88,11 @@ static int last_file(const struct intervention_files *files, uint32_t *last) {
         char name[INTERVENTION_NAME_BYTES];
         if (sscanf(row->d_name, "interventions-%9" SCNu32 ".jsonl", &number) == 1) {
             intervention_file_name(number, name);
-            *last = strcmp(row->d_name, name) == 0 && number > *last ? number : *last;
+            struct stat found;
+            const bool is_ours = strcmp(row->d_name, name) == 0 &&
+                                 fstatat(files->folder, name, &found, AT_SYMLINK_NOFOLLOW) == 0;
+            *last = is_ours && number > *last ? number : *last;
+            *bytes += is_ours && S_ISREG(found.st_mode) ? (uint64_t)found.st_size : 0;
         }
     }
     closedir(rows);
@@ -357,13 +363,18 @@ static int go_on(struct intervention_files *files, const struct tail *tail) {
     return error;
 }
 
+/** Takes the file that is written out of those that were counted. */
+static void leave_out_own(struct intervention_files *files) {
+    files->other_bytes -= files->other_bytes < files->bytes ? files->other_bytes : files->bytes;
+}
+
 /** Finds the end of the chain in an open folder. */
 static int find_end(struct intervention_files *files) {
     uint32_t last;
     uint32_t before = 0;
     struct tail tail = {.number = 0};
     struct stat found = {.st_size = 0};
-    int error = last_file(files, &last);
+    int error = last_file(files, &last, &files->other_bytes);
     if (error != 0 || last == 0 || (files->known && last < files->file)) {
         /* The first one, or the one that was written is no longer there. */
         return error != 0 ? error : begin_file(files, files->file + 1, files->file);
@@ -378,6 +389,7 @@ static int find_end(struct intervention_files *files) {
     } else if (error == 0) {
         files->file = last;
         files->bytes = (uint64_t)found.st_size;
+        leave_out_own(files);
         files->device = found.st_dev;
         files->inode = found.st_ino;
         error = go_on(files, &tail);
@@ -421,11 +433,40 @@ int intervention_files_open(struct intervention_files *files) {
     return 0;
 }
 
-int intervention_files_append(struct intervention_files *files, const char *json,
+uint64_t intervention_files_limit(const struct intervention_files *files) {
+    return INTERVENTION_FILES * files->most_bytes;
+}
+
+static bool fits(const struct intervention_files *files, unsigned quarters, size_t len_bytes) {
+    return files->bytes + files->other_bytes + len_bytes <=
+           intervention_files_limit(files) / INTERVENTION_QUARTERS * quarters;
+}
+
+bool intervention_files_have_room(struct intervention_files *files, unsigned quarters,
+                                  size_t len_bytes) {
+    const uint64_t now_ns = fsn_now_ns();
+    uint32_t last;
+    uint64_t bytes;
+    if (!fits(files, quarters, len_bytes) && files->folder >= 0 &&
+        now_ns - files->counted_ns >= COUNT_MS * UINT64_C(1000000)) {
+        files->counted_ns = now_ns;
+        if (last_file(files, &last, &bytes) == 0) {
+            files->other_bytes = bytes;
+            leave_out_own(files);
+        }
+    }
+    return fits(files, quarters, len_bytes);
+}
+
+int intervention_files_append(struct intervention_files *files, unsigned quarters, const char *json,
                               size_t len_bytes) {
     int error = intervention_files_open(files);
+    if (error == 0 && !intervention_files_have_room(files, quarters, len_bytes)) {
+        return INTERVENTION_FULL;
+    }
     if (error == 0 && files->bytes + len_bytes > files->most_bytes) {
         const uint32_t before = files->file;
+        files->other_bytes += files->bytes;
         close_file(files);
         error = begin_file(files, before + 1, before);
     }

@@ -17,6 +17,9 @@ enum {
     INTERVENTION_LINE_BYTES = 1 << 20, /**< most bytes of a line */
     INTERVENTION_PATH_BYTES = 512,
     INTERVENTION_NAME_BYTES = 40, /**< of a file in the folder, with its zero */
+    INTERVENTION_FILES = 64,      /**< the folder holds at most so many times the bytes of a file */
+    INTERVENTION_FULL = -1,       /**< beside errno: those are reached */
+    INTERVENTION_QUARTERS = 4,    /**< of them, see intervention_files_append() */
 };
 
 struct intervention_files {
@@ -25,6 +28,8 @@ struct intervention_files {
     int folder, fd;                     /**< -1: not open */
     uint32_t file;                      /**< number of the one that is written */
     uint64_t bytes;                     /**< its length */
+    uint64_t other_bytes;               /**< of all other files in the folder, */
+    uint64_t counted_ns;                /**< when they were counted because there was no room */
     dev_t device;                       /**< of that file, to notice that it was moved away */
     ino_t inode;
     bool known;      /**< number and hash are those of the chain, not to be read again */
@@ -43,8 +48,19 @@ void intervention_files_init(struct intervention_files *files, const char *path,
 int intervention_files_open(struct intervention_files *files);
 
 /** Appends one entry: the object `json` with number and hash added. After an error the files are
- *  closed, and intervention_files_open() begins anew.   @return 0, or errno. */
-int intervention_files_append(struct intervention_files *files, const char *json, size_t len_bytes);
+ *  closed, and intervention_files_open() begins again.
+ *  @param[in] quarters  how much of what the folder holds at most the entry may use.
+ *  @return 0, errno, or INTERVENTION_FULL: these quarters are full, until files are moved away. */
+int intervention_files_append(struct intervention_files *files, unsigned quarters, const char *json,
+                              size_t len_bytes);
+
+/** Whether so many quarters of the limit have room for an entry. Files may be moved away, so they
+ * are counted again when there is none. */
+bool intervention_files_have_room(struct intervention_files *files, unsigned quarters,
+                                  size_t len_bytes);
+
+/** Most bytes of all files in the folder. */
+uint64_t intervention_files_limit(const struct intervention_files *files);
 
 /** Waits until all that was appended is on the disk.   @return 0, or errno. */
 int intervention_files_sync(struct intervention_files *files);

@@ -16,16 +16,19 @@
 #include "control/base/json.h"
 
 enum {
-    MOST_WAITING = 1000,                        /**< entries in the queue */
-    MOST_BYTES = 4 << 20,                       /**< of all of them */
     MOST_ENTRY = INTERVENTION_LINE_BYTES - 256, /**< number and hash are added */
     SYNC_ENTRIES = 64,       /**< written at most before they must be on the disk */
     AGAIN_MS = 200,          /**< between two tries while the disk takes nothing */
     STACK_BYTES = 256 << 10, /**< locked memory is counted: no more than it needs */
 };
 
+/** Quarters of queue and disk that entries on the account of a role may fill. */
+static const unsigned quarters_of[FSN_ROLES] = {
+    [FSN_NO_ROLE] = 2, [FSN_OBSERVER] = 2, [FSN_OPERATOR] = 3, [FSN_MAINTAINER] = 4};
+
 struct entry {
     struct entry *next;
+    enum fsn_role account;
     size_t len_bytes;
     char json[];
 };
@@ -38,8 +41,11 @@ struct interventions {
     struct entry *first, *last;
     uint64_t waiting, waiting_bytes;
     uint64_t lost, lost_reported;
+    uint64_t lost_acts; /**< of those, on the account of operators and maintainers */
     char lost_from[32], lost_until[32];
-    int error; /**< of the last try; 0: it was written */
+    int error;      /**< of the last try; 0: it was written */
+    bool limited;   /**< the quarters of an observer are full */
+    uint64_t bytes; /**< of all files */
     bool ending, ended;
     uint64_t entry;
     char hash[2 * FSN_SHA256_BYTES + 1];
@@ -48,6 +54,8 @@ struct interventions {
 
 const char *interventions_error(int error) {
     switch (error) {
+    case INTERVENTION_FULL:
+        return "its files have reached their limit: move old ones away";
     case EBUSY:
         return "another fsn-master writes its log there";
     case ELOOP:
@@ -61,22 +69,29 @@ const char *interventions_error(int error) {
 
 /** A disk may be full, read-only or broken for a while; the bus need not wait for it. */
 static bool may_pass(int error) {
-    return error == ENOSPC || error == EDQUOT || error == EFBIG || error == EROFS || error == EIO;
+    return error == INTERVENTION_FULL || error == ENOSPC || error == EDQUOT || error == EFBIG ||
+           error == EROFS || error == EIO;
 }
 
 /* -- the queue ------------------------------------------------------------------------------ */
 
-static void put_locked(struct interventions *log, struct entry *entry) {
-    if (entry == NULL || log->waiting >= MOST_WAITING ||
-        log->waiting_bytes + entry->len_bytes > MOST_BYTES) {
-        fsn_utc_text(fsn_now_ns(), log->lost_until);
-        if (log->lost == log->lost_reported) {
-            memcpy(log->lost_from, log->lost_until, sizeof log->lost_from);
-        }
-        log->lost++;
-        free(entry);
-        return;
+static void lose_locked(struct interventions *log, enum fsn_role account) {
+    fsn_utc_text(fsn_now_ns(), log->lost_until);
+    if (log->lost == log->lost_reported) {
+        memcpy(log->lost_from, log->lost_until, sizeof log->lost_from);
     }
+    log->lost++;
+    log->lost_acts += account >= FSN_OPERATOR;
+}
+
+static bool has_room(const struct interventions *log, const struct entry *entry) {
+    const unsigned quarters = quarters_of[entry->account];
+    return log->waiting < INTERVENTIONS_ENTRIES / INTERVENTION_QUARTERS * quarters &&
+           log->waiting_bytes + entry->len_bytes <=
+               INTERVENTIONS_BYTES / INTERVENTION_QUARTERS * quarters;
+}
+
+static void put_locked(struct interventions *log, struct entry *entry) {
     if (log->first == NULL) {
         log->first = entry;
     } else {
@@ -88,7 +103,8 @@ static void put_locked(struct interventions *log, struct entry *entry) {
     pthread_cond_signal(&log->changed);
 }
 
-void interventions_put(struct interventions *log, const char *json, size_t len_bytes) {
+void interventions_put(struct interventions *log, enum fsn_role account, const char *json,
+                       size_t len_bytes) {
     char instead[160];
     if (len_bytes > MOST_ENTRY) {
         char utc[32];
@@ -103,15 +119,22 @@ void interventions_put(struct interventions *log, const char *json, size_t len_b
     struct entry *entry = malloc(sizeof *entry + len_bytes);
     if (entry != NULL) {
         entry->next = NULL;
+        entry->account = account;
         entry->len_bytes = len_bytes;
         memcpy(entry->json, json, len_bytes);
     }
     pthread_mutex_lock(&log->lock);
-    put_locked(log, entry);
+    if (entry != NULL && has_room(log, entry)) {
+        put_locked(log, entry);
+    } else {
+        lose_locked(log, account);
+        free(entry);
+    }
     pthread_mutex_unlock(&log->lock);
 }
 
-void interventions_put_event(struct interventions *log, const char *json, size_t len_bytes) {
+void interventions_put_event(struct interventions *log, enum fsn_role account, const char *json,
+                             size_t len_bytes) {
     /* What cycles and cables do all day is no intervention: it is in the journal and in incidents.
      */
     static const char *const kinds[] = {
@@ -123,7 +146,7 @@ void interventions_put_event(struct interventions *log, const char *json, size_t
         const size_t len = strlen(kinds[i]);
         if (len_bytes > skip + len && memcmp(json + skip, kinds[i], len) == 0 &&
             json[skip + len] == '"') {
-            interventions_put(log, json, len_bytes);
+            interventions_put(log, account, json, len_bytes);
             return;
         }
     }
@@ -131,7 +154,16 @@ void interventions_put_event(struct interventions *log, const char *json, size_t
 
 /* -- the thread ----------------------------------------------------------------------------- */
 
-/** Waits for an entry, or after an error for the time to try again. Holds the lock. */
+/** Whether the entry about lost entries is due: when the queue is empty. While the files are
+ *  limited it is written only before an entry of a maintainer, so that lost entries do not use up
+ *  the reserve. */
+static bool is_lost_due(const struct interventions *log) {
+    const bool ours = log->first != NULL && log->first->account == FSN_MAINTAINER;
+    return log->lost != log->lost_reported &&
+           (log->limited ? ours || (log->ending && log->first == NULL) : log->first == NULL);
+}
+
+/** Waits for an entry, or for the time to try again. Holds the lock. */
 static void wait_for_work(struct interventions *log) {
     struct timespec until;
     clock_gettime(CLOCK_MONOTONIC, &until);
@@ -140,68 +172,115 @@ static void wait_for_work(struct interventions *log) {
     until.tv_nsec %= 1000000000;
     int waited = 0;
     while (!log->ending && waited == 0 &&
-           (log->error != 0 || (log->first == NULL && log->lost == log->lost_reported))) {
-        waited = log->error != 0 ? pthread_cond_timedwait(&log->changed, &log->lock, &until)
-                                 : pthread_cond_wait(&log->changed, &log->lock);
+           (log->error != 0 || (log->first == NULL && !is_lost_due(log)))) {
+        waited = log->error != 0 || log->limited
+                     ? pthread_cond_timedwait(&log->changed, &log->lock, &until)
+                     : pthread_cond_wait(&log->changed, &log->lock);
     }
 }
 
-static int write_lost(struct interventions *log, uint64_t lost, const char *from,
-                      const char *until) {
+/** Writes the entry about lost entries.   @return its bytes. */
+static size_t lost_entry(const struct interventions *log, char *json, size_t room) {
     char utc[32];
-    char json[320];
+    const unsigned long long lost = log->lost - log->lost_reported;
     fsn_utc_text(fsn_now_ns(), utc);
-    const int len = snprintf(json, sizeof json,
-                             "{\"event\":\"entries_lost\",\"utc\":\"%s\",\"entries\":%llu,"
-                             "\"from\":\"%s\",\"until\":\"%s\",\"level\":\"warning\","
-                             "\"text\":\"entries that the disk did not take in time: %llu\"}",
-                             utc, (unsigned long long)lost, from, until, (unsigned long long)lost);
-    return intervention_files_append(&log->files, json, (size_t)len);
+    return (size_t)snprintf(
+        json, room,
+        "{\"event\":\"entries_lost\",\"utc\":\"%s\",\"entries\":%llu,\"acts\":%llu,\"from\":\"%s\","
+        "\"until\":\"%s\",\"level\":\"warning\",\"text\":\"entries lost for lack of room: "
+        "%llu, of them granted requests: %llu\"}",
+        utc, lost, (unsigned long long)log->lost_acts, log->lost_from, log->lost_until, lost,
+        (unsigned long long)log->lost_acts);
+}
+
+/** Whether an observer has no room left. Without the lock: it reads the folder. */
+static bool is_limited(struct interventions *log) {
+    return !intervention_files_have_room(&log->files, quarters_of[FSN_OBSERVER], 0);
+}
+
+/** Copies the state of the files for other threads. Holds the lock. */
+static void show_files(struct interventions *log, bool limited) {
+    log->entry = log->files.number;
+    memcpy(log->hash, log->files.hash, sizeof log->hash);
+    log->bytes = log->files.bytes + log->files.other_bytes;
+    log->limited = limited;
+}
+
+static void take_off(struct interventions *log) {
+    struct entry *entry = log->first;
+    log->first = entry->next;
+    log->waiting--;
+    log->waiting_bytes -= entry->len_bytes;
+    free(entry);
+}
+
+/** What is written next: an entry of the queue, or the one about lost entries. */
+struct next {
+    enum fsn_role account;
+    const char *json;
+    size_t len_bytes;
+    bool is_last;
+};
+
+/** Appends an entry, and waits for the disk when it is due. Without the lock.   @return 0, or
+ * errno. */
+static int append_next(struct interventions *log, const struct next *next, unsigned *unsynced,
+                       bool *written) {
+    const int error = intervention_files_append(&log->files, quarters_of[next->account], next->json,
+                                                next->len_bytes);
+    *written = error == 0;
+    *unsynced += *written;
+    if (!*written || !(next->is_last || *unsynced >= SYNC_ENTRIES)) {
+        return error;
+    }
+    *unsynced = 0;
+    return intervention_files_sync(&log->files);
 }
 
 /** Writes the next entry without the lock, and takes it off the queue when it is written. */
 static void write_next(struct interventions *log, unsigned *unsynced) {
-    struct entry *entry = log->first;
-    char from[32];
-    char until[32];
+    char about_lost[400];
+    struct entry *entry = is_lost_due(log) ? NULL : log->first;
+    struct next next = {.account = FSN_MAINTAINER,
+                        .json = about_lost,
+                        .is_last = log->first == NULL || log->first->next == NULL};
     const uint64_t lost = log->lost;
-    memcpy(from, log->lost_from, sizeof from);
-    memcpy(until, log->lost_until, sizeof until);
-    const uint64_t lost_now = lost - log->lost_reported;
-    const bool is_last = entry == NULL || entry->next == NULL;
+    const uint64_t lost_acts = log->lost_acts;
+    if (entry == NULL) {
+        next.len_bytes = lost_entry(log, about_lost, sizeof about_lost);
+    } else {
+        next.account = entry->account;
+        next.json = entry->json;
+        next.len_bytes = entry->len_bytes;
+    }
+    bool written;
     pthread_mutex_unlock(&log->lock);
-    int error = entry != NULL
-                    ? intervention_files_append(&log->files, entry->json, entry->len_bytes)
-                    : write_lost(log, lost_now, from, until);
-    const bool written = error == 0;
-    *unsynced += written;
-    if (written && (is_last || *unsynced >= SYNC_ENTRIES)) {
-        error = intervention_files_sync(&log->files);
-        *unsynced = 0;
-    }
+    const int error = append_next(log, &next, unsynced, &written);
+    const bool limited = is_limited(log);
     pthread_mutex_lock(&log->lock);
-    log->error = error;
-    if (written) {
-        log->entry = log->files.number;
-        memcpy(log->hash, log->files.hash, sizeof log->hash);
+    const bool left_out = error == INTERVENTION_FULL && next.account != FSN_MAINTAINER;
+    log->error = left_out ? 0 : error;
+    show_files(log, limited);
+    if (left_out) {
+        lose_locked(log, next.account);
     }
-    if (written && entry != NULL) {
-        log->first = entry->next;
-        log->waiting--;
-        log->waiting_bytes -= entry->len_bytes;
-        free(entry);
+    if (entry != NULL && (written || left_out)) {
+        take_off(log);
     } else if (written) {
         log->lost_reported = lost;
+        log->lost_acts -= lost_acts;
     }
 }
 
-/** The disk had an error and nothing waits: is it over?   Holds the lock. */
+/** Tries the disk again after an error or without room, with an empty queue. Holds the lock. */
 static void try_again(struct interventions *log) {
     pthread_mutex_unlock(&log->lock);
     int error = intervention_files_open(&log->files);
     error = error != 0 ? error : intervention_files_sync(&log->files);
+    const bool limited = is_limited(log);
     pthread_mutex_lock(&log->lock);
     log->error = error;
+    show_files(log, limited);
 }
 
 static void *run(void *context) {
@@ -212,10 +291,10 @@ static void *run(void *context) {
     for (;;) {
         wait_for_work(log);
         const bool ending = log->ending;
-        const bool work = log->first != NULL || log->lost != log->lost_reported;
+        const bool work = log->first != NULL || is_lost_due(log);
         if (work) {
             write_next(log, &unsynced);
-        } else if (log->error != 0) {
+        } else if (log->error != 0 || log->limited) {
             try_again(log);
         }
         if (ending && (!work || log->error != 0)) {
@@ -286,8 +365,7 @@ fsn_status interventions_open(const char *folder, uint64_t most_bytes, struct in
         discard(log);
         return status;
     }
-    log->entry = log->files.number;
-    memcpy(log->hash, log->files.hash, sizeof log->hash);
+    show_files(log, is_limited(log));
     const int error = start_thread(log);
     if (error != 0) {
         discard(log);
@@ -307,6 +385,9 @@ void interventions_state(struct interventions *log, struct fsn_interventions *st
                                         .hash = log->hash_shown,
                                         .waiting = log->waiting,
                                         .lost = log->lost,
+                                        .bytes = log->bytes,
+                                        .limit_bytes = intervention_files_limit(&log->files),
+                                        .limited = log->limited,
                                         .error = log->error != 0 ? interventions_error(log->error)
                                                                  : NULL};
     pthread_mutex_unlock(&log->lock);

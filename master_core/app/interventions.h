@@ -11,7 +11,11 @@
 
 struct interventions;
 
-enum { INTERVENTIONS_MIB = 16 /**< of a file, before the next one begins */ };
+enum {
+    INTERVENTIONS_MIB = 16,        /**< of a file, before the next one begins */
+    INTERVENTIONS_ENTRIES = 1000,  /**< that wait for the disk */
+    INTERVENTIONS_BYTES = 4 << 20, /**< of all of them */
+};
 
 /** Opens the log and starts its thread. A disk that is full, read-only or broken is no refusal:
  *  entries wait until it takes them.
@@ -21,13 +25,17 @@ enum { INTERVENTIONS_MIB = 16 /**< of a file, before the next one begins */ };
 fsn_status interventions_open(const char *folder, uint64_t most_bytes, struct interventions **log,
                               struct fsn_refusal *refusal);
 
-/** Adds an entry: an event as JSON object with "event" as its first key.
+/** Adds an entry: an event as JSON object with "event" as its first key. A maintainer, and the
+ *  program itself, may fill all of queue and disk, an operator three quarters of them, and all
+ *  other entries half: entries of a role are never lost because of lower ones.
  *  Context: any thread but the cyclic one; waits for no disk. */
-void interventions_put(struct interventions *log, const char *json, size_t len_bytes);
+void interventions_put(struct interventions *log, enum fsn_role account, const char *json,
+                       size_t len_bytes);
 
 /** Adds an event if it is of a kind that belongs in the log; `log` may be NULL. Context: as above.
  */
-void interventions_put_event(struct interventions *log, const char *json, size_t len_bytes);
+void interventions_put_event(struct interventions *log, enum fsn_role account, const char *json,
+                             size_t len_bytes);
 
 /** How it is now; strings live until the next call. Context: one thread. */
 void interventions_state(struct interventions *log, struct fsn_interventions *state);

@@ -186,10 +186,10 @@ static struct fsn_json as_event(const char *event, enum fsn_log_level level, con
     return json;
 }
 
-void log_entry(const struct fsn_json *json) {
+void log_entry(enum fsn_role account, const struct fsn_json *json) {
     pthread_mutex_lock(&kept.lock);
     if (kept.log != NULL && json->failed == FSN_OK) {
-        interventions_put(kept.log, json->bytes, json->len_bytes);
+        interventions_put(kept.log, account, json->bytes, json->len_bytes);
     }
     pthread_mutex_unlock(&kept.lock);
 }
@@ -203,7 +203,7 @@ void log_line(enum fsn_log_level level, const char *format, ...) {
     struct fsn_json json = as_event("log", level, text);
     fsn_json_close(&json, '}');
     if (level >= FSN_LOG_WARNING) {
-        log_entry(&json);
+        log_entry(FSN_OBSERVER, &json);
     }
     if (as_json) {
         put_json(&json);
@@ -213,9 +213,10 @@ void log_line(enum fsn_log_level level, const char *format, ...) {
     fsn_json_free(&json);
 }
 
-void log_event(enum fsn_log_level level, const char *text, const char *json, size_t json_bytes) {
+void log_event(enum fsn_log_level level, enum fsn_role account, const char *text, const char *json,
+               size_t json_bytes) {
     pthread_mutex_lock(&kept.lock);
-    interventions_put_event(kept.log, json, json_bytes);
+    interventions_put_event(kept.log, account, json, json_bytes);
     pthread_mutex_unlock(&kept.lock);
     if (as_json) {
         struct fsn_json line = {.limit_bytes = json_bytes + 2};
@@ -249,7 +250,7 @@ int log_end(int code) {
     struct fsn_json json = as_event("stop", FSN_LOG_INFO, text);
     fsn_json_put_u64(&json, "code", (uint64_t)code);
     fsn_json_close(&json, '}');
-    log_entry(&json);
+    log_entry(FSN_MAINTAINER, &json);
     fsn_json_free(&json);
     pthread_mutex_lock(&kept.lock);
     struct interventions *log = kept.log;

@@ -24,14 +24,16 @@ bool log_kept(struct fsn_interventions *state);
  *  @return `code`. */
 int log_end(int code);
 
-/** An entry for the intervention log alone: a whole object; nothing where there is no log. */
-void log_entry(const struct fsn_json *json);
+/** An entry for the intervention log alone, on the account of a role: a whole object; nothing where
+ *  there is no log. */
+void log_entry(enum fsn_role account, const struct fsn_json *json);
 
 /** One line in the chosen form. */
 __attribute__((format(printf, 2, 3))) void log_line(enum fsn_log_level level, const char *format,
                                                     ...);
 
-/** One event: `text` for people, or `json` as it is. */
-void log_event(enum fsn_log_level level, const char *text, const char *json, size_t json_bytes);
+/** One event on the account of a role: `text` for people, or `json` as it is. */
+void log_event(enum fsn_log_level level, enum fsn_role account, const char *text, const char *json,
+               size_t json_bytes);
 
 #endif

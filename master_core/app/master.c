@@ -51,6 +51,7 @@ struct master {
     uint64_t watchdog_ns, watched_cycles;
     bool logs;                              /**< there is an intervention log */
     bool log_fails;                         /**< reported: it is not written */
+    bool log_limited;                       /**< reported: half of its limit is used */
     struct fsn_interventions interventions; /**< how it was in this turn */
     struct door door;                       /**< for the process that goes on with the bus */
     bool turns;                             /**< the runner begins or ends a rest */
@@ -158,10 +159,10 @@ static void host_submit(void *self, struct fsn_job *job) {
     runner_submit(((struct master *)self)->runner, job);
 }
 
-static void host_log(void *self, enum fsn_log_level level, const char *text, const char *json,
-                     size_t json_bytes) {
+static void host_log(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
+                     const char *json, size_t json_bytes) {
     (void)self;
-    log_event(level, text, json, json_bytes);
+    log_event(level, account, text, json, json_bytes);
 }
 
 /** Takes the next step towards what is wanted, when nothing is under way. */
@@ -421,25 +422,32 @@ static void watch_time(struct master *m, uint64_t now_ns) {
     }
 }
 
-/** Reports once that the intervention log is not written, and once that it is again. */
+/** Reports the intervention log when it stops or starts to be written, or to be limited. */
 static void watch_log(struct master *m) {
     char text[320];
     m->logs = log_kept(&m->interventions);
     const struct fsn_interventions *log = &m->interventions;
-    if (!m->logs || (log->error != NULL) == m->log_fails) {
+    const bool fails = log->error != NULL;
+    if (!m->logs || (fails == m->log_fails && log->limited == m->log_limited)) {
         return;
     }
-    m->log_fails = !m->log_fails;
-    if (m->log_fails) {
+    m->log_fails = fails;
+    m->log_limited = log->limited;
+    if (fails) {
         snprintf(text, sizeof text,
                  "the intervention log in %.150s is not written: %s; entries wait", log->folder,
                  log->error);
+    } else if (log->limited) {
+        snprintf(text, sizeof text,
+                 "the intervention log in %.150s has %llu of at most %llu bytes: refused requests "
+                 "are no longer logged; move old files away",
+                 log->folder, (unsigned long long)log->bytes, (unsigned long long)log->limit_bytes);
     } else {
         snprintf(text, sizeof text, "the intervention log is written again; entries lost: %llu",
                  (unsigned long long)log->lost);
     }
-    fsn_control_interventions_changed(m->control, m->log_fails ? FSN_LOG_ERROR : FSN_LOG_WARNING,
-                                      text);
+    fsn_control_interventions_changed(
+        m->control, fails || log->limited ? FSN_LOG_ERROR : FSN_LOG_WARNING, text);
 }
 
 static void turn(struct master *m) {

@@ -29,8 +29,9 @@ static fsn_status grant(void *self, enum fsn_program_request request, struct fsn
                                         : FSN_OK;
 }
 
-static void swallow(void *self, enum fsn_log_level level, const char *text, const char *json,
-                    size_t json_bytes) {
+static void swallow(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
+                    const char *json, size_t json_bytes) {
+    (void)account;
     (void)self;
     (void)level;
     CHECK(fsn_is_utf8(text, strlen(text)) && fsn_is_utf8(json, json_bytes));

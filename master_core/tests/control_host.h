@@ -25,8 +25,9 @@ static inline fsn_status host_grants(void *self, enum fsn_program_request reques
     return FSN_OK;
 }
 
-static inline void host_is_silent(void *self, enum fsn_log_level level, const char *text,
-                                  const char *json, size_t json_bytes) {
+static inline void host_is_silent(void *self, enum fsn_log_level level, enum fsn_role account,
+                                  const char *text, const char *json, size_t json_bytes) {
+    (void)account;
     (void)self;
     (void)level;
     (void)text;

@@ -86,8 +86,9 @@ static struct fsn_control_host host;
 static char logged[2000];
 static const char *state = "running";
 
-static void keep_text(void *self, enum fsn_log_level level, const char *text, const char *json,
-                      size_t json_bytes) {
+static void keep_text(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
+                      const char *json, size_t json_bytes) {
+    (void)account;
     (void)self;
     CHECK(json_bytes >= 2 && json[0] == '{' && json[json_bytes - 1] == '}');
     const size_t used = strlen(logged);

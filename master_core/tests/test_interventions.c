@@ -49,8 +49,12 @@ static void begin(void) {
     CHECK(begin_with(MIB) == FSN_OK);
 }
 
+static void put_as(enum fsn_role account, const char *json) {
+    interventions_put(rig.log, account, json, strlen(json));
+}
+
 static void put(const char *json) {
-    interventions_put(rig.log, json, strlen(json));
+    put_as(FSN_MAINTAINER, json);
 }
 
 static void end(void) {
@@ -183,8 +187,8 @@ static void only_what_belongs_there_is_kept(void) {
     set_up();
     begin();
     for (size_t i = 0; i < sizeof events / sizeof events[0]; i++) {
-        interventions_put_event(rig.log, events[i], strlen(events[i]));
-        interventions_put_event(NULL, events[i], strlen(events[i]));
+        interventions_put_event(rig.log, FSN_OBSERVER, events[i], strlen(events[i]));
+        interventions_put_event(NULL, FSN_OBSERVER, events[i], strlen(events[i]));
     }
     end();
     check_events("file arm request parameters incident ");
@@ -420,28 +424,120 @@ static void a_full_disk_is_no_refusal(void) {
     tear_down();
 }
 
-/** The queue has an end; what finds it full is counted, and the count is written. */
-static void what_is_lost_is_counted(void) {
+/** Entries of an observer fill half of the queue, of an operator three quarters: the rest is kept
+ *  for those above. Lost entries are counted, and the count is written. */
+static void the_queue_has_a_reserve(void) {
+    static const char of_observer[] = "{\"event\":\"dropped\",\"of\":\"observer\"}";
     set_up();
     begin();
     put(some);
     wait_until(false);
     limit_files(0);
-    for (int i = 0; i < 1003; i++) {
+    for (int i = 0; i < INTERVENTIONS_ENTRIES; i++) {
+        put_as(FSN_OBSERVER, of_observer);
+    }
+    CHECK(wait_until(true).waiting == INTERVENTIONS_ENTRIES / 2);
+    for (int i = 0; i < INTERVENTIONS_ENTRIES; i++) {
+        put_as(FSN_OPERATOR, some);
+    }
+    CHECK(wait_until(true).waiting == INTERVENTIONS_ENTRIES / 4 * 3);
+    for (int i = 0; i < INTERVENTIONS_ENTRIES / 4 + 3; i++) {
         put(some);
     }
-    CHECK(wait_until(true).lost == 3);
+    const uint64_t lost = INTERVENTIONS_ENTRIES / 2 + INTERVENTIONS_ENTRIES / 4 * 3 + 3;
+    CHECK(wait_until(true).lost == lost);
     limit_files(RLIM_INFINITY);
-    CHECK(wait_until(false).lost == 3);
+    CHECK(wait_until(false).lost == lost);
     put(stop);
     end();
     const struct walk walk = walk_all(1);
-    CHECK(walk.entries == 2 + 1000 + 2);
+    CHECK(walk.entries == 2 + INTERVENTIONS_ENTRIES + 2);
     size_t len;
     char *bytes = read_file(1, &len);
     CHECK(strstr(bytes, "\"event\":\"entries_lost\"") != NULL &&
-          strstr(bytes, "\"entries\":3,\"from\":\"2") != NULL);
+          strstr(bytes, "\"entries\":1253,\"acts\":753,\"from\":\"2") != NULL);
     free(bytes);
+    tear_down();
+}
+
+/** Bytes of an observer fill half of the queue as well, however few entries they are. */
+static void long_entries_leave_the_reserve(void) {
+    enum { LONG = INTERVENTION_LINE_BYTES / 4 };
+    char *json = malloc(LONG);
+    memset(json, 'x', LONG);
+    set_up();
+    begin();
+    limit_files(0);
+    for (int i = 0; i < 20; i++) {
+        interventions_put(rig.log, FSN_OBSERVER, json, LONG);
+    }
+    CHECK(wait_until(true).waiting == INTERVENTIONS_BYTES / 2 / LONG);
+    limit_files(RLIM_INFINITY);
+    end();
+    free(json);
+    tear_down();
+}
+
+static uint64_t bytes_of_files(void) {
+    struct stat found;
+    uint64_t bytes = 0;
+    for (uint32_t file = 1; stat(path_of(file), &found) == 0; file++) {
+        bytes += (uint64_t)found.st_size;
+    }
+    return bytes;
+}
+
+/** Puts entries one by one until one of them is lost. */
+static struct fsn_interventions fill_as(enum fsn_role account) {
+    struct fsn_interventions state;
+    interventions_state(rig.log, &state);
+    const uint64_t lost = state.lost;
+    do {
+        put_as(account, some);
+        do {
+            usleep(100);
+            interventions_state(rig.log, &state);
+        } while (state.waiting > 0 && state.error == NULL);
+    } while (state.lost == lost && state.error == NULL);
+    return state;
+}
+
+static void check_bytes_near(uint64_t expected) {
+    enum { SLACK = 800 }; /* two entries: one at the begin of a file, one about lost entries */
+    const uint64_t bytes = bytes_of_files();
+    CHECK(bytes + SLACK > expected && bytes < expected + SLACK);
+}
+
+/** The folder has a limit with the same reserve; what is moved away makes room again. */
+static void the_folder_has_a_limit(void) {
+    enum { MOST = 1000, LIMIT = INTERVENTION_FILES * MOST };
+    struct fsn_interventions state;
+    set_up();
+    CHECK(begin_with(MOST) == FSN_OK);
+    CHECK(fill_as(FSN_OBSERVER).limit_bytes == LIMIT);
+    do {
+        state = wait_until(false);
+    } while (!state.limited);
+    check_bytes_near(LIMIT / 2);
+    CHECK(state.bytes == bytes_of_files());
+    CHECK(fill_as(FSN_OPERATOR).error == NULL);
+    check_bytes_near(LIMIT / 4 * 3);
+    const uint64_t entry = wait_until(false).entry;
+    put(some);                                   /* the program and maintainers still have room */
+    CHECK(wait_until(false).entry == entry + 2); /* after the entry about what was lost */
+    state = fill_as(FSN_MAINTAINER);
+    CHECK(strstr(state.error, "move old ones away") != NULL && state.waiting > 0);
+    check_bytes_near(LIMIT);
+    for (uint32_t file = 1; file < 50; file++) {
+        CHECK(unlink(path_of(file)) == 0);
+    }
+    do {
+        state = wait_until(false);
+    } while (state.limited);
+    put_as(FSN_OBSERVER, some);
+    CHECK(wait_until(false).lost == state.lost);
+    put(stop);
+    end();
     tear_down();
 }
 
@@ -478,7 +574,7 @@ static void too_long_is_reported(void) {
     memset(json, 'x', INTERVENTION_LINE_BYTES);
     set_up();
     begin();
-    interventions_put(rig.log, json, INTERVENTION_LINE_BYTES);
+    interventions_put(rig.log, FSN_MAINTAINER, json, INTERVENTION_LINE_BYTES);
     put(stop);
     end();
     free(json);
@@ -529,7 +625,9 @@ int main(void) {
     places_are_checked();
     a_full_disk_loses_nothing_that_waits();
     a_full_disk_is_no_refusal();
-    what_is_lost_is_counted();
+    the_queue_has_a_reserve();
+    long_entries_leave_the_reserve();
+    the_folder_has_a_limit();
     a_file_that_goes_is_followed_by_another();
     too_long_is_reported();
     a_killed_writer_leaves_a_chain();

@@ -145,14 +145,17 @@ static struct rig {
 } rig;
 
 static struct fsn_control_host host;
-static char turned_away[512]; /**< the last event about somebody who may not connect */
+static char turned_away[512]; /**< the last event about a user that may not connect */
+static unsigned turned_away_events;
 
-static void note_turned_away(void *self, enum fsn_log_level level, const char *text,
-                             const char *json, size_t json_bytes) {
+static void note_turned_away(void *self, enum fsn_log_level level, enum fsn_role account,
+                             const char *text, const char *json, size_t json_bytes) {
     static const char begin[] = "{\"event\":\"turned_away\",";
+    (void)account;
     (void)self;
     if (strncmp(json, begin, sizeof begin - 1) == 0) {
         CHECK(level == FSN_LOG_WARNING && strstr(text, "may not connect") != NULL);
+        turned_away_events++;
         snprintf(turned_away, sizeof turned_away, "%.*s", (int)json_bytes, json);
     }
 }
@@ -367,7 +370,11 @@ static void strangers_are_turned_away(void) {
     as_user(STRANGER, 7001, 0, no);
     CHECK(strstr(turned_away, "\"user\":null") != NULL);
     CHECK(strstr(turned_away, "\"program\":\"test_listen\",\"times\":1,") != NULL);
-    as_user(4005, 7001, 0, no);
+    for (unsigned i = 1; i < FSN_QUOTA_AT_ONCE + 2; i++) {
+        as_user(4005 + i, 7001, 0, no);
+        CHECK(strstr(turned_away, "\"times\":1,") != NULL);
+    }
+    CHECK(turned_away_events == FSN_QUOTA_AT_ONCE); /* of all of them together */
     as_user(0, 99, 0, "{\"ok\":true");
     fails_in.getsockopt = 1; /* who cannot be reported is nobody */
     as_user(0, 99, 0, no);

@@ -78,8 +78,9 @@ static void end_serving(void) {
 
 static struct fsn_control_host host;
 
-static void keep(void *self, enum fsn_log_level level, const char *text, const char *json,
-                 size_t json_bytes) {
+static void keep(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
+                 const char *json, size_t json_bytes) {
+    (void)account;
     (void)self;
     (void)level;
     (void)json;

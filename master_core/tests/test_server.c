@@ -63,13 +63,15 @@ static struct rig {
     struct pollfd fds[FSN_CONTROL_FDS];
     uint64_t wait_ns, cycle_ns;
     char logged[4096];
+    unsigned events[FSN_ROLES]; /**< by account */
 } rig;
 
 static struct fsn_control_host host;
 
-static void keep(void *self, enum fsn_log_level level, const char *text, const char *json,
-                 size_t json_bytes) {
+static void keep(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
+                 const char *json, size_t json_bytes) {
     (void)self;
+    rig.events[account]++;
     const size_t used = strlen(rig.logged);
     snprintf(rig.logged + used, sizeof rig.logged - used, "%c %s\n%.*s\n", "diwe"[level], text,
              (int)json_bytes, json);
@@ -291,7 +293,7 @@ static void who_does_not_read_is_dropped(void) {
                  "w client 1, pid 100 (?), uid 0 (?) dropped: does not read\n"
                  "{\"event\":\"dropped\",\"utc\":\"2023-11-14T22:13:20.000000Z\","
                  "\"now_ns\":1005000000001,\"client\":1,\"pid\":100,\"uid\":0,\"user\":null,"
-                 "\"program\":null,\"access\":\"maintainer\",\"why\":\"does not read\","
+                 "\"program\":null,\"access\":\"maintainer\",\"why\":\"does not read\",\"times\":1,"
                  "\"level\":\"warning\",\"text\":\"client 1, pid 100 (?), uid 0 (?) dropped: "
                  "does not read\"}\n") == 0);
     tear_down(1);
@@ -427,26 +429,106 @@ static void leases_end(void) {
     tear_down(1);
 }
 
-/** Of a client's refused requests there is one event a second, which counts them. */
-static void refused_requests_are_counted(void) {
-    set_up(1);
-    say(0, "arm none\narm none\nset none=1\n");
-    turn();
-    CHECK(lines_of(heard(0)) == 3);
-    CHECK(strstr(rig.logged, "\"request\":\"arm\",\"arguments\":[\"none\"],\"error\":"
-                             "\"FSN_E_ARG\",\"times\":1,") != NULL);
-    CHECK(strstr(strchr(rig.logged, '}'), "request") == NULL);
+/** Sends one request that is refused. */
+static void refuse_one(unsigned peer) {
     rig.logged[0] = 0;
-    now_ns += 999999999;
-    say(0, "arm none\n");
+    say(peer, "arm none\n");
+    turn();
+    CHECK(lines_of(heard(peer)) == 1);
+}
+
+/** Refused requests of all connections of a user share one quota; granted ones have none. */
+static void refused_requests_are_counted_by_user(void) {
+    set_up(3);
+    rig.control->client[2].peer.uid = 7;
+    for (unsigned i = 0; i < FSN_QUOTA_AT_ONCE; i++) {
+        refuse_one(i % 2);
+        CHECK(strstr(rig.logged, "\"request\":\"arm\",\"arguments\":[\"none\"],\"error\":"
+                                 "\"FSN_E_ARG\",\"times\":1,") != NULL);
+    }
+    refuse_one(0);
+    refuse_one(1);
+    CHECK(rig.logged[0] == 0 && rig.events[FSN_OBSERVER] == FSN_QUOTA_AT_ONCE);
+    refuse_one(2);
+    CHECK(strstr(rig.logged, "\"uid\":7,") != NULL);
+    rig.logged[0] = 0;
+    say(0, "start\n");
+    turn();
+    CHECK(strstr(rig.logged, "requests start\n") != NULL && rig.events[FSN_MAINTAINER] == 1);
+    CHECK(lines_of(heard(0)) == 1);
+    now_ns += FSN_QUOTA_S * SECOND_NS - 1;
+    rig.logged[0] = 0;
     turn();
     CHECK(rig.logged[0] == 0);
     now_ns += 1;
-    say(0, "start\nsdo-write none 1 2 bool 1\n");
+    turn(); /* without another request */
+    CHECK(strstr(rig.logged, "\"client\":2,\"pid\":101,\"uid\":0,") != NULL);
+    CHECK(strstr(rig.logged, ": 2 more refused requests, the last one: arm\n") != NULL);
+    CHECK(strstr(rig.logged, "\"error\":\"FSN_E_ARG\",\"times\":2,") != NULL);
+    refuse_one(0);
+    CHECK(rig.logged[0] == 0);
+    fsn_control_flush(rig.control, 0); /* the program ends */
+    CHECK(strstr(rig.logged, "\"times\":1,") != NULL);
+    tear_down(3);
+}
+
+/** More users than there are quotas share the last one; a quota that is unused again is free. */
+static void users_beyond_the_quotas_share_one(void) {
+    set_up(1);
+    struct fsn_client *client = &rig.control->client[0];
+    for (unsigned i = 0; i < FSN_QUOTA_USERS + FSN_QUOTA_AT_ONCE + 5; i++) {
+        client->peer.uid = 1000 + i;
+        refuse_one(0);
+        CHECK((rig.logged[0] != 0) == (i < FSN_QUOTA_USERS + FSN_QUOTA_AT_ONCE));
+    }
+    now_ns += FSN_QUOTA_S * SECOND_NS;
+    client->peer.uid = 1; /* takes the row of another */
+    for (unsigned i = 0; i < FSN_QUOTA_AT_ONCE + 1; i++) {
+        refuse_one(0);
+        CHECK((rig.logged[0] != 0) == (i < FSN_QUOTA_AT_ONCE));
+    }
+    tear_down(1);
+}
+
+static void dropped_connections_have_a_quota(void) {
+    set_up(1);
+    struct fsn_client client = rig.control->client[0];
+    client.fd = -1;
+    for (unsigned i = 0; i < FSN_QUOTA_AT_ONCE + 2; i++) {
+        rig.logged[0] = 0;
+        fsn_client_drop(&rig.control->services, &client, "does not read");
+        CHECK((strstr(rig.logged, "\"event\":\"dropped\"") != NULL) == (i < FSN_QUOTA_AT_ONCE));
+    }
+    now_ns += FSN_QUOTA_S * SECOND_NS;
     turn();
-    CHECK(strstr(rig.logged, "requests start\n") != NULL &&
-          strstr(rig.logged, "\"times\":4,") != NULL);
-    CHECK(strstr(rig.logged, "requests sdo-write none 1 2 bool 1, refused: ") != NULL);
+    CHECK(strstr(rig.logged, "2 more dropped connections, the last one: does not read\n") != NULL);
+    CHECK(strstr(rig.logged, "\"why\":\"does not read\",\"times\":2,") != NULL);
+    tear_down(1);
+}
+
+/** Of the arguments of a refused request the event has the first bytes, whole characters. */
+static void arguments_of_a_refused_request_are_cut(void) {
+    char line[1200] = "set none ";
+    set_up(1);
+    for (int i = 0; i < 500; i++) {
+        memcpy(line + strlen(line), "\303\251", 3);
+    }
+    memcpy(line + strlen(line), " last\n", 7);
+    say(0, line);
+    turn();
+    char *cut = strstr(rig.logged, "\"arguments\":[\"none\",\"");
+    CHECK(cut != NULL && strspn(cut + 21, "\303\251") == 252);
+    CHECK(strncmp(cut + 21 + 252, "\"],\"arguments_cut\":752,", 23) == 0);
+    tear_down(1);
+}
+
+/** An event that is too long is sent without its own keys. */
+static void a_long_event_is_cut(void) {
+    set_up(1);
+    rig.control->services.events.json.limit_bytes = 250;
+    refuse_one(0);
+    CHECK(strstr(rig.logged, "\n{\"event\":\"request\",") != NULL);
+    CHECK(strstr(rig.logged, "\"cut\":true,\"level\":\"warning\",\"text\":\"client 1") != NULL);
     tear_down(1);
 }
 
@@ -487,7 +569,11 @@ int main(void) {
     lines_wait_behind_a_job();
     a_full_buffer_waits_for_its_turn();
     leases_end();
-    refused_requests_are_counted();
+    refused_requests_are_counted_by_user();
+    users_beyond_the_quotas_share_one();
+    dropped_connections_have_a_quota();
+    arguments_of_a_refused_request_are_cut();
+    a_long_event_is_cut();
     a_flush_waits_for_readers();
     CHECK(open_files() == open_before);
     return 0;

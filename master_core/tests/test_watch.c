@@ -95,8 +95,9 @@ static void add(char *to, size_t room, const char *text, size_t len) {
     memcpy(to + used + len, "\n", 2);
 }
 
-static void keep(void *self, enum fsn_log_level level, const char *text, const char *json,
-                 size_t json_bytes) {
+static void keep(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
+                 const char *json, size_t json_bytes) {
+    (void)account;
     (void)self;
     char line[700];
     snprintf(line, sizeof line, "%c %s", "diwe"[level], text);

@@ -343,6 +343,7 @@ def test_clients_that_do_nothing_lock_nobody_out() -> None:
                 "program": Path("/proc/self/comm").read_text().strip(),
                 "access": "maintainer",
                 "why": "makes room",
+                "times": 1,
             }
             assert idle[0].line() == DROPPED
             with pytest.raises(EOFError):

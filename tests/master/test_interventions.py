@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -49,7 +50,6 @@ def test_a_run_is_in_the_log(tmp_path: Path) -> None:
         client.good(f"set {MODE}=1")
         client.good(f"set {MODE}=2")  # its own already
         client.refused("sdo-write drive_1 0xF980 1 uint16 7", "FSN_E_CLOSED")
-        client.refused("arm nothing", "FSN_E_ARG")  # within a second of it: counted only
         client.good("stop")
         while client.event("state")["state"] != "stopped":
             pass
@@ -170,6 +170,59 @@ def test_a_full_disk_is_reported_and_the_bus_goes_on(tmp_path: Path) -> None:
     # Which entry met the full disk first is chance: one of the start may still have waited.
     assert events.count("interventions") == 2
     assert "taken" in events
+
+
+@pytest.mark.shows("R29")
+def test_refused_requests_of_many_connections_leave_room_for_granted_ones(tmp_path: Path) -> None:
+    with running("--intervention-log", str(tmp_path)) as master, contextlib.ExitStack() as stack:
+        hostile = [stack.enter_context(master.client()) for _ in range(20)]
+        for client in hostile * 100:
+            client.refused("arm " + "x" * 8000, "FSN_E_ARG")
+        owner = stack.enter_context(master.client())
+        owner.good("stop")
+        status = owner.good("status")["interventions"]
+        assert (status["lost"], status["limited"]) == (0, False)
+        owner.good("shutdown")
+        assert master.wait() == 0
+    entries = entries_of(tmp_path)
+    assert sum(path.stat().st_size for path in tmp_path.iterdir()) < 30_000  # 16 MB were sent
+    refused = [e for e in entries if e["event"] == "request" and e["error"] is not None]
+    assert sum(entry["times"] for entry in refused) == 2000
+    assert refused[0]["arguments_cut"] == 8000 - 256
+    assert [e["request"] for e in entries if e["event"] == "request" and e["error"] is None] == [
+        "stop",
+        "shutdown",
+    ]
+
+
+@pytest.mark.shows("R29")
+def test_a_folder_half_full_is_reported_and_takes_granted_requests_only(tmp_path: Path) -> None:
+    with open(tmp_path / "interventions-000001.jsonl", "wb") as other:
+        other.truncate(32 * 2**20)  # half of 64 files of 1 MiB
+    options = ("--intervention-log", str(tmp_path), "--intervention-log-file", "1")
+    with running(*options) as master, master.client() as client:
+        status = client.good("status")["interventions"]
+        assert (status["limited"], status["error"]) == (True, None)
+        assert 32 * 2**20 < status["bytes"] < 33 * 2**20
+        assert status["limit_bytes"] == 64 * 2**20
+        client.refused("arm nothing", "FSN_E_ARG")
+        client.good(f"set {MODE}=1")
+        while client.good("status")["interventions"]["waiting"]:
+            pass
+        client.good("events on")
+        (tmp_path / "interventions-000001.jsonl").unlink()
+        event = client.event("interventions")
+        assert (event["level"], event["limited"]) == ("warning", False)
+        client.good("shutdown")
+        assert master.wait() == 0
+    text = (tmp_path / "interventions-000002.jsonl").read_text("utf-8")
+    entries = [json.loads(line) for line in text.splitlines()]
+    (alarm, _) = (entry for entry in entries if entry["event"] == "interventions")
+    assert alarm["level"] == "error"
+    assert alarm["text"].endswith("no longer logged; move old files away")
+    assert [e["request"] for e in entries if e["event"] == "request"] == ["shutdown"]
+    assert [e["acts"] for e in entries if e["event"] == "entries_lost"] == [0]
+    assert "taken" in [entry["event"] for entry in entries]
 
 
 def test_entries_that_were_not_written_are_reported_at_the_end(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "control/base/peer.h"
 #include "control/base/refusal.h"
 
 struct fsn_job;
@@ -26,11 +27,14 @@ enum fsn_log_level { FSN_LOG_DETAIL, FSN_LOG_INFO, FSN_LOG_WARNING, FSN_LOG_ERRO
 /** How the intervention log is. */
 struct fsn_interventions {
     const char *folder;
-    uint64_t entry;    /**< number of the last one that was written; 0: none */
-    const char *hash;  /**< SHA-256 of its line; empty: none */
-    uint64_t waiting;  /**< entries to be written */
-    uint64_t lost;     /**< entries of this run that nothing took in time */
-    const char *error; /**< why nothing is written now, or NULL */
+    uint64_t entry;       /**< number of the last one that was written; 0: none */
+    const char *hash;     /**< SHA-256 of its line; empty: none */
+    uint64_t waiting;     /**< entries to be written */
+    uint64_t lost;        /**< entries of this run that nothing took in time */
+    uint64_t bytes;       /**< of all files in the folder */
+    uint64_t limit_bytes; /**< of them; operators may fill three quarters, all others half */
+    bool limited;         /**< half is full: entries about refused requests are left out */
+    const char *error;    /**< why nothing is written now, or NULL */
 };
 
 /** What the program says about itself. Strings live until the next call. */
@@ -58,9 +62,10 @@ struct fsn_control_host {
     void (*status)(void *self, struct fsn_control_status *status);
     fsn_status (*request)(void *self, enum fsn_program_request request,
                           struct fsn_refusal *refusal);
-    /** `text` for people; `json` the event as subscribers get it, without its newline. */
-    void (*log)(void *self, enum fsn_log_level level, const char *text, const char *json,
-                size_t json_bytes);
+    /** `text` for people; `json` the event as subscribers get it, without its newline; `account`
+     *  whose share of the intervention log it uses. */
+    void (*log)(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
+                const char *json, size_t json_bytes);
     /** Takes a job, to be done in the acyclic thread of the bus and given back by
      *  fsn_control_job_done(); NULL: none are taken. */
     void (*submit)(void *self, struct fsn_job *job);

@@ -85,6 +85,13 @@ bool fsn_is_utf8(const char *bytes, size_t len_bytes) {
     return true;
 }
 
+size_t fsn_utf8_cut(const char *text, size_t most) {
+    while (most > 0 && ((uint8_t)text[most] & 0xC0u) == 0x80) {
+        most--;
+    }
+    return most;
+}
+
 static bool is_blank(char c) {
     return c == ' ' || c == '\t';
 }

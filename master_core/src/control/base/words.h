@@ -43,6 +43,10 @@ size_t fsn_show_text(char *to, size_t size_bytes, const char *text);
  *  Context: any thread. */
 void fsn_hex_text(const uint8_t *bytes, size_t len_bytes, char *to);
 
+/** Most bytes of a text, not more than `most`, that end with a whole character.
+ *  @param[in] text  UTF-8 of more than `most` bytes.   Context: any thread. */
+size_t fsn_utf8_cut(const char *text, size_t most);
+
 /** Whether bytes are whole, shortest UTF-8 without surrogates. Context: any thread. */
 bool fsn_is_utf8(const char *bytes, size_t len_bytes);
 

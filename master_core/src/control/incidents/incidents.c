@@ -13,6 +13,7 @@
 
 #include "control/base/clock.h"
 #include "control/base/names.h"
+#include "control/base/pace.h"
 #include "control/incidents/kept.h"
 #include "plan/plan_internal.h"
 
@@ -149,13 +150,13 @@ static void finish(struct fsn_incidents *in) {
         in->file = fsn_incident_file_begin(in->folder, stem, in->most_bytes, &head, &window);
     }
     if (in->file == NULL) {
-        fsn_event_begin(in->events, "incident", fsn_now_ns());
+        fsn_event_begin_act(in->events, "incident", FSN_MAINTAINER);
         fsn_event_send(in->events, FSN_LOG_ERROR, "an incident is not kept: no memory for it");
     }
 }
 
 static void tell_result(struct fsn_incidents *in, const struct fsn_incident_result *result) {
-    struct fsn_json *json = fsn_event_begin(in->events, "incident", fsn_now_ns());
+    struct fsn_json *json = fsn_event_begin_act(in->events, "incident", FSN_MAINTAINER);
     fsn_json_put_text(json, "file", result->path);
     fsn_json_put_u64(json, "cycles", result->cycles);
     fsn_json_put_bool(json, "whole", result->error == 0);
@@ -185,12 +186,7 @@ static void tell_result(struct fsn_incidents *in, const struct fsn_incident_resu
 /** In the long run one file each ten seconds, so that a connection that flaps does not fill the
  *  disk; a few may come at once. */
 static bool is_too_soon(struct fsn_incidents *in, uint64_t now_ns) {
-    const uint64_t pause_ns = PAUSE_MS * UINT64_C(1000000);
-    if (in->due_ns > now_ns + (AT_ONCE - 1) * pause_ns) {
-        return true;
-    }
-    in->due_ns = (in->due_ns > now_ns ? in->due_ns : now_ns) + pause_ns;
-    return false;
+    return !fsn_pace_allows(&in->due_ns, now_ns, AT_ONCE, PAUSE_MS * UINT64_C(1000000));
 }
 
 static bool is_stopping(struct fsn_incidents *in) {
@@ -210,7 +206,7 @@ bool fsn_incident_begin(struct fsn_incidents *in, const struct fsn_trigger *t) {
     }
     if (in->files >= MOST_FILES) {
         if (!in->full_reported) {
-            fsn_event_begin(in->events, "incident", t->now_ns);
+            fsn_event_begin_act(in->events, "incident", FSN_MAINTAINER);
             fsn_event_send(in->events, FSN_LOG_WARNING,
                            "%d incidents were kept since the start; no more will be", MOST_FILES);
         }

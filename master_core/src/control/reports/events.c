@@ -5,15 +5,37 @@
 
 #include "control/base/clock.h"
 
-struct fsn_json *fsn_event_begin(struct fsn_events *events, const char *name, uint64_t at_ns) {
+static void put_head(struct fsn_events *events) {
     struct fsn_json *json = &events->json;
     char utc[32];
-    fsn_json_free(json);
-    fsn_utc_text(at_ns, utc);
+    fsn_utc_text(events->at_ns, utc);
     fsn_json_open(json, '{');
-    fsn_json_put_text(json, "event", name);
+    fsn_json_put_text(json, "event", events->name);
     fsn_json_put_text(json, "utc", utc);
-    fsn_json_put_u64(json, "now_ns", at_ns);
+    fsn_json_put_u64(json, "now_ns", events->at_ns);
+}
+
+static void put_tail(struct fsn_events *events, enum fsn_log_level level, const char *text) {
+    static const char *const level_name[] = {"detail", "info", "warning", "error"};
+    struct fsn_json *json = &events->json;
+    fsn_json_put_text(json, "level", level_name[level]);
+    fsn_json_put_text(json, "text", text);
+    fsn_json_close(json, '}');
+}
+
+struct fsn_json *fsn_event_begin(struct fsn_events *events, const char *name, uint64_t at_ns) {
+    fsn_json_free(&events->json);
+    events->name = name;
+    events->at_ns = at_ns;
+    events->account = FSN_OBSERVER;
+    put_head(events);
+    return &events->json;
+}
+
+struct fsn_json *fsn_event_begin_act(struct fsn_events *events, const char *name,
+                                     enum fsn_role role) {
+    struct fsn_json *json = fsn_event_begin(events, name, fsn_now_ns());
+    events->account = role;
     return json;
 }
 
@@ -25,14 +47,17 @@ void fsn_event_send(struct fsn_events *events, enum fsn_log_level level, const c
     va_end(arguments);
     const struct fsn_control_host *host = events->host;
     struct fsn_json *json = &events->json;
-    static const char *const level_name[] = {"detail", "info", "warning", "error"};
-    fsn_json_put_text(json, "level", level_name[level]);
-    fsn_json_put_text(json, "text", text);
-    fsn_json_close(json, '}');
+    put_tail(events, level, text);
+    if (json->failed != FSN_OK) { /* too long: without its keys it fits into what there is */
+        fsn_json_clear(json);
+        put_head(events);
+        fsn_json_put_bool(json, "cut", true);
+        put_tail(events, level, text);
+    }
     if (json->failed != FSN_OK) {
-        host->log(host->self, level, text, "{}", 2);
+        host->log(host->self, level, events->account, text, "{}", 2);
         return;
     }
-    host->log(host->self, level, text, json->bytes, json->len_bytes);
+    host->log(host->self, level, events->account, text, json->bytes, json->len_bytes);
     events->deliver(events->self, json);
 }

@@ -4,19 +4,28 @@
 
 #include "control/base/host.h"
 #include "control/base/json.h"
+#include "control/base/peer.h"
 
 struct fsn_events {
     const struct fsn_control_host *host; /**< its log gets each event */
     struct fsn_json json;                /**< the event being written */
+    const char *name;                    /**< of it; static */
+    uint64_t at_ns;
+    enum fsn_role account; /**< whose share of the intervention log it uses */
     /** Gets each event without its newline; it may add one and hand it on. */
     void (*deliver)(void *self, struct fsn_json *json);
     void *self;
 };
 
-/** Begins an event; `at_ns` monotonic. Keys may be added until it is sent. */
+/** Begins an event; `at_ns` monotonic. Keys may be added until it is sent. Its account is that of
+ * an observer, until fsn_event_begin_act() or the caller says otherwise. */
 struct fsn_json *fsn_event_begin(struct fsn_events *events, const char *name, uint64_t at_ns);
 
-/** Ends it and sends it. */
+/** The same for what a role has done: the program itself is a maintainer. */
+struct fsn_json *fsn_event_begin_act(struct fsn_events *events, const char *name,
+                                     enum fsn_role role);
+
+/** Ends it and sends it. One that has grown too long goes out without the keys that were added. */
 __attribute__((format(printf, 3, 4))) void
 fsn_event_send(struct fsn_events *events, enum fsn_log_level level, const char *format, ...);
 

@@ -164,6 +164,9 @@ void fsn_report_interventions(const struct fsn_interventions *log, struct fsn_js
     fsn_json_put_text_or_null(json, "hash", log->hash[0] != 0 ? log->hash : NULL);
     fsn_json_put_u64(json, "waiting", log->waiting);
     fsn_json_put_u64(json, "lost", log->lost);
+    fsn_json_put_u64(json, "bytes", log->bytes);
+    fsn_json_put_u64(json, "limit_bytes", log->limit_bytes);
+    fsn_json_put_bool(json, "limited", log->limited);
     fsn_json_put_text_or_null(json, "error", log->error);
 }
 

@@ -109,10 +109,52 @@ bool fsn_client_send(struct fsn_client *client, uint64_t now_ns) {
     return true;
 }
 
+static void put_who(uint32_t number, const struct fsn_peer *peer, enum fsn_role role,
+                    struct fsn_json *json) {
+    fsn_json_put_u64(json, "client", number);
+    fsn_peer_put(peer, json);
+    fsn_json_put_text(json, "access", fsn_role_name(role));
+}
+
 void fsn_client_put_peer(const struct fsn_client *client, struct fsn_json *json) {
-    fsn_json_put_u64(json, "client", client->number);
-    fsn_peer_put(&client->peer, json);
-    fsn_json_put_text(json, "access", fsn_role_name(client->role));
+    put_who(client->number, &client->peer, client->role, json);
+}
+
+struct fsn_cause fsn_client_cause(const struct fsn_client *client, const char *what,
+                                  fsn_status status) {
+    return (struct fsn_cause){.peer = client->peer,
+                              .role = client->role,
+                              .client = client->number,
+                              .what = what,
+                              .status = status};
+}
+
+/** Names the last one, and counts it with those before. */
+static void report_counted(struct fsn_services *services, enum fsn_quota_kind kind,
+                           const struct fsn_cause *last, uint32_t times) {
+    const bool refused = kind == FSN_QUOTA_REFUSED;
+    struct fsn_events *events = &services->events;
+    char who[FSN_PEER_TEXT_BYTES];
+    struct fsn_json *json = fsn_event_begin(events, refused ? "request" : "dropped", fsn_now_ns());
+    put_who(last->client, &last->peer, last->role, json);
+    fsn_json_put_text(json, refused ? "request" : "why", last->what);
+    if (refused) {
+        fsn_json_put_text(json, "error", fsn_status_name(last->status));
+    }
+    fsn_json_put_u64(json, "times", times);
+    fsn_event_send(events, FSN_LOG_WARNING, "%s: %u more %s, the last one: %s",
+                   fsn_peer_text(&last->peer, who), (unsigned)times,
+                   refused ? "refused requests" : "dropped connections", last->what);
+}
+
+void fsn_services_report_counted(struct fsn_services *services, uint64_t now_ns) {
+    for (enum fsn_quota_kind kind = 0; kind < FSN_QUOTA_KINDS; kind++) {
+        const struct fsn_cause *last;
+        uint32_t times;
+        while ((last = fsn_quota_left(&services->quotas, kind, now_ns, &times)) != NULL) {
+            report_counted(services, kind, last, times);
+        }
+    }
 }
 
 const char *fsn_client_text(const struct fsn_client *client, char room[FSN_CLIENT_TEXT_BYTES]) {
@@ -139,7 +181,7 @@ static void leave_cycle(struct fsn_services *services, struct fsn_client *client
 
 void fsn_client_take_back(struct fsn_services *services, struct fsn_client *client,
                           const char *why) {
-    struct fsn_json *json = fsn_event_begin(&services->events, "fallback", fsn_now_ns());
+    struct fsn_json *json = fsn_event_begin_act(&services->events, "fallback", client->role);
     char who[FSN_CLIENT_TEXT_BYTES];
     fsn_client_put_peer(client, json);
     fsn_json_put_text(json, "why", why);
@@ -156,7 +198,7 @@ void fsn_client_take_back(struct fsn_services *services, struct fsn_client *clie
 }
 
 void fsn_services_close_outputs(struct fsn_services *services) {
-    struct fsn_json *json = fsn_event_begin(&services->events, "fallback", fsn_now_ns());
+    struct fsn_json *json = fsn_event_begin_act(&services->events, "fallback", FSN_MAINTAINER);
     fsn_json_put_text(json, "why", "stop");
     fsn_json_put_open(json, "outputs", '[');
     fsn_outputs_close(services->view.outputs, add_output, services);
@@ -177,6 +219,22 @@ void fsn_services_watch_cycle(struct fsn_services *services) {
     }
 }
 
+static void report_dropped(struct fsn_services *services, const struct fsn_client *client,
+                           const char *why) {
+    const uint64_t now_ns = fsn_now_ns();
+    const struct fsn_cause cause = fsn_client_cause(client, why, FSN_OK);
+    const uint32_t times = fsn_quota_take(&services->quotas, FSN_QUOTA_DROPPED, &cause, now_ns);
+    if (times > 0) {
+        struct fsn_json *json = fsn_event_begin(&services->events, "dropped", now_ns);
+        char who[FSN_CLIENT_TEXT_BYTES];
+        fsn_client_put_peer(client, json);
+        fsn_json_put_text(json, "why", why);
+        fsn_json_put_u64(json, "times", times);
+        fsn_event_send(&services->events, FSN_LOG_WARNING, "%s dropped: %s",
+                       fsn_client_text(client, who), why);
+    }
+}
+
 void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, const char *why) {
     close(client->fd);
     client->fd = -1;
@@ -191,12 +249,7 @@ void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, c
     client->sent = 0;
     /* After it is gone, so that it cannot be informed about its own end. */
     if (strcmp(why, "disconnected") != 0) {
-        struct fsn_json *json = fsn_event_begin(&services->events, "dropped", fsn_now_ns());
-        char who[FSN_CLIENT_TEXT_BYTES];
-        fsn_client_put_peer(client, json);
-        fsn_json_put_text(json, "why", why);
-        fsn_event_send(&services->events, FSN_LOG_WARNING, "%s dropped: %s",
-                       fsn_client_text(client, who), why);
+        report_dropped(services, client, why);
     }
     fsn_client_take_back(services, client, why);
 }

@@ -36,8 +36,6 @@ struct fsn_client {
     uint32_t lease_ms;       /**< 0: until it disconnects */
     uint64_t heard_ns;       /**< end of its last request, or of its last lease */
     uint64_t request_ns;     /**< end of its last request, or its beginning */
-    uint64_t refused_ns;     /**< last event about a refused request; 0: none */
-    uint32_t refused;        /**< refused requests since then without an event */
     uint64_t moved_ns;       /**< when it last took bytes, or had none to take */
     size_t in_bytes;
     char in[FSN_LINE_BYTES + 2];
@@ -75,6 +73,14 @@ void fsn_client_put_peer(const struct fsn_client *client, struct fsn_json *json)
 
 /** In words: "client 3, pid 12 (fsoe-net), uid 1000 (anna)".   @return room. */
 const char *fsn_client_text(const struct fsn_client *client, char room[FSN_CLIENT_TEXT_BYTES]);
+
+/** What counts against the quota of its user. */
+struct fsn_cause fsn_client_cause(const struct fsn_client *client, const char *what,
+                                  fsn_status status);
+
+/** Reports what was counted against quotas and may be reported now.
+ *  @param[in] now_ns  UINT64_MAX: all of it, for the program ends. */
+void fsn_services_report_counted(struct fsn_services *services, uint64_t now_ns);
 
 /** Takes back what a client holds and reports it. */
 void fsn_client_take_back(struct fsn_services *services, struct fsn_client *client,

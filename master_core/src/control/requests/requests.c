@@ -11,7 +11,7 @@
 #include "fsn/version.h"
 
 enum {
-    AGAIN_NS = 1000000000,  /**< between two events about refused requests of a client */
+    ARGUMENT_BYTES = 256,   /**< of the arguments of a refused request in its event */
     PAGE_BYTES = 128 * 1024 /**< of a report, after which the next page begins */
 };
 
@@ -104,39 +104,62 @@ static const char *request_text(const struct fsn_request *request, char *room, s
     return room;
 }
 
-/** Reports a request that changes something, or that was refused when it would have; of those that
- *  were refused at most one a second for each client. */
-static void report_request(struct fsn_request *request, fsn_status found) {
-    struct fsn_client *client = request->client;
+/** Adds the arguments, of a refused request their first bytes alone. */
+static void put_arguments(const struct fsn_request *request, size_t most, struct fsn_json *json) {
+    size_t left_out = 0;
+    fsn_json_put_open(json, "arguments", '[');
+    for (size_t i = 0; i < request->count; i++) {
+        const size_t whole = strlen(request->argument[i]);
+        const size_t len = whole < most ? whole : fsn_utf8_cut(request->argument[i], most);
+        if (left_out == 0) {
+            fsn_json_chars(json, request->argument[i], len);
+        }
+        most -= len;
+        left_out += whole - len;
+    }
+    fsn_json_close(json, ']');
+    if (left_out > 0) {
+        fsn_json_put_u64(json, "arguments_cut", left_out);
+    }
+}
+
+/** Reports a request that was granted and changes something. */
+static void report_granted(struct fsn_request *request) {
     struct fsn_events *events = &request->services->events;
-    const uint64_t now_ns = fsn_now_ns();
     char who[FSN_CLIENT_TEXT_BYTES];
     char words[200];
-    request_text(request, words, sizeof words);
-    if (found != FSN_OK) {
-        client->refused++;
-        if (client->refused_ns != 0 && now_ns - client->refused_ns < AGAIN_NS) {
-            return;
-        }
-        client->refused_ns = now_ns;
+    struct fsn_json *json = fsn_event_begin_act(events, "request", request->client->role);
+    fsn_client_put_peer(request->client, json);
+    fsn_json_put_text(json, "request", request->name);
+    put_arguments(request, FSN_LINE_BYTES, json);
+    fsn_json_put_text_or_null(json, "error", NULL);
+    fsn_event_send(events, FSN_LOG_INFO, "%s requests %s", fsn_client_text(request->client, who),
+                   request_text(request, words, sizeof words));
+}
+
+/** Reports a request that was refused and would have changed something, as often as its user may
+ *  cause that; counts it else. */
+static void report_refused(struct fsn_request *request, const char *name) {
+    struct fsn_client *client = request->client;
+    struct fsn_events *events = &request->services->events;
+    char who[FSN_CLIENT_TEXT_BYTES];
+    char words[200];
+    const uint64_t now_ns = fsn_now_ns();
+    const struct fsn_cause cause = fsn_client_cause(client, name, request->refusal.status);
+    const uint32_t times =
+        fsn_quota_take(&request->services->quotas, FSN_QUOTA_REFUSED, &cause, now_ns);
+    if (times == 0) {
+        return;
     }
     struct fsn_json *json = fsn_event_begin(events, "request", now_ns);
     fsn_client_put_peer(client, json);
-    fsn_json_put_text(json, "request", request->name);
-    fsn_json_put_open(json, "arguments", '[');
-    for (size_t i = 0; i < request->count; i++) {
-        fsn_json_text(json, request->argument[i]);
-    }
-    fsn_json_close(json, ']');
-    fsn_json_put_text_or_null(json, "error", found != FSN_OK ? fsn_status_name(found) : NULL);
-    if (found == FSN_OK) {
-        fsn_event_send(events, FSN_LOG_INFO, "%s requests %s", fsn_client_text(client, who), words);
-        return;
-    }
-    fsn_json_put_u64(json, "times", client->refused);
-    client->refused = 0;
+    fsn_json_put_text(json, "request", name);
+    put_arguments(request, ARGUMENT_BYTES, json);
+    fsn_json_put_text(json, "error", fsn_status_name(request->refusal.status));
+    fsn_json_put_u64(json, "times", times);
     fsn_event_send(events, FSN_LOG_WARNING, "%s requests %s, refused: %s",
-                   fsn_client_text(client, who), words, request->refusal.text);
+                   fsn_client_text(client, who), request_text(request, words, sizeof words),
+                   request->refusal.text);
 }
 
 static fsn_status lease(struct fsn_request *request) {
@@ -324,8 +347,10 @@ static fsn_status answer(struct fsn_request *request) {
     const fsn_status found = !may             ? role_is_too_low(request, entry->role)
                              : request->later ? fsn_answer_later(request)
                                               : entry->answer(request);
-    if (!may || entry->event == CHANGES || (entry->event == REFUSED_ONLY && found != FSN_OK)) {
-        report_request(request, found);
+    if (found == FSN_OK && entry->event == CHANGES) {
+        report_granted(request);
+    } else if (found != FSN_OK && (!may || entry->event != READS)) {
+        report_refused(request, entry->name);
     }
     return found;
 }

@@ -6,12 +6,14 @@
 #include "control/jobs/queue.h"
 #include "control/reports/bus_view.h"
 #include "control/reports/events.h"
+#include "control/requests/quota.h"
 
 struct fsn_client;
 
 struct fsn_services {
     struct fsn_bus_view view;
     struct fsn_events events;
+    struct fsn_quotas quotas; /**< of events about what is refused */
     struct fsn_job_queue jobs;
     struct fsn_incidents *incidents; /**< NULL: none are kept */
     struct fsn_client *client;       /**< the places of all clients, taken and free */

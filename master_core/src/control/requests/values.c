@@ -107,7 +107,8 @@ static fsn_status read_wanted(struct fsn_request *request, const char *word, boo
 static void report_edge(struct fsn_request *request, const char *event, uint32_t symbol,
                         uint64_t raw) {
     const struct fsn_symbol_info info = fsn_known_symbol(request->services->view.plan, symbol);
-    struct fsn_json *json = fsn_event_begin(&request->services->events, event, fsn_now_ns());
+    struct fsn_json *json =
+        fsn_event_begin_act(&request->services->events, event, request->client->role);
     char who[FSN_CLIENT_TEXT_BYTES];
     fsn_client_put_peer(request->client, json);
     fsn_json_put_text(json, "output", info.name);
@@ -127,7 +128,7 @@ void fsn_request_report_taken(struct fsn_request *request, const struct fsn_want
             continue;
         }
         if (taken++ == 0) {
-            json = fsn_event_begin(&services->events, "taken", fsn_now_ns());
+            json = fsn_event_begin_act(&services->events, "taken", request->client->role);
             fsn_client_put_peer(request->client, json);
             fsn_json_put_u64(json, "lease_ms", request->client->lease_ms);
             fsn_json_put_open(json, "outputs", '{');

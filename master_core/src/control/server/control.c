@@ -140,7 +140,7 @@ static void report_written(struct fsn_control *control, const struct fsn_job *jo
     const bool done = job->status == FSN_OK;
     const char *name = fsn_known_subdevice(services->view.plan, job->subdevice).name;
     char what[64];
-    struct fsn_json *json = fsn_event_begin(&services->events, "written", fsn_now_ns());
+    struct fsn_json *json = fsn_event_begin_act(&services->events, "written", FSN_MAINTAINER);
     put_client(control, job->client, json);
     fsn_json_put_text(json, "subdevice", name);
     if (alias) {
@@ -178,7 +178,7 @@ bool fsn_control_differed(const struct fsn_control *control) {
 void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level level,
                                const char *text) {
     struct fsn_events *events = &control->services.events;
-    struct fsn_json *json = fsn_event_begin(events, "state", fsn_now_ns());
+    struct fsn_json *json = fsn_event_begin_act(events, "state", FSN_MAINTAINER);
     fsn_json_put_text(json, "state", fsn_program_status(events->host).state);
     fsn_event_send(events, level, "%.500s", text);
 }
@@ -186,7 +186,7 @@ void fsn_control_state_changed(struct fsn_control *control, enum fsn_log_level l
 void fsn_control_interventions_changed(struct fsn_control *control, enum fsn_log_level level,
                                        const char *text) {
     struct fsn_events *events = &control->services.events;
-    struct fsn_json *json = fsn_event_begin(events, "interventions", fsn_now_ns());
+    struct fsn_json *json = fsn_event_begin_act(events, "interventions", FSN_MAINTAINER);
     fsn_report_interventions(fsn_program_status(events->host).interventions, json);
     fsn_event_send(events, level, "%.500s", text);
 }

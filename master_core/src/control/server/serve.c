@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "control/base/clock.h"
+#include "control/base/pace.h"
 #include "control/requests/requests.h"
 #include "control/requests/stream.h"
 #include "control/server/server.h"
@@ -16,7 +17,6 @@ enum {
     OBSERVERS_NS = 500000, /**< of a turn, for the requests of all observers */
     TURN_LINES = 16,       /**< requests of one client before the others have their turn */
     STALL_MS = 5000,       /**< a client that reads nothing for so long is dropped */
-    AGAIN_NS = 1000000000, /**< between two events about users that may not connect */
     IDLE_MS = 5000,        /**< one that does nothing for so long makes room for another */
 };
 
@@ -147,13 +147,14 @@ static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role r
     return client;
 }
 
-/** Somebody who may not connect has tried: at most one event a second. */
+/** Reports a user that may not connect; all of them share one quota. */
 static void report_turned_away(struct fsn_control *control, pid_t pid, uid_t uid) {
     const uint64_t now_ns = fsn_now_ns();
     struct fsn_peer peer;
     char who[FSN_PEER_TEXT_BYTES];
     control->turned_away++;
-    if (control->turned_away_ns != 0 && now_ns - control->turned_away_ns < AGAIN_NS) {
+    if (!fsn_pace_allows(&control->turned_away_due_ns, now_ns, FSN_QUOTA_AT_ONCE,
+                         FSN_QUOTA_S * UINT64_C(1000000000))) {
         return;
     }
     fsn_peer_read(&peer, pid, uid);
@@ -163,7 +164,6 @@ static void report_turned_away(struct fsn_control *control, pid_t pid, uid_t uid
     fsn_json_put_u64(json, "times", control->turned_away);
     fsn_event_send(events, FSN_LOG_WARNING, "%s may not connect; tries since the last line: %u",
                    fsn_peer_text(&peer, who), (unsigned)control->turned_away);
-    control->turned_away_ns = now_ns;
     control->turned_away = 0;
 }
 
@@ -342,6 +342,7 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
     fsn_incident_turn(services->incidents, fsn_now_ns());
     fsn_streams_serve(services);
     fsn_services_watch_cycle(services);
+    fsn_services_report_counted(services, fsn_now_ns());
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         struct fsn_client *client = &control->client[i];
         const uint64_t now = fsn_now_ns();
@@ -358,6 +359,7 @@ void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, si
 }
 
 void fsn_control_flush(struct fsn_control *control, int wait_ms) {
+    fsn_services_report_counted(&control->services, UINT64_MAX);
     const uint64_t until = fsn_now_ns() + (uint64_t)wait_ms * 1000000u;
     for (;;) {
         struct pollfd fds[FSN_CONTROL_CLIENTS];

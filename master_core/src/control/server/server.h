@@ -15,12 +15,13 @@ struct fsn_control {
     struct fsn_client client[FSN_CONTROL_CLIENTS];
     uint64_t polled_ns; /**< what was sent before then has been read, when clients are served */
     uint32_t last_number;
-    uint64_t turned_away_ns; /**< last event about a user that may not connect; 0: none */
-    uint32_t turned_away;    /**< tries since then */
-    size_t first_observer;   /**< whose turn it is */
-    int listener;            /**< -1: none */
-    char path[108];          /**< as long as the system allows */
-    dev_t device;            /**< of the socket's file, to remove none but our own */
+    uint64_t
+        turned_away_due_ns; /**< of fsn_pace_allows(): events about users that may not connect */
+    uint32_t turned_away;   /**< tries since the last one */
+    size_t first_observer;  /**< whose turn it is */
+    int listener;           /**< -1: none */
+    char path[108];         /**< as long as the system allows */
+    dev_t device;           /**< of the socket's file, to remove none but our own */
     ino_t inode;
 };
 
