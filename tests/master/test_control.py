@@ -72,6 +72,18 @@ def test_every_request_is_in_the_reference() -> None:
                 assert f"`{key}`" in text
 
 
+def test_the_layout_of_the_reference_is_accepted() -> None:
+    page = ROOT / "docs" / "reference" / "control-protocol.md"
+    if not page.is_file():
+        pytest.skip("needs the source tree")
+    (layout,) = re.findall(
+        r"LAYOUT is the version of the shared memory \((\d+)\)", page.read_text()
+    )
+    with running() as master, master.client() as client:
+        assert client.good(f"realtime {layout} any 0")["layout"] == int(layout)
+        client.refused(f"realtime {int(layout) - 1} any 0", "FSN_E_ARG")
+
+
 def test_a_snapshot_is_whole() -> None:
     with running() as master, master.client() as client:
         snapshot = client.good("snapshot")
