@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "fsn/bus.h"
+#include "holder.h"
 
 const char explain_permission[] =
     "it takes CAP_NET_RAW (interface), CAP_SYS_NICE (real-time) and CAP_IPC_LOCK (memory): setcap "
@@ -51,4 +52,27 @@ void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, c
              rule, fault->detail[0] != 0 ? ": " : "", fault->detail,
              fault->sys_errno != 0 ? ": " : "",
              fault->sys_errno != 0 ? strerror(fault->sys_errno) : "", next_step(fault));
+}
+
+static void add_holder(const char *interface, char *room, size_t room_bytes) {
+    char name[64];
+    char text[HOLDER_TEXT_BYTES];
+    const size_t used = strlen(room);
+    snprintf(name, sizeof name, "@fsn-maindevice:%.15s", interface != NULL ? interface : "");
+    if (interface != NULL && holder_text(name, text)[0] != 0) {
+        snprintf(room + used, room_bytes - used, "; %.15s is %s", interface, text);
+    }
+}
+
+void explain_bus_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
+                       const struct options *options, char *room, size_t room_bytes) {
+    explain_fault(fault, plan, room, room_bytes);
+    if (fault->status != FSN_E_BUS_BUSY) {
+        return;
+    }
+    for (size_t i = 0; i < options->interface_count; i++) {
+        const char *after = strchr(options->interfaces[i], '='); /* BUS=INTERFACE */
+        add_holder(after != NULL ? after + 1 : options->interfaces[i], room, room_bytes);
+    }
+    add_holder(options->redundant, room, room_bytes);
 }

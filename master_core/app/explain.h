@@ -5,10 +5,15 @@
 #include <stddef.h>
 
 #include "fsn/plan.h"
+#include "options.h"
 
 /** Writes "FSN_E_…: record: rule: what was found; what to do". `plan` may be NULL. */
 void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
                    size_t room_bytes);
+
+/** The same of a bus that does not open; names the processes that hold its interfaces. */
+void explain_bus_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
+                       const struct options *options, char *room, size_t room_bytes);
 
 /** What to do when the system does not permit something. */
 extern const char explain_permission[];

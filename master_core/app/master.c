@@ -18,6 +18,7 @@
 #include "explain.h"
 #include "former.h"
 #include "fsn/handover.h"
+#include "holder.h"
 #include "log.h"
 #include "notify.h"
 #include "runner.h"
@@ -43,7 +44,7 @@ struct master {
     bool ready;       /**< every SubDevice has reached OP since the bus was opened */
     bool was_ready;   /**< since the program began: the manager was notified */
     int code;         /**< exit code */
-    char fault[640];
+    char fault[1200];
     struct fsn_core *core;
     enum policy policy;
     bool locked;
@@ -193,8 +194,8 @@ static bool lacks_permission(const struct runner_result *result) {
 }
 
 static void failed(struct master *m, const struct runner_result *result) {
-    char text[720];
-    explain_fault(&result->fault, m->plan, m->fault, sizeof m->fault);
+    char text[1280];
+    explain_bus_fault(&result->fault, m->plan, m->options, m->fault, sizeof m->fault);
     const bool given_up = !m->wanted;
     m->wanted = false;
     m->follows = false;
@@ -492,7 +493,12 @@ static int listen_on(struct master *m, const char *path) {
     if (fsn_control_listen(m->control, path, &refusal) == FSN_OK) {
         return -1;
     }
-    log_line(FSN_LOG_ERROR, "%s; %s", refusal.text, refusal.hint);
+    char holder[HOLDER_TEXT_BYTES] = "";
+    if (refusal.status == FSN_E_STATE && path[0] == '/') { /* a relative path has no one name */
+        holder_text(path, holder);
+    }
+    log_line(FSN_LOG_ERROR, "%s; %s%s%s", refusal.text, refusal.hint,
+             holder[0] != 0 ? "; it is " : "", holder);
     return refusal.status == FSN_E_STATE ? EXIT_REFUSED : EXIT_ENVIRONMENT;
 }
 

@@ -7,9 +7,9 @@
 #include "explain.h"
 #include "log.h"
 
-static int refused(const struct fsn_fault *fault) {
-    char text[640];
-    explain_fault(fault, NULL, text, sizeof text);
+static int refused(const struct fsn_fault *fault, const struct options *options) {
+    char text[1200];
+    explain_bus_fault(fault, NULL, options, text, sizeof text);
     log_line(FSN_LOG_ERROR, "%s", text);
     return fault->status == FSN_E_SYS || fault->status == FSN_E_NOMEM || fault->sys_errno == EPERM
                ? EXIT_ENVIRONMENT
@@ -57,7 +57,7 @@ int scan_run(const struct options *options, const struct fsn_backend *backend) {
         code = print(&survey);
         backend->ops->acyclic->quit(bus);
     } else {
-        code = refused(&fault);
+        code = refused(&fault, options);
     }
     backend->free(bus);
     return code;

@@ -89,6 +89,7 @@ def test_a_dead_masters_socket_is_replaced_and_a_living_ones_is_not() -> None:
         done = run_to_end(*common)
         assert done.returncode == 1
         assert "another process answers on" in done.stderr
+        assert f"; it is held by pid {master.process.pid} (fsn-master), uid " in done.stderr
         with master.client() as client:
             client.good("hello")
         master.process.kill()

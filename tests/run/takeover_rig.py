@@ -271,6 +271,25 @@ def standby_output(network, _other):
     }
 
 
+def frozen_standby(network, _other):
+    """A frozen standby whose former ends blocks the bus; the refusal names the standby."""
+    emulator, wire, program, _client = start(network)
+    standby = Program("next", "--standby")
+    standby.wait_for("follows process")
+    os.kill(standby.pid, signal.SIGSTOP)
+    os.kill(program.pid, signal.SIGKILL)
+    program.process.wait()
+    refused = Program("refused", "--socket", "s2")
+    code = refused.process.wait()
+    os.kill(standby.pid, signal.SIGKILL)
+    standby.process.wait()
+    after = Program("after", "--wait", "30s")
+    after.wait_for("ready: every SubDevice is in OP")
+    wait_for_data(wait_for("the socket", connect))
+    seen = finish(emulator, wire, after)
+    return seen | {"code": code, "text": refused.lines(), "standby": standby.pid}
+
+
 def maintenance(network, _other):
     """Held, it takes nothing over, whatever happens; and a stop that is meant is no failure."""
     emulator, wire, program, client = start(network)
@@ -346,7 +365,7 @@ CASES = {
     f.__name__: f
     for f in (
         *(planned, output, refused, frozen),
-        *(standby_output, maintenance, hostile, undecided),
+        *(standby_output, frozen_standby, maintenance, hostile, undecided),
     )
 }
 

@@ -87,6 +87,16 @@ def test_a_standby_takes_over_from_a_frozen_process_that_thaws_later(tmp_path):
     assert seen["fallen"] == 8
 
 
+def test_a_frozen_standby_that_blocks_the_bus_is_named(tmp_path):
+    seen = case("frozen_standby", tmp_path, ROBOT)
+    assert seen["code"] == 1
+    assert (
+        f"near is held by pid {seen['standby']} (fsn-master), uid 0 (root) since " in seen["text"]
+    )
+    assert ", stopped: secure the machine, then end it with SIGKILL" in seen["text"]
+    check_one_after_the_other(seen, 1)
+
+
 def test_in_maintenance_nothing_is_taken_over(tmp_path):
     seen = case("maintenance", tmp_path, ROBOT)
     assert seen["states"] == ["standby", False]
