@@ -79,7 +79,7 @@ def test_machine_formats(tmp_path: Path):
         ((), 2, "Usage"),
         (("chek", "x"), 2, "Did you mean 'check'"),
         ((ESTOP,), 2, "fsoe-net check"),
-        (("check",), 2, "name the files to check"),
+        (("check",), 2, "name a network"),
         (("check", "nowhere.yaml"), 1, "no such file"),
         (("explain", "FSN999"), 2, "no code"),
         (("check", ESTOP, "--runtime", "ros2-2026"), 2, "'ros2-2026-06', 'ros2-2026-08'"),
@@ -193,7 +193,7 @@ def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
         (("check", "scenario.yaml"), "FSN117", "a scenario, not a network"),
         (("check", "answers.yaml"), "FSN117", "`fsoe-net init --answers answers.yaml` takes it"),
         (("check", "x.fsnplan"), "FSN117", "this is a compiled plan, not a network"),
-        (("check", str(PLAIN / "estop")), "FSN101", "hint: give "),
+        (("check", str(PLAIN)), "FSN101", "it is a directory"),
         (("run", ESTOP, "--scenario", ESTOP), "FSN140", "a network, not a scenario"),
         (("verify", ESTOP, "--accepted", "protocol.yaml"), "FSN117", "a test protocol, not"),
         (

@@ -11,7 +11,7 @@ from cli.tool import fsn
 from networks import EXAMPLES
 
 from fsoe_net.cli.main import cli, main
-from fsoe_net.cli.options import FILE
+from fsoe_net.cli.options import FILE, NETWORK_FILE
 
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
 SIGNED = "--author A --verifier B -o made.yaml"
@@ -92,7 +92,7 @@ def test_every_parameter_that_is_a_file_is_tried_here():
         (name, parameter.name)
         for name in cli.list_commands(context)
         for parameter in cli.get_command(context, name).params
-        if parameter.type is FILE and parameter.name not in NOT_READ
+        if parameter.type in (FILE, NETWORK_FILE) and parameter.name not in NOT_READ
     }
     assert found == set(READERS) | ELSEWHERE
 

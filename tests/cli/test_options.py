@@ -15,7 +15,7 @@ from cli.tool import fsn
 from networks import EXAMPLES
 
 from fsoe_net.cli.main import cli
-from fsoe_net.cli.options import CYCLE, FILE, FOLDER, RUN_TIME, Time
+from fsoe_net.cli.options import CYCLE, FILE, FOLDER, NETWORK_FILE, RUN_TIME, Time
 from fsoe_net.model.times import time_ns, time_text
 
 ROOT = Path(__file__).parents[2]
@@ -94,7 +94,7 @@ def test_times_and_files_have_one_type_each():
             assert isinstance(option.type, Time), place
         assert not isinstance(option.type, click.Path | click.File), place
         if option.metavar in ("FILE", "PLAN", "SCRIPT", "PATH"):
-            assert option.type is FILE, place
+            assert option.type in (FILE, NETWORK_FILE), place
         if option.metavar == "DIR":
             assert option.type is FOLDER, place
 
