@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 
@@ -16,14 +17,14 @@ from fsoe_net.model.library_fill import library_role
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scan import Scan
 from fsoe_net.model.transfer_ends import ResolvedTransfer
-from fsoe_net.project.check import library_of
+from fsoe_net.project.check import Checked, library_of
 from fsoe_net.studio.cables import cables_of
 from fsoe_net.studio.changes import FACTS
 from fsoe_net.studio.workspace import Workspace
 from fsoe_net.timing.budget import make_budget
 from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
-__all__ = ["state_of"]
+__all__ = ["content_of", "state_of"]
 
 Row = dict[str, object]
 
@@ -51,6 +52,7 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
     parts = _Parts(workspace.path, resolution)
     return {
         "version": workspace.version,
+        "content": content_of(workspace.checked),
         "path": workspace.path,
         "name": "" if resolution is None else resolution.network.name,
         "text": workspace.text.replace("\r\n", "\n"),
@@ -74,6 +76,14 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
         "proposals": proposals,
         "findings": [_finding(row, parts, workspace.path) for row in checked.diagnostics],
     }
+
+
+def content_of(checked: Checked) -> str:
+    """Return a hash of the content of all files of a network; empty for a text that is none."""
+    if checked.network is None:
+        return ""
+    rows = "\n".join(f"{source.sha256} {source.path}" for source in checked.network.sources)
+    return hashlib.sha256(rows.encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def _used(resolution: Resolution) -> dict[tuple[str, int], int]:

@@ -19,7 +19,7 @@ from starlette.staticfiles import StaticFiles
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.studio.connections import LimitedProtocol
-from fsoe_net.studio.document import state_of
+from fsoe_net.studio.document import content_of, state_of
 from fsoe_net.studio.files import UPLOADS, file_routes
 from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.guard import Guard
@@ -183,13 +183,13 @@ class Studio:
         return await self._answer(said=said or ())
 
     async def _try(self, _: Request) -> Response:
-        version, checked = self._workspace.version, self._workspace.checked
+        checked = self._workspace.checked
         try:
             async with self._trying:  # one at a time
                 tried = await run_in_threadpool(try_network, checked)
         except FsnError as exc:
             return JSONResponse({"error": str(exc)}, 422)
-        return JSONResponse({"error": "", "version": version, **tried})
+        return JSONResponse({"error": "", "content": content_of(checked), **tried})
 
     async def _answer(
         self, *, error: str = "", said: Sequence[str] = (), status: int = 200

@@ -150,11 +150,51 @@ def test_it_is_tried_on_the_emulated_bus(page: Any) -> None:
     page.wait_for_selector("text=4 of 4 in Data")
     area = page.locator("textarea")
     text = area.input_value()
+    result = page.locator(".trial [role=status]")
+    assert result.evaluate(
+        "e => e.getBoundingClientRect().top >= 0 && e.getBoundingClientRect().bottom <= innerHeight"
+    )
     area.fill(text + "# more\n")
     page.wait_for_selector("text=of an earlier text")
+    page.get_by_role("button", name="Undo").click()
+    page.wait_for_selector("text=of an earlier text", state="detached")
+    area.fill(text + "# saved\n")
+    page.wait_for_selector("text=of an earlier text")
+    page.get_by_role("button", name="Try it").click()
+    page.wait_for_selector("text=of an earlier text", state="detached")
+    page.get_by_role("button", name="Save").click()
+    page.get_by_text("· saved").wait_for()
+    assert result.inner_text() == "✔ 4 of 4 in Data"
     area.fill(text.replace("size: 6", "size: 5", 1))
     _verdict(page, "has errors")
     assert page.get_by_role("button", name="Try it").is_disabled()
+
+
+def test_letters_in_a_number_are_refused_in_words(page: Any, cell: Path) -> None:
+    before = cell.read_text("utf-8")
+    _connection(page, "drive_2").focus()
+    page.keyboard.press("Enter")
+    field = page.get_by_label("FSoE watchdog, ms")
+    field.fill("1OO")
+    page.keyboard.press("Enter")
+    alert = page.locator(".field [role=alert]")
+    assert "“1OO” is not a whole number from 0 to 65534; not taken." in alert.inner_text()
+    assert field.get_attribute("aria-invalid") == "true"
+    assert page.locator("textarea").input_value() == before
+    field.fill("101")
+    page.keyboard.press("Enter")
+    alert.wait_for(state="detached")
+    _holds(page, "watchdog_ms: 101")
+
+
+def test_errors_stand_before_warnings_and_notes(page: Any) -> None:
+    area = page.locator("textarea")
+    text = area.input_value()
+    area.fill(text.replace("cycle_us:", "foo: 1\ncycle_us:", 1).replace("size: 6", "size: 5", 1))
+    page.locator(".findings li.error").first.wait_for()
+    ranks = page.eval_on_selector_all(".findings li", "rows => rows.map((row) => row.className)")
+    assert len(set(ranks)) > 1, ranks
+    assert ranks == sorted(ranks, key=["error", "warning", "info"].index)
 
 
 def test_hostile_names_are_text(page: Any) -> None:

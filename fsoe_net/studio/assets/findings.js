@@ -11,7 +11,7 @@ export function Findings({ findings, show, act }) {
   return html`<section class="findings" aria-label="Findings">
     <h2>${findings.length ? `Findings (${findings.length})` : "No findings"}</h2>
     <ol>
-      ${findings.map((finding, number) => {
+      ${bySeverity(findings).map(([finding, number]) => {
         const [shape, word] = SEVERITIES[finding.severity];
         const place = finding.own ? `line ${finding.line}` : `${finding.file}:${finding.line}`;
         return html`<li key=${number} class=${finding.severity}>
@@ -31,4 +31,17 @@ export function Findings({ findings, show, act }) {
       })}
     </ol>
   </section>`;
+}
+
+/**
+ * Findings with their numbers, the worst first; alike ones stay in the order of the text.
+ * @param {Finding[]} findings
+ * @returns {[Finding, number][]}
+ */
+function bySeverity(findings) {
+  const order = Object.keys(SEVERITIES);
+  const rank = (/** @type {[Finding, number]} */ [finding]) => order.indexOf(finding.severity);
+  return findings
+    .map((finding, number) => /** @type {[Finding, number]} */ ([finding, number]))
+    .sort((a, b) => rank(a) - rank(b));
 }

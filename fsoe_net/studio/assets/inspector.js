@@ -170,28 +170,29 @@ function Field({ label, help, value, most, proposed, isName, set }) {
     setTyped(value ?? "");
     sent.current = null;
   }, [value]);
+  const text = String(typed).trim();
+  const isWrong = !isName && text !== "" && !(/^[0-9]+$/.test(text) && Number(text) <= most) && text !== `${value}`;
   const send = () => {
-    const text = String(typed).trim();
-    if (text === sent.current) return;
+    if (isWrong || text === sent.current) return;
     sent.current = text;
-    const number = Number(text);
     if (isName) {
       if (text !== value) text ? set(text) : setTyped(value);
-    } else if (text === "" && value !== null) set(null);
-    else if (text !== "" && Number.isInteger(number) && number >= 0 && number <= most) {
-      if (number !== value) set(number);
-    } else setTyped(value ?? "");
+    } else if (text === "") {
+      if (value !== null) set(null);
+    } else if (Number(text) !== value) set(Number(text));
   };
   const id = `field-${label.replace(/\W+/g, "-")}`;
   return html`<div class="field">
     <label for=${id}>${label}</label>
     <input id=${id} aria-describedby=${`${id}-help`} inputmode=${isName ? "text" : "numeric"} value=${typed}
+      aria-invalid=${isWrong}
       placeholder="not stated"
       onInput=${(/** @type {any} */ event) => {
         sent.current = null;
         setTyped(event.target.value);
       }} onBlur=${send}
       onKeyDown=${(/** @type {KeyboardEvent} */ event) => event.key === "Enter" && send()} />
+    ${isWrong && html`<p class="error" role="alert">“${text}” is not a whole number from 0 to ${most}; not taken.</p>`}
     ${value === null && proposed !== undefined &&
     html`<button type="button" onClick=${() => set(proposed)}>${proposed}: next free</button>`}
     <small id=${`${id}-help`}>${help}</small>

@@ -90,7 +90,7 @@ export function Network({ state, act: request }) {
         html`<${Export} version=${state.version} saved=${state.saved} close=${() => setPanel("")} />`}
         <${Inspector} state=${shown} selected=${selected} act=${act} choose=${choose} />
         <${Findings} findings=${state.findings} show=${show} act=${act} />
-        <${Trial} version=${state.version}
+        <${Trial} content=${state.content}
           hasErrors=${!state.is_network || worst(state.findings) === "error"} />
       </aside>
       <${Text} state=${state} line=${line} act=${act}

@@ -1,14 +1,16 @@
 // A try of the network on the emulated bus: does it come up?
-import { useState } from "./vendor/hooks.js";
+import { useEffect, useRef, useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
 import { tryIt } from "./server.js";
 
 /** @typedef {import("./types").Tried} Tried */
 
-/** @param {{ version: number, hasErrors: boolean }} props */
-export function Trial({ version, hasErrors }) {
+/** @param {{ content: string, hasErrors: boolean }} props */
+export function Trial({ content, hasErrors }) {
   const [tried, setTried] = useState(/** @type {Tried | { error: string } | null} */ (null));
   const [runs, setRuns] = useState(false);
+  const end = useRef(/** @type {HTMLElement | null} */ (null));
+  useEffect(() => end.current?.scrollIntoView({ block: "nearest" }), [tried]);
   const start = async () => {
     setRuns(true);
     setTried(await tryIt());
@@ -24,7 +26,8 @@ export function Trial({ version, hasErrors }) {
       ${runs ? "Runs …" : hasErrors ? "Try it: correct the errors first" : "Try it"}
     </button>
     ${tried?.error && html`<p class="error" role="alert">${tried.error}</p>`}
-    ${tried && "events" in tried && html`<${Result} tried=${tried} isOld=${tried.version !== version} />`}
+    ${tried && "events" in tried && html`<${Result} tried=${tried} isOld=${tried.content !== content} />`}
+    <span ref=${end} />
   </section>`;
 }
 

@@ -78,6 +78,8 @@ export interface Finding {
 export interface State {
   error: string;
   version: number;
+  /** Equal as long as all files of the network have the same content. */
+  content: string;
   path: string;
   name: string;
   text: string;
@@ -131,7 +133,7 @@ export interface WiredNode {
 /** A try on the emulated bus, see fsoe_net/studio/trial.py. */
 export interface Tried {
   error: string;
-  version: number;
+  content: string;
   passed: boolean;
   duration_ms: number;
   connections: {
