@@ -28,7 +28,17 @@ __all__ = ["command"]
 
 _NEEDED = ("reports", "protocol", "author", "verifier", "output")
 """Of a network; a record that is only signed holds them."""
-_MORE = ("day", "justify", "interventions", "replaces", "equipment", "environment", "attach")
+_MORE = (
+    "author_competence",
+    "verifier_competence",
+    "day",
+    "justify",
+    "interventions",
+    "replaces",
+    "equipment",
+    "environment",
+    "attach",
+)
 
 
 @click.command("accept", epilog=EPILOG)
@@ -49,6 +59,15 @@ _MORE = ("day", "justify", "interventions", "replaces", "equipment", "environmen
 )
 @click.option("--author", metavar="NAME", help="Who made the configuration.")
 @click.option("--verifier", metavar="NAME", help="Who checked it: not the author.")
+@click.option(
+    "--author-competence", default="", metavar="TEXT", help="What qualifies the author for this."
+)
+@click.option(
+    "--verifier-competence",
+    default="",
+    metavar="TEXT",
+    help="What qualifies the verifier for this: training, certificate, experience.",
+)
 @click.option(
     "--date",
     "day",

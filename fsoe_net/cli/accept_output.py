@@ -18,7 +18,9 @@ Example:
   fsoe-net report network.yaml --protocol protocol.yaml -o report.html
   fsoe-net report network.yaml --protocol protocol.yaml -o report.json
   fsoe-net accept network.yaml --protocol protocol.yaml --report report.html --report report.json
-      --author "A. Meier" --verifier "B. Kaya" -o acceptance.yaml
+      --author "A. Meier" --author-competence "maker of the cell"
+      --verifier "B. Kaya" --verifier-competence "functional safety engineer"
+      --equipment "oscilloscope 4711" --environment "hall 3" -o acceptance.yaml
       --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya"
       --justify "loss io_box=soldered in, cannot be unplugged by B. Kaya"
 

@@ -25,11 +25,13 @@ class SignedBy(Located):
     """A person, and the day (ISO 8601) on which that person signed.
 
     The name may end with a principal: the name of the person in a file of allowed signers, as in
-    ``A. Meier <a.meier@example.org>``.
+    ``A. Meier <a.meier@example.org>``. ``competence``: what qualifies the person for this, in
+    words; records of older versions have none.
     """
 
     name: str
     date: str
+    competence: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,6 +36,8 @@ def accept(
     protocol: str,
     author: str,
     verifier: str,
+    author_competence: str = "",
+    verifier_competence: str = "",
     day: str,
     justify: Sequence[str] = (),
     interventions: Sequence[tuple[str, str]] = (),
@@ -54,6 +56,8 @@ def accept(
         protocol: The test protocol as it was filled in.
         author: Who made the configuration.
         verifier: Who checked it.
+        author_competence: What qualifies the author.
+        verifier_competence: What qualifies the verifier.
         day: Of the signatures, YYYY-MM-DD.
         justify: Reasons as `reason_rows` returns them.
         interventions: What was changed since the record before, and by whom.
@@ -87,8 +91,8 @@ def accept(
         protocol=filled,
         protocol_source=source,
         protocol_findings=wrong,
-        author=SignedBy(name=author.strip(), date=day),
-        verifier=SignedBy(name=verifier.strip(), date=day),
+        author=SignedBy(name=author.strip(), date=day, competence=author_competence),
+        verifier=SignedBy(name=verifier.strip(), date=day, competence=verifier_competence),
         reasons=[_reason(row, named) for row in justify],
         interventions=[Intervention(what=what, by=by, date=day) for what, by in interventions],
         before=None if before is None else before.record,

@@ -96,14 +96,19 @@ def _circumstances(inputs: ReportInputs) -> list[Part]:
         return []
     record = given.record
     left = cell(muted("not stated"))
+    people = (("author", record.author), ("verifier", record.verifier))
     rows = (
+        *(
+            (cell(strong(f"Competence of the {role}")), cell(p.competence) if p.competence else left)
+            for role, p in people
+        ),
         (cell(strong("Test equipment")), cell(*record.equipment) or left),
         (cell(strong("Environment")), cell(record.environment) if record.environment else left),
     )
     columns = (Column("What", share=20), Column("As accepted", share=80))
     parts: list[Part] = [
-        Heading("Equipment and environment"),
-        Table(name="equipment and environment", columns=columns, rows=rows),
+        Heading("Competence, equipment and environment"),
+        Table(name="circumstances", columns=columns, rows=rows),
     ]
     if record.attachments:
         parts += [Heading("Attachments"), files_table("attachments", record.attachments)]

@@ -123,6 +123,7 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
     g, out = grounds, _Gathered()
     fingerprint = fingerprint_of(g.plan)
     _people(g, out)
+    _circumstances(g, out)
     _report(g, fingerprint.whole, out)
     _findings(g, out)
     if not g.report.of_machine:
@@ -199,6 +200,26 @@ def _people(g: Grounds, out: _Gathered) -> None:
         out.refuse(
             f"author and verifier are one person: {g.verifier.name}",
             "somebody who is not the author verifies",
+        )
+
+
+def _circumstances(g: Grounds, out: _Gathered) -> None:
+    """The records of ISO 13849-2 and IEC 62061 say who validated, by what means and where."""
+    for role, person in (("author", g.author), ("verifier", g.verifier)):
+        if not says_something(person.competence):
+            out.refuse(
+                f"the competence of the {role} is not stated",
+                f"name training, certificate or experience with --{role}-competence",
+            )
+    if not g.equipment:
+        out.refuse(
+            "no test equipment is stated",
+            "name instrument, serial number and calibration with --equipment, or why there is none",
+        )
+    if not says_something(g.environment):
+        out.refuse(
+            "the environment of the tests is not stated",
+            "name place and conditions with --environment",
         )
 
 

@@ -206,7 +206,8 @@ def _commands(network: str, rows: list[Beside]) -> list[str]:
         f"report {net} --protocol {test} -o report.html",
         f"report {net} --protocol {test} -o report.json",
         f"accept {net} --protocol {test} --report report.html --report report.json "
-        f"--author NAME --verifier NAME {replaces}-o {record}",
+        "--author NAME --author-competence TEXT --verifier NAME --verifier-competence TEXT "
+        f"--equipment TEXT --environment TEXT {replaces}-o {record}",
         f"accept {record} --sign KEY --as verifier",
     ]
     return [printable(f"fsoe-net {line}") for line in lines]

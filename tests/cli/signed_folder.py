@@ -39,6 +39,7 @@ def make_signed(folder: Path) -> Path:
         *("accept", "timed.yaml", "--protocol", "protocol.yaml", "-o", RECORD, "--date", DAY),
         *("--report", "report.html", "--report", "report.json"),
         *("--author", f"A. Meier <{ANNA}>", "--verifier", f"B. Kaya <{BERT}>"),
+        *("--author-competence", "maker of the cell", "--verifier-competence", "safety engineer"),
         *("--justify", "loss *=soldered in by B. Kaya"),
         *("--justify", "bus evidence=no access by B. Kaya"),
         *(

@@ -12,7 +12,11 @@ import yaml
 from cli.tool import fsn
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
-PEOPLE = ("--author", "A. Meier", "--verifier", "B. Kaya", "--date", "2021-11-21")
+STATED = (
+    *("--author-competence", "maker of the cell", "--verifier-competence", "safety engineer"),
+    *("--equipment", "oscilloscope 4711", "--environment", "hall 3"),
+)
+PEOPLE = ("--author", "A. Meier", "--verifier", "B. Kaya", *STATED, "--date", "2021-11-21")
 NOT_SEEN = ("--justify", "bus evidence=no access to the bus by B. Kaya")
 SOLDERED = ("--justify", "loss *=soldered in by B. Kaya", *NOT_SEEN)
 
@@ -133,8 +137,9 @@ def test_every_reason_is_reported_at_once_and_nothing_is_written(folder: Path) -
     assert done.returncode == 1
     assert "author and verifier are one person" in done.stderr
     assert done.stderr.count("open at the machine") == 6
-    # No page, no protocol in it, no evidence, seven things to read at three devices.
-    assert "no record written: 17 reasons" in done.stderr
+    # No page, no protocol in it, no evidence, seven things to read at three devices,
+    # nothing of competence, equipment and environment.
+    assert "no record written: 21 reasons" in done.stderr
     assert not (folder / "a.yaml").exists()
 
 

@@ -66,8 +66,10 @@ def grounds_of(path: Path = TIMED, **more: object) -> Grounds:
         "diagnostics": inputs.diagnostics,
         "protocol": filled(asked),
         "protocol_source": source("protocol.yaml"),
-        "author": SignedBy(name="A. Meier", date=DAY),
-        "verifier": SignedBy(name="B. Kaya", date=DAY),
+        "author": SignedBy(name="A. Meier", date=DAY, competence="maker of the cell"),
+        "verifier": SignedBy(name="B. Kaya", date=DAY, competence="safety engineer"),
+        "equipment": ("oscilloscope 4711",),
+        "environment": "hall 3",
     }
     return Grounds(**{**values, **more})
 

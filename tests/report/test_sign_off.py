@@ -63,10 +63,22 @@ def test_a_record_says_what_it_rests_on() -> None:
     assert record.replaces is None
 
 
+def test_who_by_what_means_and_where_is_stated() -> None:
+    author = SignedBy(name="A. Meier", date="2026-11-21")
+    verifier = SignedBy(name="B. Kaya", date="2026-11-21", competence=" . ")
+    grounds = grounds_of(author=author, verifier=verifier, equipment=(), environment="-")
+    assert refused(grounds) == [
+        "the competence of the author is not stated",
+        "the competence of the verifier is not stated",
+        "no test equipment is stated",
+        "the environment of the tests is not stated",
+    ]
+
+
 @pytest.mark.shows("R14")
 @pytest.mark.parametrize("name", ["A. Meier", "a meier", "  A.  MEIER ", "\uff21. Meier"])
 def test_nobody_verifies_himself(name: str) -> None:
-    grounds = grounds_of(verifier=SignedBy(name=name, date="2026-11-21"))
+    grounds = grounds_of(verifier=SignedBy(name=name, date="2026-11-21", competence="x1"))
     assert refused(grounds) == [f"author and verifier are one person: {name}"]
 
 
@@ -77,7 +89,7 @@ def test_names_that_differ_are_two_people() -> None:
     assert same_person("A. Meier <a@x>", "A. Meier <b@x>")
     assert same_person("A. Meier <a@x>", "B. Kaya <A@x>")
     assert not names_a_person("A <ab@x>")
-    assert refused(grounds_of(author=SignedBy(name=" ", date="2026-11-21"))) == [
+    assert refused(grounds_of(author=SignedBy(name=" ", date="2026-11-21", competence="x1"))) == [
         "the author has no name"
     ]
 
@@ -144,18 +156,18 @@ def test_the_report_shows_the_protocol_of_now() -> None:
 
 @pytest.mark.parametrize("name", ["...", "\u200b", "-"])
 def test_a_person_has_a_name(name: str) -> None:
-    (found,) = refused(grounds_of(author=SignedBy(name=name, date="2026-11-21")))
+    (found,) = refused(grounds_of(author=SignedBy(name=name, date="2026-11-21", competence="x1")))
     assert found == "the author has no name"
 
 
 @pytest.mark.parametrize("name", ["A. Kaya\u200b", "A.\nKaya", "\u202eA. Kaya", "A.\x1b[31mKaya"])
 def test_a_name_holds_nothing_unseen(name: str) -> None:
-    (found,) = refused(grounds_of(author=SignedBy(name=name, date="2026-11-21")))
+    (found,) = refused(grounds_of(author=SignedBy(name=name, date="2026-11-21", competence="x1")))
     assert found.startswith("the name of the author holds characters that nobody sees")
 
 
 def test_nobody_signs_before_the_last_step() -> None:
-    day = SignedBy(name="B. Kaya", date="2026-11-20")
+    day = SignedBy(name="B. Kaya", date="2026-11-20", competence="x1")
     found = refused(grounds_of(verifier=day))
     assert len(found) == 6
     assert "done on 2026-11-21, after the day of the signatures, 2026-11-20" in found[0]

@@ -170,6 +170,7 @@ def _person(node: MapNode, out: Collector) -> SignedBy:
         fields=node.places(),
         name=_stated(node, "name", out),
         date=_date(node, out),
+        competence=_text(node, "competence"),
     )
 
 

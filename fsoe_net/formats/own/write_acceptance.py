@@ -74,7 +74,8 @@ def _file(source: SourceFile) -> dict[str, Any]:
 
 
 def _person(person: SignedBy) -> dict[str, Any]:
-    return {"name": person.name, "date": person.date}
+    row = {"name": person.name, "date": person.date}
+    return row | ({"competence": person.competence} if person.competence else {})
 
 
 def _function(f: SafetyFunction) -> dict[str, Any]:
