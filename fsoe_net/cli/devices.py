@@ -62,11 +62,11 @@ def command(name: str | None, own: tuple[str, ...], fmt: str) -> None:
 def _named(library: Library, name: str) -> LibraryDevice:
     device = library.named(name)
     if device is None:
-        import difflib
+        from fsoe_net.diag.guesses import guesses, one_of
 
         known = [w for d in library.devices for w in (d.name, *(i.order for i in d.identities))]
-        close = difflib.get_close_matches(name.upper(), known, n=1, cutoff=0.5)
-        hint = f" Did you mean {close[0]!r}?" if close else " `fsoe-net devices` lists all."
+        close = [repr(c) for c in guesses(name.upper(), known, cutoff=0.5)]
+        hint = f" Did you mean {one_of(close)}?" if close else " `fsoe-net devices` lists all."
         others = " Of others, `fsoe-net init` reads process data from an ESI, ENI or bus."
         raise click.BadParameter(f"no device {name!r} is known.{hint}{others}", param_hint="NAME")
     return device

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import re
 import sys
 
@@ -12,7 +11,8 @@ from click.shell_completion import CompletionItem
 
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core.status import status_table
-from fsoe_net.diag.catalogue import CATALOGUE, nearest_code
+from fsoe_net.diag.catalogue import CATALOGUE, nearest_codes
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import CoreMissing
 from fsoe_net.project.installed import shipped
 from fsoe_net.rules.effects import effects_today
@@ -67,8 +67,8 @@ def _status_page(code: str) -> str:
     rows = {row.name: row for row in status_table()}
     row = rows.get(name)
     if row is None:
-        close = difflib.get_close_matches(name, rows, n=1)
-        hint = f"Did you mean {close[0]}?" if close else "`fsoe-net explain` lists all codes."
+        close = guesses(name, rows)
+        hint = f"Did you mean {one_of(close)}?" if close else "`fsoe-net explain` lists all codes."
         raise click.BadParameter(f"no code {code!r}. {hint}", param_hint="CODE")
     return f"{row.name} ({row.value}): {row.text}\n\nNext step: {row.next_step}."
 
@@ -90,9 +90,10 @@ def command(code: str | None) -> None:
     if re.match(r"(FSN_)?E_", code.strip().upper()):
         echo(_status_page(code))
         return
-    known = nearest_code(code)
-    if known is None or known[3:] != code.strip().upper().removeprefix("FSN"):
-        hint = f" Did you mean {known}?" if known else " `fsoe-net explain` lists all codes."
+    near = nearest_codes(code)
+    known = next(iter(near), "")
+    if known[3:] != code.strip().upper().removeprefix("FSN"):
+        hint = f" Did you mean {one_of(near)}?" if near else " `fsoe-net explain` lists all codes."
         raise click.BadParameter(f"no code {code!r}.{hint}", param_hint="CODE")
     text = page_text(known)
     if text is None:

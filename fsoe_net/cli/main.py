@@ -105,11 +105,11 @@ class _LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
-            import difflib
+            from fsoe_net.diag.guesses import guesses, one_of
 
-            close = difflib.get_close_matches(args[0], _COMMANDS, n=1, cutoff=0.5)
-            meant = _ALIKE.get(args[0]) or (close[0] if close else "")
-            hint = f" Did you mean {meant!r}?" if meant else ""
+            meant = _ALIKE.get(args[0])
+            close = (meant,) if meant else guesses(args[0], _COMMANDS, cutoff=0.5)
+            hint = f" Did you mean {one_of([repr(c) for c in close])}?" if close else ""
             if os.path.exists(args[0]):
                 hint = f" To check a file: fsoe-net check {args[0]}"
             raise click.UsageError(f"No command {args[0]!r}.{hint}", ctx)

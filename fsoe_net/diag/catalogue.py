@@ -7,10 +7,11 @@ FSN6xx timing. Each code has a page ``docs/diagnostics/FSNxyz.md`` and a seeded 
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 
-__all__ = ["CATALOGUE", "CodeInfo", "code_info", "nearest_code"]
+from fsoe_net.diag.guesses import guesses
+
+__all__ = ["CATALOGUE", "CodeInfo", "code_info", "nearest_codes"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,12 +239,11 @@ def code_info(code: str) -> CodeInfo:
     return CATALOGUE[code]
 
 
-def nearest_code(text: str) -> str | None:
-    """Return the code a user may have meant, or ``None``. ``203`` and ``fsn203`` are understood."""
+def nearest_codes(text: str) -> tuple[str, ...]:
+    """Return the codes that a user may have meant. ``203`` and ``fsn203`` are understood."""
     wanted = text.strip().upper()
     if wanted.isdigit():
         wanted = "FSN" + wanted
     if wanted in CATALOGUE:
-        return wanted
-    close = difflib.get_close_matches(wanted, CATALOGUE, n=1, cutoff=0.7)
-    return close[0] if close else None
+        return (wanted,)
+    return guesses(wanted, CATALOGUE, cutoff=0.7)

@@ -451,7 +451,7 @@ class _Expander:
             index=block.command.index,
             subindex=block.command.subindex,
         )
-        found = find_end(end, sub).block
+        found = find_end(end, sub, block.direction).block
         if found is None or found.key != block.key:
             raise _Refusal(Obstacle.HIDDEN, key, name=str(end))
         return end

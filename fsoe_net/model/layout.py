@@ -2,7 +2,8 @@
 
 The rule (observed in the IgH master): the PDOs of a sync manager follow each other in assignment
 order, the entries of a PDO in listed order, nothing is aligned, padding counts. The first entry
-with an index:subindex, lowest sync manager first, is the one a driver gets.
+with an index:subindex, lowest sync manager first, is the one a driver gets; an end of a copy means
+the first in its own direction.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import zip_longest
+from typing import NamedTuple
 
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 
 __all__ = [
     "DeviceLayout",
+    "EntryPlace",
     "FramePair",
     "FsoeBlock",
     "Placed",
@@ -158,6 +161,14 @@ class FramePair:
         return self.sent_bytes == other.taken_bytes and self.taken_bytes == other.sent_bytes
 
 
+class EntryPlace(NamedTuple):
+    """A place of an entry, and the frame that it lies in."""
+
+    sm: SmLayout
+    placed: Placed
+    block: FsoeBlock | None
+
+
 @dataclass(frozen=True, kw_only=True)  # no slots: what is worked out of it is kept
 class DeviceLayout:
     """All sync managers of a device, by rising number, also those without PDOs.
@@ -177,17 +188,21 @@ class DeviceLayout:
         return tuple(block for sm in self.managers for block in sm.blocks)
 
     @cached_property
-    def by_address(self) -> Mapping[tuple[int, int], tuple[SmLayout, Placed, FsoeBlock | None]]:
-        """Each entry by index and subindex, in the first place that has it: a driver gets that.
+    def by_address(self) -> Mapping[tuple[int, int], tuple[EntryPlace, ...]]:
+        """Where each entry is, by index and subindex: the first place in each direction.
 
-        With it the frame that the entry lies in.
+        A driver that does not ask for a direction gets the first of them.
         """
-        found: dict[tuple[int, int], tuple[SmLayout, Placed, FsoeBlock | None]] = {}
+        found: dict[tuple[int, int], tuple[EntryPlace, ...]] = {}
         for sm in self.managers:
             for placed in sm.placed:
+                if placed.entry.is_gap:
+                    continue
                 key = (placed.entry.index, placed.entry.subindex)
-                if not placed.entry.is_gap and key not in found:
-                    found[key] = (sm, placed, sm.block_at(placed.bit_offset))
+                places = found.get(key, ())
+                if all(place.sm.sm.direction is not sm.sm.direction for place in places):
+                    place = EntryPlace(sm, placed, sm.block_at(placed.bit_offset))
+                    found[key] = (*places, place)
         return found
 
     @cached_property

@@ -140,8 +140,10 @@ def _transfers(
                     net_number=net_number,
                     net=net,
                     transfer=transfer,
-                    source=find_end(source, by_name.get(source.module)),
-                    destination=find_end(destination, by_name.get(destination.module)),
+                    source=find_end(source, by_name.get(source.module), Direction.INPUT),
+                    destination=find_end(
+                        destination, by_name.get(destination.module), Direction.OUTPUT
+                    ),
                     made=number >= stated[net_number],
                 )
             )

@@ -81,12 +81,13 @@ class ResolvedTransfer:
         )
 
 
-def find_end(endpoint: Endpoint, sub: SubDevice | None) -> ResolvedEnd:
-    """Look up one end the way a driver does; what it does not mean is in ``miss``.
+def find_end(endpoint: Endpoint, sub: SubDevice | None, wanted: Direction) -> ResolvedEnd:
+    """Look up one end; what it does not mean is in ``miss``.
 
     Args:
         endpoint: The end.
         sub: The SubDevice with its name, ``None`` without one.
+        wanted: Its direction, which decides where an entry is mapped in both.
     """
     if sub is None:
         return ResolvedEnd(endpoint=endpoint, miss=Miss.MODULE)
@@ -100,7 +101,8 @@ def find_end(endpoint: Endpoint, sub: SubDevice | None) -> ResolvedEnd:
         complete = all(sm.complete for sm in layout.managers)
         miss = Miss.ENTRY if complete else Miss.LAYOUT
         return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=miss)
-    sm, placed, block = found
+    right = (place for place in found if place.sm.sm.direction is wanted)
+    sm, placed, block = next(right, found[0])
     return ResolvedEnd(
         endpoint=endpoint,
         subdevice=sub,

@@ -5,11 +5,11 @@ Without a file that says what is on the bus only a person can say it.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import AnsweredDevice
 from fsoe_net.model.bus import Device
@@ -194,10 +194,10 @@ def _types_of(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) 
 
 def _unknown_type(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) -> None:
     names = list(dict.fromkeys(t.order for t in types))[:_MOST_NAMES]
-    close = difflib.get_close_matches(row.type.upper(), names, n=1, cutoff=0.5)
+    close = [repr(c) for c in guesses(row.type.upper(), names, cutoff=0.5)]
     hint = "give its ESI; leave out what has no process data: position: says where it goes on"
     if close:
-        hint = f"did you mean {close[0]!r}? else {hint}"
+        hint = f"did you mean {one_of(close)}? else {hint}"
     message = f"no file and no device library knows {row.type!r}"
     out.add("FSN155", row.at("type"), message, hint=hint)
 

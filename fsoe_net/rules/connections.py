@@ -7,7 +7,7 @@ from fsoe_net.diag.words import counted
 from fsoe_net.model.expand import NotExpanded, Obstacle
 from fsoe_net.model.layout import FramePair
 from fsoe_net.model.network import Net, Transfer
-from fsoe_net.rules.context import Context, few, nearest
+from fsoe_net.rules.context import Context, few
 from fsoe_net.rules.runtime import ROS2, Runtime
 from fsoe_net.rules.transfer_ends import is_main_device
 
@@ -92,14 +92,8 @@ def _module(ctx: Context, trouble: NotExpanded) -> None:
         return
     if any(d.code == "FSN134" for d in ctx.diagnostics):
         return  # a name used twice is missing elsewhere
-    names = sorted({s.name for s in ctx.resolution.network.subdevices})
-    meant = nearest(trouble.name, names)
-    ctx.add(
-        "FSN201",
-        span,
-        f"no module is named {trouble.name!r}",
-        hint=f"write {meant}" if meant else f"known: {few(names) or 'none'}",
-    )
+    hint = ctx.name_hint(ctx.nearest_names(trouble.name))
+    ctx.add("FSN201", span, f"no module is named {trouble.name!r}", hint=hint)
 
 
 def _main(ctx: Context, trouble: NotExpanded) -> None:

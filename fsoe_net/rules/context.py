@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Collection, Iterable, Iterator, KeysView
+from collections.abc import Iterator, KeysView, Sequence
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import FindingList
+from fsoe_net.diag.guesses import Guesses, one_of
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.layout import FsoeBlock, SmLayout
 from fsoe_net.model.resolve import Resolution
@@ -16,13 +16,11 @@ __all__ = [
     "ACCEPTED",
     "SECURED",
     "Context",
-    "Guesses",
     "block_text",
     "describe_end",
     "describe_sm",
     "few",
     "module_pair",
-    "nearest",
     "touched_bytes",
 ]
 
@@ -30,7 +28,6 @@ ACCEPTED = "; after a change: calculate the reaction times again, accept again"
 """End of a hint that lets somebody change what was accepted."""
 SECURED = "secure the machine, then "
 """Begin of a hint that sends hands to a device or a cable."""
-_MOST_COMPARISONS = 200_000  # of two words; a second or two
 
 
 @dataclass(slots=True, kw_only=True)
@@ -70,11 +67,17 @@ class Context(FindingList):
             self._names = {s.name: s.name for s in self.resolution.network.subdevices}
         return self._names.keys()
 
-    def nearest_name(self, name: str) -> str | None:
-        """Return the SubDevice that was probably meant, or ``None``."""
+    def nearest_names(self, name: str) -> tuple[str, ...]:
+        """Return the SubDevices that may be meant."""
         if self._guesses is None:
             self._guesses = Guesses(self.names)
         return self._guesses.of(name)
+
+    def name_hint(self, meant: Sequence[str]) -> str:
+        """Return the hint for an unknown name: what it may mean, else the names that there are."""
+        if meant:
+            return f"write {one_of(meant)}"
+        return f"known: {few(sorted(self.names), 20) or 'none'}"
 
     def used_blocks(self) -> set[tuple[str, tuple[int, int]]]:
         """Return (SubDevice, frame) of every frame that a transfer means; gathered once."""
@@ -113,43 +116,6 @@ class Context(FindingList):
 def module_pair(row: ResolvedTransfer) -> frozenset[str]:
     """Return the names of the two modules a transfer joins."""
     return frozenset((row.transfer.source.module, row.transfer.destination.module))
-
-
-class Guesses:
-    """Guesses at what a misspelt name means, over names that may be tens of thousands.
-
-    Each word is compared once. Of many names only the first words get the slow comparison: by then
-    the cause is one mistake made everywhere, and the user needs no further guess.
-    """
-
-    def __init__(self, known: Collection[str]) -> None:
-        self._folded = {k.lower(): k for k in known}
-        self._letters: dict[str, str] = {}
-        for folded in self._folded:
-            self._letters.setdefault("".join(sorted(folded)), folded)
-        self._slow_left = max(_MOST_COMPARISONS // max(len(self._folded), 1), 3)
-        self._known: dict[str, str | None] = {}
-
-    def of(self, name: str) -> str | None:
-        """Return the name that was probably meant, or ``None``."""
-        if name not in self._known:
-            self._known[name] = self._guess(name.lower())
-        return self._known[name]
-
-    def _guess(self, name: str) -> str | None:
-        if name in self._folded:
-            return self._folded[name]
-        best = self._letters.get("".join(sorted(name)))
-        if best is None and self._slow_left > 0:
-            self._slow_left -= 1
-            close = difflib.get_close_matches(name, self._folded, n=1, cutoff=0.6)
-            best = close[0] if close else None
-        return self._folded[best] if best is not None else None
-
-
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the name that was probably meant, or ``None``."""
-    return Guesses(list(known)).of(name)
 
 
 def describe_sm(sm: SmLayout) -> str:

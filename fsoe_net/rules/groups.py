@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from fsoe_net.diag.diagnostic import Related
+from fsoe_net.diag.guesses import one_of
 from fsoe_net.model.bus import SubDevice
-from fsoe_net.model.network import Group, NetworkConfig, TransferKind
+from fsoe_net.model.network import Group, TransferKind
 from fsoe_net.rules.context import Context
 
 __all__ = ["check_groups"]
@@ -17,12 +20,24 @@ def check_groups(ctx: Context) -> None:
         return
     names: dict[str, Group] = {}
     owners: dict[str, Group] = {}
-    for group in network.groups:
+    subs: dict[str, list[tuple[int, SubDevice]]] = {}
+    for number, sub in enumerate(network.subdevices):
+        subs.setdefault(sub.name, []).append((number, sub))
+    own: dict[str, int] = {}  # the number of the group that a name is in
+    heads: dict[int, tuple[int, Group, SubDevice]] = {}  # the first group that an alias finds
+    for number, group in enumerate(network.groups):
+        for name in group.subdevices:
+            own.setdefault(name, number)
+        rows = [row for name in group.subdevices for row in subs.get(name, ())]
         _name(ctx, group, names)
         _members(ctx, group, owners)
-        _order(ctx, group)
+        _order(ctx, group, rows)
+        if rows:
+            heads.setdefault(rows[0][1].alias, (number, group, rows[0][1]))
     for sub in network.subdevices:
-        _foreign_alias(ctx, sub)
+        found = heads.get(sub.alias) if sub.alias else None
+        if found is not None and found[0] < own.get(sub.name, len(network.groups)):
+            _foreign_alias(ctx, sub, *found[1:])
     _connections(ctx)
     _transfers(ctx)
 
@@ -40,14 +55,15 @@ def _name(ctx: Context, group: Group, names: dict[str, Group]) -> None:
 
 
 def _members(ctx: Context, group: Group, owners: dict[str, Group]) -> None:
+    count = Counter(group.subdevices)
     for name, span in zip(group.subdevices, group.places, strict=True):
         if name not in ctx.names:
-            near = ctx.nearest_name(name)
-            hint = f"write {near}" if near else "add it to subdevices"
+            near = ctx.nearest_names(name)
+            hint = f"write {one_of(near)}" if near else "add it to subdevices"
             ctx.add("FSN165", span, f"group {group.name} names {name!r}, no SubDevice", hint=hint)
             continue
         owner = owners.setdefault(name, group)
-        if owner is not group or group.subdevices.count(name) > 1:
+        if owner is not group or count[name] > 1:
             ctx.add(
                 "FSN165",
                 span,
@@ -57,18 +73,8 @@ def _members(ctx: Context, group: Group, owners: dict[str, Group]) -> None:
             )
 
 
-def _subdevices(network: NetworkConfig, group: Group) -> list[tuple[int, SubDevice]]:
-    return [
-        (number, sub)
-        for name in group.subdevices
-        for number, sub in enumerate(network.subdevices)
-        if sub.name == name
-    ]
-
-
-def _order(ctx: Context, group: Group) -> None:
+def _order(ctx: Context, group: Group, rows: list[tuple[int, SubDevice]]) -> None:
     """The first is found by its alias, the others stand behind it, here and on the bus."""
-    rows = _subdevices(ctx.resolution.network, group)
     if not rows or len(rows) != len(group.subdevices):
         return  # named already
     first_number, first = rows[0]
@@ -103,23 +109,14 @@ def _order(ctx: Context, group: Group) -> None:
             )
 
 
-def _foreign_alias(ctx: Context, sub: SubDevice) -> None:
-    network = ctx.resolution.network
-    own = network.group_of(sub.name)
-    for group in network.groups:
-        rows = _subdevices(network, group)
-        if group is own or not rows or not sub.alias or rows[0][1].alias != sub.alias:
-            continue
-        if own is not None and network.groups.index(own) < network.groups.index(group):
-            continue  # named at the other
-        ctx.add(
-            "FSN165",
-            sub.at("alias"),
-            f"{sub.name} has alias {sub.alias}, by which group {group.name} is found",
-            hint="give each group an alias that nothing else has",
-            related=(Related(span=rows[0][1].at("alias"), message=f"group {group.name}"),),
-        )
-        return
+def _foreign_alias(ctx: Context, sub: SubDevice, group: Group, first: SubDevice) -> None:
+    ctx.add(
+        "FSN165",
+        sub.at("alias"),
+        f"{sub.name} has alias {sub.alias}, by which group {group.name} is found",
+        hint="give each group an alias that nothing else has",
+        related=(Related(span=first.at("alias"), message=f"group {group.name}"),),
+    )
 
 
 def _never_together(one: Group | None, other: Group | None) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 
 from fsoe_net.diag.diagnostic import Related
+from fsoe_net.diag.guesses import Guesses, guesses, one_of
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.layout import FsoeBlock
@@ -13,11 +14,9 @@ from fsoe_net.model.resolve import Connection, main_instance_of, partner_block, 
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.rules.context import (
     Context,
-    Guesses,
     block_text,
     few,
     module_pair,
-    nearest,
     touched_bytes,
 )
 from fsoe_net.rules.transfer_ends import is_main_device
@@ -197,14 +196,14 @@ def _unknown_master(
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     shared = shared_modules(ends) & ctx.names
     everywhere = stated in used  # misspelt in the transfers, too: they say nothing of the right one
-    meant = nearest(stated, shared) if shared and not everywhere else ctx.nearest_name(stated)
-    if meant is None and len(shared) == 1 and not everywhere:
-        meant = next(iter(shared))
+    meant = guesses(stated, shared) if shared and not everywhere else ctx.nearest_names(stated)
+    if not meant and len(shared) == 1 and not everywhere:
+        meant = tuple(shared)
     ctx.add(
         "FSN218",
         span,
         f"safety_master {stated!r} is no module of this network",
-        hint=f"write {meant}" if meant else f"known: {few(sorted(ctx.names), 20) or 'none'}",
+        hint=ctx.name_hint(meant),
     )
 
 
@@ -279,7 +278,7 @@ def _crossed(ctx: Context, connection: Connection) -> None:
 
 def _facts(ctx: Context) -> None:
     pairs = {(c.main.name, c.sub.name) for c in ctx.resolution.connections}
-    ours = Guesses({f"{main}-{sub}": None for main, sub in sorted(pairs)})
+    ours = Guesses(f"{main}-{sub}" for main, sub in sorted(pairs))
     singles = {module_pair(row) for row in ctx.resolution.single}
     for row in ctx.resolution.unmatched_facts:
         net, fact = row.net, row.facts
@@ -314,7 +313,7 @@ def _meant(fact: ConnectionFacts, pairs: set[tuple[str, str]], ours: Guesses) ->
         return "main and sub look exchanged"
     close = ours.of(f"{fact.main}-{fact.sub}")
     if close:
-        return f"did you mean {close}?"
+        return f"did you mean {one_of(close)}?"
     known = few([f"{main}-{sub}" for main, sub in sorted(pairs)], 20)
     return f"connections: {known or 'none'}"
 

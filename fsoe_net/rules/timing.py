@@ -12,9 +12,9 @@ from fsoe_net.diag.diagnostic import (
     Span,
     sort_diagnostics,
 )
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.safety import SafetyFunction
-from fsoe_net.rules.context import nearest
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.claims import most_of_category
 from fsoe_net.timing.elements import ElementRow
@@ -74,12 +74,12 @@ def _elements(out: FindingList, network: NetworkConfig, function: SafetyFunction
     names = [s.name for s in network.subdevices]
     wrong = [e for e in function.elements if e.sub and e.sub not in names]
     for element in wrong:
-        near = nearest(element.sub, names)
+        near = guesses(element.sub, names)
         out.add(
             "FSN605",
             element.at("sub"),
             f"{function.name}: {element.sub} is no SubDevice of this network",
-            hint=f"did you mean {near}?" if near else f"SubDevices: {', '.join(names[:8])}",
+            hint=f"did you mean {one_of(near)}?" if near else f"SubDevices: {', '.join(names[:8])}",
         )
     return bool(wrong)
 

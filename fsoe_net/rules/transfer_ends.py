@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag.diagnostic import Edit, Fix, Related
+from fsoe_net.diag.diagnostic import Edit, Fix, Related, Severity
+from fsoe_net.diag.guesses import one_of
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.layout import Placed, SmLayout
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.transfer_ends import Miss, ResolvedEnd, ResolvedTransfer
-from fsoe_net.rules.context import Context, block_text, describe_end, few
+from fsoe_net.rules.context import Context, block_text, describe_end
 
 __all__ = ["check_ends", "is_main_device"]
 
@@ -109,13 +110,8 @@ def _unknown_module(ctx: Context, end: ResolvedEnd) -> None:
     elif not ctx.resolution.network.partial:
         if ctx.name_twice:
             return  # the name is missing elsewhere
-        meant = ctx.nearest_name(name)
-        ctx.add(
-            "FSN201",
-            span,
-            f"no module is named {name!r}",
-            hint=f"write {meant}" if meant else f"known: {few(sorted(ctx.names), 20) or 'none'}",
-        )
+        hint = ctx.name_hint(ctx.nearest_names(name))
+        ctx.add("FSN201", span, f"no module is named {name!r}", hint=hint)
 
 
 def _centralized(ctx: Context, end: ResolvedEnd, name: str) -> None:
@@ -157,9 +153,12 @@ def _better_start(ctx: Context, end: ResolvedEnd, wanted: Direction, row: Resolv
                 choices.append((score, _name(end, sm, placed), sm, placed))
     if not choices:
         return Fix(hint=f"{end.endpoint.module} maps no entry in this direction")
-    _, name, sm, placed = min(choices, key=lambda c: c[0])
+    least = min(score for score, *_ in choices)
+    best = [choice[1:] for choice in choices if choice[0] == least]
+    _, sm, placed = best[0]
     edits = _start_at(ctx, end, sm, placed, row) if fsoe else ()
-    return Fix(hint=f"nearest: {name}", edits=edits)
+    names = [name for name, _, _ in (best[:1] if edits else best[:3])]
+    return Fix(hint=f"nearest: {one_of(names)}", edits=edits)
 
 
 def _start_at(
@@ -199,7 +198,7 @@ def _distance(
     score = 4 * sum(a != b for a, b in zip(text_a, text_b, strict=True))
     block = sm.block_at(placed.bit_offset)
     is_command = block is not None and block.command is placed.entry
-    if fsoe and not is_command:
+    if fsoe is not is_command:  # other data do not belong into a frame
         score += 20
     if fsoe and block is not None and block.frame_bytes != row.transfer.size_bytes:
         score += 6
@@ -235,6 +234,8 @@ def _direction(
             hint="in is the frame one SubDevice sends, out the place where another receives it",
         )
         return
+    if not reads_output and not writes_input:
+        _mapped_both_ways(ctx, source)
     if reads_output:
         other = written.get(_address(source))
         if other is not None and other is not row and not writes_input:
@@ -253,6 +254,22 @@ def _direction(
             f"transfer writes an input: {describe_end(destination)}; nothing would reach the "
             "SubDevice",
             hint=_mend_direction(row, reads_output, writes_input),
+        )
+
+
+def _mapped_both_ways(ctx: Context, source: ResolvedEnd) -> None:
+    """FSN203 of a driver that looks for the first place of an entry: of the output."""
+    if source.layout is None or source.sm is None:
+        return
+    first = source.layout.by_address[source.endpoint.index, source.endpoint.subindex][0]
+    if first.sm is not source.sm:
+        ctx.add(
+            "FSN203",
+            source.endpoint.at("index"),
+            f"{source.endpoint} is an output and an input: fsn-master copies the input, "
+            f"ethercat_driver_ros2 the output (SM{first.sm.sm.index})",
+            severity=Severity.INFO,
+            hint="with ethercat_driver_ros2, copy another entry, or map this one as an input only",
         )
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.model.scenario import Action, ScenarioStep
 from fsoe_net.model.times import TIME_UNITS_NS, time_ns
 
@@ -44,8 +44,8 @@ def parse_command(line: str, number: int) -> EmulationCommand | None:
         return EmulationCommand(step=None)
     form = _FORMS.get(words[0])
     if form is None:
-        near = difflib.get_close_matches(words[0], _KNOWN, n=1)
-        meant = f"did you mean {near[0]}? " if near else ""
+        near = guesses(words[0], _KNOWN)
+        meant = f"did you mean {one_of(near)}? " if near else ""
         raise CommandError(f"unknown command {words[0]!r}; {meant}known: {', '.join(_KNOWN)}")
     low, high = form.count
     if not low <= len(words) - 1 <= high:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span, sort_diagnostics
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.emul.bus import EmulatedDevices, normal_name
 from fsoe_net.model.bus import Located
 from fsoe_net.model.scenario import Action, Scenario, ScenarioStep
@@ -187,8 +187,7 @@ class _Check:
 
 def _nearest(name: str, known: Iterable[str]) -> str:
     ordered = sorted(known)
-    close = difflib.get_close_matches(name, ordered, n=1, cutoff=0.5)
-    if close:
-        return f"write {close[0]}"
+    if close := guesses(name, ordered, cutoff=0.5):
+        return f"write {one_of(close)}"
     more = ", …" if len(ordered) > 8 else ""
     return f"known: {', '.join(ordered[:8]) or 'none'}{more}"

@@ -26,10 +26,12 @@ from fsoe_net.formats.igh.write import write_c_header
 from fsoe_net.formats.lcec.write import write_lcec
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.patch import patch_yaml
-from fsoe_net.formats.own.schema import nearest_key
+from fsoe_net.formats.own.schema import nearest_keys
+from fsoe_net.formats.own.slave_yaml import device_from_yaml
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.writers import plain_text
 from fsoe_net.formats.shared.xml_text import plain_xml
+from fsoe_net.formats.shared.yaml_tree import parse_yaml
 from fsoe_net.formats.sii.hex_text import binary_of
 from fsoe_net.formats.sii.parts import _TYPES
 from fsoe_net.formats.sii.read import SiiManager
@@ -369,6 +371,55 @@ def test_an_edit_is_at_its_place_behind_a_byte_order_mark(mark: str, before: str
     assert made == {wanted}
 
 
+CHANNELS = """\
+vendor_id: 1
+product_id: 2
+tpdo:
+  - index: 0x1a00
+    channels:
+      - {{index: 0x6064, sub_index: 0, type: int32, {rest}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("rest", "message", "hint"),
+    [
+        (
+            "factor: 1,5",
+            "unknown key '5' in tpdo 1, channels 1",
+            "the comma ends factor: write 1.5; a comma is not part of a number",
+        ),
+        (
+            "factor: 1,500",
+            "unknown key '500' in tpdo 1, channels 1",
+            "the comma ends factor: write 1.500 or 1500; a comma is not part of a number",
+        ),
+        (
+            "-factor: 2",
+            "unknown key '-factor' in tpdo 1, channels 1",
+            "write 'factor'; where a list item begins, `- ` with a blank before it",
+        ),
+    ],
+)
+def test_a_slip_in_a_channel_is_an_error_with_its_cause(rest: str, message: str, hint: str):
+    """Else `factor: 1,5` would be a factor of 1 and a remark."""
+    out = Collector()
+    root = parse_yaml(CHANNELS.format(rest=rest).encode(), "d.yaml", out)
+    assert root is not None
+    device_from_yaml(root, "d.yaml", out)
+    rows = [(d.level.value, d.message, d.hint) for d in out.diagnostics]
+    assert rows == [("error", message, hint)]
+
+
+@pytest.mark.parametrize("rest", ["5: ~", "factor: a, 5: ~", "7: 1"])
+def test_a_number_as_a_key_is_a_remark_where_no_number_is_before_it(rest: str):
+    out = Collector()
+    root = parse_yaml(CHANNELS.format(rest=rest).encode(), "d.yaml", out)
+    assert root is not None
+    device_from_yaml(root, "d.yaml", out)
+    assert [d.level.value for d in out.diagnostics if d.code == "FSN109"] == ["info"]
+
+
 CONFUSED = (
     ("sub_index", "subindex"), ("subIndex", "subindex"), ("module", "ec_module"),
     ("rpdos", "rpdo"), ("product_code", "product_id"), ("sync_manager", "sm"),
@@ -380,8 +431,8 @@ CONFUSED = (
 
 @pytest.mark.parametrize(("key", "meant"), CONFUSED)
 def test_a_key_by_another_name_is_known(key: str, meant: str):
-    assert nearest_key(key, ["name", "vendor", "data", meant]) == meant
-    assert nearest_key(key, ["name"]) is None
+    assert nearest_keys(key, ["name", "vendor", "data", meant]) == (meant,)
+    assert nearest_keys(key, ["name"]) == ()
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import pytest
 
+from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, driver_endpoint_number, read_float, read_int
 from fsoe_net.formats.shared.yaml_tree import ScalarNode
@@ -79,6 +82,14 @@ def test_upper_case_prefix_is_fine_in_slave_yaml():
         ("one", "slot", "write a whole number, 0 … 65535"),
         ("one", "index", "write it as 0x6000"),
         ("100 ms", "watchdog_ms", "write 100"),
+        ("1 s", "watchdog_ms", "write 1000"),
+        ("5us", "watchdog_ms", "write a whole number of ms"),
+        ("2 m", "watchdog_ms", "write the number alone"),
+        ("6 bytes", "size", "write 6"),
+        ("48 bits", "size", "write the number alone"),
+        ("6h", "size", "write 0x6"),
+        ("1,500", "size", "write 1500 if the comma separates thousands"),
+        ("6,5", "size", "write a whole number, 0 … 65535"),
         ("0x607g", "index", "hexadecimal digits are 0 … 9 and a … f"),  # not 0x0607
         ("0x6000:01", "index", "write 0x6000"),
     ],
@@ -96,9 +107,45 @@ def test_the_hint_is_what_was_meant_or_what_is_allowed(text: str, what: str, hin
         ("1ms", "write the number alone; cycle_us says its unit"),
         ("fast", "write a number, such as 1000 or 1.5"),
         ("nan", "write .nan"),
+        ("inf", "write .inf"),
+        ("-inf", "write -.inf"),  # not the other end of the scale
+        ("+.nan", "write .nan"),
+        ("1,5", "write 1.5; a comma is not part of a number"),
+        ("-0,25", "write -0.25; a comma is not part of a number"),
+        ("1,000", "write 1.000 or 1000; a comma is not part of a number"),
     ],
 )
-def test_a_time_with_a_unit_is_told_where_its_unit_stands(text: str, hint: str):
+def test_the_hint_of_a_floating_point_number_keeps_its_value(text: str, hint: str):
     out = Collector()
     assert read_float(ScalarNode("f", 0, text, True), out, what="cycle_us") is None
     assert [d.hint for d in out.diagnostics] == [hint]
+
+
+def test_a_number_beyond_a_double_is_out_of_range():
+    out = Collector()
+    assert read_float(ScalarNode("f", 0, "1e400", True), out, what="factor") is None
+    assert [d.code for d in out.diagnostics] == ["FSN113"]
+
+
+def test_a_value_that_its_schema_has_named_is_not_named_again():
+    out = Collector()
+    node = ScalarNode("f", 0, "abc", True)
+    out.mistyped.add(node.span)
+    assert read_float(node, out, what="factor") is None
+    assert read_int(node, out, what="slot", low=0, high=9, reader=Reader.OWN) is None
+    assert out.diagnostics == []
+
+
+def test_very_many_wrong_values_are_read_without_looking_at_each_finding():
+    """A file of a hundred thousand of them would take an hour otherwise."""
+
+    class Unread(list[Diagnostic]):
+        def __iter__(self) -> Iterator[Diagnostic]:
+            raise AssertionError("the findings before are looked at")
+
+    out = Collector()
+    out.diagnostics = Unread()
+    for text in ("abc", "5.5", "1,5"):
+        node = ScalarNode("f", 0, text, True)
+        read_int(node, out, what="slot", low=0, high=9, reader=Reader.OWN)
+    assert len(out.diagnostics) == 3

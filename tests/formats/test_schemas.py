@@ -123,7 +123,7 @@ def test_a_quoted_number_is_no_number_in_a_network(tmp_path: Path):
     assert messages(tmp_path, '"0x5"') == [
         (
             "FSN111",
-            "subdevices 1, position must be a number, it is '0x5'",
+            "subdevices 1, position must be a whole number, it is '0x5'",
             "write 0x5, without quotes",
         )
     ]

@@ -79,3 +79,53 @@ def test_a_key_with_an_anchor_is_a_key():
     assert root is not None
     assert (root.text("a"), root.text("b")) == ("1", "a")
     assert root.keys["a"].line == 1
+
+
+LIST = """\
+rows:
+  - name: a
+    size: 1
+{second}
+    size: 2
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "hint"),
+    [
+        (
+            LIST.format(second="    name: b"),
+            "FSN106",
+            "start a new item with `- ` here, or delete one of them",
+        ),
+        (LIST.format(second="    x: b"), "FSN106", "delete one of them"),
+        ("rows:\n  - {a: 1, a: 2}\n", "FSN106", "delete one of them"),
+        ("a: 1\na: 2\n", "FSN106", "delete one of them"),
+        (
+            "rows:\n  - {a: 1}\n    {a: 2}\n",
+            "FSN102",
+            "start the item with `- `, or indent it like the other keys of the item above",
+        ),
+        (
+            "rows:\n  - {a: 1}\n  {a: 2}\n",
+            "FSN102",
+            "line 3 has no colon after a key; an item of a list begins with `- `",
+        ),
+        (
+            "rows:\n  -name: a\n    size: 1\n",
+            "FSN102",
+            "write `- name:` in line 2: a dash needs a blank",
+        ),
+        ("a: b: c\n", "FSN102", "check indentation and brackets above this place"),
+        (
+            "rows:\n\t- a: 1\n",
+            "FSN102",
+            "replace the tab by spaces; YAML forbids tabs in indentation",
+        ),
+    ],
+)
+def test_a_forgotten_dash_is_named(text: str, code: str, hint: str):
+    """Once: the other keys of the item come twice for the same reason."""
+    out = Collector()
+    parse_yaml(text.encode(), "f.yaml", out)
+    assert [(d.code, d.hint) for d in out.diagnostics] == [(code, hint)]

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from diagnostics import test_cases as cases
+from networks import resolved
 from rules.robot import ROBOT, bus, codes, found, with_text
 from rules.test_references import changed, out_pdo, pdos, types
 from rules.test_references_twinsafe import ours, project
@@ -21,7 +22,7 @@ from scans import scan_of
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.rules.check import check
-from fsoe_net.rules.context import few, nearest
+from fsoe_net.rules.context import few
 from fsoe_net.rules.runtime import Runtime
 
 pytestmark = pytest.mark.usefixtures("said")
@@ -462,7 +463,39 @@ def test_few_of_many(number: int, text: str):
     assert few([f"n{n}" for n in range(number)], 2) == text
 
 
-def test_the_nearest_name():
-    assert nearest("logik", ["logics", "logic", "lo"]) == "logic"
-    assert nearest("LOGIC", ["logic"]) == nearest("lgoic", ["logic"]) == "logic"
-    assert nearest("quite another", ["logic"]) is None
+BOTH = """\
+vendor_id: 2
+product_id: 3
+rpdo:
+  - index: 0x1600
+    channels:
+      - {index: 0x6040, sub_index: 0, type: uint16}
+tpdo:
+  - index: 0x1a00
+    channels:
+      - {index: 0x6041, sub_index: 0, type: uint16}
+      - {index: 0x6040, sub_index: 0, type: uint16}
+"""
+
+
+def test_an_entry_of_both_directions_is_the_one_that_its_end_asks_for(tmp_path: Path):
+    """A driver finds the output first, in the lower sync manager."""
+    (tmp_path / "drive.yaml").write_text(BOTH, "utf-8")
+    path = tmp_path / "network.yaml"
+    rows = [f"  - {{name: d{n}, position: {n}, config: drive.yaml}}" for n in range(2)]
+    copy = (
+        "nets:\n  - name: n\n    transfers:\n      - size: 2\n        kind: standard\n"
+        "        in: {ec_module: d0, index: 0x6040, subindex: 0}\n"
+        "        out: {ec_module: d1, index: 0x6040, subindex: 0}\n"
+    )
+    path.write_text("\n".join(["version: 1", "subdevices:", *rows, copy]), "utf-8")
+    resolution = resolved(path)
+    (row,) = resolution.transfers
+    assert row.usable
+    assert row.source.sm is not None
+    assert row.destination.sm is not None
+    assert (row.source.sm.sm.index, row.source.byte_offset) == (3, 2)
+    assert (row.destination.sm.sm.index, row.destination.byte_offset) == (2, 0)
+    (found,) = [d for d in check(resolution) if d.code == "FSN203"]
+    assert found.level is Severity.INFO
+    assert "fsn-master copies the input, ethercat_driver_ros2 the output (SM2)" in found.message

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 from dataclasses import dataclass, replace
 
 from fsoe_net.diag.diagnostic import Severity, Span
-from fsoe_net.diag.words import counted
+from fsoe_net.diag.guesses import guesses, one_of
+from fsoe_net.diag.words import counted, listed
 from fsoe_net.formats.esi.cache import cached_catalogue, keep_catalogue
 from fsoe_net.formats.esi.catalogue import EsiCatalogue, EsiRow, scan_esi
 from fsoe_net.formats.esi.device import read_esi_device
@@ -319,9 +319,10 @@ def _nearest(devices: tuple[EsiRow, ...], choice: EsiChoice) -> str:
     """Name what the user may have meant."""
     others = [r for r in devices if choice.product is not None and r.product == choice.product]
     if others:
-        return f"it has {others[0].type} of vendor 0x{others[0].vendor:08x}"
-    close = difflib.get_close_matches(choice.type, [r.type for r in devices], n=1, cutoff=0.6)
-    if choice.type and close:
-        return f"did you mean {close[0]}?"
+        same = dict.fromkeys(f"{r.type} of vendor 0x{r.vendor:08x}" for r in others)
+        return f"it has {listed(list(same), 4)}"
+    close = guesses(choice.type, [r.type for r in devices]) if choice.type else ()
+    if close:
+        return f"did you mean {one_of(close)}?"
     types = ", ".join(dict.fromkeys(r.type for r in devices[:8]))
     return f"it describes {types}" + (" and more" if len(devices) > 8 else "")

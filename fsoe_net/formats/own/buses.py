@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-from fsoe_net.formats.own.schema import MOST_UNKNOWN, nearest_key
+from fsoe_net.formats.own.schema import MOST_UNKNOWN, nearest_keys
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode
@@ -34,7 +34,7 @@ def check_subdevices(root: MapNode, out: Collector) -> None:
     wanted = ("subdevices", "buses")
     others = itertools.islice((k for k in root.pairs if k not in wanted), MOST_UNKNOWN)
     if not any(key in root.pairs for key in wanted) and not any(
-        nearest_key(key, wanted) for key in others
+        nearest_keys(key, wanted) for key in others
     ):
         out.add(
             "FSN110",

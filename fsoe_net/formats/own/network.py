@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import os
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.guesses import guesses
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.formats.own.buses import buses_from_yaml, check_subdevices, cycle_from_yaml
 from fsoe_net.formats.own.groups import groups_from_yaml
@@ -161,9 +161,9 @@ class _Assembly:
         words |= dict.fromkeys(("safety_modules", "transfer_modules"), "transfers")
         words |= dict.fromkeys(("vendor_id", "product_id", "rpdo", "tpdo"), "slave")
         for key in itertools.islice(root.pairs, MOST_UNKNOWN):
-            close = difflib.get_close_matches(key.lower(), words, n=1, cutoff=0.75)
-            if close:
-                return words[close[0]]
+            meant = {words[word] for word in guesses(key, words, cutoff=0.75)}
+            if len(meant) == 1:
+                return meant.pop()
         if _refuse_known(data, root.span, self.out):
             return None
         keys = ", ".join(list(root.pairs)[:5]) or "none"

@@ -8,7 +8,6 @@ allows, the readers refuse only for what other keys or files say.
 
 from __future__ import annotations
 
-import difflib
 import functools
 import itertools
 import json
@@ -16,7 +15,9 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.diag.diagnostic import Severity
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.formats.own.json_schema import SchemaError, read_schema, schema_errors
+from fsoe_net.formats.shared.numbers import decimal_comma
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ __all__ = [
     "MOST_UNKNOWN",
     "check_structure",
     "kind_by_keys",
-    "nearest_key",
+    "nearest_keys",
     "refuse_kind",
     "schema_keys",
 ]
@@ -260,20 +261,13 @@ def _translate(error: SchemaError, root: MapNode, out: Collector, unknown: _Unkn
         out.add("FSN111", node.span, message, hint="see the schema")
 
 
-def nearest_key(key: str, allowed: Iterable[str]) -> str | None:
-    """Return the key that was probably meant, or ``None``."""
+def nearest_keys(key: str, allowed: Iterable[str]) -> tuple[str, ...]:
+    """Return the keys that may be meant."""
     known = list(allowed)
-    if _CONFUSED.get(key) in known:
-        return _CONFUSED[key]
-    swapped = {v: k for k, v in _CONFUSED.items()}.get(key)
-    if swapped in known:
-        return swapped
-    folded = {k.lower().replace("_", ""): k for k in known}
-    plain = re.sub(r"[^a-z0-9]", "", key.lower())
-    if plain in folded:
-        return folded[plain]
-    close = difflib.get_close_matches(plain, folded, n=1, cutoff=0.72)
-    return folded[close[0]] if close else None
+    confused = {v: k for k, v in _CONFUSED.items()} | _CONFUSED
+    if confused.get(key) in known:
+        return (confused[key],)
+    return guesses(re.sub(r"[^a-zA-Z0-9]", "", key), known, cutoff=0.72)
 
 
 class _Unknown:
@@ -296,7 +290,8 @@ class _Unknown:
             if self._count > MOST_UNKNOWN:
                 self._refuse(node.keys[key])
                 return
-            meant = nearest_key(key, free)
+            comma = _comma_before(node, key)
+            meant = nearest_keys(key, free)
             where = f"in {_where(path)}" if path else "at the top level"
             known = ", ".join(sorted(properties))
             self._out.add(
@@ -304,8 +299,8 @@ class _Unknown:
                 node.keys[key],
                 f"unknown key {key!r} {where}",
                 # A word that resembles no key is a remark of the user's, not a mistake.
-                severity=None if meant else Severity.INFO,
-                hint=f"write {meant!r}" if meant else f"known here: {known}",
+                severity=None if meant or comma else Severity.INFO,
+                hint=comma or _instead(key, meant) or f"known here: {known}",
             )
 
     def _refuse(self, span: Span) -> None:
@@ -318,11 +313,31 @@ class _Unknown:
         )
 
 
+def _comma_before(node: MapNode, key: str) -> str:
+    """Return the hint where ``factor: 1,5`` in braces has become ``factor: 1`` and a key ``5``."""
+    value = node.pairs[key]
+    if not (key.isdigit() and isinstance(value, ScalarNode) and value.is_null):
+        return ""
+    keys = list(node.pairs)
+    before = keys[keys.index(key) - 1] if keys[0] != key else ""
+    number = node.text(before) or ""
+    if not re.fullmatch(r"[+-]?[0-9]+", number):
+        return ""
+    return f"the comma ends {before}: {decimal_comma(f'{number},{key}')}"
+
+
+def _instead(key: str, meant: Sequence[str]) -> str:
+    """Return the hint for an unknown key that is meant for another; empty when it is for none."""
+    if key.startswith("-") and meant:
+        return f"write {meant[0]!r}; where a list item begins, `- ` with a blank before it"
+    return f"write {one_of([repr(m) for m in meant])}" if meant else ""
+
+
 def _missing_key(node: MapNode, error: SchemaError, out: Collector) -> None:
     properties = error.schema.get("properties", {})
     free = [m for m in properties if m not in node.pairs]
     others = (k for k in node.pairs if k not in properties)
-    if any(nearest_key(k, free) == error.key for k in itertools.islice(others, MOST_UNKNOWN)):
+    if any(error.key in nearest_keys(k, free) for k in itertools.islice(others, MOST_UNKNOWN)):
         return  # it is there, and misspelt
     message = f"{_where(error.path)} has no {error.key!r}"
     hint = f"add {error.key}: {_what_to_write(properties.get(error.key, {}))}".rstrip(": ")
@@ -342,12 +357,12 @@ def _not_allowed(node: Node, error: SchemaError, out: Collector) -> None:
     allowed = error.schema["enum"] if error.keyword == "enum" else [error.schema["const"]]
     words = [str(w) for w in allowed if w not in (None, "")]
     text = node.text if isinstance(node, ScalarNode) else "a list or map"
-    close = difflib.get_close_matches(text.lower(), words, n=1, cutoff=0.6)
+    close = guesses(text, words)
     out.add(
         "FSN116",
         node.span,
         f"{_where(error.path)} is {text!r}; allowed: {', '.join(words)}",
-        hint=f"write {close[0]}" if close else f"write one of: {', '.join(words)}",
+        hint=f"write {one_of(close)}" if close else f"write one of: {', '.join(words)}",
     )
 
 
@@ -359,8 +374,12 @@ def _is_read_later(schema: Mapping[str, Any], node: ScalarNode) -> bool:
     return is_word and schema["type"] in ("integer", "number") and "minimum" in schema
 
 
-def _spells_number(text: str) -> bool:
-    return bool(text) and isinstance(_plain_scalar(text), (int, float))
+def _spells(text: str, names: Sequence[str]) -> bool:
+    """Whether a text would be a number of one of these types without its quotes."""
+    value = _plain_scalar(text) if text else ""
+    return ("number" in names and isinstance(value, float)) or (
+        not {"integer", "number"}.isdisjoint(names) and type(value) is int
+    )
 
 
 _KINDS = {"object": "a map", "array": "a list", "string": "a text", "null": "nothing"}
@@ -368,10 +387,14 @@ _KINDS = {"object": "a map", "array": "a list", "string": "a text", "null": "not
 
 def _expected(names: Sequence[str]) -> str:
     """Return in words what the types of a schema ask for."""
+    if names == ["boolean", "string"]:
+        return "true or false"
     if "boolean" in names and "string" in names:
         return "a text"
-    if not {"integer", "number"}.isdisjoint(names):
+    if "number" in names:
         return "a number"
+    if "integer" in names:
+        return "a whole number"
     return " or ".join(_KINDS.get(n, f"a {n}") for n in names if n != "null")
 
 
@@ -386,12 +409,13 @@ def _wrong_type(node: Node, error: SchemaError, out: Collector) -> None:
     else:
         found = "a list" if isinstance(node, SeqNode) else "a map"
     hint = f"write {expected}"
-    if expected == "a number" and isinstance(node, ScalarNode) and _spells_number(node.text):
+    if isinstance(node, ScalarNode) and not node.plain and _spells(node.text, names):
         hint = f"write {node.text}, without quotes"
     elif names[0] == "array":
         hint = "start each item with `- `"
     elif names[0] == "object" and isinstance(node, SeqNode):
         hint = "delete the `- ` in front of the keys"
+    out.mistyped.add(node.span)
     out.add(
         "FSN111", node.span, f"{_where(error.path)} must be {expected}, it is {found}", hint=hint
     )

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from fsoe_net.diag.diagnostic import Related, Severity, Span
-from fsoe_net.formats.own.schema import nearest_key
+from fsoe_net.formats.own.schema import nearest_keys
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, own_int, read_int, warn_decimal_index
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode
@@ -104,7 +104,7 @@ def _transfers_missing(node: MapNode, name: str, out: Collector, *, quiet: bool)
     rows = node.get("transfers")
     known = {"name", "safety_master", "transfer_master", "transfers", "connections"}
     unknown = [k for k in node.pairs if k not in known]
-    meant = {nearest_key(k, known - set(node.pairs)) for k in unknown}
+    meant = {m for k in unknown for m in nearest_keys(k, known - set(node.pairs))}
     if rows is None and meant & {"transfers", "connections"}:
         return True
     if not quiet and (rows is None or _length(rows) == 0):
@@ -171,7 +171,7 @@ def _connection(node: MapNode, out: Collector) -> ConnectionFacts | None:
     if main is None or sub is None or any(slots[k] is None for k in slots if k in node.pairs):
         return None
     unknown = set(node.pairs) - {"main", "sub", *slots, *_FACTS}
-    if any(nearest_key(k, slots) for k in unknown):
+    if any(nearest_keys(k, slots) for k in unknown):
         return None  # a slot is meant, so which frames is not known
     return ConnectionFacts(
         span=node.span,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 
 from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
@@ -16,8 +16,8 @@ def type_bits(word: str, span: Span, out: Collector) -> int | None:
     """Return the length in bits of a type word.
 
     A word the driver does not know, or counts wrongly, is a finding. The length that was most
-    probably meant is still returned, so that offsets behind the mistake stay right; ``None`` when
-    nothing can be guessed.
+    probably meant is still returned, so that later offsets stay right; ``None`` when nothing, or
+    several lengths, can be guessed.
     """
     exact = TYPE_BITS.get(word)
     if exact is not None:
@@ -31,13 +31,20 @@ def type_bits(word: str, span: Span, out: Collector) -> int | None:
     if loose:
         reads = f"; the driver counts {int(loose.group(1)[:9]) & 0xFF} bits"
     code = "FSN403" if loose and re.fullmatch(r"bit-?[0-9]+", word) else "FSN402"
+    hint = f"write {one_of(meant)}" if meant else "write bool, int8 … uint64, float, double or bitN"
+    if meant and _BIG_ENDIAN.fullmatch(word.strip().lower()):
+        hint = (
+            f"process data of EtherCAT are little-endian, and the driver reads them so; write "
+            f"{one_of(meant)} and exchange the bytes where the value is used"
+        )
     out.add(
         code,
         span,
-        f"unknown data type {word!r}{reads}, so every offset behind it is in doubt",
-        hint=f"write {meant}" if meant else "write bool, int8 … uint64, float, double or bitN",
+        f"unknown data type {word!r}{reads}, so the offsets of all entries after it are in doubt",
+        hint=hint,
     )
-    return type_bits(meant, span, out) if meant else None
+    lengths = {type_bits(w, span, out) for w in meant}
+    return lengths.pop() if len(lengths) == 1 else None
 
 
 def _bit_length(word: str, digits: str, span: Span, out: Collector) -> int | None:
@@ -53,14 +60,26 @@ def _bit_length(word: str, digits: str, span: Span, out: Collector) -> int | Non
     return value if value <= 11888 else None
 
 
-def _meant(word: str) -> str | None:
+_OF_C_AND_IEC = {"int": ("int16", "int32"), "uint": ("uint16", "uint32")}
+_ORDERED = r"(u?int(?:16|32|64)|float|double|real32|real64)[ _-]?"
+_BIG_ENDIAN = re.compile(_ORDERED + r"(?:be|big|big[ _-]?endian|msb|motorola|network|swap(?:ped)?)")
+_LITTLE_ENDIAN = re.compile(_ORDERED + r"(?:le|little|little[ _-]?endian|lsb|intel)")
+
+
+def _meant(word: str) -> tuple[str, ...]:
+    """Return the type words that one may be meant for; all of them have its number of bits."""
     folded = word.strip().lower()
     if folded in TYPE_BITS:
-        return folded
+        return (folded,)
+    if word in _OF_C_AND_IEC:
+        return _OF_C_AND_IEC[word]
     if folded in DRIVER_WORD:
-        return DRIVER_WORD[folded]
+        return (DRIVER_WORD[folded],)
     number = re.fullmatch(r"(?:bits?|gap|pad)?[ _-]*([1-9][0-9]{0,2})[ _-]*(?:bits?)?", folded)
     if number and int(number.group(1)) <= 255:
-        return f"bit{number.group(1)}"
-    close = difflib.get_close_matches(folded, TYPE_BITS, n=1, cutoff=0.7)
-    return close[0] if close else None
+        return (f"bit{number.group(1)}",)
+    if ordered := _BIG_ENDIAN.fullmatch(folded) or _LITTLE_ENDIAN.fullmatch(folded):
+        return (ordered[1],)
+    bits = sorted(re.sub("[^0-9]", "", folded))
+    close = guesses(folded, TYPE_BITS, cutoff=0.7)
+    return tuple(w for w in close if sorted(re.sub("[^0-9]", "", w)) == bits)

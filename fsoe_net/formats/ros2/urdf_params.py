@@ -7,12 +7,12 @@ throws an exception on an empty param. Numbers go through `stod` in drivers of 2
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.drives import CIA402_PLUGIN
@@ -43,7 +43,12 @@ _KNOWN_PLUGINS = (
     CIA402_PLUGIN,
     *(f"ethercat_plugins/{name}" for name in _VENDOR_PLUGINS.split()),
 )
+_ALIKE = 0.85  # least similarity of two words, of which one is misspelt
 _MAX_ADDRESS = 0xFFFF
+_NUMBER_HINT = "write a whole number from 0 up"
+_NUMBER_HINTS = {
+    "master_id": f"{_NUMBER_HINT}; a name such as enp2s0 needs a master_plugin that takes one"
+}
 _SLOWEST_HZ = 0.25  # a cycle of 4 s, as in network YAML
 _FASTEST_HZ = 1e9  # a cycle of 1 ns
 
@@ -52,15 +57,15 @@ def known_plugin_findings(plugin: str, span: Span) -> list[Diagnostic]:
     """Return FSN121 when a module's plugin is not known: a warning when it looks misspelt."""
     if plugin in _KNOWN_PLUGINS:
         return []
-    close = _nearest(plugin, _KNOWN_PLUGINS)
+    close = guesses(plugin, _KNOWN_PLUGINS, cutoff=_ALIKE)
     package = next((p for p in _PACKAGES if plugin.startswith(p)), None)
-    suspicious = close is not None or package is not None or "/" not in plugin
+    suspicious = bool(close) or package is not None or "/" not in plugin
     hint = "fine if it is your own plugin"
     if "/" not in plugin:
-        close = next((k for k in _KNOWN_PLUGINS if k.endswith("/" + plugin)), close)
+        close = tuple(k for k in _KNOWN_PLUGINS if k.endswith("/" + plugin)) or close
         hint = "write package/class"
-    if close is not None:
-        hint = f"write {close}"
+    if close:
+        hint = f"write {one_of(close)}"
     elif package is not None:
         hint = f"{package.rstrip('/')} has no such class; the generic one is {_KNOWN_PLUGINS[0]}"
     return [
@@ -87,7 +92,7 @@ def driver_plugin_findings(plugin: str, span: Span, out: Collector) -> None:
             hint=f"write {DRIVER_PLUGIN}, which copies transfers itself",
         )
         return
-    close = _nearest(plugin, (DRIVER_PLUGIN, _PROTOTYPE_PLUGIN)) is not None
+    close = bool(guesses(plugin, (DRIVER_PLUGIN, _PROTOTYPE_PLUGIN), cutoff=_ALIKE))
     close = close or plugin.startswith("ethercat_driver/")
     out.add(
         "FSN121",
@@ -96,14 +101,6 @@ def driver_plugin_findings(plugin: str, span: Span, out: Collector) -> None:
         severity=Severity.WARNING if close else Severity.INFO,
         hint=f"write {DRIVER_PLUGIN}" if close else "fine if it is a driver of your own",
     )
-
-
-def _nearest(word: str, known: Collection[str], cutoff: float = 0.8) -> str | None:
-    """Return the known word this may be meant for; long texts are no misspelling."""
-    if len(word) > 200:
-        return None
-    close = difflib.get_close_matches(word.strip(), known, n=1, cutoff=cutoff)
-    return close[0] if close else None
 
 
 @dataclass(slots=True)
@@ -158,14 +155,14 @@ def read_params(owner: Element, known: Collection[str], out: Collector) -> Param
 
 
 def _misspelt(name: str, row: Element, free: list[str], out: Collector) -> None:
-    close = _nearest(name, free)
-    if close is not None:
+    close = guesses(name, free, cutoff=_ALIKE)
+    if close:
         out.add(
             "FSN109",
             row.span,
             f"unknown param {name!r}; the driver ignores it silently",
             severity=Severity.WARNING,
-            hint=f"write {close!r}",
+            hint=f"write {one_of([repr(c) for c in close])}",
         )
 
 
@@ -198,7 +195,7 @@ def read_address(params: Params, name: str, out: Collector) -> int | None:
         span,
         f"{name} {_short(text)!r} is not a plain decimal number: {reads}",
         severity=Severity.WARNING if agree else Severity.ERROR,
-        hint=f"write {meant}" if meant is not None else "write a whole number from 0 up",
+        hint=f"write {meant}" if meant is not None else _NUMBER_HINTS.get(name, _NUMBER_HINT),
     )
     return meant
 

@@ -38,11 +38,13 @@ _REPLACED: ContextVar[Mapping[str, bytes]] = ContextVar("replaced files", defaul
 class Collector(FindingList):
     """Findings, and the files that were read.
 
-    ``decimal_files`` are those of which FSN115 has spoken.
+    ``decimal_files`` are those that have an FSN115, ``mistyped`` the values that have an FSN111
+    by their schema.
     """
 
     sources: list[SourceFile] = field(default_factory=list)
     decimal_files: set[str] = field(default_factory=set)
+    mistyped: set[Span] = field(default_factory=set)
 
     def source(self, path: str, data: bytes) -> None:
         """Remember a file that was read, once."""
@@ -201,14 +203,14 @@ def _refuse(out: Collector, shown: str, named_at: Span | None, why: str, hint: s
 
 def _nearest_file(shown: str) -> str:
     """Name a file of nearly that name in the same folder, if there is one."""
-    import difflib
+    from fsoe_net.diag.guesses import guesses, one_of
 
     folder, name = os.path.split(shown)
     try:
         present = sorted(os.listdir(folder or "."))[:5000]
     except (OSError, ValueError):
         return f"the folder {folder!r} does not exist either" if folder else "check the path"
-    close = difflib.get_close_matches(name, present, n=1, cutoff=0.75)
+    close = [repr(os.path.join(folder, c)) for c in guesses(name, present, cutoff=0.75)]
     if close:
-        return f"there is {os.path.join(folder, close[0])!r}"
+        return f"there is {one_of(close)}"
     return "check the path; relative paths start at the file that names them"

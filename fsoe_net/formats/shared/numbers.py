@@ -19,8 +19,10 @@ from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode
 
 __all__ = [
     "Reader",
+    "decimal_comma",
     "driver_endpoint_number",
     "own_int",
+    "read_flag",
     "read_float",
     "read_int",
     "warn_decimal_index",
@@ -39,8 +41,8 @@ _MOST_TO_SAY = 0xFFFF  # no user has a limit above it in mind
 _MAX_DIGITS = 40  # Python refuses to convert thousands of them; 64 bits need 20
 
 _HEX = re.compile(r"0[xX][0-9a-fA-F]+\Z")
-_DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)\Z")
-_LEADING_ZERO = re.compile(r"-?0[0-9]+\Z")
+_DECIMAL = re.compile(r"[+-]?(0|[1-9][0-9]*)\Z")
+_LEADING_ZERO = re.compile(r"[+-]?0[0-9]+\Z")
 
 
 def driver_endpoint_number(text: str) -> int | None:
@@ -88,7 +90,7 @@ def read_int(
     value = _agreed(node.text, reader)
     if value is None:
         value = _disputed(node, out, what=what, low=low, high=high, reader=reader)
-    if value is not None and not low <= value <= high:
+    if value is not None and (not low <= value <= high or (node.text[0] == "-" and low >= 0)):
         _out_of_range(
             value, node.text, node.span, out, what=what, low=low, high=high, reader=reader
         )
@@ -114,9 +116,7 @@ def _disputed(
         _misread(text, node.span, out, what=what, meant="0x" + text[2:])
     elif reader is Reader.ENDPOINT:
         _misread(text, node.span, out, what=what, meant=_meant(text))
-    elif any(d.code == "FSN111" and d.span == node.span for d in out.diagnostics):
-        return None  # the schema has said so
-    else:
+    elif node.span not in out.mistyped:
         out.add(
             "FSN112" if re.search(r"[0-9]", text) else "FSN111",
             node.span,
@@ -135,6 +135,8 @@ def _agreed(text: str, reader: Reader) -> int | None:
         return int(text)
     if _HEX.match(text) and not (reader is Reader.ENDPOINT and text.startswith("0X")):
         return int(text, 16)
+    if reader is Reader.SLAVE and text[:1] in ("+", "-") and _HEX.match(text, 1):
+        return int(text, 16)
     return None
 
 
@@ -143,7 +145,7 @@ def _leading_zero(
 ) -> int | None:
     decimal = int(text)
     try:
-        octal = int(text.replace("-", "-0o", 1) if text[0] == "-" else "0o" + text, 8)
+        octal = int(text, 8)
     except ValueError:
         octal = None
     if octal == decimal:
@@ -175,6 +177,10 @@ def _misread(text: str, span: Span, out: Collector, *, what: str, meant: str) ->
 
 def _hint_of(text: str, what: str, low: int, high: int) -> str:
     """Say how to write what is not a number: the one that was meant, or what is allowed."""
+    if re.fullmatch(r"[+-]?[0-9]{1,3},[0-9]{3}", text):
+        return f"write {text.replace(',', '')} if the comma separates thousands"
+    if unit := re.fullmatch(r"([0-9]{1,18})\s*([µa-zA-Z]+)", text):
+        return _without_unit(int(unit[1]), unit[2], what)
     if meant := _meant(text):
         return f"write {meant}"
     if re.match(r"\s*0[xX]", text):
@@ -183,6 +189,22 @@ def _hint_of(text: str, what: str, low: int, high: int) -> str:
         return "write it as 0x6000"
     span = f", {low} … {high}" if 0 <= low < high <= _MOST_TO_SAY else ""
     return f"write a whole number{span}"
+
+
+_OF_A_SECOND = {"ns": 10**9, "us": 10**6, "µs": 10**6, "ms": 10**3, "s": 1}
+
+
+def _without_unit(number: int, unit: str, what: str) -> str:
+    """Say how to write a number without its unit, the same time where both are times."""
+    own = what.rpartition("_")[2]
+    if own in _OF_A_SECOND and unit in _OF_A_SECOND:
+        value, rest = divmod(number * _OF_A_SECOND[own], _OF_A_SECOND[unit])
+        return f"write a whole number of {own}" if rest else f"write {value}"
+    if what == "size" and unit.lower() in ("b", "byte", "bytes"):
+        return f"write {number}"
+    if unit in ("h", "H"):
+        return f"write 0x{number}"
+    return "write the number alone"
 
 
 def _meant(text: str) -> str:
@@ -194,13 +216,12 @@ def _meant(text: str) -> str:
         (r"\s*([0-9a-fA-F]+)[hH]\Z", 16),
         (r"\s*0b([01]+)\Z", 2),
         (r"\s*0o([0-7]+)\Z", 8),
-        (r"\s*\+?([0-9]{1,3}(?:[_,'][0-9]{3})+)\Z", 10),
+        (r"\s*\+?([0-9]{1,3}(?:[_'][0-9]{3})+)\Z", 10),
         (r"\s*\+?([0-9]+)(?:\.0*)?\s*\Z", 10),
-        (r"\s*([0-9]+)\s*[a-zA-Z]*\Z", 10),
     ):
         match = re.match(pattern, text)
         if match:
-            value = int(re.sub("[_,']", "", match.group(1)), base)
+            value = int(re.sub("[_']", "", match.group(1)), base)
             return f"0x{value:04x}" if base == 16 else str(value)
     return ""
 
@@ -233,20 +254,65 @@ def read_float(node: Node | None, out: Collector, *, what: str) -> float | None:
     if text in _SPECIAL:
         return _SPECIAL[text]
     if re.match(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\Z", text):
-        return float(text)
-    hint = "write a number, such as 1000 or 1.5"
-    if text.lower() in ("nan", "inf", "-inf"):
-        hint = f"write .{text.lower().lstrip('-')}"
-    elif re.match(r"[0-9.]+\s*[µa-zA-Z]+\Z", text) and re.search(r"_(us|ms|s)\Z", what):
-        hint = f"write the number alone; {what} says its unit"
+        if math.isfinite(value := float(text)):
+            return value
+        out.add("FSN113", node.span, f"{what} is too large", hint="correct the number")
+    elif node.span not in out.mistyped:
+        hint = _float_hint(text, what)
+        out.add("FSN111", node.span, f"{what} {text!r} is not a number", hint=hint)
+    return None
+
+
+def _float_hint(text: str, what: str) -> str:
+    bare = text.lower().lstrip("+-")
+    if bare in ("nan", "inf", ".nan"):
+        sign = "-" if text[0] == "-" and bare == "inf" else ""
+        return f"write {sign}.{bare.lstrip('.')}"
+    if re.fullmatch(r"[+-]?[0-9]+,[0-9]+", text):
+        return decimal_comma(text)
+    if re.match(r"[0-9.]+\s*[µa-zA-Z]+\Z", text) and re.search(r"_(us|ms|s)\Z", what):
+        return f"write the number alone; {what} says its unit"
+    return "write a number, such as 1000 or 1.5"
+
+
+def decimal_comma(text: str) -> str:
+    """Return the hint for a number with one comma, which may stand for a point or for nothing."""
+    with_point, without = text.replace(",", "."), text.replace(",", "")
+    if re.search(r",[0-9]{3}\Z", text):
+        return f"write {with_point} or {without}; a comma is not part of a number"
+    return f"write {with_point}; a comma is not part of a number"
+
+
+def read_flag(node: Node | None, out: Collector, *, what: str, absent: bool = False) -> bool:
+    """Return a boolean as yaml-cpp reads it: 1 and 0 are none, other words end the driver.
+
+    Args:
+        node: The value; ``None`` (key missing) and an empty one, of which the schema has spoken,
+            give ``absent``.
+        out: Takes FSN111.
+        what: Name of the value for messages.
+        absent: What the driver takes when the key is missing.
+    """
+    if not isinstance(node, ScalarNode) or node.is_null:
+        return absent
+    for words, value in ((_TRUE, True), (_FALSE, False)):
+        if node.text in words:
+            return value
     out.add(
         "FSN111",
         node.span,
-        f"{what} {text!r} is not a number",
-        hint=hint,
+        f"{what} is {node.text[:60]!r}, not true or false",
+        hint="write true or false",
     )
-    return None
+    return absent
 
+
+def _spellings(*words: str) -> frozenset[str]:
+    return frozenset(s for word in words for s in (word, word.capitalize(), word.upper()))
+
+
+_TRUE = _spellings("true", "yes", "on", "y")
+_FALSE = _spellings("false", "no", "off", "n")
 
 _SPECIAL = {
     ".nan": math.nan,

@@ -19,14 +19,10 @@ import yaml
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.diag.printable import first_control
 from fsoe_net.formats.shared.files import Collector, read_bytes
+from fsoe_net.formats.shared.yaml_errors import DEEPER, FLATTER, MAX_DEPTH, add_syntax_error
 
 __all__ = ["MapNode", "Node", "Places", "ScalarNode", "SeqNode", "load_yaml", "parse_yaml"]
 
-MAX_DEPTH = 64
-# What newer builds of libyaml say of a flow list in more than 1000 others, before it is read.
-_TOO_DEEP = "exceeded maximum nesting depth"
-_DEEPER = f"nested deeper than {MAX_DEPTH} levels"
-_FLATTER = "no file of this kind needs more than a dozen levels"
 MAX_PARTS = 4_000_000  # of about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
 MAX_ALIASED = 1_000_000
 
@@ -186,7 +182,7 @@ def parse_yaml(
     try:
         root = _Builder(file, out, of_devices=of_devices).build(text)
     except yaml.YAMLError as exc:
-        _syntax_error(exc, file, text, out)
+        add_syntax_error(exc, file, text, out)
         return None
     except _Refused:
         return None
@@ -246,30 +242,20 @@ def _place_in(file: str, text: str, offset: int) -> Span:
     return Span(file, text.count("\n", 0, offset) + 1, offset - line_start + 1)
 
 
-def _syntax_error(exc: yaml.YAMLError, file: str, text: str, out: Collector) -> None:
-    mark = getattr(exc, "problem_mark", None) or getattr(exc, "context_mark", None)
-    span = Span(file, mark.line + 1, mark.column + 1) if mark else Span(file, 1, 1)
-    problem = getattr(exc, "problem", None) or str(exc).splitlines()[0]
-    if problem == _TOO_DEEP:
-        out.add("FSN103", span, _DEEPER, hint=_FLATTER)
-        return
-    context = getattr(exc, "context", None)
-    start = getattr(exc, "context_mark", None)
-    related: tuple[Related, ...] = ()
-    if context and start is not None and mark is not None and start.line != mark.line:
-        related = (Related(span=Span(file, start.line + 1, start.column + 1), message=context),)
-    lines = text.splitlines()
-    line = lines[mark.line] if mark and mark.line < len(lines) else ""
-    hint = "check indentation and brackets above this place"
-    if "\t" in line[: len(line) - len(line.lstrip())]:
-        hint = "replace the tab by spaces; YAML forbids tabs in indentation"
-    out.add("FSN102", span, f"not valid YAML: {problem}", hint=hint, related=related)
-
-
 class _Open:
     """A collection that is still being read, and where counting stood when it began."""
 
-    __slots__ = ("aliased", "anchor", "count", "key", "key_place", "key_plain", "node", "pairs")
+    __slots__ = (
+        "aliased",
+        "anchor",
+        "continued",
+        "count",
+        "key",
+        "key_place",
+        "key_plain",
+        "node",
+        "pairs",
+    )
 
     def __init__(self, node: SeqNode | MapNode, anchor: str | None, count: int, aliased: int):
         self.node = node
@@ -280,6 +266,7 @@ class _Open:
         self.key: str | None = None
         self.key_place = 0
         self.key_plain = True
+        self.continued = False  # whether the keys of its first item come again, without a dash
 
 
 class _Builder:
@@ -389,7 +376,7 @@ class _Builder:
     def _open(self, event: Any, *, is_map: bool) -> None:
         place = self._place_of(event)
         if len(self._stack) >= MAX_DEPTH:
-            self._refuse("FSN103", _span(self._file, place), _DEEPER, _FLATTER)
+            self._refuse("FSN103", _span(self._file, place), DEEPER, FLATTER)
         node = MapNode(self._file, place) if is_map else SeqNode(self._file, place)
         self._top = _Open(node, event.anchor, self._count, self._aliased)
         self._stack.append(self._top)
@@ -453,16 +440,27 @@ class _Builder:
         if is_name and isinstance(node, ScalarNode) and "\n" in node.text:
             self._refuse("FSN102", node.span, "a name of several lines", "write it on one line")
         if text in into.pairs:
-            self._out.add(
-                "FSN106",
-                _span(self._file, top.key_place),
-                f"key {text!r} is given twice; the driver takes the first",
-                hint="delete one of them",
-                related=(Related(span=into.keys[text], message="first given here"),),
-            )
+            if not top.continued:
+                self._key_twice(top, text, into)
             return
         into.pairs[text] = node
         into.key_places.append(top.key_place)
+
+    def _key_twice(self, top: _Open, text: str, into: MapNode) -> None:
+        """FSN106; once where an item of a list begins again, which is a forgotten dash."""
+        first, here = into.keys[text], _span(self._file, top.key_place)
+        in_list = len(self._stack) > 1 and isinstance(self._stack[-2].node, SeqNode)
+        below = here.line > first.line and here.column == first.column
+        top.continued = in_list and below and text == next(iter(into.pairs))
+        self._out.add(
+            "FSN106",
+            here,
+            f"key {text!r} is given twice; the driver takes the first",
+            hint="start a new item with `- ` here, or delete one of them"
+            if top.continued
+            else "delete one of them",
+            related=(Related(span=first, message="first given here"),),
+        )
 
     def _look_at_key(self, top: _Open, text: str) -> str | None:
         """Return the key to use; ``None`` when the pair is left out."""
@@ -485,6 +483,6 @@ class _Builder:
             "FSN108",
             span,
             f"key {text!r} holds the character U+{ord(strange.group()):04X}",
-            hint=f"type the key anew: {typed}",
+            hint=f"type the key again: {typed}",
         )
         return typed

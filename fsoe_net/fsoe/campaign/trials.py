@@ -6,13 +6,13 @@ the trials before it, nor on how many processes share the work.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import random
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.campaign.bit_errors import bit_error, bit_error_count
 from fsoe_net.fsoe.campaign.channel import Channel, Way
@@ -441,6 +441,6 @@ def class_names(text: str) -> tuple[str, ...]:
 
 
 def _unknown(name: str) -> str:
-    close = difflib.get_close_matches(name, CATALOGUE, n=1, cutoff=0.4)
-    hint = f"Did you mean {close[0]!r}? " if close else ""
+    close = [repr(c) for c in guesses(name, CATALOGUE, cutoff=0.4)]
+    hint = f"Did you mean {one_of(close)}? " if close else ""
     return f"no class {name!r}. {hint}There are all, {', '.join(CATALOGUE)}."

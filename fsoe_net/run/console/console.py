@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
 from fsoe_net.run.console.command import CommandForm
 from fsoe_net.run.console.commands_bus import BUS_COMMANDS, event_line
@@ -257,6 +257,6 @@ class Console:
 
 
 def _unknown(name: str, known: set[str]) -> str:
-    close = difflib.get_close_matches(name, sorted(known), n=1, cutoff=0.5)
-    hint = f"did you mean {close[0]}?" if close else "help lists them"
+    close = guesses(name, sorted(known), cutoff=0.5)
+    hint = f"did you mean {one_of(close)}?" if close else "help lists them"
     return f"there is no command {name}; {hint}"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
+from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import ConsoleError
 from fsoe_net.model.symbols import directed_names
 from fsoe_net.model.times import time_ns
@@ -149,8 +149,8 @@ def _like(pattern: str, symbols: Sequence[Symbol]) -> list[Symbol]:
 
 
 def _nearest(text: str, names: Sequence[str], before: str = "") -> str:
-    close = difflib.get_close_matches(text, names, n=1, cutoff=0.6)
-    return f"; did you mean {before}{close[0]}?" if close else ""
+    close = [f"{before}{name}" for name in guesses(text, names)]
+    return f"; did you mean {one_of(close)}?" if close else ""
 
 
 def batches(names: Iterable[str]) -> Iterator[list[str]]:

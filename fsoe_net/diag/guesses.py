@@ -1,0 +1,100 @@
+"""What a misspelt word may mean: every known word that fits as well as the best one."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+
+__all__ = ["Guesses", "guesses", "one_of"]
+
+_MOST_COMPARISONS = 200_000  # of two words; a second or two
+_AS_WELL = 0.05  # of the ratio of two words
+_MOST = 4  # words to choose from; more are no guess
+_LONGEST = 200  # characters; no name is longer
+
+
+class Guesses:
+    """Guesses at what a misspelt word means, over words that may be tens of thousands.
+
+    Each word is compared once. Of many words only the first get the slow comparison: by then
+    the cause is one mistake made everywhere, and the user needs no further guess.
+    """
+
+    def __init__(self, known: Iterable[str], *, cutoff: float = 0.6) -> None:
+        self._cutoff = cutoff
+        self._bare: dict[str, list[str]] = defaultdict(list)
+        for word in dict.fromkeys(known):
+            self._bare[_bare(word)].append(word)
+        self._letters: dict[str, list[str]] = defaultdict(list)
+        for bare in self._bare:
+            self._letters["".join(sorted(bare))].append(bare)
+        self._slow_left = max(_MOST_COMPARISONS // max(len(self._bare), 1), 3)
+        self._answers: dict[str, tuple[str, ...]] = {}
+
+    def of(self, word: str) -> tuple[str, ...]:
+        """Return the words that may be meant, the most similar first; at most four."""
+        if word not in self._answers:
+            found = self._guess(_bare(word)) if len(word) <= _LONGEST else []
+            words = [known for bare in found for known in self._bare[bare]]
+            self._answers[word] = tuple(words) if len(words) <= _MOST else ()
+        return self._answers[word]
+
+    def _guess(self, word: str) -> list[str]:
+        if word in self._bare:
+            return [word]
+        exchanged = self._letters.get("".join(sorted(word)))
+        if exchanged is not None:
+            return exchanged
+        if self._slow_left <= 0:
+            return []
+        self._slow_left -= 1
+        return self._similar(word)
+
+    def _similar(self, word: str) -> list[str]:
+        close = difflib.get_close_matches(word, self._bare, n=4 * _MOST, cutoff=self._cutoff)
+        if not close:
+            return []
+        matcher = difflib.SequenceMatcher(b=word)
+        ratios = {}
+        for known in close:
+            matcher.set_seq1(known)
+            ratios[known] = matcher.ratio()
+        least = max(ratios.values()) - _AS_WELL
+        # names of one row, drive_1 and drive_2, are as near to drive_3 as each other
+        row = _without_numbers(word)
+        found = [k for k in close if ratios[k] >= least or _without_numbers(k) == row]
+        found.sort(key=lambda k: (-ratios[k], k))
+        found = [k for k in found if re.match(rf"{re.escape(word)}[^0-9]", k)] or found
+        same = [k for k in found if _numbers(k) == _numbers(word)]
+        return same or found
+
+
+def guesses(word: str, known: Iterable[str], *, cutoff: float = 0.6) -> tuple[str, ...]:
+    """Return the known words that one may mean, the most similar first.
+
+    Args:
+        word: As written.
+        known: What could have been written.
+        cutoff: Least similarity of two words, 0 to 1.
+    """
+    return Guesses(known, cutoff=cutoff).of(word)
+
+
+def one_of(words: Sequence[str]) -> str:
+    """Return ``a``, ``a or b``, ``a, b or c``."""
+    return " or ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
+
+
+def _bare(word: str) -> str:
+    return re.sub(r"[-_ ]", "", word.lower())
+
+
+def _numbers(word: str) -> list[str]:
+    return re.findall(r"[0-9]+", word)
+
+
+def _without_numbers(word: str) -> str:
+    """Return a word without the numbers that count; those of four digits are type numbers."""
+    return re.sub(r"(?<![0-9])[0-9]{1,2}(?![0-9])", "0", word)
