@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from fsoe_net import formats
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.ring import fits_on_bus
 from fsoe_net.formats.shared.source import Source
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ class Format:
             fits and no suffix is known.
         suffixes: Names that show it when the content does not.
         is_streamed: Read from a path piece by piece, whatever its size.
+        has_masters: A file may have several EtherCAT masters; the reader takes ``master=``.
         is_binary: Takes binary files that nothing else knows.
         parts: Suffixes of files that another file of the same folder names, by the suffix of that.
         targets: How it is written.
@@ -122,6 +124,7 @@ class Format:
     guesses: tuple[bytes, ...] = ()
     suffixes: tuple[str, ...] = ()
     is_streamed: bool = False
+    has_masters: bool = False
     is_binary: bool = False
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     targets: tuple[Target, ...] = ()
@@ -167,7 +170,7 @@ def function_of(place: str) -> Callable[..., Any]:
 
 
 def read_foreign(
-    source: Source, found: Format, out: Collector, *, name: str = "<file>"
+    source: Source, found: Format, out: Collector, *, name: str = "<file>", master: str = ""
 ) -> Description | None:
     """Read a file of another tool that describes a bus, or all devices of a small ESI.
 
@@ -176,6 +179,9 @@ def read_foreign(
         found: Its format; it does not yield a network.
         out: Takes what is wrong with it.
         name: Name shown when ``source`` is bytes.
+        master: Number or name of the master to read of a file that has several.
     """
-    read: Description | None = function_of(found.read)(source, out, name=name)
-    return read
+    chosen = {"master": master} if found.has_masters else {}
+    read: Description | None = function_of(found.read)(source, out, name=name, **chosen)
+    is_bus = read is not None and found.yields is Yields.BUS
+    return None if read is None or (is_bus and not fits_on_bus(read.subdevices, out)) else read

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import enum
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Located, SubDevice
@@ -128,7 +130,7 @@ class SourceFile:
     sha256: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)  # no slots: the groups by name are kept
 class NetworkConfig(Located):
     """Everything that is known before the bus is there.
 
@@ -153,7 +155,15 @@ class NetworkConfig(Located):
 
     def group_of(self, subdevice: str) -> Group | None:
         """Return the group that a SubDevice is in; ``None``: it is always there."""
-        return next((g for g in self.groups if subdevice in g.subdevices), None)
+        return self._groups.get(subdevice)
+
+    @cached_property
+    def _groups(self) -> Mapping[str, Group]:
+        found: dict[str, Group] = {}
+        for group in self.groups:
+            for name in group.subdevices:
+                found.setdefault(name, group)
+        return found
 
     def combinations(self) -> tuple[tuple[str, ...], ...]:
         """Return which groups may be there together: of each place one or none, others or not.

@@ -13,6 +13,7 @@ from functools import cached_property
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.model.bus import Direction, SubDevice, same_devices
 from fsoe_net.model.expand import NotExpanded, Obstacle, expand
+from fsoe_net.model.names import Names
 from fsoe_net.model.network import ConnectionFacts, Net, NetworkConfig, TransferKind
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer, find_end
 
@@ -214,7 +215,7 @@ class _Pairing:
 
     def __init__(self, by_name: dict[str, SubDevice]) -> None:
         self._by_name = by_name
-        self._names: set[str] = set()
+        self._names = Names(between="-")
         self.connections: list[Connection] = []
         self.single: _Rows = []
         self.unmatched: list[UnmatchedFacts] = []
@@ -299,7 +300,7 @@ class _Pairing:
             facts_number = facts.get(number)
             self.connections.append(
                 Connection(
-                    name=_unique(f"{main}-{sub}", self._names),
+                    name=self._names.add(f"{main}-{sub}"),
                     net_number=net_number,
                     net=net,
                     main=self._by_name[main],
@@ -312,16 +313,6 @@ class _Pairing:
                     facts_number=facts_number,
                 )
             )
-
-
-def _unique(name: str, used: set[str]) -> str:
-    """Return the name, with a counter where it is taken; a SubDevice may itself end in ``-2``."""
-    found, number = name, 1
-    while found in used:
-        number += 1
-        found = f"{name}-{number}"
-    used.add(found)
-    return found
 
 
 def _by_partner(rows: _Rows, main_name: str | None) -> dict[tuple[str, str], tuple[_Rows, _Rows]]:

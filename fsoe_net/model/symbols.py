@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.model.bus import Direction, Entry, EntryView
 from fsoe_net.model.layout import DeviceLayout, SmLayout
+from fsoe_net.model.names import Names
 
 __all__ = ["DeviceSymbol", "device_symbols", "directed_names"]
 
@@ -30,6 +30,11 @@ class DeviceSymbol:
     bit_offset: int
 
     @property
+    def stated(self) -> str:
+        """Return the interface of the slave YAML, else the name of the entry; may be empty."""
+        return _stated(self.entry, self.view)
+
+    @property
     def is_whole(self) -> bool:
         """Whether the symbol is the entry itself, not a part of it."""
         return not self.entry.views
@@ -43,12 +48,12 @@ def device_symbols(layout: DeviceLayout) -> tuple[DeviceSymbol, ...]:
     state of an axis share the interface ``position``, and both keep it.
     """
     found: list[DeviceSymbol] = []
-    taken: dict[bool, set[str]] = {True: set(), False: set()}
+    taken = (Names(between="-"), Names(between="-"))  # of inputs, of outputs
     for manager in layout.managers:
         is_output = manager.sm.direction is Direction.OUTPUT
         for entry, view, bit_offset in _values(manager):
-            name = next(n for n in _candidates(entry, view) if n not in taken[is_output])
-            taken[is_output].add(name)
+            stated = _stated(entry, view)
+            name = taken[is_output].add(*([stated] if stated else []), entry.address)
             found.append(
                 DeviceSymbol(
                     name=name,
@@ -75,12 +80,8 @@ def directed_names(symbols: Sequence[tuple[bool, str]]) -> list[str]:
     ]
 
 
-def _candidates(entry: Entry, view: EntryView) -> Iterator[str]:
-    named = view.command_interface or view.state_interface or entry.name
-    if named:
-        yield named
-    yield entry.address
-    yield from (f"{entry.address}-{number}" for number in itertools.count(2))
+def _stated(entry: Entry, view: EntryView) -> str:
+    return view.command_interface or view.state_interface or entry.name
 
 
 def _values(manager: SmLayout) -> Iterator[tuple[Entry, EntryView, int]]:

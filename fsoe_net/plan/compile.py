@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import struct
 from collections import Counter
@@ -15,6 +14,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Direction, Entry, EntryView, SubDevice, Watchdog
 from fsoe_net.model.layout import SmLayout
+from fsoe_net.model.names import Names
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.symbols import DeviceSymbol, device_symbols
@@ -108,7 +108,9 @@ class _Compiler:
     symbols: list[PlanSymbol] = field(default_factory=list)
     blocks: list[PlanBlock] = field(default_factory=list)
     first_sms: list[int] = field(default_factory=list)  # by SubDevice
-    symbol_names: set[tuple[bool, str]] = field(default_factory=set)  # output, name
+    symbol_names: tuple[Names, Names] = field(  # of inputs, of outputs
+        default_factory=lambda: (Names(between="-"), Names(between="-"))
+    )
     # By the number of the device and of its sync manager.
     shared: dict[tuple[int, int], _Shared] = field(default_factory=dict)
 
@@ -279,10 +281,7 @@ class _Compiler:
 
         Two SubDevices may give the same one: ``a`` with ``b.c``, and ``a.b`` with ``c``.
         """
-        names = itertools.chain((name,), (f"{name}-{number}" for number in itertools.count(2)))
-        found = next(n for n in names if (output, n) not in self.symbol_names)
-        self.symbol_names.add((output, found))
-        return found
+        return self.symbol_names[output].add(name)
 
     def _copies(self) -> tuple[tuple[PlanCopy, ...], dict[int, int]]:
         """Return the copies sorted by destination, and transfer → copy number."""

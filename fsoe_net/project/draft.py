@@ -19,6 +19,7 @@ from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.joined_descriptions import fill_devices, has_layout, join_buses
 from fsoe_net.model.library import Library
+from fsoe_net.model.names import numbered
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.project import match_project
 from fsoe_net.model.proposal import Proposal, propose
@@ -250,14 +251,7 @@ def _ask_ring(inputs: Inputs) -> Question:
 
 def _names(subdevices: Sequence[DescribedSubDevice]) -> tuple[str, ...]:
     """Return names of one word; those that several SubDevices would have get numbers."""
-    words = [_word(s) for s in subdevices]
-    names: list[str] = []
-    for number, word in enumerate(words):
-        name = word if words.count(word) == 1 else f"{word}_{words[:number].count(word) + 1}"
-        while name in names:
-            name += "_"
-        names.append(name)
-    return tuple(names)
+    return numbered([_word(s) for s in subdevices])
 
 
 def _word(sub: DescribedSubDevice) -> str:

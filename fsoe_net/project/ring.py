@@ -11,6 +11,7 @@ from pathlib import Path
 
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.ring import fits_on_bus
 from fsoe_net.model.answers import AnsweredDevice
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
@@ -142,7 +143,7 @@ def ring_of(
                 name = f"{row.name}_{number + 1}"
             subs.append(replace(found, name=name, position=position, span=row.span))
             position += 1
-    if not good or not answers:
+    if not good or not answers or not fits_on_bus(subs, out):
         return None
     path = answers[0].span.file
     return Description(span=answers[0].span, format="answers", path=path, subdevices=tuple(subs))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from fsoe_net.model.names import Names
 from fsoe_net.model.safety import SafetyElement, SafetyFunction
 from fsoe_net.report.diff_types import Change, Fact
 
@@ -47,15 +48,8 @@ def _function(a: SafetyFunction, b: SafetyFunction) -> Iterator[Change]:
 
 def _elements(function: SafetyFunction) -> dict[str, SafetyElement]:
     """Return the elements by what they are called, the second of one name with its number."""
-    found: dict[str, SafetyElement] = {}
-    for element in function.elements:
-        name = key = f"{element.kind.value} {element.sub or element.name}"
-        count = 1
-        while key in found:
-            count += 1
-            key = f"{name} ({count})"
-        found[key] = element
-    return found
+    names, elements = Names(between=" no. "), function.elements
+    return {names.add(f"{e.kind.value} {e.sub or e.name}"): e for e in elements}
 
 
 def _element(function: str, name: str, a: SafetyElement, b: SafetyElement) -> Iterator[Change]:

@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from fsoe_net.formats.shared.writers import unused
 from fsoe_net.model.drives import AXIS_STEP, MOST_AXES
+from fsoe_net.model.names import Names
 from fsoe_net.ros2.names import legal_token
 from fsoe_net.run.control_values import Symbol, Value
 
@@ -81,24 +81,23 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
     Axis n of a SubDevice has its objects 0x800 * n higher. An axis is called as its SubDevice;
     those of a SubDevice with several have their number, from 1, behind it.
     """
-    found: list[tuple[str, dict[str, str]]] = []
-    inputs = [s for s in symbols if not s.is_output]
-    for subdevice in dict.fromkeys(s.subdevice for s in inputs):
-        own = [s for s in inputs if s.subdevice == subdevice]
+    found: dict[str, list[dict[str, str]]] = {}
+    inputs: dict[str, list[Symbol]] = {}
+    for symbol in symbols:
+        if not symbol.is_output:
+            inputs.setdefault(symbol.subdevice, []).append(symbol)
+    for subdevice, own in inputs.items():
         for axis in range(MOST_AXES):
             parts = {part: _part(own, part, axis) for part in _PARTS}
             if not parts["position"]:
                 break
-            found.append((subdevice, parts))
-    owners = [subdevice for subdevice, _ in found]
-    names: dict[str, Joint] = {}
-    for number, (subdevice, parts) in enumerate(found):
-        name = legal_token(subdevice)
-        if owners.count(subdevice) > 1:
-            name += f"_{owners[: number + 1].count(subdevice)}"
-        name = unused(name, names)
-        names[name] = Joint(name=name, **parts)
-    return tuple(names.values())
+            found.setdefault(subdevice, []).append(parts)
+    joints, names = [], Names()
+    for subdevice, axes in found.items():
+        for number, parts in enumerate(axes, 1):
+            name = legal_token(subdevice) + (f"_{number}" if len(axes) > 1 else "")
+            joints.append(Joint(name=names.add(name), **parts))
+    return tuple(joints)
 
 
 def _part(symbols: Sequence[Symbol], part: str, axis: int) -> str:
@@ -111,13 +110,13 @@ def _part(symbols: Sequence[Symbol], part: str, axis: int) -> str:
 
 def signal_topics(symbols: Sequence[Symbol]) -> tuple[SignalTopic, ...]:
     """Return a topic for each input and output: ``inputs/SUBDEVICE/ENTRY``, ``outputs/…``."""
-    found: dict[str, SignalTopic] = {}
+    found, topics = [], Names()
     for symbol in symbols:
         side = "outputs" if symbol.is_output else "inputs"
         parts = [legal_token(p) for p in (symbol.subdevice, symbol.entry)]
-        topic = unused("/".join([side, *parts]), found)
-        found[topic] = SignalTopic(symbol=symbol, topic=topic, kind=_kind(symbol))
-    return tuple(found.values())
+        topic = topics.add("/".join([side, *parts]))
+        found.append(SignalTopic(symbol=symbol, topic=topic, kind=_kind(symbol)))
+    return tuple(found)
 
 
 def _kind(symbol: Symbol) -> SignalKind:

@@ -13,6 +13,7 @@ from typing import Any
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.network import load_network
+from fsoe_net.model.names import Names, numbered
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.scan import ScannedEntry, ScannedPdo, ScannedSm, ScannedSubDevice
 from fsoe_net.rules.scan import check_scan
@@ -67,7 +68,8 @@ def scan_files(taken: TakenScan) -> ScanFiles:
         InputError: What was read again is not what is on the bus.
     """
     scan = taken.scan
-    devices: dict[str, str] = {}
+    paths: dict[str, str] = {}  # by the text of the slave YAML; SubDevices of one type share it
+    files = Names()
     left_out: list[str] = []
     rows: list[str] = []
     names = _names(scan.subdevices)
@@ -85,11 +87,12 @@ def scan_files(taken: TakenScan) -> ScanFiles:
             rows.append(f"  # {title}: {exc}")
             left_out.append(f"{title}: {exc}")
             continue
-        path = _path(_slug(sub.name), text, devices)
-        rows += _row(sub, names[sub.position], path)
+        if text not in paths:
+            paths[text] = f"devices/{files.add(_slug(sub.name))}.yaml"
+        rows += _row(sub, names[sub.position], paths[text])
     head = _head(taken, rows)
     texts = {"scan.json": compact_json(taken.document) + "\n", "network.yaml": head + "nets: []\n"}
-    texts |= devices
+    texts |= {path: text for text, path in paths.items()}
     resolution = _read_again(texts, taken)
     if resolution is not None:
         texts["network.yaml"] += proposed_net(resolution, scan)
@@ -99,35 +102,14 @@ def scan_files(taken: TakenScan) -> ScanFiles:
 
 def _names(subdevices: tuple[ScannedSubDevice, ...]) -> dict[int, str]:
     """Return a name for each position: as planned, else as the device calls itself."""
-    wanted = {s.position: s.planned or _slug(s.name) for s in subdevices}
-    served = [s.position for s in subdevices if s.process_data]
-    count = {w: [p for p in served if wanted[p] == w] for w in wanted.values()}
-    names: dict[int, str] = {}
-    for position in served:
-        name_here = wanted[position]
-        number = count[name_here].index(position) + 1
-        name = name_here if len(count[name_here]) == 1 else f"{name_here}_{number}"
-        while name in names.values():
-            name += "_"
-        names[position] = name
-    return names
+    served = [s for s in subdevices if s.process_data]
+    names = numbered([s.planned or _slug(s.name) for s in served])
+    return {s.position: name for s, name in zip(served, names, strict=True)}
 
 
 def _slug(name: str) -> str:
     """``el1904`` of ``EL1904 4Ch. Safety Input``."""
     return re.sub(r"[^a-z0-9]+", "_", name.split(" ")[0].lower()).strip("_") or "subdevice"
-
-
-def _path(name: str, text: str, devices: dict[str, str]) -> str:
-    """Return the path of a slave YAML; SubDevices of one type share it."""
-    for path, known in devices.items():
-        if known == text:
-            return path
-    path, number = f"devices/{name}.yaml", 2
-    while path in devices:
-        path, number = f"devices/{name}_{number}.yaml", number + 1
-    devices[path] = text
-    return path
 
 
 def _row(sub: ScannedSubDevice, name: str, path: str) -> list[str]:

@@ -23,6 +23,11 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
     of both ends have the same sizes.
     """
     subs = resolution.network.subdevices
+    by_address: dict[int | None, list[SubDevice]] = {}
+    for sub in subs:
+        fsoe = scan.subdevices[sub.position].fsoe
+        if fsoe is not None and fsoe.address is not None:
+            by_address.setdefault(fsoe.address, []).append(sub)
     lines: list[str] = []
     for sub in subs:
         layout, fsoe = sub.layout, scan.subdevices[sub.position].fsoe
@@ -33,7 +38,7 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
         found = [
             (row, slot, other)
             for row, slot in zip(rows, slots, strict=False)
-            if (other := _partner(row, slot, sub, subs, scan)) is not None
+            if (other := _partner(row, slot, sub, by_address.get(row.address, ()))) is not None
         ]
         if found:
             lines += _net(sub, layout.slots, found)
@@ -63,14 +68,12 @@ def _partner(
     slot: _Pair,
     main: SubDevice,
     subs: Sequence[SubDevice],
-    scan: Scan,
 ) -> tuple[SubDevice, _Pair] | None:
-    if row.address is None:
-        return None
+    """Return the one frame pair that fits among those of ``subs``, which have the address."""
     found: list[tuple[SubDevice, _Pair]] = []
     for sub in subs:
-        layout, fsoe = sub.layout, scan.subdevices[sub.position].fsoe
-        if sub is main or layout is None or fsoe is None or fsoe.address != row.address:
+        layout = sub.layout
+        if sub is main or layout is None:
             continue
         fitting = [
             pair

@@ -95,7 +95,7 @@ def test_functions_and_elements_by_name():
     ]
     assert rows == [
         ("changed", "estop", "trigger", function.trigger, "door"),
-        ("changed", "estop", "sensor ES1 (2): time_ms", "5", "9"),
+        ("changed", "estop", "sensor ES1 no. 2: time_ms", "5", "9"),
     ]
     (gone,) = compare_functions([function], [replace(function, name="stop")])[:1]
     assert (gone.kind, gone.where) == ("removed", "estop")

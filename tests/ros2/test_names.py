@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fsoe_net.formats.shared.writers import unused
 from fsoe_net.ros2.names import is_node_name, legal_text, legal_token
 
 LEGAL = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*")
@@ -45,10 +44,3 @@ def test_each_text_fits_into_a_message(text: str) -> None:
     assert "\x00" not in found
     assert found.encode().decode() == found
     assert text == found or not text.isprintable()
-
-
-def test_no_name_is_there_twice() -> None:
-    taken: list[str] = []
-    for name in ("a", "a", "a_2", "a"):
-        taken.append(unused(name, taken))
-    assert taken == ["a", "a_2", "a_2_2", "a_3"]

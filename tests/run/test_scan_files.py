@@ -205,7 +205,7 @@ NETWORK = """\
 subdevices:
   - {name: a_1, position: 0, revision: 0x00000001, config: "devices/a.yaml"}
   - {name: a_2, position: 1, revision: 0x00000001, config: "devices/a.yaml"}
-  - {name: a_2_, position: 2, revision: 0x00000001, config: "devices/b.yaml"}
+  - {name: a_2_2, position: 2, revision: 0x00000001, config: "devices/b.yaml"}
   # position 3: no name, vendor 0x00000000, product 0x00000000: not read
   # position 4: no name, an identity that could not be read: its identity was not read
 """

@@ -11,6 +11,7 @@ from fsoe_net.formats.eni.read_parts import EniParts, read_cyclic, read_image
 from fsoe_net.formats.eni.read_subdevice import EniSlave, read_slave
 from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.ring import MOST_SUBDEVICES
 from fsoe_net.formats.shared.source import Source, source_bytes, xml_number
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
@@ -18,8 +19,6 @@ from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedCopy, Description
 
 __all__ = ["EniImages", "load_eni", "load_eni_images"]
-
-_MAX_SUBDEVICES = 65_535
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +113,7 @@ class _Reader:
         if depth != 2:
             return False
         if element.name == "Slave":
-            if len(self._slaves) < _MAX_SUBDEVICES:
+            if len(self._slaves) <= MOST_SUBDEVICES:  # one more is said
                 slave = read_slave(element, len(self._slaves), self._out, self._path)
                 self._slaves.append(slave)
         elif element.name == "Cyclic":

@@ -17,10 +17,10 @@ from fsoe_net.formats.shared.writers import (
     own_words_lost,
     plain_text,
     unique_names,
-    unused,
 )
 from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
+from fsoe_net.model.names import Names
 
 __all__ = ["write_lcec"]
 
@@ -172,12 +172,12 @@ class _Configuration:
             yield f'      <dcConf assignActivate="{device.assign_activate:x}"/>'
         for sdo in device.sdos:
             yield from _sdo(sdo)
-        pins: set[str] = set()
+        pins = Names()
         for sm in sorted(device.sync_managers, key=lambda s: s.index):
             yield from self._manager(sm, device.pdos_of(sm), name, pins)
 
     def _manager(
-        self, sm: SyncManager, pdos: tuple[Pdo, ...], name: str, pins: set[str]
+        self, sm: SyncManager, pdos: tuple[Pdo, ...], name: str, pins: Names
     ) -> Iterator[str]:
         direction = "out" if sm.direction is Direction.OUTPUT else "in"
         yield f'      <syncManager idx="{sm.index}" dir="{direction}">'
@@ -192,12 +192,11 @@ class _Configuration:
         yield "      </syncManager>"
 
 
-def _entry(entry: Entry, bits: int, pins: set[str]) -> str:
+def _entry(entry: Entry, bits: int, pins: Names) -> str:
     row = f'idx="{entry.index:04X}" subIdx="{entry.subindex:02X}" bitLen="{bits}"'
     pin = plain_text(entry.name)
     if pin and not entry.is_gap and bits <= 32:
-        pin = unused(pin, pins)
-        pins.add(pin)
+        pin = pins.add(pin)
         word = entry.type_name.upper()
         kind = "bit" if bits == 1 else _HAL.get(word, "")
         if not kind:

@@ -28,6 +28,7 @@ from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_fr
 from fsoe_net.formats.shared.files import Collector, is_there, read_bytes
 from fsoe_net.formats.shared.numbers import own_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
+from fsoe_net.formats.shared.ring import fits_on_bus
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.drives import with_mode
 from fsoe_net.model.network import Net, NetworkConfig
@@ -64,6 +65,8 @@ def load_network(
         assembly.add(path)
     network = assembly.finish()
     if network is not None:
+    if network is not None and not _fit(network, assembly.out):
+        network = None
         network = replace(
             network, sources=tuple(sorted(assembly.out.sources, key=lambda s: s.path))
         )
@@ -444,3 +447,11 @@ def _refuse_known(data: bytes, place: Span, out: Collector) -> bool:
 def _looks_like_xml(data: bytes) -> bool:
     start = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     return start.startswith(b"<") or (data[:2] in (b"\xff\xfe", b"\xfe\xff") and b"<" in data[:40])
+def _fit(network: NetworkConfig, out: Collector) -> bool:
+    """Return whether EtherCAT can address the SubDevices of each bus."""
+    buses: dict[int, list[SubDevice]] = {}
+    for sub in network.subdevices:
+        buses.setdefault(sub.master_id, []).append(sub)
+    return all(fits_on_bus(subs, out) for subs in buses.values())
+
+

@@ -12,6 +12,7 @@ from fsoe_net.diag.printable import printable
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.numbers import Reader, own_int, read_int
+from fsoe_net.formats.shared.ring import fits_on_bus
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.scan import (
     Scan,
@@ -130,6 +131,8 @@ def _scan(root: MapNode, out: Collector) -> Scan:
 
 def _check_positions(scan: Scan, out: Collector) -> None:
     """Positions count from 0 without a gap: they are places in the ring."""
+    if not fits_on_bus(scan.subdevices, out):
+        return
     for number, sub in enumerate(scan.subdevices):
         if sub.position != number:
             out.add(

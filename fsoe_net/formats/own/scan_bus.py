@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 from fsoe_net.model.scan import Scan, ScannedPdo, ScannedSm, ScannedSubDevice
@@ -20,12 +22,16 @@ def describe_scan(scan: Scan, path: str) -> Description:
         path: Its file or interface, for comments.
     """
     subs = tuple(_subdevice(s, path) for s in scan.subdevices)
+    owners: dict[int | None, list[int]] = {}  # positions by FSoE address
+    for sub in scan.subdevices:
+        for address in dict.fromkeys(() if sub.fsoe is None else sub.fsoe.addresses):
+            owners.setdefault(address, []).append(sub.position)
     return Description(
         span=scan.span,
         format="scan",
         path=path,
         subdevices=subs,
-        connections=tuple(c for s in scan.subdevices for c in _connections(s, scan)),
+        connections=tuple(c for s in scan.subdevices for c in _connections(s, owners)),
     )
 
 
@@ -78,17 +84,15 @@ def _pdo(pdo: ScannedPdo) -> Pdo:
     return Pdo(span=pdo.span, index=pdo.index, name=pdo.name, entries=entries)
 
 
-def _connections(sub: ScannedSubDevice, scan: Scan) -> list[DescribedConnection]:
+def _connections(
+    sub: ScannedSubDevice, owners: Mapping[int | None, list[int]]
+) -> list[DescribedConnection]:
     if sub.fsoe is None:
         return []
     found = []
     rows = sorted(sub.fsoe.connections, key=lambda c: c.object_index)
     for slot, row in enumerate(rows):
-        ends = [
-            s.position
-            for s in scan.subdevices
-            if s is not sub and s.fsoe is not None and row.address in s.fsoe.addresses
-        ]
+        ends = [position for position in owners.get(row.address, ()) if position != sub.position]
         if row.address is None or len(ends) != 1:
             continue
         found.append(

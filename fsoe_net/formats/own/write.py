@@ -19,10 +19,10 @@ from fsoe_net.formats.shared.writers import (
     is_fsoe,
     quoted,
     unique_names,
-    unused,
 )
 from fsoe_net.model.bus import same_devices
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
+from fsoe_net.model.names import Names
 
 __all__ = ["NetworkFiles", "write_network"]
 
@@ -181,15 +181,14 @@ class NetworkFiles:
     def _without_copies(self) -> tuple[CopyGroup, ...]:
         """Return a net for each MainInstance whose connections are in no group of copies."""
         known = {g.main for g in self._groups}
-        taken = {g.name for g in self._groups}
+        names = Names(g.name for g in self._groups)
         groups = []
         for row in self._description.connections:
             if row.main is None or row.main in known:
                 continue
             known.add(row.main)
-            name = row.net if row.net and row.net not in taken else ""
-            name = name or unused(f"{self._names[row.main]}_safety", taken)
-            taken.add(name)
+            own = (row.net,) if row.net else ()
+            name = names.add(*own, f"{self._names[row.main]}_safety")
             groups.append(CopyGroup(name=name, main=row.main, copies=()))
         return tuple(groups)
 

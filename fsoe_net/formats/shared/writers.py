@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.errors import InputError
 from fsoe_net.model.bus import Entry, same_devices
 from fsoe_net.model.description import DescribedCopy, DescribedEnd, Description
 from fsoe_net.model.layout import DeviceLayout, SmLayout
+from fsoe_net.model.names import Names
 
 __all__ = [
     "CopyGroup",
@@ -24,7 +25,6 @@ __all__ = [
     "plain_text",
     "quoted",
     "unique_names",
-    "unused",
 ]
 
 _MARKS = (0xFEFF, 0xFFFE, 0xFFFF)
@@ -88,32 +88,23 @@ def quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-def unused(name: str, taken: Container[str]) -> str:
-    """Return a name, with a number behind it when something else is called so already."""
-    number, found = 2, name
-    while found in taken:
-        found = f"{name}_{number}"
-        number += 1
-    return found
-
-
 def unique_names(description: Description) -> tuple[str, ...]:
     """Return a name for each SubDevice: its own, else its order number, else its place."""
-    names: dict[str, None] = {}
+    names, found = Names(), []
     for number, sub in enumerate(description.subdevices):
         place = number if sub.position is None else sub.position
         own = plain_text(sub.name) or plain_text(sub.order) or f"subdevice_{place}"
-        names[unused(own, names)] = None
-    return tuple(names)
+        found.append(names.add(own))
+    return tuple(found)
 
 
 def identifiers(names: Sequence[str]) -> tuple[str, ...]:
     """Return the names as identifiers of C and names of files: lower case, each only once."""
-    found: dict[str, None] = {}
+    given, found = Names(), []
     for name in names:
         own = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:48]
         own = own if own and not own[0].isdigit() else f"n{own}" if own else "unnamed"
-        found[unused(own, found)] = None
+        found.append(given.add(own))
     return tuple(found)
 
 
