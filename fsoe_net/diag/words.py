@@ -6,16 +6,21 @@ from collections.abc import Sequence
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 
-__all__ = ["counted", "listed", "summary"]
+__all__ = ["counted", "listed", "noun", "summary"]
 
 
 def counted(number: int, word: str) -> str:
     """Return ``1 copy`` or ``2 copies``."""
+    return f"{number} {noun(number, word)}"
+
+
+def noun(number: float, word: str) -> str:
+    """Return the word as it follows the number: ``copy`` or ``copies``."""
     if number == 1:
-        return f"1 {word}"
+        return word
     stem = word[:-1]
     is_ies = word.endswith("y") and stem[-1:] not in "aeiou"
-    return f"{number} {stem}ies" if is_ies else f"{number} {word}s"
+    return f"{stem}ies" if is_ies else f"{word}s"
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:

@@ -11,6 +11,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fsoe_net.diag.words import noun
+
 __all__ = [
     "BLANK",
     "Bullets",
@@ -34,6 +36,7 @@ __all__ = [
     "code",
     "decimal",
     "muted",
+    "number_of",
     "outward",
     "section_marks",
     "stated",
@@ -288,6 +291,18 @@ def outward(value: float, digits: int = 2, *, up: bool) -> float:
     factor: float = 10**digits
     scaled = round(value * factor, 6)
     return (math.ceil(scaled) if up else math.floor(scaled)) / factor
+
+
+def number_of(value: float | None, word: str, source: str, text: str = "") -> Item:
+    """Return `stated` with a word as the unit, in the singular or plural.
+
+    Args:
+        value: The number.
+        word: What is counted, in the singular.
+        source: Where it comes from.
+        text: How the number is printed; in decimal form when empty.
+    """
+    return stated(value, "" if value is None else noun(value, word), source, text)
 
 
 def stated(value: float | None, unit: str, source: str, text: str = "") -> Item:

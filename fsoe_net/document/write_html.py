@@ -29,7 +29,7 @@ from fsoe_net.document.style import STYLE
 __all__ = ["document_html"]
 
 _MARKS = {
-    Level.CLEAR: "○",
+    Level.CLEAR: "✔",
     Level.NOTE: "i",
     Level.OPEN: "?",
     Level.WARNING: "!",

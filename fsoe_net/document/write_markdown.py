@@ -26,7 +26,7 @@ from fsoe_net.document.number_sources import Sources
 __all__ = ["document_markdown"]
 
 MARKS = {
-    Level.CLEAR: "○",
+    Level.CLEAR: "✔",
     Level.NOTE: "ⓘ",
     Level.OPEN: "?",
     Level.WARNING: "⚠",

@@ -22,9 +22,9 @@ _OTHERWISE = "or write .html and print it to a PDF file in a browser"
 _PRINT = """
 @page{margin:22mm 13mm 20mm 15mm;
 @top-left{content:element(head);width:100%;vertical-align:bottom;padding-bottom:2mm}
-@bottom-left{content:element(foot);width:82%;vertical-align:top;padding-top:1mm;margin-top:3mm;
+@bottom-left{content:element(foot);width:87%;vertical-align:top;padding-top:1mm;margin-top:3mm;
 border-top:1px solid #000}
-@bottom-right{width:18%;vertical-align:top;padding-top:1mm;margin-top:3mm;
+@bottom-right{width:13%;vertical-align:top;padding-top:1mm;margin-top:3mm;
 border-top:1px solid #000}}
 .sheet,.sheet>tbody,.sheet>tbody>tr,.sheet>tbody>tr>td,.sheet>thead,.sheet>thead>tr,
 .sheet>thead>tr>td,.sheet>tfoot,.sheet>tfoot>tr,.sheet>tfoot>tr>td{display:block}

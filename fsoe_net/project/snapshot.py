@@ -18,6 +18,7 @@ from fsoe_net.document.model import (
     cell,
     code,
     muted,
+    number_of,
     stated,
     strong,
 )
@@ -99,8 +100,8 @@ def _slots(resolution: Resolution) -> Table:
             row = (
                 cell(sub.name),
                 cell(stated(pair.slot, "", "process data")),
-                cell(stated(pair.sent_bytes, "bytes", "process data")),
-                cell(stated(taken, "bytes", "process data")),
+                cell(number_of(pair.sent_bytes, "byte", "process data")),
+                cell(number_of(taken, "byte", "process data")),
                 cell(f"with {partner}" if partner else muted("free")),
             )
             rows.append(row)

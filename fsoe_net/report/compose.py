@@ -25,6 +25,7 @@ from fsoe_net.document.model import (
     cell,
     code,
     muted,
+    number_of,
     strong,
 )
 from fsoe_net.report.first_page import first_page
@@ -217,9 +218,9 @@ def _lead(
     assumed = sum(p.kind is PointKind.ASSUMPTION for _, p in points)
     parts.append(Heading("Open points and assumptions"))
     numbers: list[Item] = [
-        Number(value=len(opened), text=str(len(opened)), unit="open points", source="all blocks"),
+        number_of(len(opened), "open point", "all blocks"),
         Text(" and "),
-        Number(value=assumed, text=str(assumed), unit="assumptions", source="all blocks"),
+        number_of(assumed, "assumption", "all blocks"),
         Text(f"; block {last} lists all. A judgement rests on them."),
     ]
     parts.append(Paragraph(tuple(numbers)))

@@ -17,6 +17,7 @@ from fsoe_net.document.model import (
     cell,
     code,
     muted,
+    number_of,
     stated,
 )
 from fsoe_net.report.inputs import ReportInputs
@@ -60,7 +61,7 @@ def _row(path: str, h: Histogram, *, emulated: bool) -> tuple[Cell, ...]:
         head = (*head, Verdict("EMULATED, not evidence for this machine", Level.NOTE))
     return (
         head,
-        cell(stated(h.count, "cycles", path)),
+        cell(number_of(h.count, "cycle", path)),
         _exact(h.min_ns, path),
         _exact(h.mean_ns, path),
         *(_share(h, per_million, path) for per_million in _SHARES),

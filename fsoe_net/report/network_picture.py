@@ -8,6 +8,7 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.words import counted
 from fsoe_net.document.markup import escape, shortened, svg_text
 from fsoe_net.model.bus import Located, SubDevice
+from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Connection, Resolution
 
 __all__ = ["network_picture"]
@@ -15,6 +16,7 @@ __all__ = ["network_picture"]
 _WIDTH, _CARD, _MARGIN = 900, 270, 12
 _BOX, _BOX_STEP, _PER_ROW = 150, 174, 5
 _HEAD, _SLOT, _GAP = 46, 26, 14
+_BUS_NAME, _BOX_ROW = 18, 48
 _DRAWN = 'style="stroke:var(--c2)"'
 _WRONG = 'style="stroke:var(--red)" stroke-dasharray="2 4"'
 
@@ -32,7 +34,7 @@ def network_picture(resolution: Resolution, found: Sequence[Diagnostic]) -> str:
     subs = resolution.network.subdevices
     mains = {net.safety_master for net in resolution.network.nets}
     ends = {c.sub.name for c in resolution.connections}
-    parts, top = _bus(subs, wrong)
+    parts, top = _bus(resolution.network, wrong)
     ports: dict[tuple[str, int | None], tuple[float, float]] = {}
     columns = {True: top, False: top}
     for sub in (s for s in subs if _slots(s)):
@@ -55,23 +57,39 @@ def _slots(sub: SubDevice) -> Sequence[int]:
     return () if sub.layout is None else [pair.slot for pair in sub.layout.frame_pairs]
 
 
-def _bus(subs: Sequence[SubDevice], wrong: _Places) -> tuple[list[str], int]:
-    """Return the boxes along the bus, and the height at which the cards begin."""
-    parts = []
-    for number, sub in enumerate(subs):
-        row, column = divmod(number, _PER_ROW)
-        x, y = _MARGIN + column * _BOX_STEP, _MARGIN + row * 48
-        sign = "✕ " if _is_wrong(sub, wrong) else ""
-        before = x - (_BOX_STEP - _BOX if column else _MARGIN)
-        parts.append(
-            f'<line x1="{before}" y1="{y + 16}" x2="{x}" y2="{y + 16}" class="bus"/>'
-            f'<rect x="{x}" y="{y}" width="{_BOX}" height="32" rx="4" class="box"/>'
-            + svg_text(
-                x + _BOX / 2, y + 21, f"{sign}{sub.position} {shortened(sub.name, 20)}", "middle"
+def _bus(network: NetworkConfig, wrong: _Places) -> tuple[list[str], int]:
+    """Return the boxes along each bus, and the height at which the cards begin."""
+    buses: dict[int, list[SubDevice]] = {}
+    for sub in network.subdevices:
+        buses.setdefault(sub.master_id, []).append(sub)
+    parts, top = [], _MARGIN
+    for number, subs in buses.items():
+        if len(buses) > 1:
+            parts.append(
+                svg_text(_MARGIN, top + 12, _bus_name(network, number, subs), "start", "name")
             )
-        )
-    rows = -(-len(subs) // _PER_ROW)
-    return parts, _MARGIN + rows * 48 + _GAP
+            top += _BUS_NAME
+        parts += [_box(sub, place, top, wrong) for place, sub in enumerate(subs)]
+        top += _BOX_ROW * -(-len(subs) // _PER_ROW)
+    return parts, top + _GAP
+
+
+def _bus_name(network: NetworkConfig, number: int, subs: Sequence[SubDevice]) -> str:
+    name = network.buses[number].name if network.buses else subs[0].system
+    return shortened(name, 60)
+
+
+def _box(sub: SubDevice, place: int, top: int, wrong: _Places) -> str:
+    row, column = divmod(place, _PER_ROW)
+    x, y = _MARGIN + column * _BOX_STEP, top + row * _BOX_ROW
+    sign = "✕ " if _is_wrong(sub, wrong) else ""
+    before = x - (_BOX_STEP - _BOX if column else _MARGIN)
+    label = f"{sign}{sub.position} {shortened(sub.name, 20)}"
+    return (
+        f'<line x1="{before}" y1="{y + 16}" x2="{x}" y2="{y + 16}" class="bus"/>'
+        f'<rect x="{x}" y="{y}" width="{_BOX}" height="32" rx="4" class="box"/>'
+        + svg_text(x + _BOX / 2, y + 21, label, "middle")
+    )
 
 
 def _card(

@@ -19,6 +19,7 @@ from fsoe_net.document.model import (
     Verdict,
     cell,
     muted,
+    number_of,
     stated,
     strong,
 )
@@ -61,9 +62,9 @@ def copies(inputs: ReportInputs) -> ReportSection:
         Paragraph(
             (
                 Text("Every bus cycle "),
-                stated(len(plan.copies), "copies", _PLAN),
+                number_of(len(plan.copies), "copy", _PLAN),
                 Text(" move "),
-                stated(moved, "bytes", _PLAN),
+                number_of(moved, "byte", _PLAN),
                 Text(
                     ", unmodified and in the cycle in which the source arrived. Each copy goes "
                     "from an input to an output, in whole bytes inside one sync manager."
@@ -138,7 +139,7 @@ def _copy_table(plan: Plan, domain: IghDomain) -> Table:
         rows.append(
             (
                 cell(strong(f"{n}"), muted(_name(plan, c))),
-                cell(stated(c.size_bytes, "bytes", _PLAN)),
+                cell(number_of(c.size_bytes, "byte", _PLAN)),
                 *ends,
                 tuple(verdicts),
             )
@@ -224,7 +225,7 @@ def _datagrams(domain: IghDomain) -> Table:
         (
             cell(strong(str(n))),
             cell(stated(d.offset_bytes, "", _IMAGE, f"0x{d.offset_bytes:08x}")),
-            cell(stated(d.size_bytes, "bytes", _IMAGE)),
+            cell(number_of(d.size_bytes, "byte", _IMAGE)),
             cell(stated(d.working_counter, "", _IMAGE)),
         )
         for n, d in enumerate(domain.datagrams)

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from fsoe_net.diag.words import noun
 from fsoe_net.document.model import (
     Cell,
     Column,
@@ -20,6 +21,7 @@ from fsoe_net.document.model import (
     cell,
     code,
     muted,
+    number_of,
     stated,
     strong,
 )
@@ -185,7 +187,7 @@ def _mapping_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
             (
                 cell(strong(s.planned or s.name or "?"), muted(f"position {s.position}")),
                 cell(f"SM{sm.index} {sm.kind}"),
-                cell(stated(sm.size_bytes, "bytes", path)),
+                cell(number_of(sm.size_bytes, "byte", path)),
                 cell(code(pdos or "none")),
             )
         )
@@ -210,9 +212,9 @@ def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
         Text(", "),
         stated(run.duration_ms / 1000, "s", path),
         Text(", "),
-        stated(run.cycles, "bus cycles", path),
+        number_of(run.cycles, "bus cycle", path),
         Text(", "),
-        stated(run.overruns, "late cycles", path),
+        number_of(run.overruns, "late cycle", path),
         Text(", "),
         stated(run.wkc_errors, "cycles with incomplete working counter", path),
         Text("; "),
@@ -228,7 +230,7 @@ def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
             cell(stated(c.cycle_mean, "ms", path)),
             cell(stated(c.cycle_max, "ms", path)),
             cell(stated(c.watchdog, "ms", path)),
-            cell(stated(c.resets, "resets", path), muted(c.reset_text if c.resets else "")),
+            cell(number_of(c.resets, "reset", path), muted(c.reset_text if c.resets else "")),
             observed_cell(c.name, c),
         )
         for c in run.rows
@@ -259,7 +261,7 @@ def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]
             cell(strong(c.name)),
             cell(state_words(c.state.word)),
             tuple(
-                stated(d.wrong, f"wrong frames {to}", path)
+                stated(d.wrong, f"{noun(d.wrong, 'wrong frame')} {to}", path)
                 for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
             ),
             tuple(
@@ -314,8 +316,8 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
             cell(state_words(c.state.word)),
             cell(_seen(max(c.to_sub.interval_mean_ns, c.to_main.interval_mean_ns), source)),
             cell(_seen(max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns), source)),
-            cell(stated(c.to_sub.wrong + c.to_main.wrong, "frames", source)),
-            cell(stated(c.to_sub.resets + c.to_main.resets, "resets", source)),
+            cell(number_of(c.to_sub.wrong + c.to_main.wrong, "frame", source)),
+            cell(number_of(c.to_sub.resets + c.to_main.resets, "reset", source)),
             observed_cell(name, c),
         )
         for name, c in zip(names, live.snapshot.cycle.connections, strict=False)

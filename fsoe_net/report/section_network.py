@@ -24,6 +24,7 @@ from fsoe_net.document.model import (
     cell,
     code,
     muted,
+    number_of,
     stated,
     strong,
 )
@@ -65,8 +66,9 @@ def architecture(inputs: ReportInputs) -> ReportSection:
     subs = {c.sub.name for c in resolution.connections}
     parts: list[Part] = []
     if inputs.plan is not None:
+        buses = f"{len(network.buses)} buses" if network.buses else "the bus"
         words = (
-            f"{counted(len(network.subdevices), 'SubDevice')} on the bus, "
+            f"{counted(len(network.subdevices), 'SubDevice')} on {buses}, "
             f"{counted(len(resolution.connections), 'FSoE connection')} between them"
         )
         parts.append(
@@ -388,7 +390,7 @@ def _parameters(parameters: bytes) -> Cell:
     if not parameters:
         return cell(muted("none stated"))
     return cell(
-        Number(value=len(parameters), text=str(len(parameters)), unit="bytes", source=_FACTS),
+        number_of(len(parameters), "byte", _FACTS),
         code(parameters[:_SHOWN_BYTES].hex(" ") + " …" * (len(parameters) > _SHOWN_BYTES)),
         _sra(parameters),
     )

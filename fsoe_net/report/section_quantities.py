@@ -9,7 +9,6 @@ from fsoe_net.document.model import (
     Column,
     Heading,
     Level,
-    Number,
     Paragraph,
     Part,
     Table,
@@ -17,6 +16,7 @@ from fsoe_net.document.model import (
     Verdict,
     cell,
     muted,
+    number_of,
     stated,
     strong,
 )
@@ -89,7 +89,7 @@ def mission_cell(element: SafetyElement) -> Cell:
     years = element.mission_years
     if years is None:
         return cell(muted("not stated"))
-    return cell(stated(years, "years", element.source or "no source"))
+    return cell(number_of(years, "year", element.source or "no source"))
 
 
 def shortest_mission(row: FunctionBudget) -> list[Part]:
@@ -105,7 +105,7 @@ def shortest_mission(row: FunctionBudget) -> list[Part]:
     least = min(years)
     names = ", ".join(dict.fromkeys(name for value, name in stated_years if value == least))
     words = f" is the shortest mission time, of {names}: its PFH holds no longer."
-    number = Number(value=least, text=f"{least:g}", unit="years", source="network file")
+    number = number_of(least, "year", "network file", f"{least:g}")
     return [Paragraph((number, Text(words)))]
 
 
@@ -124,7 +124,7 @@ def _rates(rows: Sequence[WatchdogBudget]) -> Table:
             ),
             (
                 cell(strong("logical connections")),
-                cell(stated(len(rows), "connections", "network files")),
+                cell(number_of(len(rows), "connection", "network files")),
             ),
         ),
     )

@@ -22,7 +22,7 @@ from fsoe_net.document.model import (
     cell,
     code,
     muted,
-    stated,
+    number_of,
     strong,
 )
 from fsoe_net.model.acceptance import Acceptance, SignedBy
@@ -147,7 +147,7 @@ def _compared(against: Against, inputs: ReportInputs) -> Paragraph:
         Text(": "),
     ]
     if count:
-        items.append(stated(count, "difference" if count == 1 else "differences", "by meaning"))
+        items.append(number_of(count, "difference", "by meaning"))
     elif changed:
         items.append(Verdict("no difference by meaning, but another fingerprint", Level.WARNING))
     else:

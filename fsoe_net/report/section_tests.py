@@ -20,6 +20,7 @@ from fsoe_net.document.model import (
     cell,
     code,
     muted,
+    number_of,
     stated,
     strong,
 )
@@ -195,7 +196,7 @@ def _emulated_run(run: Run) -> list[Part]:
                 Text(f". {run.mode.capitalize()} time, "),
                 stated(run.duration_ms / 1000, "s", source),
                 Text(", "),
-                stated(s.cycles, "bus cycles", source),
+                number_of(s.cycles, "bus cycle", source),
                 Text(", "),
                 stated(s.wkc_errors, "with incomplete working counter", source),
                 Text(", "),
@@ -216,7 +217,7 @@ def _emulated_run(run: Run) -> list[Part]:
                     cell(stated(c.fsoe_cycle_ms["max"], "ms", source)),
                     cell(stated(c.watchdog_ms, "ms", source)),
                     cell(
-                        stated(c.resets, "resets", source),
+                        number_of(c.resets, "reset", source),
                         muted(c.last_reset_text if c.resets else ""),
                     ),
                 )

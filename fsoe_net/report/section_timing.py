@@ -19,6 +19,7 @@ from fsoe_net.document.model import (
     cell,
     decimal,
     muted,
+    number_of,
     outward,
     stated,
     strong,
@@ -209,7 +210,7 @@ def _lost(c: WatchdogBudget) -> Item:
     if c.lost_frames is None:
         return muted("not judged")
     source = "(watchdog - round trip - 1 ms) / T_Com of the slowest bus on its way"
-    return stated(c.lost_frames, "cycles", source)
+    return number_of(c.lost_frames, "cycle", source)
 
 
 def _reasons(budget: Budget) -> list[Part]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from fsoe_net.diag.words import counted
 from fsoe_net.document.markup import escape, shortened, svg_text
 from fsoe_net.plan.model import NONE, Plan
@@ -38,18 +40,23 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
     dense = len(shown) > 2 * per_row
     first_y, step_x, step_y = (30 if dense else 110), _BOX_WIDTH + _GAP, (94 if dense else 200)
     place: dict[int, tuple[float, float]] = {}
-    for order, number in enumerate(shown):
-        row, column = divmod(order, per_row)
-        place[number] = (20 + column * step_x, first_y + row * step_y)
-    columns = min(per_row, max(1, len(shown)))
+    rows = _rows(plan, shown, per_row)
+    for row, (_, numbers) in enumerate(rows):
+        for column, number in enumerate(numbers):
+            place[number] = (20 + column * step_x, first_y + row * step_y)
+    columns = max((len(numbers) for _, numbers in rows), default=1)
     last_y = max((y for _, y in place.values()), default=first_y)
-    width, height = 20 + columns * step_x, last_y + _BOX_HEIGHT + 28
+    has_names = any(name for name, _ in rows)
+    width, height = 20 + columns * step_x, last_y + _BOX_HEIGHT + 28 + _LINE * has_names
     connections = counted(len(plan.connections), "FSoE connection")
     parts = [
         f'<svg viewBox="0 20 {width} {height - 20:g}" style="max-width:{width}px" role="img" '
         f'aria-label="Topology: {connections}">'
     ]
     parts += _bus_line(list(place.values()), step_x)
+    for row, (name, _) in enumerate(rows):
+        below = first_y + row * step_y + _BOX_HEIGHT + 16
+        parts += [svg_text(20, below, name, "start", "name")] if name else []
     lines = _connection_lines(plan) if dense else {}
     mains = {c.main for c in plan.connections}
     subs = {c.sub for c in plan.connections}
@@ -62,6 +69,21 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
         text = f"{hidden} SubDevices without a copy"
         parts.append(svg_text(20, height - 6, text, "start", "small"))
     return "".join([*parts, "</svg>"])
+
+
+def _rows(plan: Plan, shown: Sequence[int], per_row: int) -> list[tuple[str, list[int]]]:
+    """Return what is in each row; the first row of a bus has its name where there are several."""
+    buses: dict[int, list[int]] = {}
+    for number in shown:
+        buses.setdefault(plan.bus_number(number), []).append(number)
+    return [
+        (
+            f"bus {plan.buses[bus].name}" if len(plan.buses) > 1 and not at else "",
+            own[at : at + per_row],
+        )
+        for bus, own in buses.items()
+        for at in range(0, len(own), per_row)
+    ]
 
 
 def _bus_line(places: list[tuple[float, float]], step_x: float) -> list[str]:

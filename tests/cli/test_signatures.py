@@ -207,7 +207,7 @@ def test_the_report_shows_the_signatures_and_what_was_accepted(folder: Path) -> 
     assert done.returncode == 0, done.stderr
     text = Path("signed.md").read_text("utf-8")
     for role, who, name in (("author", ANNA, "A. Meier"), ("verifier", BERT, "B. Kaya")):
-        assert f"○ {role} {name} \\<{who}>, 2021-11-21<br>{who}, ED25519 SHA256:" in text
+        assert f"✔ {role} {name} \\<{who}>, 2021-11-21<br>{who}, ED25519 SHA256:" in text
     assert "oscilloscope 4711, calibrated until 2022-03<br>stop watch" in text
     assert "hall 3, 21 degrees" in text
     photo = hashlib.sha256(b"a photo of the panel").hexdigest()

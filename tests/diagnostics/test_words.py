@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Number, number_of, stated
 
 PACKAGE = Path(__file__).parents[2] / "fsoe_net"
 NOUNS = [
@@ -75,3 +76,30 @@ def test_numbers_before_things_are_counted():
 )
 def test_counted(number: int, word: str, text: str):
     assert counted(number, word) == text
+
+
+UNIT = re.compile(rf"(?:[a-z]+ )?(?:{'|'.join([*NOUNS, 'byte', 'copie', 'year'])})s")
+
+
+def test_a_number_of_a_document_has_no_plural_as_its_unit() -> None:
+    """`number_of` gives the singular for one."""
+    units = [
+        argument.value
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for call in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(call, ast.Call) and getattr(call.func, "id", "") in ("stated", "Number")
+        for argument in (*call.args[1:2], *(k.value for k in call.keywords if k.arg == "unit"))
+        if isinstance(argument, ast.Constant)
+    ]
+    assert "ms" in units
+    assert [unit for unit in units if UNIT.fullmatch(str(unit))] == []
+
+
+@pytest.mark.parametrize(
+    ("value", "unit"), [(0, "copies"), (1, "copy"), (1.0, "copy"), (1.5, "copies"), (2, "copies")]
+)
+def test_the_unit_of_a_number_is_the_singular_for_one(value: float, unit: str) -> None:
+    item = number_of(value, "copy", "a file")
+    assert isinstance(item, Number)
+    assert item.unit == unit
+    assert number_of(None, "copy", "a file") == stated(None, "", "a file")

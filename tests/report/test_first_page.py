@@ -279,6 +279,23 @@ def test_names_of_connections_never_touch(per_row: int, identities: bool) -> Non
             assert apart or abs(top - other_top) >= 14
 
 
+@pytest.mark.parametrize(("per_row", "rows"), [(5, 2), (2, 3)])
+def test_each_bus_is_a_line_of_its_own_with_its_name(per_row: int, rows: int) -> None:
+    plan = compile_plan(example("two-buses"))
+    svg = topology_picture(plan, per_row=per_row)
+    lines = [float(y) for y in re.findall(r'<line x1="2" y1="(\S+)"', svg)]
+    assert len(lines) == rows
+    middles = dict(re.findall(r'y="(\S+)" text-anchor="middle" class="name">(\w+)<', svg)[::-1])
+    middles = {name: float(y) for y, name in middles.items()}
+    assert middles["el6910"] < middles["drive_1"]
+    names = re.findall(r'y="(\S+)" text-anchor="start" class="name">(.*?)<', svg)
+    assert [name for _, name in names] == ["bus cell", "bus drives"]
+    below = [float(y) - 47 for y, _ in names]
+    assert below == [lines[0], lines[-1]]
+    one = topology_picture(replace(plan, buses=()), per_row=per_row)
+    assert "bus cell" not in one
+
+
 def test_printed_pages_of_a_report_are_counted(tmp_path: Path) -> None:
     """A safety function takes one page; the rest, without appendices, five for this network."""
     browser = shutil.which("chromium")

@@ -15,6 +15,7 @@ import pytest
 from cli.tool import fsn
 from report.made import TIMED, inputs_of
 
+from fsoe_net.document.write_html import document_html
 from fsoe_net.document.write_pdf import _for_print, document_pdf, pdf_library
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.report.compose import compose_report
@@ -87,6 +88,24 @@ def test_the_same_report_gives_the_same_bytes_with_head_and_number_on_each_page(
     boxes = re.findall(rb"/MediaBox \[([^\]]*)\]", _plain(pdf))
     assert len(boxes) >= 6
     assert {tuple(round(float(n)) for n in b.split()) for b in boxes} == {(0, 0, 595, 842)}
+
+
+@pytest.mark.uncounted
+@needs_library
+@of_library
+def test_the_foot_of_a_page_is_one_line():
+    page = _for_print(document_html(compose_report(inputs_of(TIMED))))
+    for sheet in pdf_library().HTML(string=page).render().pages:
+        feet = [
+            b for b in sheet._page_box.children if getattr(b, "at_keyword", "") == "@bottom-left"
+        ]
+        lines = {
+            round(part.position_y)
+            for foot in feet
+            for part in foot.descendants()
+            if getattr(part, "text", "").strip()
+        }
+        assert len(lines) == 1
 
 
 @needs_library

@@ -60,7 +60,7 @@ def test_json_is_one_document(fsn):
     found = json.loads(out)
     assert (code, err) == (0, "")
     assert (found["tool"], found["version"]) == ("fsoe-net", __version__)
-    assert (found["network"], found["mode"], found["result"]) == ("robot-cell", "virtual", "pass")
+    assert (found["network"], found["mode"], found["result"]) == ("el6910-cell", "virtual", "pass")
     assert len(found["connections"]) == 4
 
 

@@ -163,7 +163,7 @@ def test_reports(tmp_path):
     page = document_markdown(campaign_document(result))
     assert "| corruption | 200 |" in page
     assert "| el6910-drive\\_2 | 4 | 202 | 4 | 14 | 100 ms | 1 ms |" in page
-    assert "**○ passed: nothing wrongly accepted, every reaction right**" in page
+    assert "**✔ passed: nothing wrongly accepted, every reaction right**" in page
     row = result.classes[0]
     row.exposed_collisions = row.collisions = 9
     assert "9 collisions, 0.00 expected" in text_of(result)

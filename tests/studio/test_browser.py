@@ -200,7 +200,7 @@ def test_errors_stand_before_warnings_and_notes(page: Any) -> None:
 def test_hostile_names_are_text(page: Any) -> None:
     area = page.locator("textarea")
     evil = "<img src=x onerror=alert(1)>"
-    area.fill(area.input_value().replace("name: robot-cell", f'name: "{evil}"'))
+    area.fill(area.input_value().replace("name: el6910-cell", f'name: "{evil}"'))
     page.wait_for_function("text => document.body.innerText.includes(text)", arg=evil)
     assert page.locator("img").count() == 0
 

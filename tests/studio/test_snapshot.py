@@ -40,6 +40,17 @@ def test_it_shows_bus_slots_connections_and_findings(cell: Path) -> None:
     assert not re.search(r"<script|<link|\ssrc=|\shref=\"http|\son\w+=|url\(", page)
 
 
+def test_each_bus_has_a_row_of_its_own() -> None:
+    page = _page(EXAMPLES / "two-buses" / "network.yaml")
+    labels = re.findall(r'<text x="(\S+)" y="(\S+)"[^>]*>(cell|drives|[0-9] \w+)</text>', page)
+    heights = {text: float(y) for _, y, text in labels}
+    rows = [
+        [heights[t] for t in row] for row in (("1 el6910", "3 el2904"), ("0 drive_1", "1 drive_2"))
+    ]
+    assert [len(set(row)) for row in rows] == [1, 1]
+    assert heights["cell"] < rows[0][0] < heights["drives"] < rows[1][0]
+
+
 def test_one_that_compiles_to_no_plan_is_shown_too(cell: Path) -> None:
     text = cell.read_text("utf-8")
     cell.write_text(text.replace("address: 101", "unconfirmed: <b>guessed</b>", 1), "utf-8")
@@ -60,7 +71,7 @@ def test_one_that_compiles_to_no_plan_is_shown_too(cell: Path) -> None:
 
 def test_hostile_names_are_text(cell: Path) -> None:
     evil = "<img src=x onerror=alert(1)>"
-    cell.write_text(cell.read_text("utf-8").replace("name: robot-cell", f'name: "{evil}"'))
+    cell.write_text(cell.read_text("utf-8").replace("name: el6910-cell", f'name: "{evil}"'))
     page = _page(cell)
     cell.write_text(cell.read_text("utf-8").replace("drive_2", '"<b>drive</b> behind the door"'))
     page += _page(cell)

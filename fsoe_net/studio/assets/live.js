@@ -150,6 +150,7 @@ function Shown({ past, source, state, sources, end }) {
 
 /** @param {number} pace */
 function paceText(pace) {
-  if (pace > 0.97) return "as fast as the clock";
-  return `▲ ${(1 / Math.max(pace, 0.001)).toFixed(1)} times slower than the clock: this machine is too slow for this network`;
+  const percent = Math.round(pace * 100);
+  if (percent >= 97) return "as fast as the clock";
+  return `▲ ${percent} % of the speed of the clock: this machine is too slow for this network`;
 }
