@@ -91,6 +91,7 @@ FSN164 error   buses are not possible
 FSN165 error   groups are not possible
 FSN166 error   what is there needs what may be absent
 FSN167 warning output keeps the last value of a group that is absent
+FSN168 error   ec_module outside of a joint, gpio or sensor
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
 FSN203 error   transfer reads an output
@@ -178,6 +179,7 @@ FSN446 error   safety project has another value for a connection
 FSN447 error   connection is missing in the safety project, or here
 FSN448 warning FSoE frames differ from those the device library knows
 FSN449 info    what the device library knows about a device
+FSN450 info    default of an output that not every version of the driver writes
 FSN460 info    drive that waits for STO release blocks the start of the driver
 FSN461 info    stopping and starting the driver doubles the transfers
 FSN462 info    driver that writes every default would destroy the copied frame

@@ -82,6 +82,8 @@ class Entry(Located):
     file. ``written_by`` names what makes the driver write the entry each cycle, e.g.
     ``default`` or ``command_interface``; ``None`` when it never does. An input is
     ``factor * raw + offset`` to its users, an output ``factor * value + offset`` on the wire.
+    ``component`` is the joint, gpio or sensor that its interfaces belong to, empty where none is
+    stated; ``driver`` is JSON of what only ethercat_driver_ros2 acts on.
     """
 
     index: int
@@ -97,6 +99,8 @@ class Entry(Located):
     factor: float = 1.0
     offset: float = 0.0
     views: tuple[EntryView, ...] = ()
+    component: str = ""
+    driver: str = ""
     restart_relevant: bool = False
 
     @property
@@ -202,13 +206,14 @@ class RobotComponent:
     """A joint, gpio or sensor of a robot description that a SubDevice serves.
 
     ``kind`` is ``joint``, ``gpio`` or ``sensor``; ``states`` and ``commands`` are the names of its
-    interfaces in the order of the description.
+    interfaces in the order of the description, ``places`` where they are written, the states first.
     """
 
     kind: str
     name: str
     states: tuple[str, ...] = ()
     commands: tuple[str, ...] = ()
+    places: tuple[Span, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,10 +223,10 @@ class SubDevice(Located):
     ``alias`` 0: ``position`` is the ring position; else ``position`` counts from the SubDevice with
     that alias. ``device`` is ``None`` when its file could not be read: rules then stay silent about
     its content, the loader has already spoken. ``revision`` is ``None`` where any will do.
-    ``origin`` says where it was declared: ``network``, ``joint``, ``gpio``, ``sensor``,
+    ``components`` are the joints, gpios and sensors of a URDF that it serves. ``origin`` says where
+    it was declared: ``network``, ``joint``, ``gpio``, ``sensor``,
     ``transfer_modules`` or ``safety_modules``. ``master_id``: number of the EtherCAT master, or of
-    the bus where the network file has several. ``component``: what it serves in a robot
-    description; ``None`` without one.
+    the bus where the network file has several.
     """
 
     name: str
@@ -232,9 +237,9 @@ class SubDevice(Located):
     plugin: str | None = None
     required: bool = True
     origin: str = "network"
+    components: tuple[RobotComponent, ...] = ()
     system: str = ""
     master_id: int = 0
-    component: RobotComponent | None = None
 
     @property
     def layout(self) -> DeviceLayout | None:

@@ -24,8 +24,8 @@ def describe(network: NetworkConfig) -> Description:
     """Return what a network says, with a copy for each of its transfers.
 
     Raises:
-        InputError: It has several buses or groups, a SubDevice has no device description, a
-            transfer does not resolve, or a connection is unconfirmed or means no frames.
+        InputError: It has several buses, masters or groups, a SubDevice has no device description,
+            a transfer does not resolve, or a connection is unconfirmed or means no frames.
     """
     if network.groups:
         raise InputError(
@@ -37,6 +37,7 @@ def describe(network: NetworkConfig) -> Description:
             f"{network.at('buses')}: this network has {len(network.buses)} buses, and no other "
             "format holds more than one; write a network file for each bus"
         )
+    _refuse_several_masters(network)
     rows = []
     for sub in network.subdevices:
         if sub.device is None:
@@ -48,7 +49,7 @@ def describe(network: NetworkConfig) -> Description:
                 position=sub.position if not sub.alias else None,
                 alias=sub.alias,
                 device=sub.device,
-                component=sub.component,
+                components=sub.components,
             )
         )
     resolution = resolve(network)
@@ -87,6 +88,21 @@ def describe(network: NetworkConfig) -> Description:
         connections=described_connections(resolution),
         cycle_us=None if network.cycle_ns is None else network.cycle_ns // 1000,
     )
+
+
+def _refuse_several_masters(network: NetworkConfig) -> None:
+    """Each master has a ring of its own."""
+    names: dict[int, list[str]] = {}
+    for sub in network.subdevices:
+        row = names.setdefault(sub.master_id, [str(sub.master_id)])
+        if sub.system not in ("", *row):
+            row.append(sub.system)
+    if len(names) > 1:
+        known = ", ".join(" or ".join(row) for row in names.values())
+        raise InputError(
+            f"{network.span}: the SubDevices of {len(names)} EtherCAT masters are not one bus; "
+            f"choose one with --master: {known}"
+        )
 
 
 def described_connections(resolution: Resolution) -> tuple[DescribedConnection, ...]:

@@ -142,7 +142,8 @@ class DescribedSubDevice(Located):
         fsoe_address: FSoE address that the device itself reports.
         truncated: The source ends in the middle of this SubDevice.
         notes: What a reader had to assume, in words, for people.
-        component: The joint, gpio or sensor of a robot description that it serves; not compared.
+        components: The joints, gpios and sensors of a robot description that it serves; not
+            compared.
         facts: What is said beside the process data; no part of a comparison.
         start: What a MainDevice needs to start it; ``None`` where no source says; not compared.
     """
@@ -159,7 +160,7 @@ class DescribedSubDevice(Located):
     fsoe_address: int | None = None
     truncated: bool = False
     notes: tuple[str, ...] = ()
-    component: RobotComponent | None = field(default=None, compare=False)
+    components: tuple[RobotComponent, ...] = field(default=(), compare=False)
     facts: TypeFacts = field(default_factory=TypeFacts, compare=False)
     start: StartFacts | None = field(default=None, compare=False)
 

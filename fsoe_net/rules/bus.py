@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from fsoe_net.diag.diagnostic import Related
+from fsoe_net.diag.diagnostic import Related, Severity
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import Bus
-from fsoe_net.rules.context import Context
+from fsoe_net.rules.context import Context, few
 
 __all__ = ["check_bus"]
 
@@ -35,6 +35,8 @@ def check_bus(ctx: Context) -> None:
                 f"them to ring position {sub.position} instead",
                 hint="address it by ring position (alias 0) while it has SDOs",
             )
+        if len(sub.components) > 1:
+            _several_components(ctx, sub)
     _optional_modules(ctx)
 
 
@@ -96,6 +98,17 @@ def _name_twice(ctx: Context, sub: SubDevice, first: SubDevice) -> None:
         f"the name {sub.name!r} is used twice; every transfer would use the first",
         hint="give each SubDevice a name of its own",
         related=related,
+    )
+
+
+def _several_components(ctx: Context, sub: SubDevice) -> None:
+    ctx.add(
+        "FSN134",
+        sub.at("name"),
+        f"{sub.name} serves {few([c.name for c in sub.components])}: one SubDevice for the newest "
+        "driver; older ones configure it once for each, and all write its outputs",
+        severity=Severity.INFO,
+        hint="`for:` at a PDO or channel names the one that its interfaces belong to",
     )
 
 

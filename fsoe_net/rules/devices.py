@@ -25,6 +25,7 @@ def check_devices(ctx: Context) -> None:
         _sync_managers(ctx, number, device)
         for sm in device.layout.managers:
             _entries(ctx, sm)
+            _defaults(ctx, sm)
             _sync_manager_size(ctx, sm, sub)
         _entries_twice(ctx, device.layout)
         if number not in ctx.exchanged:  # FSN401 has named the cause
@@ -286,7 +287,9 @@ def _interfaces(ctx: Context, device: Device) -> None:
     ):
         for pdo in pdos:
             for entry in pdo.entries:
-                if getattr(entry, key) is None:
+                # also an empty command of an input ends the driver
+                empty = group == "tpdo" and key in entry.fields
+                if getattr(entry, key) is None and not empty:
                     continue
                 effect = "newer drivers stop with an exception, older ones ignore it"
                 ctx.add(
@@ -297,6 +300,31 @@ def _interfaces(ctx: Context, device: Device) -> None:
                     severity=None if group == "tpdo" else Severity.INFO,
                     hint=f"use {own} here",
                 )
+
+
+def _defaults(ctx: Context, sm: SmLayout) -> None:
+    """FSN450: an output that not every driver writes. Memory begins as 0, so 0 is no such value."""
+    if sm.sm.direction is not Direction.OUTPUT:
+        return
+    for placed in sm.placed:
+        entry = placed.entry
+        if not entry.default or {"command_interface", "data_mapping"} & set(entry.fields):
+            continue
+        if entry.is_gap or sm.block_at(placed.bit_offset) is not None or _by_drive_plugin(entry):
+            continue
+        ctx.add(
+            "FSN450",
+            entry.at("default"),
+            f"{entry.address} has a default and no command_interface: ethercat_driver_ros2 of 2025 "
+            "then ignores the default and the output stays 0; versions of 2024 and the newest "
+            "write it",
+            hint="write `command_interface: ~` too: every version then writes the default",
+        )
+
+
+def _by_drive_plugin(entry: Entry) -> bool:
+    """Whether EcCiA402Drive writes it: the controlword and the mode of operation of an axis."""
+    return entry.index in range(0x6000, 0xA000) and entry.index % 0x800 in (0x40, 0x60)
 
 
 def _image_size(ctx: Context) -> None:

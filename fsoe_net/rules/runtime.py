@@ -16,7 +16,7 @@ from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.drives import CIA402_PLUGIN
 from fsoe_net.model.network import NetworkConfig, TransferKind
 from fsoe_net.model.transfer_ends import ResolvedTransfer
-from fsoe_net.rules.context import Context
+from fsoe_net.rules.context import Context, few
 
 __all__ = ["ROS2", "Runtime", "check_runtime"]
 
@@ -45,6 +45,7 @@ _NEW_KEYS = {
     "required": (Runtime.ROS2_NEWEST, False),
     "sdo_check": (Runtime.ROS2_NEWEST, False),
     "factor_from_sdo": (Runtime.ROS2_NEWEST, False),
+    "for": (Runtime.ROS2_NEWEST, True),
 }
 
 
@@ -92,6 +93,8 @@ def _ros2(ctx: Context, runtime: Runtime) -> None:
     if runtime in (Runtime.ROS2_2026_08, Runtime.ROS2_NEWEST):
         _aliases(ctx)
     _new_keys(ctx, network, runtime)
+    if runtime is not Runtime.ROS2_NEWEST:
+        _several_components(ctx, runtime)
 
 
 def _drives(ctx: Context) -> None:
@@ -103,6 +106,18 @@ def _drives(ctx: Context) -> None:
                 f"{sub.name}: this version does not copy while it waits for OP; a drive that "
                 "waits for STO release then never gets ready",
                 hint="use a version whose activation runs the copies (readiness_timeout_s exists)",
+            )
+
+
+def _several_components(ctx: Context, runtime: Runtime) -> None:
+    for sub in ctx.resolution.network.subdevices:
+        if len(sub.components) > 1:
+            ctx.add(
+                "FSN134",
+                sub.at("name"),
+                f"{runtime.value} configures {sub.name} once for each of "
+                f"{few([c.name for c in sub.components])}; each time it writes all its outputs",
+                hint="use the newest driver, or one joint",
             )
 
 
@@ -123,7 +138,8 @@ def _new_keys(ctx: Context, network: NetworkConfig, runtime: Runtime) -> None:
     rows = [network, *network.nets, *network.subdevices]
     rows += [sub.device for sub in network.subdevices if sub.device is not None]
     for _, device, _ in ctx.devices():
-        rows += [e for pdo in (*device.rpdos, *device.tpdos) for e in pdo.entries]
+        for pdo in (*device.rpdos, *device.tpdos):
+            rows += [pdo, *pdo.entries]
     for key, (since, needed) in _NEW_KEYS.items():
         if ROS2.index(since) <= ROS2.index(runtime):
             continue
@@ -136,16 +152,22 @@ def _new_keys(ctx: Context, network: NetworkConfig, runtime: Runtime) -> None:
             "FSN463",
             min(places),
             f"{key} is known since {since.value}; {runtime.value} ignores it"
-            + (", and copies nothing" if key == "transfer_config" else ""),
+            + _WITHOUT.get(key, ""),
             severity=Severity.WARNING if needed else Severity.INFO,
             hint=_OLD_KEYS.get(key, "leave it out, or use a newer version"),
         )
 
 
+_WITHOUT = {
+    "transfer_config": ", and copies nothing",
+    "master_plugin": ", and reads master_id as the number of an IgH master",
+    "for": ", and binds an interface to every joint that has one of that name",
+}
 _OLD_KEYS = {
     "transfer_config": "its name there is fsoe_config",
     "transfer_modules": "its name there is safety_modules",
     "transfer_master": "its name there is safety_master",
+    "for": "use the newest driver: no other can tell the joints of one SubDevice apart",
 }
 
 
@@ -154,6 +176,7 @@ _OLD_KEYS = {
 # Product codes of Beckhoff that linuxcnc-ethercat has FSoE support for.
 _LCEC_MAINS = {0x1AF43052, 0x077E3052}  # EL6900, EL1918
 _LCEC_SUBS = {0x07703052: "EL1904", 0x0B583052: "EL2904", 0x16AD6012: "AX5805"}
+_LCEC_FORKS = {0x077A2C52: "EK1914", 0x077E3052: "EL1918"}
 _LCEC_FRAME_BYTES = {"EL1904": (6,), "EL2904": (6,), "AX5805": (7, 11)}
 
 
@@ -178,13 +201,14 @@ def _lcec_type(ctx: Context, sub: SubDevice, *, is_main: bool) -> None:
     if sub.device.product_code in (_LCEC_MAINS if is_main else _LCEC_SUBS):
         return
     role = "MainInstance" if is_main else "SubInstance"
+    fork = None if is_main else _LCEC_FORKS.get(sub.device.product_code)
     ctx.add(
         "FSN465",
         sub.span,
         f"{sub.name} (product 0x{sub.device.product_code:08x}) has no FSoE support as {role} in "
-        "linuxcnc-ethercat",
+        "linuxcnc-ethercat of August 2026" + (f"; forks have a driver for {fork}" if fork else ""),
         hint="MainInstances: EL6900, EL1918 logic; SubInstances: EL1904, EL2904, AX51xx and AX52xx "
-        "with AX5805",
+        "with AX5805; `lcec_devices` lists what your version has",
     )
 
 

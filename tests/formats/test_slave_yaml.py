@@ -134,17 +134,89 @@ def test_a_file_that_is_named_as_a_slave_yaml_and_is_none(tmp_path: Path):
 @pytest.mark.parametrize(
     ("word", "meant"),
     [
-        ("BIT12", "bit12"),
-        ("bits 7", "bit7"),
-        ("gap_3", "bit3"),
-        ("pad5", "bit5"),
-        ("255", "bit255"),
-        ("16 bits", "bit16"),
-        ("256", None),
-        ("UINT16", "uint16"),
-        ("unit16", "uint16"),
-        ("zzz", None),
+        ("BIT12", ("bit12",)),
+        ("bits 7", ("bit7",)),
+        ("gap_3", ("bit3",)),
+        ("pad5", ("bit5",)),
+        ("255", ("bit255",)),
+        ("16 bits", ("bit16",)),
+        ("256", ()),
+        ("UINT16", ("uint16",)),
+        ("INT", ("int16",)),  # of IEC 61131-3
+        ("int", ("int16", "int32")),  # that one, or the one of C
+        ("unit16", ("uint16",)),
+        ("uint16_t", ("uint16",)),
+        ("uint16_le", ("uint16",)),
+        ("uint12", ()),
+        ("int24", ()),
+        ("zzz", ()),
     ],
 )
-def test_the_type_that_a_word_means(word: str, meant: str | None):
+def test_the_types_that_a_word_may_mean(word: str, meant: tuple[str, ...]):
     assert _meant(word) == meant
+
+
+@pytest.mark.parametrize("word", ["uint16_be", "uint16be", "float-swapped", "UINT32 big endian"])
+def test_a_big_endian_type_is_not_replaced_silently(word: str):
+    out = Collector()
+    bits = type_bits(word, Span("x"), out)
+    assert bits in (16, 32)
+    (found,) = out.diagnostics
+    assert "little-endian" in found.hint
+    assert "exchange the bytes" in found.hint
+
+
+def test_the_length_of_a_type_that_may_be_two_is_not_known():
+    out = Collector()
+    assert type_bits("int", Span("x"), out) is None
+    assert [d.hint for d in out.diagnostics] == ["write int16 or int32"]
+
+
+OUTPUTS = """\
+vendor_id: 2
+product_id: 3
+rpdo:
+  - index: 0x1600
+    channels:
+      - {index: 0x7000, sub_index: 1, type: uint8, default: 5}
+      - {index: 0x7000, sub_index: 2, type: uint8, command_interface: speed, default: 5}
+tpdo:
+  - index: 0x1a00
+    channels:
+      - {index: 0x6000, sub_index: 1, type: uint8, default: 5}
+"""
+
+
+def test_a_default_is_written_with_an_interface_that_binds_nothing():
+    """Versions of the driver of 2025 read no default without one, and refuse one of an input."""
+    out = Collector()
+    root = parse_yaml(OUTPUTS.encode(), "x.yaml", out)
+    assert root is not None
+    device = device_from_yaml(root, "x.yaml", out)
+    assert device is not None
+    rows = [line for line in write_slave_yaml(device, "x", []).splitlines() if "default" in line]
+    assert [("command_interface: ~" in row, "speed" in row) for row in rows] == [
+        (True, False),
+        (False, True),
+        (False, False),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "stated"),
+    [
+        ("auto_fault_reset", "true", '{"auto_fault_reset":true}'),
+        ("auto_fault_reset", "off", ""),  # as when the key is missing
+        ("auto_state_transitions", "n", '{"auto_state_transitions":false}'),
+        ("auto_state_transitions", "Yes", ""),
+    ],
+)
+def test_a_switch_of_the_driver_is_kept_where_it_differs_from_an_absent_one(
+    key: str, value: str, stated: str
+):
+    out = Collector()
+    root = parse_yaml(f"vendor_id: 2\nproduct_id: 3\n{key}: {value}\n".encode(), "x.yaml", out)
+    assert root is not None
+    device = device_from_yaml(root, "x.yaml", out)
+    assert device is not None
+    assert (device.driver, out.diagnostics) == (stated, [])

@@ -34,7 +34,7 @@ def test_modules_stand_in_the_order_in_which_the_driver_adds_them():
     result = load_urdf(HERE / "robot.urdf")
     assert _found(result) == []
     (system,) = result.systems  # the mock_components block is not ours
-    assert [(m.name, m.component.kind, m.component.name) for m in system.modules] == [
+    assert [(m.name, m.components[0].kind, m.components[0].name) for m in system.modules] == [
         ("drive", "joint", "axis"),
         ("logic", "gpio", "io"),
         ("input", "gpio", "io"),
@@ -125,3 +125,105 @@ def test_published_safety_example():
         ("limit_switches_on_EL1018", 6),
         ("encoder_on_EL5101", 2),
     ]
+
+
+SYSTEM = """
+<ros2_control name="{name}" type="system">
+  <hardware><plugin>ethercat_driver/EthercatDriver</plugin>{params}</hardware>
+  {components}
+</ros2_control>
+"""
+MODULE = """
+<ec_module name="{name}"><plugin>ethercat_generic_plugins/GenericEcSlave</plugin>
+  <param name="position">{position}</param><param name="slave_config">{config}</param></ec_module>
+"""
+
+
+def module(name: str = "drv", position: int = 0, config: str = "a.yaml") -> str:
+    return MODULE.format(name=name, position=position, config=config)
+
+
+def robot(tmp_path: Path, *systems: tuple[str, str, str]) -> UrdfResult:
+    """Load a robot of systems, each with name, params and components."""
+    rows = [SYSTEM.format(name=n, params=p, components=c) for n, p, c in systems]
+    path = tmp_path / "r.urdf"
+    path.write_text(f'<robot name="r">{"".join(rows)}</robot>', "utf-8")
+    return load_urdf(path)
+
+
+@pytest.mark.parametrize(
+    ("second", "components"),
+    [
+        (module(), [("a", "b")]),
+        (module(position=1), [("a",), ("b",)]),  # another SubDevice by the same name
+        (module(config="b.yaml"), [("a",), ("b",)]),  # a second instance for the newest driver
+        (module("other"), [("a",), ("b",)]),
+    ],
+)
+def test_one_subdevice_in_two_joints_is_one_module(
+    second: str, components: list[tuple[str, ...]], tmp_path: Path
+):
+    joints = f'<joint name="a">{module()}</joint><joint name="b">{second}</joint>'
+    (system,) = robot(tmp_path, ("s", "", joints)).systems
+    assert [tuple(c.name for c in m.components) for m in system.modules] == components
+
+
+def test_a_module_twice_in_one_joint_stays_two(tmp_path: Path):
+    joint = f'<joint name="a">{module()}{module()}</joint>'
+    (system,) = robot(tmp_path, ("s", "", joint)).systems
+    assert [c.name for m in system.modules for c in m.components] == ["a", "a"]
+
+
+def test_masters_with_names_have_numbers_of_their_own(tmp_path: Path):
+    def params(master: str, plugin: str = "ethercat_master/SoemMaster") -> str:
+        named = f'<param name="master_plugin">{plugin}</param>' if plugin else ""
+        return f'{named}<param name="master_id">{master}</param>'
+
+    rows = [
+        ("one", params("enp2s0"), ""),
+        ("two", params("0", ""), ""),
+        ("three", params("enp3s0"), ""),
+        ("four", params("enp2s0"), ""),
+    ]
+    result = robot(
+        tmp_path, *((n, p, f'<joint name="{n}">{module(n)}</joint>') for n, p, _ in rows)
+    )
+    assert [s.master_id for s in result.systems] == [1, 0, 2, 1]
+    assert [d.code for d in result.diagnostics] == []
+
+
+@pytest.mark.parametrize("plugin", ["", "ethercat_master/EtherlabMaster"])
+def test_the_igh_master_takes_no_name(plugin: str, tmp_path: Path):
+    named = f'<param name="master_plugin">{plugin}</param>' if plugin else ""
+    params = f'{named}<param name="master_id">enp2s0</param>'
+    result = robot(tmp_path, ("s", params, f'<joint name="j">{module()}</joint>'))
+    (found,) = result.diagnostics
+    assert found.code == "FSN131"
+    assert found.hint.endswith("a name such as enp2s0 needs a master_plugin that takes one")
+
+
+def test_a_module_in_an_old_safety_block_is_not_named_twice(tmp_path: Path):
+    block = f'<safety>{module()}</safety><joint name="j">{module("x")}</joint>'
+    result = robot(tmp_path, ("s", "", block))
+    assert [d.code for d in result.diagnostics] == ["FSN124"]
+
+
+MACRO = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:macro name="{name}" params="prefix">{inside}</xacro:macro>
+  <xacro:macro name="other"><link name="l"/></xacro:macro>
+</robot>
+"""
+
+
+def test_a_macro_that_is_not_called_is_named(tmp_path: Path):
+    inside = SYSTEM.format(name="${prefix}s", params="", components="")
+    path = tmp_path / "arm.xacro"
+    path.write_text(MACRO.format(name="arm", inside=inside), "utf-8")
+    (found,) = load_urdf(path).diagnostics
+    assert (found.code, found.span.line) == ("FSN125", 2)
+    assert found.message == (
+        "the driver is in the macro <xacro:arm>, which this file defines and does not call"
+    )
+    path.write_text(MACRO.format(name="arm", inside='<link name="k"/>'), "utf-8")
+    (found,) = load_urdf(path).diagnostics
+    assert found.message.startswith("no ros2_control block")

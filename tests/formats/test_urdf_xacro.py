@@ -71,7 +71,8 @@ def test_macros_and_includes_keep_their_places():
     assert str(first.at("plugin")) == f"{TERMINAL}:11:15"
     assert str(second.at("slave_config")) == f"{TERMINAL}:14:34"
     assert str(late.span) == f"{CELL}:19:11"  # handed to a macro as a block
-    assert (late.component.kind, late.component.name) == ("sensor", "late")  # from xacro:element
+    (component,) = late.components
+    assert (component.kind, component.name) == ("sensor", "late")  # from xacro:element
 
 
 def test_values_are_expanded_and_else_kept_as_written():

@@ -55,7 +55,7 @@ def test_macros_includes_and_order(tmp_path: Path):
     assert result.diagnostics == ()
     (system,) = result.systems
     assert system.control_frequency == 250
-    assert [(m.name, m.position, m.component.kind) for m in system.modules] == [
+    assert [(m.name, m.position, m.components[0].kind) for m in system.modules] == [
         ("axis", 4, "joint"),
         ("el1904", 3, "gpio"),
     ]

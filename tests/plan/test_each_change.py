@@ -79,7 +79,7 @@ vendor_id: 0x29c
 product_id: 0x3811fda
 assign_activate: 0x0300
 auto_fault_reset: true
-auto_state_transitions: true
+auto_state_transitions: false
 sm:
   - {index: 2, type: output, pdo: rpdo, watchdog: enable}
   - {index: 3, type: input, pdo: tpdo, watchdog: disable}

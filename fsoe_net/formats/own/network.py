@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.diag.guesses import guesses
 from fsoe_net.diag.pause import without_collector
+from fsoe_net.diag.words import listed
 from fsoe_net.formats.own.buses import buses_from_yaml, check_subdevices, cycle_from_yaml
 from fsoe_net.formats.own.groups import groups_from_yaml
 from fsoe_net.formats.own.options import LoadOptions
@@ -27,8 +28,8 @@ from fsoe_net.formats.own.slave_yaml import device_from_yaml, load_device
 from fsoe_net.formats.own.transfers import ModuleRow, modules_from_yaml, nets_from_yaml
 from fsoe_net.formats.shared.files import Collector, is_there, read_bytes
 from fsoe_net.formats.shared.numbers import own_int
-from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.formats.shared.ring import fits_on_bus
+from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.drives import with_mode
 from fsoe_net.model.network import Net, NetworkConfig
@@ -64,9 +65,9 @@ def load_network(
     for path in dict.fromkeys(os.fspath(p) for p in paths):
         assembly.add(path)
     network = assembly.finish()
-    if network is not None:
     if network is not None and not _fit(network, assembly.out):
         network = None
+    if network is not None:
         network = replace(
             network, sources=tuple(sorted(assembly.out.sources, key=lambda s: s.path))
         )
@@ -137,7 +138,23 @@ class _Assembly:
         for row in result.sources:
             if row not in self.out.sources:
                 self.out.sources.append(row)
-        self._systems = result.systems
+        self._systems = self._of_master(result.systems, path)
+
+    def _of_master(self, systems: tuple[DriverSystem, ...], path: str) -> tuple[DriverSystem, ...]:
+        """Return the systems of the master that was asked for, else all."""
+        master = self._options.master
+        if not master:
+            return systems
+        chosen = tuple(s for s in systems if master in (str(s.master_id), s.master_name, s.name))
+        if systems and not chosen:
+            known = listed([f"{s.master_name or s.master_id} or {s.name}" for s in systems])
+            self.out.add(
+                "FSN140",
+                Span(path, 1, 1),
+                f"this URDF has no EtherCAT master {master!r}",
+                hint=f"choose one with --master: {known}",
+            )
+        return chosen
 
     def _refuse_second(self, path: str, first: str) -> None:
         self.out.add(
@@ -351,8 +368,8 @@ class _Assembly:
             device=device,
             plugin=decl.plugin,
             required=decl.required,
-            origin=decl.component.kind,
-            component=decl.component,
+            origin=decl.components[0].kind,
+            components=decl.components,
             system=system.name,
             master_id=system.master_id,
         )
@@ -438,6 +455,14 @@ class _Assembly:
         )
 
 
+def _fit(network: NetworkConfig, out: Collector) -> bool:
+    """Return whether EtherCAT can address the SubDevices of each bus."""
+    buses: dict[int, list[SubDevice]] = {}
+    for sub in network.subdevices:
+        buses.setdefault(sub.master_id, []).append(sub)
+    return all(fits_on_bus(subs, out) for subs in buses.values())
+
+
 def _refuse_known(data: bytes, place: Span, out: Collector) -> bool:
     from fsoe_net.formats.recognise import refuse_known  # with all formats: only where it is needed
 
@@ -447,11 +472,3 @@ def _refuse_known(data: bytes, place: Span, out: Collector) -> bool:
 def _looks_like_xml(data: bytes) -> bool:
     start = data[:200].lstrip(b"\xef\xbb\xbf \t\r\n")
     return start.startswith(b"<") or (data[:2] in (b"\xff\xfe", b"\xfe\xff") and b"<" in data[:40])
-def _fit(network: NetworkConfig, out: Collector) -> bool:
-    """Return whether EtherCAT can address the SubDevices of each bus."""
-    buses: dict[int, list[SubDevice]] = {}
-    for sub in network.subdevices:
-        buses.setdefault(sub.master_id, []).append(sub)
-    return all(fits_on_bus(subs, out) for subs in buses.values())
-
-

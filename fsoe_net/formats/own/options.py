@@ -17,9 +17,11 @@ class LoadOptions:
         xacro_args: Values of ``$(arg name)``.
         xacro_env: Names of the environment variables that ``$(env name)`` may read.
         trust_xacro: Expand xacro without confinement; the file may do all that the user may do.
+        master: Number or name of the EtherCAT master to read of a file that has several.
     """
 
     packages: Mapping[str, str] = field(default_factory=dict)
     xacro_args: Mapping[str, str] = field(default_factory=dict)
     xacro_env: tuple[str, ...] = ()
     trust_xacro: bool = False
+    master: str = ""

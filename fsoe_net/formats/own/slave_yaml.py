@@ -5,12 +5,19 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections.abc import Mapping, Sequence
 
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.own.schema import check_structure, schema_keys
 from fsoe_net.formats.own.type_words import type_bits
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.numbers import Reader, read_float, read_int, warn_decimal_index
+from fsoe_net.formats.shared.numbers import (
+    Reader,
+    read_flag,
+    read_float,
+    read_int,
+    warn_decimal_index,
+)
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode, load_yaml
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
 
@@ -27,8 +34,9 @@ _DEFAULT_SYNC_MANAGERS = (
 _LARGEST_SCALE = 1e300  # a plan has finite numbers only, also after a shift
 
 # Keys of the driver that the core has no use for; they are in the fingerprint all the same.
-_DRIVER_SWITCHES = ("auto_fault_reset", "auto_state_transitions")
+_DRIVER_SWITCHES = {"auto_fault_reset": False, "auto_state_transitions": True}  # when absent
 _DRIVER_LISTS = ("sdo_check",)
+_DRIVER_CHANNEL = ("factor_from_sdo",)
 
 _SDO_BYTES = {"8": 1, "16": 2, "32": 4, "64": 8}
 
@@ -82,23 +90,45 @@ def device_from_yaml(root: MapNode, path: str, out: Collector) -> Device | None:
         rpdos=rpdos,
         tpdos=tpdos,
         sdos=_sdos(root, out),
-        driver=_driver(root, (*rpdos, *tpdos)),
+        driver=_driver(root, (*rpdos, *tpdos), out),
     )
 
 
-def _driver(root: MapNode, pdos: tuple[Pdo, ...]) -> str:
+def _driver(root: MapNode, pdos: tuple[Pdo, ...], out: Collector) -> str:
     """Return what only the driver acts on as JSON, equal for what means the same; else empty."""
-    rows: dict[str, object] = {key: True for key in _DRIVER_SWITCHES if root.truth(key)}
+    rows: dict[str, object] = {}
+    for key, absent in _DRIVER_SWITCHES.items():
+        if (flag := read_flag(root.get(key), out, what=key, absent=absent)) is not absent:
+            rows[key] = flag
     for key in _DRIVER_LISTS:
         if (found := _plain(root.get(key))) is not None:
             rows[key] = found
-    masks: dict[str, list[int | None]] = {}
-    for entry in (e for pdo in pdos for e in pdo.entries):
-        masks.setdefault(entry.address, []).append(entry.mask)
-    stated = {address: m for address, m in masks.items() if m.count(None) < len(m)}
-    if stated:  # an entry may be mapped twice
-        rows["mask"] = {address: m[0] if len(m) == 1 else m for address, m in stated.items()}
+    entries = [e for pdo in pdos for e in pdo.entries]
+    of_channels = [json.loads(e.driver) if e.driver else {} for e in entries]
+    for key in _DRIVER_CHANNEL:
+        rows |= _by_address(key, entries, [facts.get(key) for facts in of_channels])
+    rows |= _by_address("for", entries, [e.component or None for e in entries])
+    rows |= _by_address("mask", entries, [e.mask for e in entries])
+    return _json(rows)
+
+
+def _json(rows: Mapping[str, object]) -> str:
     return json.dumps(rows, sort_keys=True, separators=(",", ":")) if rows else ""
+
+
+def _by_address(key: str, entries: Sequence[Entry], values: Sequence[object]) -> dict[str, object]:
+    """Return the values of entries under a key; a list where an entry is mapped twice."""
+    found: dict[str, list[object]] = {}
+    for entry, value in zip(entries, values, strict=True):
+        found.setdefault(entry.address, []).append(value)
+    stated = {a: v[0] if len(v) == 1 else v for a, v in found.items() if v.count(None) < len(v)}
+    return {key: stated} if stated else {}
+
+
+def _driver_channel(node: MapNode) -> str:
+    """Return what only the driver acts on in a channel, as JSON."""
+    rows = {key: _plain(node.get(key)) for key in _DRIVER_CHANNEL}
+    return _json({key: value for key, value in rows.items() if value is not None})
 
 
 def _plain(node: Node | None) -> object:
@@ -130,7 +160,7 @@ def _pdos(root: MapNode, key: str, out: Collector) -> tuple[Pdo, ...] | None:
         index = _int(node, "index", 0xFFFF, out)
         warn_decimal_index(node.get("index"), out, index)
         channels = node.get("channels")
-        entries = [_entry(item, out) for item in node.maps("channels")]
+        entries = [_entry(item, node, out) for item in node.maps("channels")]
         if isinstance(channels, SeqNode) and len(entries) != len(channels.items):
             sure = False
         good = [e for e in entries if e is not None]
@@ -141,7 +171,7 @@ def _pdos(root: MapNode, key: str, out: Collector) -> tuple[Pdo, ...] | None:
     return tuple(pdos) if sure else None
 
 
-def _entry(node: MapNode, out: Collector) -> Entry | None:
+def _entry(node: MapNode, pdo: MapNode, out: Collector) -> Entry | None:
     index = _int(node, "index", 0xFFFF, out)
     warn_decimal_index(node.get("index"), out, index)
     subindex = _int(node, "sub_index", 0xFF, out)
@@ -159,7 +189,7 @@ def _entry(node: MapNode, out: Collector) -> Entry | None:
         subindex=subindex,
         bits=bits,
         type_name=word or "",
-        skip=node.truth("skip"),
+        skip=read_flag(node.get("skip"), out, what="skip"),
         name=node.text("name") or "",
         command_interface=_interface(node, groups, "command_interface", out),
         state_interface=_interface(node, groups, "state_interface", out),
@@ -168,7 +198,9 @@ def _entry(node: MapNode, out: Collector) -> Entry | None:
         factor=_scale(node, "factor", 1.0, out),
         offset=_scale(node, "offset", 0.0, out),
         views=tuple(v for v in (_view(g, bits, out) for g in groups) if v is not None),
-        restart_relevant=node.truth("restart_relevant"),
+        component=node.text("for") or pdo.text("for") or "",
+        driver=_driver_channel(node),
+        restart_relevant=read_flag(node.get("restart_relevant"), out, what="restart_relevant"),
     )
 
 
@@ -211,8 +243,8 @@ def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
         bits=bits,
         shift=0 if word == "bool" else shift,
         type_name=word,
-        command_interface=node.text("command_interface"),
-        state_interface=node.text("state_interface"),
+        command_interface=_bound(node, "command_interface"),
+        state_interface=_bound(node, "state_interface"),
         default=read_float(node.get("default_value"), out, what="default_value"),
         factor=_scale(node, "factor", 1.0, out),
         offset=_scale(node, "offset", 0.0, out),
@@ -256,16 +288,39 @@ def _run_of_bits(
 
 
 def _interface(node: MapNode, groups: list[MapNode], key: str, out: Collector) -> str | None:
-    own = node.text(key)
-    inner = [(g.text(key), g) for g in groups if g.text(key) is not None]
-    if own is not None and groups:
+    if key in node.pairs and "data_mapping" in node.pairs:
+        _beside_mapping(node, key, out)
+    inner = next((name for g in groups if (name := _bound(g, key)) is not None), None)
+    own = _bound(node, key)
+    return inner if own is None else own
+
+
+def _bound(node: MapNode, key: str) -> str | None:
+    """Return the interface that a key names.
+
+    The driver reads an empty value as the text `null`, of which no joint has an interface.
+    """
+    name = node.text(key)
+    return None if name == "null" else name
+
+
+def _beside_mapping(node: MapNode, key: str, out: Collector) -> None:
+    """FSN423: the driver refuses a command of the whole channel, also an empty one."""
+    if key == "command_interface":
         out.add(
             "FSN423",
             node.at(key),
             f"{key} of a channel that has data_mapping; the driver stops with an exception",
+            hint=f"move {key} into one item of data_mapping, or delete it",
+        )
+    elif _bound(node, key) is not None:
+        out.add(
+            "FSN423",
+            node.at(key),
+            f"{key} of a channel that has data_mapping; fsn-master has values of the items only",
+            severity=Severity.INFO,
             hint=f"move {key} into one item of data_mapping",
         )
-    return own if own is not None else (inner[0][0] if inner else None)
 
 
 def _first_default(own: float | None, groups: list[MapNode], out: Collector) -> float | None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterator
+from typing import cast
 
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.writers import quoted
@@ -12,6 +14,7 @@ from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 __all__ = ["type_word", "write_slave_yaml"]
 
 _LONGEST_BITS = 255  # the driver counts bits of an entry in one byte
+_OF_CHANNELS = ("for", "factor_from_sdo", "mask")  # written there
 _GROUP = {Direction.OUTPUT: "rpdo", Direction.INPUT: "tpdo"}
 
 
@@ -46,6 +49,9 @@ def write_slave_yaml(
     lines = [f"vendor_id: 0x{device.vendor_id:08x}", f"product_id: 0x{device.product_code:08x}"]
     if device.assign_activate:
         lines.append(f"assign_activate: 0x{device.assign_activate:04x}")
+    for key, value in _facts(device.driver).items():
+        if key not in _OF_CHANNELS:
+            lines.append(f"{key}: {json.dumps(value)}")
     if device.sdos:
         lines += ["", "sdo:", *(_sdo(s, name, notes) for s in device.sdos)]
     for direction, group in _GROUP.items():
@@ -54,7 +60,7 @@ def write_slave_yaml(
         if pdos:
             lines += ["", f"{group}:"]
             for pdo in pdos:
-                lines += _pdo(pdo, name, notes)
+                lines += _pdo(pdo, direction, name, notes)
     lines += ["", "sm:"] if device.sync_managers else []
     for sm in sorted(device.sync_managers, key=lambda s: s.index):
         row = f"index: {sm.index}, type: {sm.direction.value}"
@@ -64,6 +70,11 @@ def write_slave_yaml(
             row += f", watchdog: {sm.watchdog.value}"
         lines.append(f"  - {{{row}}}")
     return "\n".join(lines) + "\n"
+
+
+def _facts(driver: str) -> dict[str, object]:
+    """Return the keys that only the driver acts on, and their values."""
+    return cast("dict[str, object]", json.loads(driver)) if driver else {}
 
 
 def _kept(
@@ -103,7 +114,7 @@ def _sdo(sdo: Sdo, name: str, notes: list[str]) -> str:
     )
 
 
-def _pdo(pdo: Pdo, name: str, notes: list[str]) -> Iterator[str]:
+def _pdo(pdo: Pdo, direction: Direction, name: str, notes: list[str]) -> Iterator[str]:
     yield f"  - index: 0x{pdo.index:04x}"
     if not pdo.entries:
         notes.append(f"{name}: PDO 0x{pdo.index:04x} has no entries; the device's own are used")
@@ -111,7 +122,7 @@ def _pdo(pdo: Pdo, name: str, notes: list[str]) -> Iterator[str]:
     yield "    channels:"
     for entry in pdo.entries:
         if entry.bits <= _LONGEST_BITS:
-            yield from _channel(entry)
+            yield from _channel(entry, direction)
             continue
         if not entry.is_gap:
             raise InputError(
@@ -119,10 +130,10 @@ def _pdo(pdo: Pdo, name: str, notes: list[str]) -> Iterator[str]:
             )
         for first in range(0, entry.bits, _LONGEST_BITS):
             bits = min(_LONGEST_BITS, entry.bits - first)
-            yield from _channel(Entry(index=0, subindex=0, bits=bits))
+            yield from _channel(Entry(index=0, subindex=0, bits=bits), direction)
 
 
-def _channel(entry: Entry) -> Iterator[str]:
+def _channel(entry: Entry, direction: Direction) -> Iterator[str]:
     parts = [f"index: 0x{entry.index:04x}", f"sub_index: {entry.subindex}"]
     parts.append(f"type: {type_word(entry)}")
     if entry.skip:
@@ -132,10 +143,16 @@ def _channel(entry: Entry) -> Iterator[str]:
     if not entry.views:
         parts += _interfaces(entry)
         if entry.default is not None:
+            # Versions of 2025 read a default only with an interface; null binds nothing.
+            if direction is Direction.OUTPUT and entry.command_interface is None:
+                parts.append("command_interface: ~")
             parts.append(f"default: {_float(entry.default)}")
     if entry.mask is not None:
         parts.append(f"mask: 0x{entry.mask:02x}")
     parts += _scale(entry)
+    if entry.component:
+        parts.append(f"for: {quoted(entry.component)}")
+    parts += [f"{key}: {json.dumps(value)}" for key, value in _facts(entry.driver).items()]
     if entry.restart_relevant:
         parts.append("restart_relevant: true")
     if not entry.views:

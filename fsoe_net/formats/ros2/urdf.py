@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import os
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Related
+from fsoe_net.diag.words import listed
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.recognise import refuse_known
 from fsoe_net.formats.ros2.urdf_params import DRIVER_PLUGIN, known_plugin_findings
@@ -23,6 +26,7 @@ from fsoe_net.model.network import SourceFile
 
 __all__ = ["DriverSystem", "ModuleDecl", "UrdfResult", "known_plugin_findings", "load_urdf"]
 
+_PARTS = frozenset({"ros2_control", "ec_module"})
 _DRIVER_PREFIX = "ethercat_driver/"
 
 
@@ -44,24 +48,24 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
     """
     out = Collector()
     systems: list[DriverSystem] = []
-    root = _document(os.fspath(path), out, options or LoadOptions())
-    if root is not None:
+    written = _written(os.fspath(path), out)
+    root = written
+    if written is not None and uses_xacro(written):
+        root = expand_xacro(os.fspath(path), out, options or LoadOptions())
+    if written is not None and root is not None:
         blocks = [e for e in root.all("ros2_control") if _is_ethercat(e)]
         if not blocks:
-            out.add(
-                "FSN125",
-                root.span,
-                "no ros2_control block with an EtherCAT driver or an ec_module",
-                hint=f"the driver's plugin is {DRIVER_PLUGIN}",
-            )
+            _without_driver(written, out)
         _component_names(blocks, out)
-        systems = [read_system(block, out) for block in blocks]
+        _modules_outside(blocks, out)
+        systems = _with_master_numbers([read_system(block, out) for block in blocks])
     return UrdfResult(
         systems=tuple(systems), diagnostics=tuple(out.diagnostics), sources=tuple(out.sources)
     )
 
 
-def _document(path: str, out: Collector, options: LoadOptions) -> Element | None:
+def _written(path: str, out: Collector) -> Element | None:
+    """Return the document as it is written, before xacro."""
     data = read_bytes(path, out)
     root = parse_xml(data, path, out) if data is not None else None
     if data is None or root is None:
@@ -70,15 +74,66 @@ def _document(path: str, out: Collector, options: LoadOptions) -> Element | None
         if not refuse_known(data, root.span, "a URDF or xacro", out):
             out.add("FSN117", root.span, "not a URDF", hint="name the robot's URDF or xacro")
         return None
-    if uses_xacro(root):
-        return expand_xacro(path, out, options)
     return root
+
+
+def _without_driver(written: Element, out: Collector) -> None:
+    """FSN125: no block of the driver, maybe since a macro that has it is not called."""
+    macros = [e for e in written.walk() if e.name == "xacro:macro"]
+    unused = [m for m in macros if any(e.name in _PARTS for e in m.walk())]
+    if not unused:
+        out.add(
+            "FSN125",
+            written.span,
+            "no ros2_control block with an EtherCAT driver or an ec_module",
+            hint=f"the driver's plugin is {DRIVER_PLUGIN}",
+        )
+        return
+    names = [f"<xacro:{m.attributes.get('name', '')}>" for m in unused]
+    out.add(
+        "FSN125",
+        unused[0].span,
+        f"the driver is in {'macros' if names[1:] else 'the macro'} {listed(names, 4)}, which this "
+        "file defines and does not call",
+        hint="name the xacro that includes this file and calls it",
+    )
 
 
 def _is_ethercat(block: Element) -> bool:
     plugin = plugin_of(block)
     driver = plugin is not None and plugin.text.strip().startswith(_DRIVER_PREFIX)
     return driver or any(e.name == "ec_module" for e in block.walk())
+
+
+def _with_master_numbers(systems: list[DriverSystem]) -> list[DriverSystem]:
+    """Give each master that has a name a number that no other master has."""
+    used = {s.master_id for s in systems}
+    free = (n for n in itertools.count() if n not in used)
+    named = {name: next(free) for name in dict.fromkeys(s.master_name for s in systems) if name}
+    return [replace(s, master_id=named[s.master_name]) if s.master_name else s for s in systems]
+
+
+def _modules_outside(blocks: list[Element], out: Collector) -> None:
+    """FSN168: the driver looks for modules in joints, gpios and sensors only."""
+    for element in (e for block in blocks for e in _outside(block)):
+        name = element.attributes.get("name", "")
+        out.add(
+            "FSN168",
+            element.span,
+            f"ec_module {name!r} is in no joint, gpio or sensor: the driver does not read "
+            "it, and the SubDevice is not configured",
+            hint="move it into the joint, gpio or sensor whose interfaces it serves",
+        )
+
+
+def _outside(parent: Element, depth: int = 0) -> Iterator[Element]:
+    """Yield the modules below a block that are not directly in one of its components."""
+    inside = depth == 1 and parent.name in COMPONENTS
+    for child in parent.children:
+        if child.name == "ec_module" and not inside:
+            yield child
+        if depth or child.name != "safety":  # FSN124 has named those of an old safety block
+            yield from _outside(child, depth + 1)
 
 
 def _component_names(blocks: list[Element], out: Collector) -> None:

@@ -33,6 +33,7 @@ _SYSTEM_PARAMS = (
     "master_plugin",
     "readiness_timeout_s",
 )
+_IGH_MASTER = "ethercat_master/EtherlabMaster"  # also the one without master_plugin
 _MODULE_PARAMS = ("alias", "position", "slave_config", "mode_of_operation", "required", "plugin")
 
 
@@ -48,7 +49,7 @@ class ModuleDecl(Located):
             unreadable gets a high unused one, so that nothing else is said about it.
         slave_config: As written (after expansion); empty when absent.
         required: False when the driver may leave the module out.
-        component: The joint, gpio or sensor that it is declared in.
+        components: The joints, gpios and sensors that have it, in the order of the driver.
         mode: Mode of operation that the plugin for CiA 402 writes, else ``None``.
         params: Every ``param``, as written.
     """
@@ -59,7 +60,7 @@ class ModuleDecl(Located):
     position: int
     slave_config: str
     required: bool
-    component: RobotComponent
+    components: tuple[RobotComponent, ...]
     mode: int | None = None
     params: Mapping[str, str] = field(default_factory=dict)
 
@@ -71,7 +72,8 @@ class DriverSystem(Located):
     Args:
         name: Name of the block.
         plugin: As written, or ``None``.
-        master_id: Number of the EtherCAT master.
+        master_id: Number of the EtherCAT master; -1 where it has a name.
+        master_name: What a master plugin takes instead, such as ``enp2s0``; else empty.
         control_frequency: In Hz; 100 when absent, 0 when it is not a possible frequency.
         transfer_file: Text of ``transfer_config``, else of ``fsoe_config``, else ``None``.
         transfer_key: Which of the two it was.
@@ -81,6 +83,7 @@ class DriverSystem(Located):
     name: str
     plugin: str | None
     master_id: int
+    master_name: str
     control_frequency: float
     transfer_file: str | None
     transfer_key: str | None
@@ -122,16 +125,18 @@ class _System:
             for component in block.all(kind)
             for element in component.all("ec_module")
         ]
+        named = _names_its_master(params)
         return DriverSystem(
             span=block.span,
             fields=fields,
             name=block.attributes.get("name", ""),
             plugin=plugin.text if plugin is not None else None,
-            master_id=read_address(params, "master_id", out) or 0,
+            master_id=-1 if named else read_address(params, "master_id", out) or 0,
+            master_name=params.text("master_id") or "" if named else "",
             control_frequency=read_frequency(params, out),
             transfer_file=params.text(transfer_key) if transfer_key else None,
             transfer_key=transfer_key,
-            modules=tuple(self._with_positions(modules)),
+            modules=tuple(_of_several_components(self._with_positions(modules))),
         )
 
     def _driver_plugin(self, hardware: Element | None) -> Element | None:
@@ -205,7 +210,7 @@ class _System:
             position=-1 if position is None else position,
             slave_config=params.text("slave_config") or "",
             required=read_flag(params, "required", out),
-            component=_robot_component(component),
+            components=(_robot_component(component),),
             mode=read_mode(params, out)
             if plugin is not None and plugin.text == CIA402_PLUGIN
             else None,
@@ -235,16 +240,34 @@ class _System:
 
 
 def _robot_component(element: Element) -> RobotComponent:
-    states, commands = (
-        tuple(row.attributes.get("name", "") for row in element.all(f"{side}_interface"))
-        for side in ("state", "command")
-    )
+    states, commands = (element.all(f"{side}_interface") for side in ("state", "command"))
     return RobotComponent(
         kind=element.name,
         name=element.attributes.get("name", ""),
-        states=states,
-        commands=commands,
+        states=tuple(row.attributes.get("name", "") for row in states),
+        commands=tuple(row.attributes.get("name", "") for row in commands),
+        places=tuple(row.span for row in (*states, *commands)),
     )
+
+
+def _names_its_master(params: Params) -> bool:
+    """Whether a plugin takes ``master_id`` as a text; that of the IgH master reads a number."""
+    plugin = params.text("master_plugin")
+    return plugin is not None and plugin != _IGH_MASTER and params.text("master_id") is not None
+
+
+def _of_several_components(modules: list[ModuleDecl]) -> list[ModuleDecl]:
+    """Join modules of one name, place and file, which the newest driver takes for one SubDevice."""
+    groups: dict[object, tuple[ModuleDecl, dict[RobotComponent, None]]] = {}
+    for number, decl in enumerate(modules):
+        (component,) = decl.components
+        key: object = number
+        if decl.slave_config:
+            key = (decl.name, decl.alias, decl.position, decl.slave_config)
+        if component in groups.get(key, (decl, {}))[1]:
+            key = number  # twice in one joint: two modules
+        groups.setdefault(key, (decl, {}))[1][component] = None
+    return [replace(first, components=tuple(found)) for first, found in groups.values()]
 
 
 def _nested_interfaces(element: Element, component: Element, out: Collector) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from xml.sax.saxutils import escape, quoteattr
 
 from fsoe_net.formats.shared.writers import Written, unique_names
+from fsoe_net.model.bus import RobotComponent
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.drives import AXIS_STEP, drive_axes
 from fsoe_net.model.symbols import DeviceSymbol, device_symbols
@@ -57,6 +58,7 @@ class _Component:
     kind: str
     name: str
     interfaces: list[_Interface] = field(default_factory=list)
+    stated: RobotComponent | None = None  # in a robot description
 
 
 def write_control(description: Description, *, file: str = "ros2_control.urdf.xacro") -> Written:
@@ -75,9 +77,10 @@ def write_control(description: Description, *, file: str = "ros2_control.urdf.xa
     for number, sub in enumerate(description.subdevices):
         symbols = list(_open_symbols(description, number, sub))
         for made in _components(sub, names[number], symbols):
-            known = components.setdefault((made.kind, made.name), _Component(made.kind, made.name))
+            known = components.setdefault((made.kind, made.name), replace(made, interfaces=[]))
             known.interfaces += _without_taken(made.interfaces, known.interfaces)
-            notes += _notes(sub, known)
+    for component in components.values():
+        notes += _notes(component)
     joints = [c.name for c in components.values() if c.kind == "joint"]
     lines = [
         '<?xml version="1.0"?>',
@@ -172,20 +175,42 @@ def _open_symbols(
 def _components(
     sub: DescribedSubDevice, name: str, symbols: Sequence[DeviceSymbol]
 ) -> Iterator[_Component]:
-    """Yield what a SubDevice serves: its component of the description, or one for each axis."""
+    """Yield what a SubDevice serves: components of the description, or one for each axis."""
     axes = max(1, len(drive_axes(sub.device.layout)))
-    stated = sub.component
-    for axis in range(axes):
-        own = [s for s in symbols if _axis_of(s, axes) == axis]
-        rows = [_interface(name, s, own, axis) for s in own]
-        if stated is not None and axis == 0:
+    groups: dict[int | str, list[DeviceSymbol]] = {n: [] for n in range(len(sub.components))}
+    for symbol in symbols:
+        groups.setdefault(_owner(sub, name, symbol, axes), []).append(symbol)
+    for owner, own in groups.items():
+        rows = list(_interfaces(name, own, axes))
+        if isinstance(owner, int):
+            stated = sub.components[owner]
             wanted = (stated.states, stated.commands)
             rows.sort(key=lambda row: _rank(wanted[row.is_command], row.name))
-            yield _Component(stated.kind, stated.name or name, rows)
-            continue
-        is_joint = any(row.name == "position" and not row.is_command for row in rows)
-        label = name if axes == 1 else f"{name}_{axis + 1}"
-        yield _Component("joint" if is_joint else "gpio", label, rows)
+            yield _Component(stated.kind, stated.name or name, rows, stated)
+        else:
+            is_joint = any(row.name == "position" and not row.is_command for row in rows)
+            yield _Component("joint" if is_joint else "gpio", owner, rows)
+
+
+def _owner(sub: DescribedSubDevice, name: str, symbol: DeviceSymbol, axes: int) -> int | str:
+    """Return the number of the component that a symbol belongs to, or the name of another one.
+
+    ``for`` decides. Without it the first axis is of the component that asks for the interface, and
+    of the first where none, or several, ask.
+    """
+    names = [c.name for c in sub.components]
+    component = symbol.entry.component
+    if component:
+        return names.index(component) if component in names else component
+    axis = _axis_of(symbol, axes)
+    if axis or not names:
+        return name if axes == 1 else f"{name}_{axis + 1}"
+    asking = (
+        n
+        for n, c in enumerate(sub.components)
+        if symbol.stated in (c.commands if symbol.is_output else c.states)
+    )
+    return next(asking, 0)
 
 
 def _axis_of(symbol: DeviceSymbol, axes: int) -> int:
@@ -194,26 +219,32 @@ def _axis_of(symbol: DeviceSymbol, axes: int) -> int:
     return axis if 0 <= axis < axes else 0
 
 
-def _interface(
-    subdevice: str, symbol: DeviceSymbol, others: Sequence[DeviceSymbol], axis: int
-) -> _Interface:
-    """Return an interface: a standard name for the objects of an axis that have none."""
-    is_command = symbol.is_output
-    standard = (_COMMANDS if is_command else _STATES).get(symbol.entry.index - axis * AXIS_STEP)
-    taken = {s.name for s in others if s.is_output is is_command}
-    named = symbol.name != symbol.entry.address
-    whole = symbol.is_whole and symbol.entry.subindex == 0
-    use = standard is not None and whole and not named and standard not in taken
-    scaled = (symbol.view.factor, symbol.view.offset) != (1.0, 0.0)
-    default = symbol.entry.default if whole and is_command and not scaled else None
-    return _Interface(
-        is_command=is_command,
-        name=standard if standard is not None and use else symbol.name,
-        subdevice=subdevice,
-        symbol=symbol.name,
-        scaled=scaled,
-        initial=default if default is not None and math.isfinite(default) else 0.0,
-    )
+def _interfaces(subdevice: str, symbols: Sequence[DeviceSymbol], axes: int) -> Iterator[_Interface]:
+    """Yield the interfaces of a component.
+
+    A name is that of the slave YAML, else the standard one of an object of an axis, else that of
+    the plan.
+    """
+    all_stated = {(s.is_output, s.stated) for s in symbols}
+    taken: set[tuple[bool, str]] = set()
+    for symbol in symbols:
+        side, index = symbol.is_output, symbol.entry.index - _axis_of(symbol, axes) * AXIS_STEP
+        standard = (_COMMANDS if side else _STATES).get(index, "")
+        whole = symbol.is_whole and symbol.entry.subindex == 0
+        name = symbol.stated
+        if not name or (side, name) in taken:
+            name = standard if whole and (side, standard) not in all_stated | taken else ""
+        taken.add((side, name))
+        scaled = (symbol.view.factor, symbol.view.offset) != (1.0, 0.0)
+        default = symbol.entry.default if whole and side and not scaled else None
+        yield _Interface(
+            is_command=side,
+            name=name or symbol.name,
+            subdevice=subdevice,
+            symbol=symbol.name,
+            scaled=scaled,
+            initial=default if default is not None and math.isfinite(default) else 0.0,
+        )
 
 
 def _rank(wanted: Sequence[str], name: str) -> int:
@@ -232,11 +263,12 @@ def _without_taken(
             yield row
 
 
-def _notes(sub: DescribedSubDevice, component: _Component) -> Iterator[str]:
-    if sub.component is not None:
-        for side, wanted in (("state", sub.component.states), ("command", sub.component.commands)):
+def _notes(component: _Component) -> Iterator[str]:
+    if component.stated is not None:
+        wanted = {"state": component.stated.states, "command": component.stated.commands}
+        for side, names in wanted.items():
             have = {r.name for r in component.interfaces if r.is_command is (side == "command")}
-            for name in wanted:
+            for name in names:
                 if name not in have:
                     yield (
                         f"{component.name}: the plan has nothing for the {side}_interface {name}; "
