@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from fsoe_net.cli.bus import scan_to_compare
-from fsoe_net.cli.inputs import input_options, runtime_option
+from fsoe_net.cli.inputs import input_options, master_option, runtime_option
 from fsoe_net.cli.options import FILE, INTERFACE
 from fsoe_net.cli.output import FORMATS, exit_code, print_diagnostics, verdict_line
 from fsoe_net.cli.terminal import echo
@@ -41,6 +41,7 @@ bus or no permission. `fsoe-net explain CODE` says more of a finding."""
 
 @click.command("check", epilog=_EPILOG)
 @input_options
+@master_option
 @runtime_option
 @click.option(
     "--format",

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import click
 
-from fsoe_net.cli.inputs import network_of_folder
+from fsoe_net.cli.inputs import master_option, network_of_folder, reference_options
 from fsoe_net.cli.options import NETWORK_FILE, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
+from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.registry import all_formats, all_targets, target_of
 from fsoe_net.formats.shared.write_files import STDOUT, write_all, write_whole
 from fsoe_net.project.convert import convert_files
@@ -41,6 +42,8 @@ ENI: the copies of the network in that ENI, all else byte for byte."""
 
 @click.command("convert", help=_HELP, epilog=_EPILOG)
 @click.argument("files", nargs=-1, type=NETWORK_FILE, callback=network_of_folder)
+@reference_options
+@master_option
 @output_option("File to write; a folder for the ROS 2 driver.", metavar="OUT", required=True)
 @click.option(
     "--from",
@@ -55,11 +58,16 @@ ENI: the copies of the network in that ENI, all else byte for byte."""
     help="Format of OUT; without it by its extension.",
 )
 def command(
-    files: tuple[str, ...], output: str, overwrite: bool, source: str | None, target: str | None
+    files: tuple[str, ...],
+    output: str,
+    overwrite: bool,
+    source: str | None,
+    target: str | None,
+    loading: LoadOptions,
 ) -> None:
     """Write a description of a bus in another format."""
     chosen = target or _target(output)
-    made = convert_files(files, chosen, name=Path(output).name, source=source)
+    made = convert_files(files, chosen, name=Path(output).name, source=source, options=loading)
     print_diagnostics(made.findings, err=True)
     if all_targets()[chosen].is_folder and output != STDOUT:
         made.save(output, overwrite=overwrite)

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import click
 
-from fsoe_net.cli.inputs import reference_options
+from fsoe_net.cli.inputs import master_option, reference_options
 from fsoe_net.cli.options import NETWORK_FILE, format_option
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.diagnostic import Severity
@@ -38,6 +38,7 @@ Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use."""
 @click.argument("a", type=NETWORK_FILE)
 @click.argument("b", type=NETWORK_FILE)
 @reference_options
+@master_option
 @click.option("-q", "--quiet", is_flag=True, help="Print nothing; only the exit code says it.")
 @format_option
 @click.pass_context

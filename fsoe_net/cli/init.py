@@ -9,7 +9,7 @@ import click
 
 from fsoe_net.cli.init_output import write_network
 from fsoe_net.cli.init_prompt import answered, refuse, report_questions
-from fsoe_net.cli.inputs import reference_options
+from fsoe_net.cli.inputs import master_option, reference_options
 from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_folder
@@ -40,6 +40,7 @@ needs a person; 2 wrong use; 3 no bus, or a folder that cannot be written."""
 @click.command("init", epilog=_EPILOG)
 @click.argument("files", nargs=-1, type=FILE)
 @reference_options
+@master_option
 @click.option("--interface", type=INTERFACE, metavar="IF", help="Also scan the bus there.")
 @click.option(
     "--socket", type=FILE, metavar="PATH", help="The same, by the fsn-master with this socket."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar, cast
 
 import click
@@ -13,7 +14,13 @@ from fsoe_net.cli.options import NETWORK, NETWORK_FILE
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.rules.runtime import Runtime
 
-__all__ = ["input_options", "network_of_folder", "reference_options", "runtime_option"]
+__all__ = [
+    "input_options",
+    "master_option",
+    "network_of_folder",
+    "reference_options",
+    "runtime_option",
+]
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -97,6 +104,23 @@ def reference_options(function: _F) -> _F:
     ):
         with_loading = decorate(with_loading)
     return cast(_F, with_loading)
+
+
+def master_option(function: _F) -> _F:
+    """Add ``--master`` to a command with `reference_options`, which it is below."""
+
+    @functools.wraps(function)
+    def with_master(*args: Any, master: str, loading: LoadOptions, **kwargs: Any) -> Any:
+        return function(*args, loading=replace(loading, master=master), **kwargs)
+
+    decorate = click.option(
+        "--master",
+        default="",
+        metavar="MASTER",
+        help="Number or name of the EtherCAT master to read, of a URDF, TwinCAT project or "
+        "configuration of linuxcnc-ethercat that has several.",
+    )
+    return cast(_F, decorate(with_master))
 
 
 def runtime_option(function: _F) -> _F:

@@ -113,7 +113,8 @@ def load_files(
     resolution = resolve(loaded.network) if loaded.network is not None else None
     references = None
     if compared and resolution is not None:
-        references = read_references(others, resolution.network)
+        master = loading.master if loading is not None else ""
+        references = read_references(others, resolution.network, master=master)
     return LoadedFiles(
         diagnostics=loaded.diagnostics,
         resolution=resolution,

@@ -35,7 +35,7 @@ def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagno
     out = Collector()
     known = find_format(path, Collector()) if os.path.isfile(path) else None
     if known is not None and known.is_streamed:
-        return _side_of_description(path, known, out, path)  # of any size
+        return _side_of_description(path, known, out, path, "")  # of any size
     data = read_bytes(path, out, most=MAX_LARGE_BYTES)
     if data is None:
         return None, out.diagnostics
@@ -54,7 +54,7 @@ def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagno
     if known is None:
         return None, out.diagnostics
     if known.yields is not Yields.NETWORK:
-        return _side_of_description(data, known, out, path)
+        return _side_of_description(data, known, out, path, options.master)
     loaded = load_network([os.fspath(path)], options)
     out.diagnostics += loaded.diagnostics
     network = loaded.network
@@ -70,9 +70,9 @@ def _side_of_record(data: bytes, path: str, out: Collector) -> Side | None:
 
 
 def _side_of_description(
-    source: str | bytes, known: Format, out: Collector, path: str
+    source: str | bytes, known: Format, out: Collector, path: str, master: str
 ) -> tuple[Side | None, list[Diagnostic]]:
-    description = read_foreign(source, known, out, name=path)
+    description = read_foreign(source, known, out, name=path, master=master)
     whole = description is not None and not description.truncated
     return _judged(side_of_description(description) if description and whole else None, out)
 

@@ -60,7 +60,12 @@ class Conversion:
 
 
 def convert_files(
-    files: Sequence[str], target: str, *, name: str, source: str | None = None
+    files: Sequence[str],
+    target: str,
+    *,
+    name: str,
+    source: str | None = None,
+    options: LoadOptions | None = None,
 ) -> Conversion:
     """Return the bus that files describe together in another format.
 
@@ -72,20 +77,22 @@ def convert_files(
         target: One of `all_targets`.
         name: Of the file that is written; formats of several files choose theirs.
         source: Kind of the format of all files; otherwise it is known by content.
+        options: How references in them are followed.
 
     Raises:
         InputError: A file cannot be used, or the format cannot hold the bus.
     """
     notes: list[str] = []
     findings: list[Diagnostic] = []
+    options = options or LoadOptions()
     forced = all_formats()[source] if source else None
     chosen = all_targets()[target]
     given = None if forced else _file_to_renew(files, chosen)
     if given is not None:
-        bus = _read([f for f in files if f != given], None, notes, findings)
+        bus = _read([f for f in files if f != given], None, notes, findings, options)
         data = {name: function_of(chosen.renew)(bus, given, notes)}
         return Conversion(files=data, notes=notes, findings=findings, description=bus)
-    bus = _read(files, forced, notes, findings, starts=chosen.needs_start)
+    bus = _read(files, forced, notes, findings, options, starts=chosen.needs_start)
     notes += [f"{s.name or s.order or 'a SubDevice'}: {n}" for s in bus.subdevices for n in s.notes]
     if not bus.copies:
         notes.append("no copies are known, so no safety frame would be moved")
@@ -112,6 +119,7 @@ def _read(
     forced: Format | None,
     notes: list[str],
     findings: list[Diagnostic],
+    options: LoadOptions,
     *,
     starts: bool = False,
 ) -> Description:
@@ -119,10 +127,10 @@ def _read(
     out = Collector()
     named = [(f, forced or find_format(f, out)) for f in map(_file_of, dict.fromkeys(files))]
     known = [(f, found) for f, found in named if found is not None]
-    buses, types = _read_others(known, out)
+    buses, types = _read_others(known, out, options.master)
     own = [f for f, found in known if found.yields is Yields.NETWORK]
     if own:
-        made, is_bus = _read_yaml(own, out)
+        made, is_bus = _read_yaml(own, out, options)
         (buses if is_bus else types).insert(0, made)
     _refuse_errors(out)
     bus = join_buses(buses, notes) if buses else None
@@ -147,7 +155,7 @@ def _joined(bus: Description | None, types: list[Description], notes: list[str])
 
 
 def _read_others(
-    files: Sequence[tuple[str, Format]], out: Collector
+    files: Sequence[tuple[str, Format]], out: Collector, master: str
 ) -> tuple[list[Description], list[Description]]:
     """Return buses and device types of files that are neither a network nor a catalogue."""
     buses: list[Description] = []
@@ -155,7 +163,7 @@ def _read_others(
     for file, found in files:
         if found.yields in (Yields.NETWORK, Yields.CATALOGUE):
             continue
-        read = read_foreign(file, found, out)
+        read = read_foreign(file, found, out, master=master)
         if read is None:
             continue
         if found.yields is Yields.TYPES or read.placeless:
@@ -165,9 +173,9 @@ def _read_others(
     return buses, types
 
 
-def _read_yaml(files: list[str], out: Collector) -> tuple[Description, bool]:
+def _read_yaml(files: list[str], out: Collector, options: LoadOptions) -> tuple[Description, bool]:
     """Return what YAML and URDF say, and whether it is a bus: slave YAMLs are device types."""
-    loaded = load_network(files, LoadOptions())
+    loaded = load_network(files, options)
     # A bus without copies can be described all the same; a note says that nothing is moved.
     out.diagnostics += [d for d in loaded.diagnostics if d.code != _NO_NET]
     _refuse_errors(out)

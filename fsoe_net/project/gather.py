@@ -106,7 +106,7 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
             found.esis.append(path)
             found.used.append(path)
         else:
-            read = read_foreign(path, known, mine)
+            read = read_foreign(path, known, mine, master=options.master)
             _keep(found, path, mine, in_folder, _sorted(read, known, found))
     _read_yaml(yaml_files, options, found)
     errors = [d for d in found.out.diagnostics if d.level is Severity.ERROR]

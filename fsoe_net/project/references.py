@@ -49,8 +49,10 @@ def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, Format
     return own, others
 
 
-def read_references(files: Sequence[tuple[str, Format]], network: NetworkConfig) -> References:
-    """Read the other files; of an ESI only the devices of the network."""
+def read_references(
+    files: Sequence[tuple[str, Format]], network: NetworkConfig, *, master: str = ""
+) -> References:
+    """Read the other files; of an ESI only the devices of the network, of several masters one."""
     found = References()
     for path, known in files:
         out = Collector()
@@ -59,7 +61,9 @@ def read_references(files: Sequence[tuple[str, Format]], network: NetworkConfig)
             sha256 = _sha256(path)
         else:
             data = read_bytes(path, out, most=MAX_LARGE_BYTES)
-            description = None if data is None else read_foreign(data, known, out, name=path)
+            description = (
+                None if data is None else read_foreign(data, known, out, name=path, master=master)
+            )
             sha256 = hashlib.sha256(data or b"").hexdigest()
         found.diagnostics += out.diagnostics
         if description is not None:

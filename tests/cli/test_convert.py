@@ -392,3 +392,64 @@ def test_a_network_with_frames_and_no_net_stays_an_error(tmp_path: Path):
     check = fsn("check", str(tmp_path / "n" / "network.yaml"))
     assert check.returncode == 1
     assert "error[FSN125]" in check.stdout
+
+
+ROBOT = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="place" default="0"/><ros2_control name="s" type="system">
+<hardware><plugin>ethercat_driver/EthercatDriver</plugin></hardware>
+<gpio name="g"><ec_module name="io"><plugin>ethercat_generic_plugins/GenericEcSlave</plugin>
+<param name="position">$(arg place)</param>
+<param name="slave_config">$(find cell)/io.yaml</param></ec_module></gpio></ros2_control></robot>
+"""
+
+
+def test_references_of_a_xacro_are_followed(tmp_path: Path):
+    """With the options that its errors name."""
+    robot = tmp_path / "r.xacro"
+    robot.write_text(ROBOT, "utf-8")
+    package = tmp_path / "cell"
+    package.mkdir()
+    (package / "io.yaml").write_text("vendor_id: 2\nproduct_id: 3\n", "utf-8")
+    out = tmp_path / "made" / "network.yaml"
+    done = converted(robot, "-o", out)
+    assert "hint: pass --package cell=DIR" in done.stderr
+    done = converted(robot, "--package", f"cell={package}", "--arg", "place:=4", "-o", out)
+    assert done.returncode == 0, done.stderr
+    assert "{name: io, alias: 0, position: 4" in out.read_text("utf-8")
+
+
+TWO = """<robot name="r">{systems}</robot>"""
+SYSTEM = """<ros2_control name="{name}" type="system">
+<hardware><plugin>ethercat_driver/EthercatDriver</plugin>
+<param name="master_id">{number}</param><param name="control_frequency">{hertz}</param></hardware>
+<gpio name="{name}"><ec_module name="io_{name}">
+<plugin>ethercat_generic_plugins/GenericEcSlave</plugin><param name="position">0</param>
+<param name="slave_config">io.yaml</param></ec_module></gpio></ros2_control>"""
+
+
+def test_two_masters_of_a_urdf_are_not_written_as_one_ring(tmp_path: Path):
+    """Both would have a SubDevice at position 0."""
+    robot = tmp_path / "r.urdf"
+    rows = [("left", 0, 1000), ("right", 1, 500)]
+    systems = "".join(SYSTEM.format(name=n, number=m, hertz=f) for n, m, f in rows)
+    robot.write_text(TWO.format(systems=systems), "utf-8")
+    (tmp_path / "io.yaml").write_text("vendor_id: 2\nproduct_id: 3\n", "utf-8")
+    out = tmp_path / "made" / "network.yaml"
+    done = converted(robot, "-o", out)
+    assert done.returncode == 1
+    assert (
+        "2 EtherCAT masters are not one bus; choose one with --master: 0 or left, 1 or right"
+        in (done.stderr)
+    )
+    for master, name, cycle in (("right", "io_right", 2000), ("0", "io_left", 1000)):
+        done = converted(robot, "--master", master, "-o", out, "--overwrite")
+        assert done.returncode == 0, done.stderr
+        text = out.read_text("utf-8")
+        assert [f"name: {n}," in text for n in ("io_left", "io_right")] == [
+            name == "io_left",
+            name == "io_right",
+        ]
+        assert f"cycle_us: {cycle}" in text
+    done = converted(robot, "--master", "both", "-o", out, "--overwrite")
+    assert "this URDF has no EtherCAT master 'both'" in done.stderr
+    assert "choose one with --master: 0 or left, 1 or right" in done.stderr

@@ -68,10 +68,12 @@ def test_lcec_masters():
     found, _ = lcec(two, "FSN147")
     assert found is not None
     assert len(found.subdevices) == 5
-    found, _ = lcec(two, master=7)
-    assert found is not None
-    assert [s.order for s in found.subdevices] == ["A"]
-    assert lcec(LCEC, "FSN140", master=3)[0] is None
+    named = two.replace('<master idx="7"', '<master idx="7" name="far"')
+    for text, master in ((two, "7"), (named, "7"), (named, "far")):
+        found, _ = lcec(text, master=master)
+        assert found is not None
+        assert [s.order for s in found.subdevices] == ["A"]
+    assert lcec(LCEC, "FSN140", master="3")[0] is None
     assert lcec("<masters/>", "FSN140")[0] is None
     assert lcec("<robot/>", "FSN140")[0] is None
     assert lcec(LCEC[:300], "FSN118")[0] is None

@@ -126,6 +126,53 @@ def test_a_part_of_a_project_is_read_from_its_folder(tmp_path: Path):
     assert alone.copies == ()
 
 
+@pytest.mark.parametrize("disabled", ["", 'Disabled="true"'])
+def test_a_box_that_is_a_file_with_what_stands_at_its_place(disabled: str, tmp_path: Path):
+    """Beside its file a box has where it is plugged in; whether it is used may stand there, too."""
+    folder = tmp_path / "_Config" / "IO" / tc.MASTER
+    folder.mkdir(parents=True)
+    box = tc.box(2, "__FILENAME__", "EL1904", 0x07703052)
+    (folder / "Term 2 (EL1904).xti").write_text(f"<TcSmItem>{box}</TcSmItem>", "utf-8")
+    inside = (
+        f'<Device Id="1"><Name>{tc.MASTER}</Name><EtherCAT/>'
+        f"{tc.box(1, 'Term 1 (EK1100)', 'EK1100', 0x044C2C52)}"
+        f'<Box File="Term 2 (EL1904).xti" {disabled}><EtherCAT PortABoxInfo="#x01000001"/></Box>'
+    )
+    path = tmp_path / "machine.tsproj"
+    project = f"<TcSmProject><Project><Io>{inside}</Device></Io></Project></TcSmProject>"
+    path.write_text(project, "utf-8")
+    names = [s.name for s in read(path).subdevices]
+    assert names == ["Term 1 (EK1100)", *([] if disabled else ["Term 2 (EL1904)"])]
+
+
+def test_each_of_several_masters_is_read_by_its_name():
+    whole = tc.machine(safety="")
+    begin, end = whole.index("<Device "), whole.index("</Device>") + len("</Device>")
+    other = (
+        '<Device Id="2"><Name>Device 2 (EtherCAT)</Name><EtherCAT/>'
+        f"{tc.box(1, 'Far (EK1100)', 'EK1100', 0x044C2C52)}</Device>"
+    )
+    off = other.replace("Device 2", "Device 3").replace('Id="2"', 'Id="2" Disabled="true"')
+    text = (whole[:end] + other + off + whole[end:]).encode()
+    assert begin > 0
+    out = Collector()
+    first = load_twincat(text, out)
+    assert first is not None
+    assert len(first.subdevices) == 4
+    (choice,) = [d for d in out.diagnostics if "masters" in d.message]
+    assert choice.level is Severity.WARNING
+    assert choice.hint == "--master 'Device 2 (EtherCAT)' reads another one"
+    out = Collector()
+    second = load_twincat(text, out, master="Device 2 (EtherCAT)")
+    assert second is not None
+    assert [s.name for s in second.subdevices] == ["Far (EK1100)"]
+    assert [d for d in out.diagnostics if "masters" in d.message] == []
+    assert load_twincat(text, out, master="Device 3 (EtherCAT)") is None
+    assert out.diagnostics[-1].code == "FSN140"
+    known = "'Device 1 (EtherCAT)', 'Device 2 (EtherCAT)'"
+    assert out.diagnostics[-1].hint == f"choose one with --master: {known}"
+
+
 def test_a_box_alone_is_a_bus_of_what_hangs_on_it(tmp_path: Path):
     inside = tc.logic(2, (3,)) + tc.terminal(3, "EL1904", 0x07703052)
     coupler = tc.box(1, "__FILENAME__", "EK1100", 0x044C2C52, more=inside)

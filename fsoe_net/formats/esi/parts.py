@@ -101,6 +101,7 @@ class PartReader:
             message = f"PDO 0x{index:04x} has {pdo.bits} bits"
             self._wrong("FSN113", element.span, message, f"at most {MAX_PDO_BITS} fit")
             return None
+        self._oversampling(element, index)
         excludes = (self._excluded(e) for e in element.all("Exclude"))
         return EsiPdo(
             pdo=pdo,
@@ -113,6 +114,14 @@ class PartReader:
             excludes=frozenset(e for e in excludes if e is not None),
             mark=element.attributes.get("SafetyPdoType", "")[:40],
         )
+
+    def _oversampling(self, element: Element, index: int) -> None:
+        text = {key: element.attributes.get(key, "")[:20] for key in ("OSFac", "OSMin", "OSMax")}
+        if text["OSFac"].strip() not in ("", "0", "1"):
+            self.notes.append(
+                f"PDO 0x{index:04x} is oversampled: the device sends {text['OSFac']} samples of it "
+                f"by default ({text['OSMin']} … {text['OSMax']}), one is written"
+            )
 
     def _sm(self, element: Element) -> int | None:
         text = element.attributes.get("Sm", "").strip()

@@ -12,6 +12,7 @@ FORMAT = Format(
     expects="XML with the root <masters>",
     yields=Yields.BUS,
     read="fsoe_net.formats.lcec.read:load_lcec",
+    has_masters=True,
     signatures=(Signature(words="a configuration of linuxcnc-ethercat", root="masters"),),
     targets=(
         Target(name="lcec", write="fsoe_net.formats.lcec.write:write_lcec", suffixes=(".xml",)),

@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from fsoe_net.diag.diagnostic import Related, Severity, Span
-from fsoe_net.diag.words import counted
+from fsoe_net.diag.diagnostic import Related, Span
+from fsoe_net.diag.words import counted, listed
 from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import Source, source_bytes
@@ -29,7 +29,7 @@ _DECIMAL = re.compile(r"0{0,40}([0-9]{1,10})\Z")
 
 
 def load_lcec(
-    source: Source, out: Collector, *, name: str = "<xml>", master: int | None = None
+    source: Source, out: Collector, *, name: str = "<xml>", master: str = ""
 ) -> Description | None:
     """Read a configuration of linuxcnc-ethercat.
 
@@ -37,7 +37,7 @@ def load_lcec(
         source: Path, or the bytes.
         out: Takes what is wrong, located.
         name: Name shown when ``source`` is bytes.
-        master: ``idx`` of the master to read; the first one by default.
+        master: ``idx`` or name of the master to read; the first one by default.
 
     Returns:
         SubDevices and connections. Only ``generic`` types have PDOs in the file; the others are
@@ -51,24 +51,33 @@ def load_lcec(
     )
     if root is None:
         return None
-    masters = [e for e in root.all("master") if master in (None, _number(e, "idx", out, default=0))]
+    masters = root.all("master")
     if root.name != "masters" or not masters:
-        out.add(
-            "FSN140",
-            root.span,
-            "no such <master> in <masters>",
-            hint="give a configuration of linuxcnc-ethercat and the idx of one of its masters",
-        )
+        message, hint = "no <master> in <masters>", "give a configuration of linuxcnc-ethercat"
+        out.add("FSN140", root.span, message, hint=hint)
         return None
-    if len(masters) > 1:
+    names = [_names_of(e, n, out) for n, e in enumerate(masters)]
+    known = listed([" or ".join(row) for row in names])
+    chosen = next((n for n, row in enumerate(names) if master in (*row, "")), None)
+    if chosen is None:
+        message = f"this file has no master {master!r}"
+        out.add("FSN140", root.span, message, hint=f"choose one with --master: {known}")
+        return None
+    if len(masters) > 1 and not master:
         out.add(
             "FSN147",
             masters[1].span,
-            f"this file has {counted(len(masters), 'master')}; the first one is read",
-            severity=Severity.INFO,
-            hint="say which one to read",
+            f"this file has {counted(len(masters), 'master')} ({known}); only the first is read",
+            hint=f"--master {names[1][0]} reads another one",
         )
-    return _Master(masters[0], shown, out).description()
+    return _Master(masters[chosen], shown, out).description()
+
+
+def _names_of(element: Element, number: int, out: Collector) -> list[str]:
+    """Return the ``idx`` of a master, and its name where it has one."""
+    index = _number(element, "idx", out, default=number)
+    name = element.attributes.get("name", "").strip()
+    return [str(index), *([name] if name else [])]
 
 
 def _number(
@@ -206,6 +215,15 @@ class _Master:
         notes = []
         if kind != "generic":
             notes.append("its identity and PDOs are in the driver, by its type")
+        if modules := element.all("subModule"):
+            names = [m.attributes.get("name") or m.attributes.get("ident", "") for m in modules]
+            self._out.add(
+                "FSN147",
+                modules[0].span,
+                f"{counted(len(modules), 'subModule')} not read: {listed(names, 6)}; their process "
+                "data are in the driver",
+                hint="an ESI, ENI or scan has the process data of this SubDevice",
+            )
         activate = (
             None if dc is None else _number(dc, "assignActivate", self._out, hexadecimal=True)
         )

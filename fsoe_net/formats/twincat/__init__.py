@@ -12,6 +12,7 @@ FORMAT = Format(
     expects="XML with the root <TcSmProject> or <TcSmItem>",
     yields=Yields.BUS,
     read="fsoe_net.formats.twincat.read:load_twincat",
+    has_masters=True,
     signatures=(
         Signature(words="a TwinCAT project", root="TcSmProject"),
         Signature(words="a TwinCAT project part", root="TcSmItem"),

@@ -13,10 +13,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.diag.words import counted
+from fsoe_net.diag.words import counted, listed
 from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.limits import MAX_PROJECT_BYTES
+from fsoe_net.formats.shared.ring import MOST_SUBDEVICES
 from fsoe_net.formats.shared.source import Source, esi_number, source_bytes
 from fsoe_net.formats.shared.xml_text import readable_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml, shown_name
@@ -28,8 +29,7 @@ from fsoe_net.model.description import Description
 __all__ = ["load_twincat"]
 
 _KIND = "a TwinCAT project"
-_MOST_FILES = 500
-_MOST_BOXES = 4096
+_MOST_FILES = 10_000
 _DEEPEST = 40
 _SKIP = frozenset(
     {"ImageDatas", "Plc", "Motion", "System", "Cpp", "Analytics", "Xml", "TmcDesc", "CanOpen"}
@@ -37,13 +37,16 @@ _SKIP = frozenset(
 _FILE_NAME = "__FILENAME__"  # what a part of a project has instead of its name
 
 
-def load_twincat(source: Source, out: Collector, *, name: str = "<tsproj>") -> Description | None:
+def load_twincat(
+    source: Source, out: Collector, *, name: str = "<tsproj>", master: str = ""
+) -> Description | None:
     """Read the EtherCAT part of a project, with its safety project where that lies beside.
 
     Args:
         source: Path, or the bytes of the file.
         out: Takes what is wrong, located: FSN140, FSN141, FSN143, FSN145, FSN147, FSN148.
         name: Path of the bytes, from which parts and the safety project are found.
+        master: Name of the master to read; by default the first that has a safety logic.
 
     Returns:
         SubDevices of one master, copies and FSoE connections; ``None`` without any.
@@ -52,7 +55,7 @@ def load_twincat(source: Source, out: Collector, *, name: str = "<tsproj>") -> D
     if data is None or not is_format(data, "twincat", shown, out):
         return None
     root = _parse(data, shown, out)
-    return None if root is None else _Project(root, shown, out).read()
+    return None if root is None else _Project(root, shown, out).read(master)
 
 
 def _parse(data: bytes, shown: str, out: Collector) -> Element | None:
@@ -83,14 +86,16 @@ class _Project:
         self._root, self._shown, self._out = root, shown, out
         self._files = 0
         self._bytes = 0
-        self._boxes = 0
+        self._is_refused = False
         self._types: dict[tuple[str, str], int] = {}
         self._left_out: list[str] = []
         self._add_types(root)
 
-    def read(self) -> Description | None:
+    def read(self, name: str) -> Description | None:
         """Return what the project says about one master."""
         masters = list(self._masters())
+        if self._is_refused:
+            return None
         usable = [m for m in masters if m.rows]
         if not usable:
             self._out.add(
@@ -100,17 +105,9 @@ class _Project:
                 hint="give the .tsproj, or the .xti of the EtherCAT master",
             )
             return None
-        master = next((m for m in usable if m.is_safe), usable[0])
-        if len(usable) > 1:
-            others = ", ".join(m.name[:60] for m in usable if m is not master)
-            self._out.add(
-                "FSN147",
-                master.element.span,
-                f"this project has {len(usable)} EtherCAT masters; {master.name[:60]} is read, "
-                f"{others} not",
-                severity=Severity.INFO,
-                hint="give the .xti of another master to read that one",
-            )
+        master = self._choose(usable, name)
+        if master is None:
+            return None
         boxes = [
             read_box(element, path, position, self._types, shown, self._out)
             for position, (element, path, shown) in enumerate(master.rows)
@@ -131,6 +128,28 @@ class _Project:
             cycle_us=None,
         )
 
+    def _choose(self, masters: list[_Master], name: str) -> _Master | None:
+        """Return the master that was asked for, else the first with a safety logic."""
+        names = [m.name[:60] for m in masters]
+        if name:
+            chosen = next((m for m in masters if m.name == name), None)
+            if chosen is None:
+                hint = f"choose one with --master: {listed([repr(n) for n in names])}"
+                message = f"this project has no EtherCAT master {name!r} with SubDevices"
+                self._out.add("FSN140", self._root.span, message, hint=hint)
+            return chosen
+        chosen = next((m for m in masters if m.is_safe), masters[0])
+        others = [m.name[:60] for m in masters if m is not chosen]
+        if others:
+            self._out.add(
+                "FSN147",
+                chosen.element.span,
+                f"this project has {len(masters)} EtherCAT masters; {chosen.name[:60]} is read, "
+                f"{listed(others)} not",
+                hint=f"--master {others[0]!r} reads another one",
+            )
+        return chosen
+
     def _add_types(self, root: Element) -> None:
         listed = root.first("DataTypes")
         for element in listed.all("DataType") if listed is not None else ():
@@ -149,7 +168,12 @@ class _Project:
         for part in parts:
             for device in part.all("Device"):
                 element, shown = self._whole(device, self._shown, ())
-                if element is not None and element.first("EtherCAT") is not None:
+                if element is None:
+                    continue
+                if _is_disabled(device) or _is_disabled(element):
+                    self._left_out.append(f"{_name_of(element, shown)[:60]} (disabled)")
+                    continue
+                if element.first("EtherCAT") is not None:
                     name = _name_of(element, shown)
                     master = _Master(name=name, element=element)
                     self._walk(element, (name,), shown, master, 0)
@@ -162,17 +186,18 @@ class _Project:
     def _walk(
         self, parent: Element, path: tuple[str, ...], shown: str, master: _Master, depth: int
     ) -> None:
-        if depth > _DEEPEST:
+        boxes = parent.all("Box")
+        if boxes and depth > _DEEPEST:
+            self._refuse(boxes[0], f"boxes nested deeper than {_DEEPEST} levels")
             return
-        for child in parent.all("Box"):
-            self._boxes += 1
-            if self._boxes > _MOST_BOXES:
+        for child in boxes:
+            if len(master.rows) > MOST_SUBDEVICES or self._is_refused:
                 return
             element, file = self._whole(child, shown, path)
             if element is None:
                 continue
             own = (*path, _name_of(element, file))
-            if element.attributes.get("Disabled", "").lower() in ("true", "1"):
+            if _is_disabled(child) or _is_disabled(element):
                 self._left_out.append(f"{own[-1][:60]} (disabled)")
                 continue
             if _is_subdevice(element):
@@ -182,9 +207,12 @@ class _Project:
     def _whole(
         self, element: Element, shown: str, path: tuple[str, ...]
     ) -> tuple[Element | None, str]:
-        """Return the element, from a file of its own where it names one."""
+        """Return the element, from a file of its own where it names one.
+
+        What stands here besides says where it is plugged in.
+        """
         file = element.attributes.get("File")
-        if file is None or element.children:
+        if file is None:
             return element, shown
         root = self._part(file, element, shown, path)
         inner = None if root is None else root.first(element.name)
@@ -195,6 +223,9 @@ class _Project:
     ) -> Element | None:
         """Read a part of the project; only from the folders where TwinCAT puts them."""
         self._files += 1
+        if self._files > _MOST_FILES:
+            self._refuse(element, f"more than {_MOST_FILES} files")
+            return None
         base = os.path.basename(file)
         folder = os.path.dirname(shown)
         stem = os.path.splitext(os.path.basename(shown))[0]
@@ -212,7 +243,7 @@ class _Project:
             and base not in ("", "..")
         )
         found = next((p for p in places if plain and os.path.isfile(p)), None)
-        if found is None or self._files > _MOST_FILES:
+        if found is None:
             self._out.add(
                 "FSN147",
                 element.span,
@@ -226,6 +257,12 @@ class _Project:
         if root is not None:
             self._add_types(root)
         return root
+
+    def _refuse(self, element: Element, why: str) -> None:
+        if not self._is_refused:
+            hint = "look for a file that names itself"
+            self._out.add("FSN103", element.span, f"{why} in this project", hint=hint)
+        self._is_refused = True
 
     # -- the rest ---------------------------------------------------------------------------------
 
@@ -273,6 +310,10 @@ def _name_of(element: Element, shown: str) -> str:
     text = "" if name is None else name.words
     stem = os.path.splitext(os.path.basename(shown))[0]
     return shown_name(stem) if text in ("", _FILE_NAME) else text
+
+
+def _is_disabled(element: Element) -> bool:
+    return element.attributes.get("Disabled", "").lower() in ("true", "1")
 
 
 def _is_subdevice(element: Element) -> bool:
