@@ -195,6 +195,8 @@ FSN471 warning target position without the actual position
 FSN472 warning controlword without the statusword
 FSN473 warning fixed target position
 FSN474 warning mode of operation that nobody reads back
+FSN475 error   drive plugin waits for a mode of operation that is not read
+FSN476 warning interface of a robot that no channel provides
 FSN501 error   SubDevice is missing on the bus
 FSN502 warning SubDevice on the bus that the network does not name
 FSN503 error   SubDevices on the bus are in another order

@@ -13,6 +13,7 @@ from fsoe_net.rules.drives import check_drives
 from fsoe_net.rules.frames import check_frames
 from fsoe_net.rules.fsoe import check_fsoe
 from fsoe_net.rules.groups import check_groups
+from fsoe_net.rules.interfaces import check_interfaces
 from fsoe_net.rules.nets import check_nets
 from fsoe_net.rules.runtime import Runtime, check_runtime
 from fsoe_net.rules.transfer_ends import check_ends
@@ -32,6 +33,7 @@ def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Dia
     # Order matters: a mistake in one place is named there, and not again by the rules behind it.
     check_devices(ctx)
     check_drives(ctx)
+    check_interfaces(ctx)
     check_bus(ctx)
     check_groups(ctx)
     check_connections(ctx)

@@ -1,4 +1,4 @@
-"""FSN470 … FSN474: process data of drives by CiA 402 (IEC 61800-7-201, ETG.6010)."""
+"""FSN470 … FSN475: process data of drives by CiA 402 (IEC 61800-7-201, ETG.6010)."""
 
 from __future__ import annotations
 
@@ -54,8 +54,9 @@ def check_drives(ctx: Context) -> None:
     for _, device, sub in ctx.devices():
         for found in drive_axes(device.layout):
             axis = _Axis(device, found.base, _entries(found.outputs), _entries(found.inputs))
-            _feedback(ctx, axis)
-            _targets(ctx, axis, sub)
+            waits = _waits_for_mode(axis, sub)
+            _feedback(ctx, axis, waits=waits)
+            _targets(ctx, axis, sub, waits=waits)
 
 
 def _entries(placed: Mapping[int, tuple[int, Placed]]) -> dict[int, Entry]:
@@ -67,7 +68,15 @@ def _is_fixed(entry: Entry) -> bool:
     return entry.default is not None and math.isfinite(entry.default)
 
 
-def _feedback(ctx: Context, axis: _Axis) -> None:
+def _waits_for_mode(axis: _Axis, sub: SubDevice) -> bool:
+    """Whether the plugin of the driver sends neither a command nor the actual position."""
+    target = axis.outputs.get(_TARGET_POSITION)
+    is_first = sub.plugin == CIA402_PLUGIN and axis.base == 0
+    unread = _MODE_DISPLAY not in axis.inputs
+    return is_first and unread and target is not None and not _is_fixed(target)
+
+
+def _feedback(ctx: Context, axis: _Axis, *, waits: bool) -> None:
     if _STATUSWORD not in axis.inputs:
         ctx.add(
             "FSN472",
@@ -76,7 +85,7 @@ def _feedback(ctx: Context, axis: _Axis) -> None:
             f"{axis.object(_STATUSWORD)} is not read: nobody sees the state of the axis",
             hint=f"map {axis.object(_STATUSWORD)} in a TxPDO",
         )
-    if MODE_OF_OPERATION in axis.outputs and _MODE_DISPLAY not in axis.inputs:
+    if MODE_OF_OPERATION in axis.outputs and _MODE_DISPLAY not in axis.inputs and not waits:
         ctx.add(
             "FSN474",
             axis.outputs[MODE_OF_OPERATION].span,
@@ -87,7 +96,7 @@ def _feedback(ctx: Context, axis: _Axis) -> None:
         )
 
 
-def _targets(ctx: Context, axis: _Axis, sub: SubDevice) -> None:
+def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, waits: bool) -> None:
     stated = axis.mode()
     if stated is not None and stated[0] in _CYCLIC:
         mode, span = stated
@@ -103,6 +112,15 @@ def _targets(ctx: Context, axis: _Axis, sub: SubDevice) -> None:
     target = axis.outputs.get(_TARGET_POSITION)
     if target is not None and (stated is None or stated[0] == 8):
         _position(ctx, axis, target, sub)
+        if waits:
+            ctx.add(
+                "FSN475",
+                target.span,
+                f"EcCiA402Drive writes the target position {axis.object(_TARGET_POSITION)} once it "
+                f"has read the mode of operation {axis.object(_MODE_DISPLAY)}, which no TxPDO has: "
+                "the target stays 0, and the axis runs to 0 as soon as the drive is enabled",
+                hint=f"map {axis.object(_MODE_DISPLAY)} in a TxPDO",
+            )
 
 
 def _position(ctx: Context, axis: _Axis, target: Entry, sub: SubDevice) -> None:

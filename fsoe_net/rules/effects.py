@@ -94,15 +94,17 @@ _ROS2_EFFECT = {
     "FSN424": "starts with kernel warnings or AL error 0x001d/0x001e",
     "FSN425": "loses OP (AL status 0x001b) whenever a cycle takes that long",
     "FSN429": "stops with an exception for a command on a tpdo",
+    "FSN475": "never writes the target position; the axis runs to 0 when the drive is enabled",
+    "FSN476": "exports the interface and binds nothing to it",
     "FSN601": "starts; the FSoE watchdog expires without any fault",
 }
 
 # Where a version differs from the rest.
 _VERSION_EFFECT: dict[Runtime, dict[str, str]] = {
     Runtime.ROS2_2025: {
+        "FSN450": "does not read the default; the output stays 0",
         "FSN123": "reads fsoe_config and ignores transfer_config",
         "FSN132": "knows only this name: nothing to fix",
-        "FSN450": "does not read the default; the output stays 0",
         "FSN228": "takes safety_master, and uses it nowhere",
     },
     Runtime.ROS2_2026_06: {"FSN132": "reads the file and logs a warning"},

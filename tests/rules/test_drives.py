@@ -31,7 +31,8 @@ def start_up(value: int, index: str = "0x6060") -> list[str]:
     return [DRIVE, SDO, SDO + row]
 
 
-DISPLAY = [DRIVE, STATE, STATE + SHOWN + PAD]
+HIDDEN = [DRIVE, SHOWN, ""]
+GENERIC = ["robot.urdf", PLUGIN, "ethercat_generic_plugins/GenericEcSlave"]
 NO_ACTUAL = [DRIVE, "0x6064, sub_index: 0", "0x606c, sub_index: 0"]
 FIXED = [DRIVE, TARGET, "type: int32, default: 5, command_interface: position}"]
 NOT_A_NUMBER = [DRIVE, TARGET, "type: int32, default: .nan, command_interface: position}"]
@@ -49,35 +50,34 @@ SECOND = [
 ]
 URDF_MODE_9 = [["robot.urdf", 'mode_of_operation">8', 'mode_of_operation">9']]
 CASES = {
-    "position, mode and what they are": ([mode(8), DISPLAY], []),
+    "position, mode and what they are": ([mode(8)], []),
     "velocity by start-up, with its target": (
         [start_up(9), [DRIVE, "0x607a, sub_index: 0", "0x60ff, sub_index: 0"]],
         [],
     ),
-    "velocity without its target": ([*URDF_MODE_9, mode(8), DISPLAY], ["FSN470"]),
-    "the plugin writes the mode of the URDF": ([mode(9), DISPLAY], []),
-    "a generic plugin writes that of the slave YAML": (
-        [mode(9), DISPLAY, ["robot.urdf", PLUGIN, "ethercat_generic_plugins/GenericEcSlave"]],
-        ["FSN470"],
-    ),
+    "velocity without its target": ([*URDF_MODE_9, mode(8)], ["FSN470"]),
+    "the plugin writes the mode of the URDF": ([mode(9)], []),
+    "a generic plugin writes that of the slave YAML": ([mode(9), GENERIC], ["FSN470"]),
     "torque without its target": ([start_up(10)], ["FSN470"]),
     "homing takes no target": ([start_up(6), NO_ACTUAL], []),
     "profile position is no loop": ([start_up(1), NO_ACTUAL], []),
-    "a mode that nobody states": ([mode(".nan"), DISPLAY], []),
+    "a mode that nobody states": ([mode(".nan")], []),
     "a mode by a program": (
-        [[DRIVE, TARGET, TARGET + MODE % "command_interface: mode, default: 9" + PAD], DISPLAY],
+        [[DRIVE, TARGET, TARGET + MODE % "command_interface: mode, default: 9" + PAD]],
         [],
     ),
     "a fixed target in velocity": ([start_up(3), FIXED], []),
-    "a fixed target": ([FIXED], ["FSN473"]),
-    "a plugin that replaces it": ([mode(8), FIXED, DISPLAY], []),
+    "a fixed target": ([FIXED, HIDDEN], ["FSN473"]),
+    "a plugin that waits for the mode": ([HIDDEN], ["FSN475"]),
+    "the same with a mode that is written": ([mode(8), HIDDEN], ["FSN475"]),
+    "the same in velocity": (
+        [start_up(9), HIDDEN, [DRIVE, "0x607a, sub_index: 0", "0x60ff, sub_index: 0"]],
+        [],
+    ),
+    "the mode is not shown to another plugin": ([mode(8), HIDDEN, GENERIC], ["FSN474"]),
+    "a plugin that replaces it": ([mode(8), FIXED], []),
     "the same with another plugin": (
-        [
-            mode(8),
-            FIXED,
-            DISPLAY,
-            ["robot.urdf", PLUGIN, "ethercat_generic_plugins/GenericEcSlave"],
-        ],
+        [mode(8), FIXED, GENERIC],
         ["FSN473"],
     ),
     "a default that is not a number": ([NOT_A_NUMBER], []),

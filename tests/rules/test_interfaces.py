@@ -1,0 +1,166 @@
+"""FSN476: interfaces of a robot that no channel of its SubDevices provides."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from fsoe_net.project.check import check_files
+
+GENERIC = "ethercat_generic_plugins/GenericEcSlave"
+DRIVE = "ethercat_generic_plugins/EcCiA402Drive"
+VENDOR = "ethercat_plugins/Beckhoff_EL2008"
+ROBOT = """<robot name="r"><ros2_control name="s" type="system">
+<hardware><plugin>ethercat_driver/EthercatDriver</plugin></hardware>
+{components}
+</ros2_control></robot>
+"""
+MODULE = """<ec_module name="{name}"><plugin>{plugin}</plugin>
+<param name="position">{position}</param><param name="slave_config">{config}</param>
+<param name="mode_of_operation">8</param></ec_module>
+"""
+FILES = {
+    "axis.yaml": """\
+vendor_id: 2
+product_id: 3
+rpdo:
+  - index: 0x1600
+    channels:
+      - {index: 0x607a, sub_index: 0, type: int32, command_interface: position}
+      - {index: 0x6040, sub_index: 0, type: uint16}
+tpdo:
+  - index: 0x1a00
+    channels:
+      - {index: 0x6064, sub_index: 0, type: int32, state_interface: position}
+      - {index: 0x6061, sub_index: 0, type: int8}
+""",
+    "two.yaml": """\
+vendor_id: 2
+product_id: 3
+rpdo:
+  - index: 0x1600
+    for: a
+    channels:
+      - {index: 0x7000, sub_index: 1, type: int32, command_interface: speed}
+tpdo:
+  - index: 0x1a00
+    for: b
+    channels:
+      - {index: 0x6000, sub_index: 1, type: int32, state_interface: speed}
+""",
+    "bits.yaml": """\
+vendor_id: 2
+product_id: 3
+tpdo:
+  - index: 0x1a00
+    channels:
+      - index: 0x6000
+        sub_index: 1
+        type: uint8
+        data_mapping:
+          - {type: bool, addr_offset: 0, mask: 1, state_interface: low}
+          - {type: bool, addr_offset: 0, mask: 2, state_interface: high}
+""",
+}
+
+
+def module(config: str, position: int = 0, plugin: str = GENERIC, name: str = "") -> str:
+    return MODULE.format(
+        name=name or f"m{position}", plugin=plugin, position=position, config=config
+    )
+
+
+def component(
+    inside: str, *, states: str = "", commands: str = "", name: str = "a", kind: str = "joint"
+) -> str:
+    rows = [
+        f'<{side}_interface name="{n}"/>'
+        for side, names in (("state", states), ("command", commands))
+        for n in names.split()
+    ]
+    return f'<{kind} name="{name}">\n' + "\n".join([*rows, inside]) + f"</{kind}>"
+
+
+def found(tmp_path: Path, components: str) -> list[tuple[int, str, str, list[str]]]:
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    path = tmp_path / "r.urdf"
+    path.write_text(ROBOT.format(components=components), "utf-8")
+    return [
+        (
+            d.span.line,
+            d.message,
+            d.hint,
+            [f"{Path(r.span.file).name} {r.message}" for r in d.related],
+        )
+        for d in check_files([str(path)]).diagnostics
+        if d.code == "FSN476"
+    ]
+
+
+ACCEPTED = {
+    "the same names": component(module("axis.yaml"), states="position", commands="position"),
+    "fewer than there are": component(module("axis.yaml"), states="position"),
+    "the plugin for drives resets faults": component(
+        module("axis.yaml", plugin=DRIVE), commands="position reset_fault"
+    ),
+    "another plugin has names of its own": component(
+        module("axis.yaml", plugin=VENDOR), commands="d_output.1"
+    ),
+    "one of two modules": component(
+        module("axis.yaml") + module("bits.yaml", 1), states="position high", kind="gpio"
+    ),
+    "items of a mapping": component(module("bits.yaml"), states="low high", kind="sensor"),
+    "a description that cannot be read": component(module("none.yaml"), states="high"),
+    "each joint its own": component(module("two.yaml", name="m"), commands="speed")
+    + component(module("two.yaml", name="m"), states="speed", name="b"),
+}
+
+
+@pytest.mark.parametrize("name", ACCEPTED)
+def test_interfaces_that_are_provided_or_not_known_are_accepted(name: str, tmp_path: Path):
+    assert found(tmp_path, ACCEPTED[name]) == []
+
+
+def test_a_misspelt_interface_is_named_at_both_ends(tmp_path: Path):
+    row = component(module("axis.yaml"), states="position", commands="positon")
+    assert found(tmp_path, row) == [
+        (
+            5,
+            "no channel of m0 provides the command_interface 'positon' of joint a: commands to it "
+            "have no effect",
+            "write position",
+            ["axis.yaml provides position"],
+        )
+    ]
+
+
+def test_an_interface_without_a_similar_one_is_named_with_those_that_are_free(tmp_path: Path):
+    rows = found(tmp_path, component(module("bits.yaml"), states="low effort", kind="gpio"))
+    assert [(line, hint, other) for line, _, hint, other in rows] == [
+        (
+            5,
+            "write state_interface: effort at a channel of the tpdo, or delete it here",
+            ["bits.yaml provides high"],
+        )
+    ]
+    assert rows[0][1].endswith("its value is never updated")
+
+
+def test_a_command_is_not_provided_by_a_state(tmp_path: Path):
+    rows = found(tmp_path, component(module("bits.yaml"), commands="low"))
+    assert [(line, hint) for line, _, hint, _ in rows] == [
+        (4, "write command_interface: low at a channel of the rpdo, or delete it here")
+    ]
+
+
+def test_reset_fault_of_another_plugin_is_a_name_like_others(tmp_path: Path):
+    rows = found(tmp_path, component(module("axis.yaml"), commands="position reset_fault"))
+    assert [line for line, *_ in rows] == [5]
+
+
+def test_channels_for_another_joint_do_not_count(tmp_path: Path):
+    both = component(module("two.yaml", name="m"), states="speed", commands="speed")
+    both += component(module("two.yaml", name="m"), states="speed", commands="speed", name="b")
+    assert [line for line, *_ in found(tmp_path, both)] == [4, 11]
