@@ -221,6 +221,8 @@ fsn_status fsn_segment_get_object(struct fsn_segment *segment, uint32_t position
                                   uint8_t sub, void *bytes, size_t len_bytes);
 fsn_status fsn_segment_set_object(struct fsn_segment *segment, uint32_t position, uint16_t index,
                                   uint8_t sub, const void *bytes, size_t len_bytes);
+fsn_status fsn_segment_set_clock_bits(struct fsn_segment *segment, uint32_t position,
+                                      uint32_t bits);
 fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment, uint32_t position,
                                          uint64_t delay_ns);
 fsn_status fsn_segment_set_al_delay(struct fsn_segment *segment, uint32_t position,

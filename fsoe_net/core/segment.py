@@ -284,6 +284,15 @@ class Segment:
         raise_status(status, f"object 0x{index:04x}:{sub:02x}")
         return bytes(self._ffi.buffer(buffer, size))
 
+    def set_clock_bits(self, position: int, bits: int) -> None:
+        """Give the times of a distributed clock 32 or 64 bits.
+
+        Raises:
+            CoreError: No such SubDevice, or another number of bits.
+        """
+        status = self._lib.fsn_segment_set_clock_bits(self._pointer, position, bits)
+        raise_status(status, f"clock of {bits} bits")
+
     def set_mailbox_delay(self, position: int, delay_ns: int) -> None:
         """Let mailbox answers wait.
 

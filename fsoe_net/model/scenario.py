@@ -33,6 +33,7 @@ class Action(enum.Enum):
     SWAP = "swap"
     WRONG = "wrong"
     RIGHT = "right"
+    NARROW_CLOCK = "narrow_clock"
     SDO_ABORT = "sdo_abort"
     MAILBOX_DELAY = "mailbox_delay_ms"
     AL_DELAY = "al_delay_ms"

@@ -164,6 +164,7 @@ _FORMS = {
     "swap": _Form("SUBDEVICE SUBDEVICE", _swap),
     "wrong": _Form("SUBDEVICE VENDOR PRODUCT [REVISION]", _wrong),
     "right": _Form("SUBDEVICE", _target(Action.RIGHT)),
+    "narrow-clock": _Form("SUBDEVICE", _target(Action.NARROW_CLOCK)),
     "sdo-abort": _Form("SUBDEVICE INDEX[:SUB] CODE", _sdo_abort),
     "mailbox-delay": _Form("SUBDEVICE TIME", _times(Action.MAILBOX_DELAY)),
     "al-delay": _Form("SUBDEVICE TIME", _times(Action.AL_DELAY)),

@@ -75,6 +75,9 @@ _ONE: dict[Action, Callable[[Segment, ScenarioStep], None]] = {
     Action.SWAP: _swap,
     Action.WRONG: _wrong,
     Action.RIGHT: lambda segment, step: segment.set_identity(segment.position(step.target), None),
+    Action.NARROW_CLOCK: lambda segment, step: segment.set_clock_bits(
+        segment.position(step.target), 32
+    ),
     Action.SDO_ABORT: _sdo_abort,
     Action.POWER_CYCLE: lambda segment, step: segment.power_cycle(segment.position(step.target)),
 }

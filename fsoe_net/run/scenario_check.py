@@ -156,7 +156,7 @@ class _Check:
         elif step.action is Action.SWAP:
             self.known(step.target, names.subdevices, "SubDevice", span)
             self.known(step.other, names.subdevices, "SubDevice", span)
-        elif step.action in (Action.WRONG, Action.RIGHT, Action.SDO_ABORT):
+        elif step.action in (Action.WRONG, Action.RIGHT, Action.NARROW_CLOCK, Action.SDO_ABORT):
             self.known(step.target, names.subdevices, "SubDevice", span)
 
     def values(

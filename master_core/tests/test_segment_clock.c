@@ -130,6 +130,33 @@ static void who_has_no_clock_says_so(void) {
     tear_down(&rig);
 }
 
+/** Of 32 bits its times show what is left of the same times, and what is written above is lost. */
+static void a_clock_may_have_32_bits(void) {
+    struct rig rig = set_up_clocks();
+    const uint64_t offset =
+        UINT64_C(0x2FFFFFFFF) - rig.now_ns; /* goes around with the next frames */
+    CHECK(fsn_segment_set_clock_bits(rig.segment, 1, 32) == FSN_OK);
+    set(&rig, 1, 0, 0, 300); /* another clock in the same device */
+    CHECK(read(&rig, 1001, 0x0008, 2) == 0x0C && read(&rig, 1002, 0x0008, 2) == 0x04);
+    fsn_segment_power_cycle(rig.segment, 1);
+    set_stations(&rig);
+    CHECK(read(&rig, 1002, 0x0008, 2) == 0x04);
+    put(&rig, 1002, DC_OFFSET, offset, 8);
+    CHECK(read(&rig, 1002, DC_OFFSET, 8) == (uint32_t)offset);
+    CHECK(read(&rig, 1002, DC_TIME, 8) == (uint32_t)(rig.now_ns + 700 + offset));
+    put(&rig, 1002, SYNC0_START, UINT64_C(0x500000000) + MS, 8);
+    CHECK(read(&rig, 1002, SYNC0_START, 8) == MS);
+    const uint32_t zero = 0;
+    CHECK(datagram(&rig, BWR, 0, DC_RECEIVE, &zero, 4) == 2);
+    CHECK(read(&rig, 1002, 0x0918, 8) >> 32 == 0);
+    CHECK(fsn_segment_set_clock_bits(rig.segment, 1, 64) == FSN_OK);
+    CHECK(read(&rig, 1002, 0x0008, 2) == 0x0C);
+    CHECK(read(&rig, 1002, DC_TIME, 8) == rig.now_ns + 700 + (uint32_t)offset);
+    CHECK(fsn_segment_set_clock_bits(rig.segment, 1, 48) == FSN_E_ARG);
+    CHECK(fsn_segment_set_clock_bits(rig.segment, 2, 32) == FSN_E_ARG);
+    tear_down(&rig);
+}
+
 /* -- SYNC0 ---------------------------------------------------------------------------------- */
 
 static uint16_t code(const struct rig *rig, uint32_t position) {
@@ -185,6 +212,56 @@ static void a_start_that_has_passed_never_comes(void) {
     tear_down(&rig);
 }
 
+/** Pulses of both widths come at the start that was written, whole cycles later, and over the end
+ * of 32 bits; a start that has passed comes to 32 bits when the time has gone around. */
+static void pulses_begin_where_they_were_started(void) {
+    for (uint32_t bits = 32; bits <= 64; bits += 32) {
+        struct rig rig = set_up_synchronous();
+        uint64_t pulse;
+        CHECK(fsn_segment_set_clock_bits(rig.segment, 1, bits) == FSN_OK);
+        CHECK(fsn_segment_next_pulse(rig.segment, 1, &pulse) == FSN_E_STATE);
+        put(&rig, 1002, DC_OFFSET, UINT64_C(0x100000000) - rig.now_ns - 50 * MS, 8);
+        const uint64_t now = read(&rig, 1002, DC_TIME, 8); /* 50 ms before the end of 32 bits */
+        const uint64_t start_ns = rig.now_ns + 80 * (uint64_t)MS;
+        put(&rig, 1002, SYNC0_CYCLE, 3 * MS, 4);
+        put(&rig, 1002, SYNC0_START, now + 80 * (uint64_t)MS, 8);
+        put(&rig, 1002, DC_ACTIVATION, 0x0300, 2);
+        CHECK(fsn_segment_next_pulse(rig.segment, 1, &pulse) == FSN_OK && pulse == start_ns);
+        rig.now_ns += 200 * (uint64_t)MS;
+        (void)read(&rig, 1002, DC_TIME, 8);
+        CHECK(fsn_segment_next_pulse(rig.segment, 1, &pulse) == FSN_OK);
+        CHECK(pulse > rig.now_ns && pulse <= rig.now_ns + 3 * MS);
+        CHECK((pulse - start_ns) % (3 * MS) == 0);
+
+        const uint64_t passed = read(&rig, 1002, DC_TIME, 8) - 1000;
+        const uint64_t around_ns = rig.now_ns - 1000 + UINT64_C(0x100000000);
+        put(&rig, 1002, SYNC0_START, passed, 8);
+        put(&rig, 1002, DC_ACTIVATION, 0x0300, 2);
+        const fsn_status status = fsn_segment_next_pulse(rig.segment, 1, &pulse);
+        CHECK(bits == 64 ? status == FSN_E_STATE : status == FSN_OK && pulse == around_ns);
+        tear_down(&rig);
+    }
+    struct rig rig = set_up_synchronous();
+    CHECK(fsn_segment_next_pulse(rig.segment, 0, NULL) == FSN_E_ARG);
+    uint64_t pulse;
+    CHECK(fsn_segment_next_pulse(rig.segment, 2, &pulse) == FSN_E_ARG);
+    tear_down(&rig);
+}
+
+/** A device of 32 bits whose start has passed goes to OP when the time has gone around. */
+static void a_start_that_has_passed_comes_around_in_32_bits(void) {
+    struct rig rig = set_up_synchronous();
+    CHECK(fsn_segment_set_clock_bits(rig.segment, 1, 32) == FSN_OK);
+    start_sync(&rig, -1);
+    CHECK(al(&rig, 1) == 0x14 && code(&rig, 1) == 0x002D);
+    rig.now_ns += UINT64_C(0x100000000);
+    distribute(&rig, 2);
+    CHECK(write16(&rig, FPWR, 1002, 0x0120, 0x14) == 1 &&
+          write16(&rig, FPWR, 1002, 0x0120, 8) == 1);
+    CHECK(al(&rig, 1) == 8);
+    tear_down(&rig);
+}
+
 /** Outputs near the pulse, always: a device cannot know to which cycle they belong. */
 static void outputs_belong_between_the_pulses(void) {
     for (int64_t phase = 0; phase < MS; phase += MS / 8) {
@@ -207,6 +284,9 @@ int main(void) {
     a_clock_follows_the_reference();
     the_reference_can_be_set();
     who_has_no_clock_says_so();
+    a_clock_may_have_32_bits();
+    pulses_begin_where_they_were_started();
+    a_start_that_has_passed_comes_around_in_32_bits();
     sync0_on_a_clock_that_nobody_sets_is_refused();
     a_start_that_has_passed_never_comes();
     outputs_belong_between_the_pulses();

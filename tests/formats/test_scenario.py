@@ -76,6 +76,7 @@ steps:
   - {at_ms: 5, lose: 10, delay_us: 500}
   - {at_ms: 6, cut: main}
   - {at_ms: 7, fsoe_address: {a: 5}}
+  - {at_ms: 8, narrow_clock: a}
 """,
     )
     scenario, found = load_scenario(path)
@@ -88,6 +89,7 @@ steps:
     assert steps[Action.MAILBOX_DELAY].values == {"a": 20, "b": 30}
     assert (steps[Action.LOSE].number, steps[Action.DELAY].number) == (10, 500)
     assert steps[Action.CUT].target == "main"
+    assert steps[Action.NARROW_CLOCK].target == "a"
     assert steps[Action.FSOE_ADDRESS].values == {"a": 5}
     needs = {a for a in steps if a.needs_segment}
     assert needs == set(steps) - {Action.FSOE_ADDRESS}

@@ -181,6 +181,7 @@ class Recorder:
         (Action.SPLICE, {"target": "b"}, ("set_link", 1, True)),
         (Action.SWAP, {"target": "a", "other": "b"}, ("swap", 0, 1)),
         (Action.RIGHT, {"target": "b"}, ("set_identity", 1, None)),
+        (Action.NARROW_CLOCK, {"target": "b"}, ("set_clock_bits", 1, 32)),
         (
             Action.WRONG,
             {"target": "b", "values": {"vendor": 1, "revision": 3}},
@@ -209,6 +210,7 @@ def test_what_a_step_does_to_a_segment(
         (Action.MAILBOX_DELAY, {"values": {"a": 1}}, ""),
         (Action.RX_ERRORS, {"values": {"a": 256}}, "a cannot be 256; it holds 0 … 255"),
         (Action.AL_DELAY, {"values": {"x": 1}}, "this network has no SubDevice 'x'"),
+        (Action.NARROW_CLOCK, {"target": "x"}, "this network has no SubDevice 'x'"),
     ],
 )
 def test_what_a_step_may_name_on_a_segment(action: Action, more: dict[str, Any], text: str):

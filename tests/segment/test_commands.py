@@ -50,6 +50,7 @@ def found_by_scan(session, now_ns):
         ("delay 0", Action.DELAY, "", 0, {}),
         ("stall 1s", Action.STALL, "", 1000, {}),
         ("mailbox-delay a 20ms", Action.MAILBOX_DELAY, "", 0, {"a": 20}),
+        ("narrow-clock a", Action.NARROW_CLOCK, "a", 0, {}),
         ("press", Action.PRESS, "reset", 0, {}),
     ],
 )

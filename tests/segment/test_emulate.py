@@ -170,6 +170,15 @@ def test_a_cut_cable_and_its_counters():
         segment.rx_errors(0, 4, 1)
 
 
+def test_a_clock_of_32_bits_is_one_for_its_maindevice():
+    """Bit 3 of its features, by ETG.1000.4, stands for 64 bits."""
+    segment = estop_segment()
+    segment.set_clock_bits(1, 32)
+    assert [register(segment, place, 0x0008, 2) for place in (0, 1)] == [b"\x0c\0", b"\x04\0"]
+    with pytest.raises(CoreError):
+        segment.set_clock_bits(1, 33)
+
+
 def test_a_ring_in_memory():
     segment = estop_segment()
     read = read_frame(7, 0, 0, 1)

@@ -191,6 +191,22 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock(struct fsn_segment *segmen
                                                       uint32_t position,
                                                       const struct fsn_segment_clock *clock);
 
+/** Gives the times of a SubDevice's clock 32 or 64 bits; 64 as it is built. With 32 bits the upper
+ *  halves of system time, offset and start time are zero, and SYNC0 whose start has passed begins
+ *  when the time has gone around, after 4.29 s at most.
+ *  @retval FSN_E_ARG    no such SubDevice, or another number of bits.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock_bits(struct fsn_segment *segment,
+                                                           uint32_t position, uint32_t bits);
+
+/** Tells when SYNC0 of a SubDevice pulses next.
+ *  @param[out] time_ns  in the time that was given with the last frame.
+ *  @retval FSN_E_ARG    no such SubDevice, or a null pointer.
+ *  @retval FSN_E_STATE  SYNC0 is off, or its start has passed.
+ *  Context: any thread. Locks. */
+FSN_API FSN_MUST_USE fsn_status fsn_segment_next_pulse(struct fsn_segment *segment,
+                                                       uint32_t position, uint64_t *time_ns);
+
 /** Lets mailbox answers wait; 0: no longer. At most an hour, as all delays here.
  *  @retval FSN_E_ARG    no such SubDevice.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment,

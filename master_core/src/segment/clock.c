@@ -3,13 +3,14 @@
 
 enum {
     BILLION = 1000000000,
-    LOOP_NS = 1000000,     /**< the control loop corrects at most as after so long */
-    MOST_PPB = 500000,     /**< fastest correction of the rate */
-    FILTER = 16,           /**< readings in the mean difference */
-    FEATURES = 0x0008,     /**< bit 2: a distributed clock, bit 3: 64 bits wide */
-    CLOCK_FEATURES = 0x0C, /**< both */
-    SYNC_ACTIVE = 0x03,    /**< of REG_DC_ACTIVATION: cyclic operation, SYNC0 */
-    LATE_OF_64 = 48,       /**< so many of the last 64 output frames near a pulse: an error */
+    LOOP_NS = 1000000, /**< the control loop corrects at most as after so long */
+    MOST_PPB = 500000, /**< fastest correction of the rate */
+    FILTER = 16,       /**< readings in the mean difference */
+    FEATURES = 0x0008,
+    FEATURE_CLOCK = 0x04, /**< a distributed clock */
+    FEATURE_WIDE = 0x08,  /**< of 64 bits */
+    SYNC_ACTIVE = 0x03,   /**< of REG_DC_ACTIVATION: cyclic operation, SYNC0 */
+    LATE_OF_64 = 48,      /**< so many of the last 64 output frames near a pulse: an error */
 };
 
 /** Without the reference time for so long a device with SYNC0 gives up. */
@@ -48,6 +49,21 @@ uint64_t esc_system_time(const struct esc *esc) {
     return corrected_time(esc, correction(esc));
 }
 
+void esc_clock_show(struct esc *esc, uint16_t address, uint64_t time_ns) {
+    fsn_put64(esc->memory + address, esc->clock.narrow ? (uint32_t)time_ns : time_ns);
+}
+
+void esc_clock_limit(struct esc *esc) {
+    static const uint16_t times[] = {REG_DC_TIME, REG_DC_EPU_TIME, REG_DC_OFFSET, REG_SYNC0_START};
+    const struct esc_clock *c = &esc->clock;
+    esc->memory[FEATURES] = c->absent   ? 0
+                            : c->narrow ? FEATURE_CLOCK
+                                        : FEATURE_CLOCK | FEATURE_WIDE;
+    for (size_t i = 0; i < sizeof times / sizeof times[0]; i++) {
+        esc_clock_show(esc, times[i], fsn_get64(esc->memory + times[i]));
+    }
+}
+
 static void show_difference(struct esc *esc) {
     const int64_t mean = esc->clock.difference_ns;
     const uint32_t size = (uint32_t)bounded(mean < 0 ? -mean : mean, INT32_MAX);
@@ -59,12 +75,13 @@ void esc_clock_reset(struct esc *esc, bool power_on) {
     c->difference_ns = 0;
     c->served = false;
     if (power_on) {
-        esc->memory[FEATURES] = c->absent ? 0 : CLOCK_FEATURES;
+        esc_clock_limit(esc);
         fsn_put16(esc->memory + REG_DC_LOOP, 0x1000);
         c->phase_ns = c->rate_ppb = 0;
         c->compared_ns = esc->now_ns;
         c->near = 0;
         c->fires = false;
+        c->pulse_ns = UINT64_MAX;
     }
     show_difference(esc);
 }
@@ -102,10 +119,26 @@ static bool has_sync(const struct esc *esc) {
            fsn_get32(esc->memory + REG_SYNC0_CYCLE) != 0;
 }
 
+/** A pulse that should have come already comes after the time has gone around once: of 32 bits
+ *  within 4.29 s, of 64 bits never. */
 void esc_clock_activate(struct esc *esc) {
-    /* A pulse that should have come already comes after the time has gone around once. */
-    esc->clock.fires = fsn_get64(esc->memory + REG_SYNC0_START) > esc_system_time(esc);
-    esc->clock.near = 0;
+    struct esc_clock *c = &esc->clock;
+    const uint64_t now = esc_system_time(esc);
+    const uint64_t ahead = fsn_get64(esc->memory + REG_SYNC0_START) - now;
+    const uint64_t wait = c->narrow ? (uint32_t)ahead : ahead;
+    const bool passed = wait == 0 || wait > (c->narrow ? INT32_MAX : INT64_MAX);
+    c->fires = !passed;
+    c->pulse_ns = passed && !c->narrow ? UINT64_MAX : now + wait;
+    c->near = 0;
+}
+
+uint64_t esc_clock_until_pulse(const struct esc *esc) {
+    const uint64_t now = esc_system_time(esc);
+    const uint64_t first = esc->clock.pulse_ns;
+    const uint32_t cycle = fsn_get32(esc->memory + REG_SYNC0_CYCLE);
+    return !has_sync(esc) || first == UINT64_MAX ? UINT64_MAX
+           : now < first                         ? first - now
+                                                 : cycle - (now - first) % cycle;
 }
 
 uint16_t esc_clock_fault(const struct esc *esc) {
@@ -118,7 +151,7 @@ uint16_t esc_clock_fault(const struct esc *esc) {
         c->difference_ns < -most_ns) {
         return AL_CODE_SYNC_FATAL;
     }
-    return c->fires ? 0 : AL_CODE_NO_SYNC;
+    return c->fires || esc_system_time(esc) >= c->pulse_ns ? 0 : AL_CODE_NO_SYNC;
 }
 
 void esc_clock_outputs(struct esc *esc) {
@@ -128,9 +161,9 @@ void esc_clock_outputs(struct esc *esc) {
         return;
     }
     const uint64_t now = esc_system_time(esc);
-    const uint64_t start = fsn_get64(esc->memory + REG_SYNC0_START);
     const uint32_t cycle = fsn_get32(esc->memory + REG_SYNC0_CYCLE);
-    const uint32_t behind = now >= start ? (uint32_t)((now - start) % cycle) : cycle / 2;
+    const uint32_t behind =
+        now >= c->pulse_ns ? (uint32_t)((now - c->pulse_ns) % cycle) : cycle / 2;
     c->near = c->near << 1 | (behind < cycle / 8 || behind > cycle - cycle / 8);
     unsigned late = 0;
     for (uint64_t bits = c->near; bits != 0; bits &= bits - 1) {

@@ -99,7 +99,7 @@ bool esc_read(struct esc *esc, uint16_t address, uint8_t *data, uint16_t size_by
         return false;
     }
     if (touches(address, size_bytes, REG_DC_TIME, 8)) {
-        fsn_put64(esc->memory + REG_DC_TIME, esc_system_time(esc));
+        esc_clock_show(esc, REG_DC_TIME, esc_system_time(esc));
     }
     esc_sm_before_read(esc, address, size_bytes);
     read_bytes(esc, address, data, size_bytes, or_in);
@@ -146,6 +146,9 @@ static void act(struct esc *esc, uint16_t address, uint16_t size_bytes) {
     }
     if (touches(address, size_bytes, REG_SII_CONTROL + 1, 1)) {
         esc_sii_command(esc);
+    }
+    if (touches(address, size_bytes, REG_DC_TIME, REG_DC_END - REG_DC_TIME)) {
+        esc_clock_limit(esc);
     }
     if (touches(address, size_bytes, REG_DC_LOOP, 2)) {
         esc_clock_reset(esc, false);
@@ -268,7 +271,7 @@ void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns) {
     const uint64_t back = esc_local_time(esc, return_ns);
     fsn_put32(esc->memory + REG_DC_RECEIVE, (uint32_t)arrival);
     fsn_put32(esc->memory + REG_DC_RECEIVE + 4, (uint32_t)back);
-    fsn_put64(esc->memory + REG_DC_EPU_TIME, arrival);
+    esc_clock_show(esc, REG_DC_EPU_TIME, arrival);
 }
 
 void esc_idle(struct esc *esc, uint64_t now_ns) {

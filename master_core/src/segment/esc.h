@@ -136,6 +136,7 @@ struct esc_fmmu {
 struct esc_clock {
     bool absent;           /**< there is none: those registers do not exist */
     bool deaf;             /**< the control loop corrects nothing */
+    bool narrow;           /**< its times have 32 bits */
     uint32_t forward_ns;   /**< a frame takes so long to the next controller */
     uint64_t offset_ns;    /**< the free-running clock starts somewhere */
     int64_t drift_ppb;     /**< and runs so much faster than it should */
@@ -146,6 +147,7 @@ struct esc_clock {
     uint64_t served_ns;    /**< when the reference time passed last */
     bool served;           /**< it ever did */
     bool fires;            /**< SYNC0 was given a start that had not passed */
+    uint64_t pulse_ns;     /**< its first pulse, in system time of 64 bits; UINT64_MAX: never */
     uint64_t near;         /**< the last 64 output frames: 1 where one came near a pulse */
 };
 
@@ -221,6 +223,10 @@ void esc_sii_command(struct esc *esc);
 /** Distributed clock (clock.c): free-running time, and the time that all shall have. */
 uint64_t esc_local_time(const struct esc *esc, uint64_t at_ns);
 uint64_t esc_system_time(const struct esc *esc);
+/** Puts a time into its register: all of it, or the 32 bits that the clock has. */
+void esc_clock_show(struct esc *esc, uint16_t address, uint64_t time_ns);
+/** Leaves as many bits in the registers as the clock has, and states how many. */
+void esc_clock_limit(struct esc *esc);
 /** Begins the mean difference anew, and with the power all of it. */
 void esc_clock_reset(struct esc *esc, bool power_on);
 /** The reference time passed; it is one to follow. */
@@ -229,6 +235,8 @@ void esc_clock_compare(struct esc *esc, const uint8_t *time, uint16_t size_bytes
 /** SYNC0 was switched on; outputs have come in. */
 void esc_clock_activate(struct esc *esc);
 void esc_clock_outputs(struct esc *esc);
+/** Time until the next pulse of SYNC0, nanoseconds; UINT64_MAX: it is off, or none ever comes. */
+uint64_t esc_clock_until_pulse(const struct esc *esc);
 /** AL status code of a device whose SYNC0 cannot be used; 0: it can, or is off. */
 uint16_t esc_clock_fault(const struct esc *esc);
 

@@ -96,6 +96,7 @@ fsn_status fsn_segment_set_clock(struct fsn_segment *s, uint32_t position,
     }
     esc->clock = (struct esc_clock){.absent = clock->absent,
                                     .deaf = clock->deaf,
+                                    .narrow = esc->clock.narrow,
                                     .forward_ns = clock->forward_ns,
                                     .offset_ns = clock->offset_ns,
                                     .drift_ppb = clock->drift_ppb};
@@ -103,6 +104,28 @@ fsn_status fsn_segment_set_clock(struct fsn_segment *s, uint32_t position,
     esc_clock_reset(esc, true);
     pthread_mutex_unlock(&s->lock);
     return FSN_OK;
+}
+
+fsn_status fsn_segment_set_clock_bits(struct fsn_segment *s, uint32_t position, uint32_t bits) {
+    struct esc *esc = bits == 32 || bits == 64 ? hold(s, position) : NULL;
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    esc->clock.narrow = bits == 32;
+    esc_clock_limit(esc);
+    pthread_mutex_unlock(&s->lock);
+    return FSN_OK;
+}
+
+fsn_status fsn_segment_next_pulse(struct fsn_segment *s, uint32_t position, uint64_t *time_ns) {
+    struct esc *esc = time_ns != NULL ? hold(s, position) : NULL;
+    if (esc == NULL) {
+        return FSN_E_ARG;
+    }
+    const uint64_t left_ns = esc_clock_until_pulse(esc);
+    *time_ns = esc->now_ns + left_ns;
+    pthread_mutex_unlock(&s->lock);
+    return left_ns != UINT64_MAX ? FSN_OK : FSN_E_STATE;
 }
 
 static fsn_status put_object(struct fsn_segment *s, uint32_t position, uint16_t index, uint8_t sub,
