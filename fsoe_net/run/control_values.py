@@ -91,16 +91,22 @@ class RingStatus:
     breaks: int
     place: str
 
+    @property
+    def text(self) -> str:
+        """A line for people."""
+        return f"ring {self.state}" + f": {self.place}" * bool(self.place)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClocksStatus:
-    """Distributed clocks: ``state`` is ``synchronous``, ``apart`` or ``unknown``.
+    """Distributed clocks.
 
-    ``set_by``: ``bus`` where the cycle follows the clock of ``reference``, ``host`` where this
-    machine sets it. Of ``subdevices`` whose clocks were compared so many are ``outside`` the
-    window, ``place`` names the furthest; ``leaves`` counts how often some were since the bus
-    opened. The last frame reached the reference clock ``lead_ns`` before SYNC0; it should
-    ``shift_ns``.
+    ``state``: ``synchronous``; ``apart``; ``no reference`` while no frame brings the time of the
+    reference clock; ``unknown`` while there is nothing to compare. ``set_by``: ``bus`` where the
+    cycle follows the clock of ``reference``, ``host`` where this machine sets it. Of
+    ``subdevices`` whose clocks were compared so many are ``outside`` the window, ``place`` names
+    the furthest or the lost reference; ``leaves`` counts how often some were since the bus opened.
+    The last frame reached the reference clock ``lead_ns`` before SYNC0; it should ``shift_ns``.
     """
 
     state: str
@@ -114,6 +120,13 @@ class ClocksStatus:
     shift_ns: int
     lead_ns: int
     place: str
+
+    @property
+    def text(self) -> str:
+        """A line for people."""
+        within = f"all within {self.worst_ns} ns of {self.reference}" * bool(self.subdevices)
+        detail = self.place or within
+        return f"distributed clocks {self.state}" + f": {detail}" * bool(detail)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

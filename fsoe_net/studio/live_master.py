@@ -216,11 +216,9 @@ def _notes(status: Status) -> Iterator[str]:
     if status.fault:
         yield f"the bus did not open: {status.fault}"
     if status.ring is not None:
-        yield f"ring {status.ring.state}" + (f": {status.ring.place}" * bool(status.ring.place))
+        yield status.ring.text
     if status.clocks is not None:
-        yield f"distributed clocks {status.clocks.state}" + (
-            f": {status.clocks.place}" * bool(status.clocks.place)
-        )
+        yield status.clocks.text
     for bus in status.buses:
         yield f"bus {bus.name}: working counter {bus.actual_wkc} of {bus.expected_wkc}"
     for group in status.groups:

@@ -163,6 +163,41 @@ def test_every_time_in_a_message_or_page_is_taken():
     assert tried >= 10
 
 
+def commands(group: click.Group) -> Iterator[tuple[str, set[str]]]:
+    """Yield each command with its options; a group has those of all its commands."""
+    for name in group.list_commands(click.Context(group)):
+        command = group.get_command(click.Context(group), name)
+        assert command is not None
+        inner = dict(commands(command)) if isinstance(command, click.Group) else {}
+        own = [p for p in command.params if isinstance(p, click.Option)]
+        opts = {o for p in own for o in (*p.opts, *p.secondary_opts)}
+        yield name, opts.union({"--help"}, *inner.values())
+
+
+def written_commands() -> Iterator[tuple[str, str, str]]:
+    """Yield each `fsoe-net COMMAND …` of any page, message or script: where, command, rest."""
+    for place in ("README.md", "CONTRIBUTING.md", "docs", "fsoe_net", "examples", "scripts"):
+        for path in [ROOT / place] if (ROOT / place).is_file() else (ROOT / place).rglob("*"):
+            if path.is_file() and path.suffix in (".md", ".py", ".yaml", ".service", ".fsn", ""):
+                lines = path.read_text("utf-8", "replace").replace("\\\n", "").splitlines()
+                for number, line in enumerate(lines, 1):
+                    for command, rest in re.findall(r"fsoe-net ([a-z][a-z-]*)([^`|;&#)]*)", line):
+                        yield f"{path.relative_to(ROOT)}:{number}", command, rest
+
+
+def test_every_option_of_a_written_command_exists():
+    known = dict(commands(cli))
+    tried = 0
+    wrong = []
+    for place, command, rest in written_commands():
+        for option in re.findall(r"(?<![\w-])(--[a-z][a-z-]*|-[a-zA-Z])(?![\w-])", rest):
+            tried += command in known
+            if option not in known.get(command, {option}):
+                wrong.append(f"{place}: {command} {option}")
+    assert wrong == []
+    assert tried > 300
+
+
 def test_a_time_is_written_as_it_is_read():
     for text in ("0s", "250us", "1ms", "90s", "2min", "168h"):
         assert time_text(time_ns(text)) == text

@@ -177,6 +177,33 @@ def test_a_bus_that_comes_up_already_is_only_waited_for(master, rig):
     assert "start" not in master.asked
 
 
+CLOCKS = {
+    "state": "synchronous", "set_by": "bus", "reference": "el6910", "subdevices": 2, "outside": 0,
+    "leaves": 0, "window_ns": 1000, "worst_ns": 38, "shift_ns": 1, "lead_ns": 1, "place": "",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("part", "row", "text"),
+    [
+        ("ring", {"state": "closed", "place": ""}, "ring closed"),
+        ("ring", {"state": "open", "place": "behind a"}, "ring open: behind a"),
+        ("clocks", {}, "distributed clocks synchronous: all within 38 ns of el6910"),
+        ("clocks", {"state": "unknown", "subdevices": 0}, "distributed clocks unknown"),
+        (
+            "clocks",
+            {"state": "apart", "place": "b is 2000 ns from a"},
+            "distributed clocks apart: b is 2000 ns from a",
+        ),
+    ],
+)
+def test_the_state_shows_ring_and_clocks_that_are_in_use(rig, monkeypatch, part, row, text):
+    whole = {"ring": {"ways": [1, 1], "breaks": 0}, "clocks": CLOCKS}[part]
+    assert text not in rig.do("state")
+    monkeypatch.setitem(STATUS, part, whole | row)
+    assert text in rig.do("state")
+
+
 def test_the_state_names_who_is_not_in_op(master, rig, monkeypatch):
     device = master._device
 

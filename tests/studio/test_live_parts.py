@@ -165,8 +165,8 @@ def test_what_is_said_beside_the_tables() -> None:
     client = SimpleNamespace(text="client 3 reads in the cycle")
     status = SimpleNamespace(
         fault="no link",
-        ring=SimpleNamespace(state="open", place="between a and b"),
-        clocks=SimpleNamespace(state="synchronous", place=""),
+        ring=SimpleNamespace(text="ring open: between a and b"),
+        clocks=SimpleNamespace(text="distributed clocks synchronous"),
         buses=[SimpleNamespace(name="main", interface="eth1", actual_wkc=2, expected_wkc=3)],
         groups=[SimpleNamespace(name="drill", state="wrong", detail="another one stands there")],
         in_cycle=[client],

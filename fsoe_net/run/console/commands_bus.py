@@ -92,7 +92,7 @@ def _state(room: Room, words: Sequence[str]) -> None:
 
 
 def _state_of_bus(room: Room) -> None:
-    """Show the status, and the SubDevices that are not in OP."""
+    """Show the status, ring and clocks where there are any, and SubDevices that are not in OP."""
     status, rows, connections = room.keeper.call(
         lambda client: (client.status(), client.subdevices(), _connections(client))
     )
@@ -101,8 +101,9 @@ def _state_of_bus(room: Room) -> None:
         room.out(status.fault)
     if status.interventions is not None and status.interventions.fault:
         room.out(f"the intervention log is not written: {status.interventions.fault}")
-    for client in status.in_cycle:
-        room.out(client.text)
+    for part in (status.ring, status.clocks, *status.in_cycle):
+        if part is not None:
+            room.out(part.text)
     for row in rows:
         if row.known and not row.in_op:
             room.out("  ".join(part for part in _device(row) if part))
