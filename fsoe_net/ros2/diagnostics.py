@@ -114,14 +114,14 @@ class Health:
         before, self._cycle = self._cycle, now
         if now.actual_wkc != now.expected_wkc:
             return HealthLevel.ERROR, f"working counter {now.actual_wkc} of {now.expected_wkc}"
+        ring = status.ring.state if status.ring is not None else ""
+        clocks = status.clocks.state if status.clocks is not None else ""
         notes = [
             text
             for text, is_so in (
-                ("the ring is not closed", status.ring is not None and status.ring.state == "open"),
-                (
-                    "distributed clocks are apart",
-                    status.clocks is not None and status.clocks.state == "apart",
-                ),
+                ("the ring is not closed", ring in ("open", "one way")),
+                ("distributed clocks are apart", clocks == "apart"),
+                ("distributed clocks have no reference", clocks == "no reference"),
                 ("the cycle was late", _grew(before, now, "overruns")),
                 ("working counter was incomplete", _grew(before, now, "wkc_errors")),
                 ("frames were lost", _grew(before, now, "lost_frames")),

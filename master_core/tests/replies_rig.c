@@ -379,7 +379,10 @@ static bool bus_ring(void *bus, struct fsn_bus_ring *ring) {
 
 static bool bus_clocks(void *bus, struct fsn_bus_clocks *clocks) {
     (void)bus;
-    *clocks = (struct fsn_bus_clocks){.state = FSN_CLOCKS_APART,
+    static const char *const places[] = {[FSN_CLOCKS_APART] = "door is 21480 ns from logic",
+                                         [FSN_CLOCKS_LOST] =
+                                             "the time of logic does not come back"};
+    *clocks = (struct fsn_bus_clocks){.state = on.clocks,
                                       .host = true,
                                       .subdevices = 2,
                                       .outside = 1,
@@ -388,8 +391,10 @@ static bool bus_clocks(void *bus, struct fsn_bus_clocks *clocks) {
                                       .worst_ns = 21480,
                                       .shift_ns = 500000,
                                       .lead_ns = 499000,
-                                      .reference = "logic",
-                                      .place = "door is 21480 ns from logic"};
+                                      .reference = "logic"};
+    if (places[on.clocks] != NULL) {
+        snprintf(clocks->place, sizeof clocks->place, "%s", places[on.clocks]);
+    }
     return on.stateless;
 }
 
@@ -432,6 +437,7 @@ void set_up(void) {
     on.history[0] = 3;
     on.history[1] = 7;
     on.goes_on = true;
+    on.clocks = FSN_CLOCKS_APART;
     on.acyclic = (struct fsn_bus_acyclic){.count = count_members,
                                           .place = place,
                                           .member = member,

@@ -25,6 +25,7 @@ struct replies_rig {
     uint32_t written_bytes;
     fsn_status fails; /**< what every transfer answers instead */
     bool goes_on, stateless, no_coe;
+    uint8_t clocks; /**< enum fsn_clocks */
     time_t takes_s; /**< each upload */
     uint64_t now_ns;
     unsigned dropped, refused; /**< without memory */

@@ -294,6 +294,8 @@ static void change(const char *word) {
         all_differs();
     } else if (strcmp(word, "head") == 0) {
         show_head();
+    } else if (strncmp(word, "clocks ", 7) == 0) {
+        on.clocks = (uint8_t)atoi(word + 7);
     } else if (strncmp(word, "after ", 6) == 0) {
         cycle_later((unsigned)atoi(word + 6));
     } else if (strcmp(word, "fsoe") == 0) {

@@ -710,15 +710,21 @@ static void each_bus_answers_for_its_own(void) {
     close_scripted(&said);
 }
 
-/** Clocks that are apart are reported, whichever bus they are of; else those of the first bus that
- *  has any. */
+/** Clocks without a reference, then those that are apart are reported, whichever bus they are of;
+ *  else those of the first bus that has any. */
 static void clocks_that_are_apart_come_first(void) {
-    enum { NONE = FSN_CLOCKS_UNKNOWN, SAME = FSN_CLOCKS_SYNCHRONOUS, APART = FSN_CLOCKS_APART };
+    enum {
+        NONE = FSN_CLOCKS_UNKNOWN,
+        SAME = FSN_CLOCKS_SYNCHRONOUS,
+        APART = FSN_CLOCKS_APART,
+        LOST = FSN_CLOCKS_LOST
+    };
     static const struct {
         uint8_t first, second;
         uint32_t bus; /**< whose are reported: 1 or 2, 0: none */
     } cases[] = {{NONE, NONE, 0},  {SAME, NONE, 1},  {NONE, SAME, 2},  {SAME, SAME, 1},
-                 {SAME, APART, 2}, {APART, SAME, 1}, {APART, NONE, 1}, {NONE, APART, 2}};
+                 {SAME, APART, 2}, {APART, SAME, 1}, {APART, NONE, 1}, {NONE, APART, 2},
+                 {LOST, APART, 1}, {APART, LOST, 2}, {SAME, LOST, 2},  {APART, APART, 1}};
     struct said said = open_scripted(&scripted_ops);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         struct fsn_bus_clocks clocks = {0};

@@ -80,30 +80,34 @@ static void the_time_comes_from_the_side_of_the_clock(void) {
         }
         take(rig);
         CHECK(rig->input.dc_time_ns ==
-              (side == 1 ? UINT64_C(0x2222222222222222) : UINT64_C(0x1111111111111111)));
+              (side == 1 ? UINT64_C(0x1111111122222222) : UINT64_C(0x1111111111111111)));
         tear_down(rig);
     }
 }
 
-/** What is above 32 bits of a clock is counted here, over its end and back. */
+/** Above 32 bits the time is the expected one: from the first reading on, over the end of 32 bits
+ * and back, after seconds without a reading, and whatever the clock shows there. */
 static void a_clock_of_32_bits_goes_on(void) {
     static const struct {
-        uint32_t low;
-        uint64_t time;
-    } steps[] = {{0xFFFFFF00, UINT64_C(0xFFFFFF00)}, /* the first counts as it is */
-                 {0xFFFFFFF0, UINT64_C(0xFFFFFFF0)},
-                 {0x10, UINT64_C(0x100000010)},
-                 {0xFFFFFFFF, UINT64_C(0xFFFFFFFF)}};
+        uint64_t passed_ns, shown, time;
+    } steps[] = {
+        {0, 0xFFFFFF00, UINT64_C(0x5FFFFFF00)},
+        {0, 0xFFFFFFF0, UINT64_C(0x5FFFFFFF0)},
+        {0, 0x10, UINT64_C(0x600000010)},
+        {0, UINT64_C(0x9FFFFFFFF), UINT64_C(0x5FFFFFFFF)},
+        {UINT64_C(10000000000), 0x540BE400, UINT64_C(0x8540BE400)}, /* and a nanosecond */
+    };
     struct rig *rig = set_up(1);
     struct fsn_wire *wire = &rig->frames.wire;
     const uint32_t dc = wire->frames[0].dc;
     wire->dc_every = 1;
-    wire->dc_narrow = true;
+    atomic_store(&wire->dc_base, UINT64_C(0x5FFFFF000) - MONOTONIC_NS);
     for (size_t i = 0; i < sizeof steps / sizeof steps[0]; i++) {
+        wall.monotonic_ns += steps[i].passed_ns;
         rig->queued = 0;
         fsn_wire_send(wire);
         CHECK(hold(rig, 0));
-        fsn_put64(rig->queue[0] + dc + 10, steps[i].low);
+        fsn_put64(rig->queue[0] + dc + 10, steps[i].shown);
         rig->queue[0][dc + 18] = 1;
         answer(rig, 0, 0);
         take(rig);

@@ -85,6 +85,7 @@ struct rig *set_up_plan(unsigned ports, uint8_t *bytes, size_t len) {
     CHECK(fsn_frames_create(rig->plan, 0x1001, false, &rig->frames) == FSN_OK);
     rig->frames.wire.run = 0x12345678;
     rig->frames.wire.dc_every = 2;
+    atomic_store(&rig->frames.wire.dc_base, DC_TIME_NS - MONOTONIC_NS);
     rig->far[1] = -1;
     for (unsigned port = 0; port < ports; port++) {
         int pair[2];

@@ -14,6 +14,7 @@ enum { MOST = 300, LEN = 1600 };
 
 #define REALTIME_NS UINT64_C(1700000000123456789)
 #define MONOTONIC_NS UINT64_C(86400987654321)
+#define DC_TIME_NS UINT64_C(0x1111111111111111) /* expected at that time */
 
 struct rig;
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields
 
 import pytest
 
 from fsoe_net.ros2.diagnostics import HOLD_S, Health, HealthLevel, HealthStatus
 from fsoe_net.run.attachment import Attachment
+from fsoe_net.run.control_values import ClocksStatus
 from fsoe_net.testing import fake_master
 from fsoe_net.testing.fake_master import FakeMaster
 
@@ -133,6 +135,32 @@ def test_the_cycle_is_a_warning_while_a_counter_grows(
     row = watched.at(0.1)["bus"]
     assert (row.level, row.message) == (WARN, text)
     assert watched.levels(0.2)["bus"] is OK
+
+
+@pytest.mark.parametrize(
+    ("part", "state", "text"),
+    [
+        ("ring", "closed", ""),
+        ("ring", "open", "the ring is not closed"),
+        ("ring", "one way", "the ring is not closed"),
+        ("clocks", "synchronous", ""),
+        ("clocks", "unknown", ""),
+        ("clocks", "apart", "distributed clocks are apart"),
+        ("clocks", "no reference", "distributed clocks have no reference"),
+    ],
+)
+def test_ring_and_clocks_are_a_warning_while_they_are_not_as_they_should_be(
+    watched: Watched, monkeypatch: pytest.MonkeyPatch, part: str, state: str, text: str
+) -> None:
+    rows = {
+        "ring": {"state": state, "ways": [1, 1], "breaks": 0, "place": ""},
+        "clocks": {f.name: 0 for f in fields(ClocksStatus)}
+        | {"state": state, "set_by": "bus", "reference": "a", "place": ""},
+    }
+    monkeypatch.setitem(fake_master.STATUS, part, rows[part])
+    row = watched.at(0.0)["bus"]
+    running = "running, working counter complete"
+    assert (row.level, row.message) == ((WARN, text) if text else (OK, running))
 
 
 def test_a_working_counter_that_is_incomplete_now_is_an_error(

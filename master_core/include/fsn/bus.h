@@ -132,7 +132,8 @@ struct fsn_bus_ring {
 #define FSN_CLOCKS_TABLE(X)                                                                        \
     X(UNKNOWN, 0, "unknown")                                                                       \
     X(SYNCHRONOUS, 1, "synchronous")                                                               \
-    X(APART, 2, "apart")
+    X(APART, 2, "apart")                                                                           \
+    X(LOST, 3, "no reference")
 
 enum fsn_clocks {
 #define FSN_CLOCKS_ENUM(name, value, text) FSN_CLOCKS_##name = (value),
@@ -145,7 +146,10 @@ FSN_API const char *fsn_clocks_text(uint8_t clocks);
 
 /** Distributed clocks as of the last poll(). Times in nanoseconds. */
 struct fsn_bus_clocks {
-    uint8_t state;       /**< enum fsn_clocks; UNKNOWN before the first look */
+    /** enum fsn_clocks. UNKNOWN: there is nothing to compare, as before the first look. APART until
+     *  all have stayed within half of the window for 3 s. LOST: no frame brings the time of the
+     *  reference clock. */
+    uint8_t state;
     bool host;           /**< the reference clock is set from here; false: the cycle follows it */
     uint32_t subdevices; /**< of the plan that were looked at: in SAFEOP or OP, not the reference */
     uint32_t outside;    /**< of them, further from the reference clock than the window */
@@ -155,7 +159,8 @@ struct fsn_bus_clocks {
     uint32_t shift_ns;   /**< frames shall reach the reference clock so long before SYNC0 */
     uint32_t lead_ns;    /**< and how long before it the last one did */
     char reference[64];  /**< SubDevice with the reference clock; empty before the start */
-    char place[FSN_DETAIL_BYTES]; /**< who is outside, for people; empty while nobody is */
+    /** Which clock is apart, or is no longer the reference, for people; else empty. */
+    char place[FSN_DETAIL_BYTES];
 };
 
 struct fsn_bus_acyclic;

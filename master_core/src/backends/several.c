@@ -295,14 +295,15 @@ static bool several_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     return all;
 }
 
-/** Those that are apart; where none are, the first that are in use. */
+/** Those without a reference, else those that are apart, else the first that are in use. */
 static bool several_clocks(void *context, struct fsn_bus_clocks *clocks) {
     const struct fsn_several *several = context;
     bool found = false;
     for (uint32_t n = 0; n < several->count; n++) {
         const struct fsn_several_member *of = &several->members[n].of;
         struct fsn_bus_clocks own;
-        if (of->ops->clocks(of->bus, &own) && (!found || own.state == FSN_CLOCKS_APART)) {
+        if (of->ops->clocks(of->bus, &own) &&
+            (!found || (own.state >= FSN_CLOCKS_APART && own.state > clocks->state))) {
             *clocks = own;
             found = true;
         }

@@ -273,11 +273,11 @@ static void move_input(struct fsn_wire *wire, const struct fsn_wire_frame *frame
     }
 }
 
-static void keep_dc(struct fsn_wire *wire, uint64_t time, struct fsn_bus_input *input) {
-    const uint64_t seen = atomic_load_explicit(&wire->dc_seen, memory_order_relaxed);
-    if (wire->dc_narrow && seen != 0) {
-        time = seen + (uint64_t)(int64_t)(int32_t)((uint32_t)time - (uint32_t)seen);
-    }
+/** One time goes on from the start, whichever clock is the reference and whatever it shows above
+ *  32 bits: SYNC0 was started on multiples of the cycle in it. */
+static void keep_dc(struct fsn_wire *wire, uint64_t shown, struct fsn_bus_input *input) {
+    const uint64_t base = atomic_load_explicit(&wire->dc_base, memory_order_relaxed);
+    const uint64_t time = fsn_clock_nearest(wire->dc_sent_ns + base, shown);
     if (!wire->dc_host) {
         atomic_store_explicit(&wire->dc_base, time - wire->dc_sent_ns, memory_order_relaxed);
     }

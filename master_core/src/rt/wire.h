@@ -79,7 +79,6 @@ struct fsn_wire {
     uint32_t dc_every, dc_left;
     _Atomic uint16_t dc_station; /**< station address of the DC reference clock */
     bool dc_host;                /**< it is set from here: `dc_base` stays as it is */
-    bool dc_narrow;              /**< it may have 32 bits; what is above is counted here */
     /** The DC time is CLOCK_MONOTONIC and this. It goes out with the datagram: where the reference
      *  clock is not on the way, behind a gap of a ring or lost, all others follow that. */
     _Atomic uint64_t dc_base;

@@ -85,8 +85,7 @@ static void read_clock(struct fsn_igh *bus, struct fsn_bus_input *input) {
     if (!bus->dc_requested || ecrt_master_reference_clock_time(bus->master, &low) != 0) {
         return;
     }
-    const int32_t apart = (int32_t)(low - (uint32_t)bus->app_ns);
-    bus->app_ns = (uint64_t)((int64_t)bus->app_ns + apart);
+    bus->app_ns = fsn_clock_nearest(bus->app_ns, low);
     input->dc_time_ns = bus->app_ns;
 }
 

@@ -13,8 +13,7 @@
 struct description {
     uint32_t slave_bytes, slave_count;
     uint32_t dc_station, dc_every;
-    bool dc_narrow;
-    uint64_t dc_base, dc_seen;
+    uint64_t dc_base;
     char redundant[SOEM_NAME_BYTES];
     ec_slavet slaves[]; /**< slave_count and one */
 };
@@ -41,9 +40,7 @@ fsn_status soem_describe(void *context, struct fsn_bus_attachment *attachment) {
     const struct fsn_wire *wire = &bus->frames.wire;
     d->dc_station = atomic_load(&wire->dc_station);
     d->dc_every = wire->dc_every;
-    d->dc_narrow = wire->dc_narrow;
     d->dc_base = atomic_load(&wire->dc_base);
-    d->dc_seen = atomic_load(&wire->dc_seen);
     memcpy(d->redundant, bus->redundant, sizeof d->redundant);
     memcpy(d->slaves, bus->slaves, (slaves + 1) * sizeof(ec_slavet));
     free(bus->described);
@@ -116,9 +113,7 @@ fsn_status soem_restore(struct fsn_soem *bus, struct fsn_fault *fault) {
     bus->slave_count = (int)d->slave_count;
     bus->dc_station = (uint16_t)d->dc_station;
     bus->dc_every = d->dc_every;
-    bus->dc_narrow = d->dc_narrow;
     bus->dc_base = d->dc_base;
-    bus->dc_seen = d->dc_seen;
     memcpy(bus->slaves, d->slaves, (d->slave_count + 1) * sizeof(ec_slavet));
     soem_drain(bus);
     if (ecx_BRD(bus->context.port, 0, ECT_REG_TYPE, sizeof found, &found, EC_TIMEOUTSAFE) !=

@@ -9,17 +9,16 @@
 #include "rt/clock.h"
 
 enum {
-    REG_FEATURES = 0x0008,
-    FEATURE_WIDE = 0x08, /**< its clock has 64 bits */
-    REG_LOOP = 0x0930,   /**< writing it begins the mean difference anew */
+    REG_LOOP = 0x0930, /**< writing it begins the mean difference anew */
     LOOP_DEFAULT = 0x1000,
     READING_BYTES = 6,   /**< 0x092C, and 0x0930 behind it, which is not zero */
     BATCH = 100,         /**< frames with the time between two looks at the differences */
-    STEADY = 10,         /**< looks in a row: a clock that nobody reaches may cross the window */
+    STEADY = 10,         /**< looks in a row: a clock that nothing reaches may cross the window */
     MOST_FRAMES = 15000, /**< of one try; so many compensate a quartz */
     TRIES = 3,
     SYNC_DELAY_NS = 100000000, /**< until the first pulse, while the start is written */
     WATCH_NS = 100000000,
+    CALM = 30, /**< looks in a row, 3 s: where clocks cross the window again and again, too */
     SETTLE_NS = 5000000,
     SETTLE_LOOKS = 100,
     NOBODY = 0xFFFE, /**< station while no clock shows the time: then the time goes on from here */
@@ -172,17 +171,6 @@ static fsn_status need(struct fsn_soem *bus, struct fsn_fault *fault) {
     return status;
 }
 
-/** How wide the clocks are that can become the reference. */
-static void read_width(struct fsn_soem *bus) {
-    bus->dc_narrow = false;
-    for (uint16_t s = 1; s <= bus->slave_count; s++) {
-        uint16_t features = 0;
-        if (bus->slaves[s].hasdc && soem_read_surely(bus, s, REG_FEATURES, &features, 2)) {
-            bus->dc_narrow = bus->dc_narrow || (etohs(features) & FEATURE_WIDE) == 0;
-        }
-    }
-}
-
 fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault) {
     believe_no_missing_link(bus);
     bus->dc_station = 0;
@@ -200,7 +188,6 @@ fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault) {
         worst = compensate(bus, of);
         if (worst == 0 || !bus->dc_needed) {
             bus->dc_station = bus->slaves[of].configadr;
-            read_width(bus);
             return read_base(bus, bus->dc_station) ? FSN_OK : refuse(bus, of, fault, "no answer");
         }
     }
@@ -249,15 +236,22 @@ static void pause_ns(uint64_t time_ns) {
     nanosleep(&pause, NULL);
 }
 
-/** Waits until the control loop of a clock has brought it into the window, and keeps it there. */
+/** Waits until the control loop of a clock has brought it into the window, and keeps it there.
+ * While no time comes by, the difference stays as it was and shows nothing. */
 static bool settles(struct fsn_soem *bus, const struct node *node) {
+    const uint64_t period_ns = bus->cycle_ns * bus->dc_every;
+    uint64_t seen = atomic_load(&bus->frames.wire.dc_seen);
     int steady = 0;
     for (int looks = 0; looks < SETTLE_LOOKS && steady < STEADY; looks++) {
         uint8_t value[READING_BYTES];
-        pause_ns(SETTLE_NS);
+        pause_ns(period_ns > SETTLE_NS ? period_ns : SETTLE_NS);
+        const uint64_t before = seen;
+        seen = atomic_load(&bus->frames.wire.dc_seen);
         soem_read_each(bus, node->slave, 1, ECT_REG_DCSYSDIFF, sizeof value, value);
         const uint32_t apart = fsn_get32(value) & INT32_MAX;
-        steady = fsn_get16(value + 4) != 0 && apart <= bus->clocks.window_ns ? steady + 1 : 0;
+        steady = fsn_get16(value + 4) != 0 && apart <= bus->clocks.window_ns
+                     ? steady + (seen != before)
+                     : 0;
     }
     return steady == STEADY;
 }
@@ -382,28 +376,35 @@ static bool put(struct fsn_soem *bus, uint16_t station, uint16_t address, const 
                     EC_TIMEOUTRET3) == 1;
 }
 
-/** One try: the first pulse on a whole multiple of the cycle, as that of all others. */
+/** One try: the first pulse on a whole multiple of the cycle, as that of all others. The multiple
+ *  is one of the time that the cycle follows: a clock of 32 bits shows the rest of it only, and
+ *  what a clock of 64 bits shows above need not be the same in all. */
 static bool start_pulses(struct fsn_soem *bus, const struct node *node) {
     const uint16_t station = bus->slaves[node->slave].configadr;
     const uint64_t cycle = bus->cycle_ns;
+    uint64_t shown = 0;
     uint64_t now = 0;
     uint8_t word[2] = {0};
     uint8_t cycles[8] = {0}; /* SYNC0, then SYNC1 at the same time */
     uint8_t start[8];
     soem_drain(bus);
     if (!put(bus, station, ECT_REG_DCCUC, word, sizeof word) ||
-        !soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &now, sizeof now)) {
+        !soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &shown, sizeof shown)) {
         return false;
     }
-    const uint64_t first = ((etohll(now) + SYNC_DELAY_NS) / cycle + 1) * cycle;
+    shown = etohll(shown);
+    const uint64_t time = fsn_clock_nearest(
+        fsn_clock_ns(CLOCK_MONOTONIC) + atomic_load(&bus->frames.wire.dc_base), shown);
+    const uint64_t first = ((time + SYNC_DELAY_NS) / cycle + 1) * cycle;
     fsn_put32(cycles, (uint32_t)cycle);
-    fsn_put64(start, first);
+    fsn_put64(start, shown + (first - time));
     fsn_put16(word, node->known.info.assign_activate);
     return put(bus, station, ECT_REG_DCCYCLE0, cycles, sizeof cycles) &&
            put(bus, station, ECT_REG_DCSTART0, start, sizeof start) &&
            put(bus, station, ECT_REG_DCCUC, word, sizeof word) &&
            soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &now, sizeof now) &&
-           etohll(now) < first; /* else this machine was too slow, and it would never pulse */
+           /* else this machine was too slow, and it would not pulse before its time is around */
+           (uint32_t)(etohll(now) - shown) < first - time;
 }
 
 fsn_status soem_start_sync(struct fsn_soem *bus, struct node *node) {
@@ -423,26 +424,47 @@ fsn_status soem_start_sync(struct fsn_soem *bus, struct node *node) {
 
 /* -- watching ------------------------------------------------------------------------------- */
 
+/** Compares all clocks with the reference, which gives its time. A clock near the edge of the
+ * window, or one that follows this machine behind a gap, leaves it again and again: they are apart
+ * until all have stayed within half of it for 3 s. */
+static void judge(struct fsn_soem *bus, uint16_t of, struct fsn_bus_clocks *c) {
+    const uint16_t worst = look(bus, of, true, c);
+    snprintf(c->reference, sizeof c->reference, "%.60s", name_of(bus, of));
+    bus->clocks_calm = c->worst_ns <= c->window_ns / 2 ? bus->clocks_calm + 1 : 0;
+    if (worst != 0) {
+        c->leaves += c->state != FSN_CLOCKS_APART;
+        c->state = FSN_CLOCKS_APART;
+        snprintf(c->place, sizeof c->place, "%.60s is %u ns from %.60s", name_of(bus, worst),
+                 (unsigned)c->worst_ns, c->reference);
+    } else if (c->subdevices == 0) {
+        c->state = FSN_CLOCKS_UNKNOWN;
+        c->place[0] = '\0';
+    } else if (c->state < FSN_CLOCKS_APART || bus->clocks_calm >= CALM) {
+        c->state = FSN_CLOCKS_SYNCHRONOUS;
+        c->place[0] = '\0';
+    }
+}
+
 void soem_watch_clocks(struct fsn_soem *bus, uint64_t now_ns) {
-    const uint16_t of = reference(bus);
-    if (of == 0 || now_ns < bus->clocks_ns) {
+    const struct fsn_wire *wire = &bus->frames.wire;
+    const uint64_t seen = atomic_load(&wire->dc_seen);
+    if (seen == 0 || now_ns < bus->clocks_ns) { /* no clocks are in use, or none was read yet */
         return;
     }
-    bus->clocks_ns = now_ns + WATCH_NS;
+    const uint64_t period_ns = 2 * bus->cycle_ns * bus->dc_every;
+    bus->clocks_ns = now_ns + (period_ns > WATCH_NS ? period_ns : WATCH_NS);
     struct fsn_bus_clocks c = bus->clocks; /* this thread alone writes it */
-    const uint16_t worst = look(bus, of, true, &c);
-    const uint64_t seen = atomic_load(&bus->frames.wire.dc_seen);
-    c.lead_ns = seen == 0 ? 0 : (uint32_t)(bus->cycle_ns - seen % bus->cycle_ns);
-    snprintf(c.reference, sizeof c.reference, "%.60s", name_of(bus, of));
-    c.place[0] = '\0';
-    if (worst != 0) {
-        c.leaves += c.state != FSN_CLOCKS_APART;
-        c.state = FSN_CLOCKS_APART;
-        snprintf(c.place, sizeof c.place, "%.60s is %u ns from %.60s", name_of(bus, worst),
-                 (unsigned)c.worst_ns, c.reference);
-    } else if (c.subdevices > 0) {
-        c.state = FSN_CLOCKS_SYNCHRONOUS;
+    const uint16_t of = reference(bus);
+    c.lead_ns = (uint32_t)(bus->cycle_ns - seen % bus->cycle_ns);
+    if (of != 0 && seen != bus->clocks_seen) {
+        judge(bus, of, &c);
+    } else { /* no frame has brought its time since */
+        bus->clocks_calm = 0;
+        c.subdevices = c.outside = c.worst_ns = 0;
+        c.state = FSN_CLOCKS_LOST;
+        snprintf(c.place, sizeof c.place, "the time of %.60s does not come back", c.reference);
     }
+    bus->clocks_seen = seen;
     pthread_mutex_lock(&bus->all.lock);
     bus->clocks = c;
     pthread_mutex_unlock(&bus->all.lock);

@@ -225,9 +225,7 @@ static fsn_status make_wire(struct fsn_soem *bus, struct fsn_fault *fault) {
     wire->wait_ns = bus->wait_ns;
     wire->dc_every = bus->dc_every;
     wire->dc_host = bus->dc_host;
-    wire->dc_narrow = bus->dc_narrow;
     atomic_store(&wire->dc_base, bus->dc_base);
-    atomic_store(&wire->dc_seen, bus->dc_seen);
     memcpy(wire->sockets, bus->sockets, sizeof wire->sockets);
     return FSN_OK;
 }

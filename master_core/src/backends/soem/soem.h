@@ -89,11 +89,11 @@ struct fsn_soem {
     uint16_t dc_station;                     /**< of its reference clock, 0: none */
     bool dc_needed;                          /**< a SubDevice of the plan has SYNC0 */
     bool dc_host;                            /**< its reference clock is set from here */
-    bool dc_narrow;                          /**< it may have 32 bits */
     uint64_t dc_base;             /**< what it is ahead of CLOCK_MONOTONIC at the start */
-    uint64_t dc_seen;             /**< as the process before read it last; 0: there was none */
     struct fsn_bus_clocks clocks; /**< as looked at last, under the lock */
     uint64_t clocks_ns;           /**< when they are looked at again */
+    uint64_t clocks_seen;         /**< time of the reference at the last look */
+    uint32_t clocks_calm;         /**< looks in a row with all of them well inside the window */
     void *described;              /**< as given out last */
     struct soem_group *groups_of_plan;
     uint32_t group_count;

@@ -242,10 +242,18 @@ static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
         fsn_event_send(changes->events, FSN_LOG_WARNING,
                        "the clocks are apart: %.159s; the window is %" PRIu32 " ns", clocks.place,
                        clocks.window_ns);
-    } else {
+    } else if (clocks.state == FSN_CLOCKS_LOST) {
+        fsn_event_send(changes->events, FSN_LOG_WARNING, "the clocks have no reference: %.159s",
+                       clocks.place);
+    } else if (clocks.state == FSN_CLOCKS_SYNCHRONOUS) {
         fsn_event_send(changes->events, FSN_LOG_INFO,
                        "the clocks are synchronous%s: all within %" PRIu32 " ns of %.63s",
                        first ? "" : " again", clocks.worst_ns, clocks.reference);
+    } else {
+        fsn_event_send(
+            changes->events, FSN_LOG_INFO,
+            "the clocks are unknown: no SubDevice to compare with %.63s is in SAFEOP or OP",
+            clocks.reference);
     }
     changes->clocks = clocks.state;
 }
