@@ -25,6 +25,7 @@ _STATUS = {
     "MAPPING": "wrong_mapping",
     "ADDRESS": "wrong_address",
     "SDO": "sdo_refused",
+    "MAILBOX": "sdo_unanswered",
     "STATE": "state_refused",
 }
 
@@ -135,6 +136,7 @@ def _kind(seen: SubDeviceSnapshot) -> str:
         "other process data": "wrong_mapping",
         "another FSoE address": "wrong_address",
         "refused a start-up SDO": "sdo_refused",
+        "does not answer an SDO": "sdo_unanswered",
         "refused a state": "state_refused",
     }
     return words.get(seen.found, "")

@@ -98,6 +98,14 @@ _ROWS = (
         "Correct object, size or value in the slave configuration, or its firmware.",
     ),
     (
+        "sdo_unanswered",
+        "{device} does not answer an SDO; it is on the bus.",
+        "The bus does not come up; the object that has no answer is named.",
+        "Look at the AL state of {device}, at the error counters of its ports, and whether replies "
+        "are late (`late_replies`, `fsoe-net doctor`).",
+        "Let `--wait 30s` try again; where it lasts, the firmware of {device} or its maker.",
+    ),
+    (
         "state_refused",
         "{device} does not go to the requested state.",
         "Its ERR or RUN LED blinks; the AL status code says why.",

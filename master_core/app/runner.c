@@ -91,7 +91,7 @@ static void sleep_ns(uint64_t ns) {
 /** Whether it may help to try again: nobody there yet, or not all, or frames were late. */
 static bool may_come(fsn_status status) {
     return status == FSN_E_BUS_MISSING || status == FSN_E_BUS_SILENT || status == FSN_E_BUS_STATE ||
-           status == FSN_E_BUS_CLOCK;
+           status == FSN_E_BUS_CLOCK || status == FSN_E_BUS_MAILBOX;
 }
 
 /** Keeps what the bus knows about each SubDevice of the plan, before it is closed. */

@@ -1,13 +1,36 @@
 /** What both live backends check of a SubDevice, against objects in memory. */
+#define _POSIX_C_SOURCE 200809L
+
 #include "live/check.h"
 
 #include <string.h>
+#include <time.h>
 
 #include "emulated_rig.h"
 #include "heap.h"
 #include "live/fsoe_objects.h"
 
-enum { KNOWN_ADDRESS = 2, SUB = 1, POSITION = 5 };
+enum { KNOWN_ADDRESS = 2, SUB = 1, POSITION = 5, MOST_TRIES = 10 };
+
+/** Time of this program: it passes in pauses, and with each transfer. */
+static struct wall {
+    uint64_t now_ns, paused_ns, transfer_ns;
+} wall;
+
+int clock_gettime(clockid_t clock, struct timespec *time) {
+    CHECK(clock == CLOCK_MONOTONIC);
+    *time = (struct timespec){.tv_sec = (time_t)(wall.now_ns / 1000000000u),
+                              .tv_nsec = (long)(wall.now_ns % 1000000000u)};
+    return 0;
+}
+
+int clock_nanosleep(clockid_t clock, int flags, const struct timespec *time,
+                    struct timespec *left) {
+    CHECK(clock == CLOCK_MONOTONIC && flags == 0 && left == NULL && time->tv_sec == 0);
+    wall.paused_ns += (uint64_t)time->tv_nsec;
+    wall.now_ns += (uint64_t)time->tv_nsec;
+    return 0;
+}
 
 /** Objects of one SubDevice: whatever is read, this is the answer. */
 struct objects {
@@ -109,9 +132,16 @@ static void who_takes_no_sdo_says_why(struct fsn_plan *plan) {
     CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_SDO);
     same(detail, "0x8000:01: abort code 0x06090030 value out of range");
     objects = (struct objects){.status = FSN_E_BUS_MISSING};
-    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_SDO);
+    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_MISSING);
     same(detail, "0x8000:01: no answer");
     CHECK(objects.transfers == 1);
+    objects = (struct objects){.status = FSN_E_BUS_MAILBOX};
+    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_MAILBOX);
+    same(detail, "0x8000:01: no answer");
+    CHECK(objects.transfers == MOST_TRIES);
+    objects = (struct objects){.status = FSN_E_BUS_STATE}; /* an answer that is not one */
+    CHECK(fsn_check_sdos(plan, &info, &reached, detail) == FSN_E_BUS_SDO);
+    same(detail, "0x8000:01: an answer that makes no sense");
     info.first_sdo++;
     info.sdo_count--;
     CHECK(fsn_check_sdos(plan, &info, NULL, detail) == FSN_E_BUS_SDO);
@@ -140,7 +170,7 @@ static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
     objects = (struct objects){.status = FSN_OK, .value = 0xFF};
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_ADDRESS);
     CHECK(objects.transfers == 2 + 15); /* no more than 16 are believed */
-    objects.status = FSN_E_BUS_MISSING;
+    objects.status = FSN_E_BUS_SDO;
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && !readable);
 }
 
@@ -164,10 +194,23 @@ struct dictionary {
     } row[8];
 };
 
-static char looked_up[200];
+static char looked_up[400];
+
+/** From a transfer on so many answers are lost. */
+static struct lost {
+    uint32_t transfers, from, count;
+    fsn_status as;
+} lost;
 
 static fsn_status look_up(void *bus, struct fsn_transfer *t) {
     const struct dictionary *d = bus;
+    CHECK(t->size_bytes == 8);
+    wall.now_ns += wall.transfer_ns;
+    const uint32_t number = lost.transfers++ - lost.from;
+    if (number < lost.count) {
+        t->size_bytes = 0;
+        return lost.as;
+    }
     note(looked_up, sizeof looked_up, t, false);
     for (size_t i = 0; i < sizeof d->row / sizeof d->row[0]; i++) {
         if (d->row[i].index == t->index && d->row[i].sub == t->sub) {
@@ -230,6 +273,58 @@ static void address_is_found_where_the_device_has_it(struct fsn_plan *plan) {
     }
 }
 
+/** A lost answer is asked for again, ten times or two seconds long; then its object is named, and
+ *  nothing is taken for checked. */
+static void lost_answers_are_asked_for_again(struct fsn_plan *plan) {
+    struct fsn_connection_info c;
+    CHECK(fsn_plan_connection(plan, 0, &c) == FSN_OK);
+    const uint16_t other = (uint16_t)(c.address + 1);
+    const struct {
+        struct dictionary objects;
+        uint32_t transfers;
+        const char *named[3];
+    } rows[] = {
+        {{{{0xF980, 0, 2}, {0xF980, 1, other}, {0xF980, 2, c.address}}},
+         3,
+         {"0xf980:01: no answer", "0xf980:00: no answer", "0xf980:02: no answer"}},
+        {{{{0x9001, 0, 8}, {0x9001, 2, c.address}}},
+         3,
+         {"0xf980:01: no answer", "0x9001:00: no answer", "0x9001:02: no answer"}},
+    };
+    for (uint32_t i = 0; i < 2 * 3 * (MOST_TRIES + 1); i++) {
+        const uint32_t row = i % 2, from = i / 2 % 3, count = i / 6;
+        struct dictionary objects = rows[row].objects;
+        const struct fsn_objects reached = {.bus = &objects, .upload = look_up};
+        bool readable = false;
+        char detail[FSN_DETAIL_BYTES] = "";
+        lost = (struct lost){.from = from, .count = count, .as = FSN_E_BUS_MAILBOX};
+        wall = (struct wall){0};
+        const fsn_status status = fsn_check_address(plan, SUB, &reached, &readable, detail);
+        CHECK(status == (count < MOST_TRIES ? FSN_OK : FSN_E_BUS_MAILBOX));
+        CHECK(readable == (count < MOST_TRIES));
+        CHECK(lost.transfers == (count < MOST_TRIES ? rows[row].transfers + count : from + count));
+        CHECK(wall.paused_ns < 1000000000u);
+        if (count == MOST_TRIES) {
+            same(detail, rows[row].named[from]);
+        }
+        looked_up[0] = 0;
+    }
+    /* Where each try takes long, three are enough; a SubDevice that is gone is not asked again. */
+    struct dictionary objects = rows[0].objects;
+    const struct fsn_objects reached = {.bus = &objects, .upload = look_up};
+    bool readable;
+    char detail[FSN_DETAIL_BYTES];
+    lost = (struct lost){.count = 99, .as = FSN_E_BUS_MAILBOX};
+    wall = (struct wall){.transfer_ns = 1100000000u};
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_MAILBOX);
+    CHECK(lost.transfers == 3);
+    lost = (struct lost){.count = 99, .as = FSN_E_BUS_MISSING};
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_MISSING);
+    CHECK(lost.transfers == 1 && !readable);
+    lost = (struct lost){0};
+    wall = (struct wall){0};
+}
+
 static void parameters_follow_the_frame(void) {
     static const uint16_t rows[][3] = {
         /* command, parameters, diagnosis */
@@ -252,6 +347,7 @@ int main(void) {
     struct fsn_plan *plan = load(true);
     parameters_follow_the_frame();
     address_is_found_where_the_device_has_it(plan);
+    lost_answers_are_asked_for_again(plan);
     identities_are_compared();
     who_takes_no_sdo_says_why(plan);
     addresses_are_compared_where_both_tell_them(plan);

@@ -68,8 +68,8 @@ static void errors_of_a_mailbox_have_a_status(void) {
         {-ENOBUFS, 1, FSN_E_SPACE},       {-EOVERFLOW, 1, FSN_E_SPACE},
         {-EOPNOTSUPP, 1, FSN_E_ABSENT},   {-EPROTONOSUPPORT, 1, FSN_E_ABSENT},
         {-EPROTO, 1, FSN_E_BUS_STATE},    {-EBADMSG, 1, FSN_E_BUS_STATE},
-        {-EIO, 1, FSN_E_BUS_MISSING},     {-EINTR, 99, FSN_OK},
-        {-EINTR, 100, FSN_E_BUS_MISSING},
+        {-EIO, 1, FSN_E_BUS_MAILBOX},     {-EINTR, 99, FSN_OK},
+        {-EINTR, 100, FSN_E_BUS_MAILBOX}, {-EINVAL, 1, FSN_E_BUS_MISSING},
     };
     struct rig *rig = bring_up();
     for (size_t i = 0; i < 2 * sizeof rows / sizeof rows[0]; i++) {

@@ -190,6 +190,37 @@ static void each_call_may_fail(int error, unsigned at_once, unsigned step, unsig
     }
 }
 
+/** Nine lost answers in a row, whichever object they are of, are no reason to begin again; with ten
+ *  that object is named, and no SubDevice is missing or without CoE. */
+static void a_lost_answer_is_asked_for_again(void) {
+    unsigned silent = 0, failed = 1;
+    for (unsigned n = 1; failed > 0; n++) {
+        failed = 0;
+        for (unsigned times = 9; times <= 10; times++) {
+            struct rig *rig = set_up();
+            fake.fails_from = n;
+            fake.fails_for = times;
+            fake.fails_as = -EIO;
+            const fsn_status status = open_with(rig, 0);
+            const bool unanswered = strstr(rig->fault.detail, "no answer") != NULL;
+            CHECK(strstr(rig->fault.detail, "no CoE") == NULL);
+            CHECK((status == FSN_E_BUS_MAILBOX) == unanswered);
+            if (unanswered) {
+                CHECK(times == 10 && rig->fault.section == FSN_SEC_SUBDEVICE);
+                CHECK(strncmp(rig->fault.detail, "0x", 2) == 0);
+                struct fsn_bus_subdevice seen;
+                const struct fsn_bus_ops *ops = fsn_backend_igh()->ops;
+                CHECK(ops->state(rig->bus, rig->fault.copy_index, &seen) == FSN_OK);
+                CHECK(seen.found == FSN_FOUND_MAILBOX);
+            }
+            silent += unanswered;
+            failed += fake.failed;
+            tear_down(rig);
+        }
+    }
+    CHECK(silent >= 40); /* objects that are read or written of two SubDevices */
+}
+
 /* -- configuration, and what does not come ---------------------------------------------------- */
 
 static void a_place_may_be_told_by_an_alias(void) {
@@ -331,6 +362,7 @@ int main(void) {
 #ifdef FSN_TEST_HEAP
     memory_runs_out();
 #endif
+    a_lost_answer_is_asked_for_again();
     a_place_may_be_told_by_an_alias();
     igh_is_told_clocks_and_watchdogs();
     sizes_of_igh_are_checked();

@@ -1,13 +1,26 @@
 /** PDO assignment and mapping against the plan: what is read, what is written and in which order,
  *  and what is said where it stays different. */
+#define _POSIX_C_SOURCE 200809L
+
 #include "live/pdo.h"
 
 #include <string.h>
+#include <time.h>
 
 #include "emulated_rig.h"
 #include "heap.h"
 
 enum { SM = 2, NUMBER = 2, ASSIGNED = 0x1C12, PDO = 0x1600, ENTRIES = 8, MOST = 80 };
+
+/** Nothing waits here. */
+int clock_nanosleep(clockid_t clock, int flags, const struct timespec *time,
+                    struct timespec *left) {
+    (void)clock;
+    (void)flags;
+    (void)time;
+    (void)left;
+    return 0;
+}
 
 struct object {
     uint16_t index;
@@ -50,7 +63,7 @@ static fsn_status upload(void *bus, struct fsn_transfer *t) {
         on.unreadable.index == t->index && on.unreadable.sub == t->sub && on.unreadable_from-- == 0;
     if (o == NULL || refused) {
         on.unreadable_from = refused ? 0 : on.unreadable_from;
-        return refused && on.silent ? FSN_E_BUS_MISSING : FSN_E_BUS_SDO;
+        return refused && on.silent ? FSN_E_BUS_MAILBOX : FSN_E_BUS_SDO;
     }
     for (unsigned i = 0; i < 4; i++) {
         t->data[i] = (uint8_t)(o->value >> (8 * i));
@@ -205,7 +218,7 @@ static void what_nobody_answers_is_no_agreement(void) {
             } else {
                 put(ASSIGNED, 1, 0x1601);
             }
-            CHECKED(FSN_E_BUS_MISSING, from == 0 ? "" : places[i].written, places[i].detail);
+            CHECKED(FSN_E_BUS_MAILBOX, from == 0 ? "" : places[i].written, places[i].detail);
         }
     }
 }

@@ -209,8 +209,8 @@ static void bad_answers(void) {
         {{0, 0x30, 0x41, 0, 0, 0, 65, 0, 0, 0}, 1, FSN_E_SPACE, 0},
         /* an answer to a download, and one about another object */
         {{0, 0x30, 0x60, 0, 0, 0, 0, 0, 0, 0}, 1, FSN_E_BUS_STATE, 0},
-        {{0, 0x30, 0x43, 1, 0, 0, 0, 0, 0, 0}, 1, FSN_E_BUS_MISSING, 0},
-        {{0, 0x10, 0x43, 0, 0, 0, 0, 0, 0, 0}, 1, FSN_E_BUS_MISSING, 0},
+        {{0, 0x30, 0x43, 1, 0, 0, 0, 0, 0, 0}, 1, FSN_E_BUS_MAILBOX, 0},
+        {{0, 0x10, 0x43, 0, 0, 0, 0, 0, 0, 0}, 1, FSN_E_BUS_MAILBOX, 0},
         /* segments: wrong toggle, more than was said, none, too few, no segment at all */
         {{0, 0x30, 0x41, 0, 0, 0, 9, 0, 0, 0, 0, 0x30, 0x10}, 2, FSN_E_BUS_STATE, 0},
         {{0, 0x30, 0x41, 0, 0, 0, 5, 0, 0, 0, 0, 0x30, 0x01}, 2, FSN_E_BUS_STATE, 0},
@@ -239,11 +239,11 @@ static void what_is_no_sdo_is_passed_over(void) {
     } rows[] = {
         {"\x0a\0\0\0\0\3", FSN_OK},
         {"\x0a\0\0\0\0\xF3", FSN_OK},
-        {"\x0a\0\0\0\0\2", FSN_E_BUS_MISSING},
-        {"\x09\0\0\0\0\3", FSN_E_BUS_MISSING},
+        {"\x0a\0\0\0\0\2", FSN_E_BUS_MAILBOX},
+        {"\x09\0\0\0\0\3", FSN_E_BUS_MAILBOX},
         {"\x1a\0\0\0\0\3", FSN_OK},
-        {"\x1b\0\0\0\0\3", FSN_E_BUS_MISSING},
-        {"\x0a\1\0\0\0\3", FSN_E_BUS_MISSING},
+        {"\x1b\0\0\0\0\3", FSN_E_BUS_MAILBOX},
+        {"\x0a\1\0\0\0\3", FSN_E_BUS_MAILBOX},
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         struct device d = {.head = rows[i].head, .script = body, .script_left = 1, .mute = true};

@@ -503,8 +503,8 @@ static void refusals(void) {
 /** Reads an object of the third SubDevice; again when an answer came too late. */
 static fsn_status upload(struct rig *rig, struct fsn_transfer *transfer) {
     const uint32_t room = transfer->size_bytes;
-    fsn_status status = FSN_E_BUS_MISSING;
-    for (int tries = 0; status == FSN_E_BUS_MISSING && tries < TRIES; tries++) {
+    fsn_status status = FSN_E_BUS_MAILBOX;
+    for (int tries = 0; status == FSN_E_BUS_MAILBOX && tries < TRIES; tries++) {
         transfer->size_bytes = room;
         status = fsn_core_upload(rig->core, 2, transfer);
     }
@@ -541,6 +541,8 @@ static void objects_and_sii_beside_the_cycle(void) {
     poll_until(rig, 2, FSN_AL_OP);
     fsn_segment_set_present(rig->segment, fsn_segment_position(rig->segment, 2), false);
     t = (struct fsn_transfer){.index = 0x2000, .sub = 1, .data = data, .size_bytes = LONG};
+    CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_BUS_MAILBOX);
+    poll_until(rig, 2, 0); /* now it is known to be gone */
     CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_BUS_MISSING);
     tear_down(rig);
 }

@@ -143,6 +143,11 @@ _TOLD = {
         "0x06090030",
         "sdo_refused",
     ),
+    "MAILBOX": (
+        "MAILBOX: SubDevice 3 (drive_1): a SubDevice does not answer an SDO: 0x1c12:00: no answer; "
+        "--wait 30s tries again",
+        "sdo_unanswered",
+    ),
     "STATE": (
         "STATE: SubDevice 4 (drive_2): a SubDevice does not reach the requested state: "
         "SAFEOP refused: AL status 0x12, code 0x001e",
@@ -228,6 +233,13 @@ START: dict[str, Seed] = {
             (3, "refused a start-up SDO", "0x8010:01: abort code 0x06090030 value range", {}),
         ),
         "sdo_refused",
+    ),
+    "SDO without an answer at start": (
+        start(
+            "a SubDevice does not answer an SDO: drive_1",
+            (3, "does not answer an SDO", "0x1c12:00: no answer", {}),
+        ),
+        "sdo_unanswered",
     ),
     "state refused at start": (
         start(

@@ -71,7 +71,8 @@ enum {
     X(SDO, 6, "refused a start-up SDO")                                                            \
     X(STATE, 7, "refused a state")                                                                 \
     X(CLOCK, 8, "its clock cannot be set")                                                         \
-    X(ABSENT, 9, "absent, as it may be")
+    X(ABSENT, 9, "absent, as it may be")                                                           \
+    X(MAILBOX, 10, "does not answer an SDO")
 
 enum fsn_found {
 #define FSN_FOUND_ENUM(name, value, text) FSN_FOUND_##name = (value),

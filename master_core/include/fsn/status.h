@@ -54,7 +54,8 @@ extern "C" {
     X(E_BUS_ADDRESS, -68, "a SubDevice has another FSoE address than the plan says")               \
     X(E_BUS_SDO, -69, "a SubDevice refuses a start-up SDO")                                        \
     X(E_BUS_STATE, -70, "a SubDevice does not reach the requested state")                          \
-    X(E_BUS_CLOCK, -71, "the clock of a SubDevice cannot be set")
+    X(E_BUS_CLOCK, -71, "the clock of a SubDevice cannot be set")                                  \
+    X(E_BUS_MAILBOX, -72, "a SubDevice does not answer an SDO")
 
 /** Result of every call that can fail. */
 typedef enum fsn_status {

@@ -1,21 +1,63 @@
+#define _POSIX_C_SOURCE 200809L
+
 #include "live/check.h"
 
 #include <stdio.h>
 #include <string.h>
 
 #include "live/fsoe_objects.h"
+#include "rt/clock.h"
 
 enum {
     KNOWN_ADDRESS = 2, /**< bit of fsn_connection_info.known */
     MOST_ADDRESSES = 16,
+    LEAST_TRIES = 3, /**< of one object, however long each takes */
+    MOST_TRIES = 10,
+    MS = 1000000,
 };
 
+/** Further tries of one object begin within this time. */
+static const uint64_t patience_ns = 2000000000u;
+
+typedef fsn_status (*transfer_fn)(void *bus, struct fsn_transfer *transfer);
+
+bool fsn_is_silent(fsn_status status) {
+    return status == FSN_E_BUS_MAILBOX || status == FSN_E_BUS_MISSING;
+}
+
+/** Transfers an object, again after a lost or late answer and after longer and longer pauses: what
+ * is checked at a start must not depend on one frame. What was written may be written twice. */
+static fsn_status persist(const struct fsn_objects *objects, transfer_fn transfer_it,
+                          struct fsn_transfer *transfer) {
+    const uint32_t size_bytes = transfer->size_bytes;
+    const uint64_t end_ns = fsn_clock_ns(CLOCK_MONOTONIC) + patience_ns;
+    fsn_status status = transfer_it(objects->bus, transfer);
+    for (int tries = 1; status == FSN_E_BUS_MAILBOX && tries < MOST_TRIES &&
+                        (tries < LEAST_TRIES || fsn_clock_ns(CLOCK_MONOTONIC) < end_ns);
+         tries++) {
+        const struct timespec pause = {.tv_nsec = (long)MS << (tries - 1)};
+        clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, NULL);
+        transfer->size_bytes = size_bytes;
+        status = transfer_it(objects->bus, transfer);
+    }
+    return status;
+}
+
+/** States which object was not answered. */
+static fsn_status note_silence(fsn_status status, uint16_t index, uint8_t sub,
+                               char detail[FSN_DETAIL_BYTES]) {
+    if (fsn_is_silent(status)) {
+        snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: no answer", index, sub);
+    }
+    return status;
+}
+
 fsn_status fsn_objects_read(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
-                            uint8_t bytes[8]) {
+                            uint8_t bytes[8], char detail[FSN_DETAIL_BYTES]) {
     struct fsn_transfer transfer = {
         .position = objects->position, .index = index, .sub = sub, .data = bytes, .size_bytes = 8};
     memset(bytes, 0, 8);
-    return objects->upload(objects->bus, &transfer);
+    return note_silence(persist(objects, objects->upload, &transfer), index, sub, detail);
 }
 
 fsn_status fsn_objects_write(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
@@ -26,7 +68,7 @@ fsn_status fsn_objects_write(const struct fsn_objects *objects, uint16_t index, 
                                     .sub = sub,
                                     .data = (uint8_t *)(uintptr_t)bytes,
                                     .size_bytes = size_bytes};
-    const fsn_status status = objects->download(objects->bus, &transfer);
+    const fsn_status status = persist(objects, objects->download, &transfer);
     *abort_code = transfer.abort_code;
     return status;
 }
@@ -56,55 +98,66 @@ fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevic
                      r.index, r.subindex);
             return FSN_E_BUS_SDO;
         }
-        if (fsn_objects_write(objects, r.index, r.subindex, value, r.size_bytes, &code) != FSN_OK) {
-            if (code == 0) {
-                snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: no answer", r.index, r.subindex);
-            } else {
-                snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: abort code 0x%08x %s", r.index,
-                         r.subindex, code, fsn_abort_text(code));
-            }
+        const fsn_status status =
+            fsn_objects_write(objects, r.index, r.subindex, value, r.size_bytes, &code);
+        if (fsn_is_silent(status)) {
+            return note_silence(status, r.index, r.subindex, detail);
+        }
+        if (status != FSN_OK && code == 0) {
+            snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: an answer that makes no sense",
+                     r.index, r.subindex);
+        } else if (status != FSN_OK) {
+            snprintf(detail, FSN_DETAIL_BYTES, "0x%04x:%02x: abort code 0x%08x %s", r.index,
+                     r.subindex, code, fsn_abort_text(code));
+        }
+        if (status != FSN_OK) {
             return FSN_E_BUS_SDO;
         }
     }
     return FSN_OK;
 }
 
-/** Reads which FSoE addresses a SubDevice has: the one that is wanted where it has it, else its
- *  first. */
-static bool read_own_address(const struct fsn_objects *objects, uint16_t wanted, uint16_t *found) {
+/** Reads which FSoE addresses a SubDevice has: the expected one where it has it, else its first. */
+static fsn_status read_own_address(const struct fsn_objects *objects, uint16_t expected,
+                                   uint16_t *found, char detail[FSN_DETAIL_BYTES]) {
     uint8_t bytes[8];
-    if (fsn_objects_read(objects, FSN_ADDRESSES, 1, bytes) != FSN_OK) {
-        return false;
-    }
+    fsn_status status = fsn_objects_read(objects, FSN_ADDRESSES, 1, bytes, detail);
     *found = fsn_get16(bytes);
+    if (status != FSN_OK || *found == expected) {
+        return status;
+    }
     uint8_t count = 1;
-    if (*found != wanted && fsn_objects_read(objects, FSN_ADDRESSES, 0, bytes) == FSN_OK) {
+    status = fsn_objects_read(objects, FSN_ADDRESSES, 0, bytes, detail);
+    if (status == FSN_OK) {
         count = bytes[0] < MOST_ADDRESSES ? bytes[0] : MOST_ADDRESSES;
     }
-    for (uint8_t sub = 2; sub <= count && *found != wanted; sub++) {
-        if (fsn_objects_read(objects, FSN_ADDRESSES, sub, bytes) == FSN_OK &&
-            fsn_get16(bytes) == wanted) {
-            *found = wanted;
+    for (uint8_t sub = 2; sub <= count && *found != expected && !fsn_is_silent(status); sub++) {
+        status = fsn_objects_read(objects, FSN_ADDRESSES, sub, bytes, detail);
+        if (status == FSN_OK && fsn_get16(bytes) == expected) {
+            *found = expected;
         }
     }
-    return true;
+    return fsn_is_silent(status) ? status : FSN_OK;
 }
 
-/** Reads the address of a SubInstance from the parameters of its connection; 0 there: not known
- *  before the first connection. */
-static bool read_given_address(const struct fsn_plan *plan, const struct fsn_connection_info *c,
-                               const struct fsn_objects *objects, uint16_t *found) {
+/** Reads the address of a SubInstance from the parameters of its connection; absent where it has
+ *  none before the first connection. */
+static fsn_status read_given_address(const struct fsn_plan *plan,
+                                     const struct fsn_connection_info *c,
+                                     const struct fsn_objects *objects, uint16_t *found,
+                                     char detail[FSN_DETAIL_BYTES]) {
     uint8_t bytes[8];
     const struct fsn_copy_info copy = fsn_known_copy(plan, c->copy_to_main);
     const uint16_t object =
         fsn_parameter_object(fsn_object_at(plan, copy.source_sm, 8 * copy.source_byte));
-    if (object == 0 || fsn_objects_read(objects, object, 0, bytes) != FSN_OK ||
-        bytes[0] < FSN_PARAMETER_WATCHDOG_MS ||
-        fsn_objects_read(objects, object, FSN_PARAMETER_ADDRESS, bytes) != FSN_OK) {
-        return false;
+    fsn_status status =
+        object == 0 ? FSN_E_ABSENT : fsn_objects_read(objects, object, 0, bytes, detail);
+    if (status != FSN_OK || bytes[0] < FSN_PARAMETER_WATCHDOG_MS) {
+        return status != FSN_OK ? status : FSN_E_ABSENT;
     }
+    status = fsn_objects_read(objects, object, FSN_PARAMETER_ADDRESS, bytes, detail);
     *found = fsn_get16(bytes);
-    return *found != 0;
+    return status == FSN_OK && *found == 0 ? FSN_E_ABSENT : status;
 }
 
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
@@ -113,14 +166,19 @@ fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
     struct fsn_connection_info c;
     *readable = false;
     for (uint32_t i = 0; objects != NULL && fsn_plan_connection(plan, i, &c) == FSN_OK; i++) {
-        uint16_t address;
-        if (c.sub_subdevice != subdevice || (c.known & KNOWN_ADDRESS) == 0 ||
-            (!read_own_address(objects, c.address, &address) &&
-             !read_given_address(plan, &c, objects, &address))) {
+        uint16_t address = 0;
+        if (c.sub_subdevice != subdevice || (c.known & KNOWN_ADDRESS) == 0) {
             continue;
         }
-        *readable = true;
-        if (address != c.address) {
+        fsn_status status = read_own_address(objects, c.address, &address, detail);
+        if (status != FSN_OK && !fsn_is_silent(status)) {
+            status = read_given_address(plan, &c, objects, &address, detail);
+        }
+        if (fsn_is_silent(status)) {
+            return status;
+        }
+        *readable = *readable || status == FSN_OK;
+        if (status == FSN_OK && address != c.address) {
             snprintf(detail, FSN_DETAIL_BYTES, "it has FSoE address %u, the plan says %u", address,
                      c.address);
             return FSN_E_BUS_ADDRESS;

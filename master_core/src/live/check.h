@@ -14,10 +14,14 @@ struct fsn_objects {
     fsn_status (*download)(void *bus, struct fsn_transfer *transfer);
 };
 
-/** Reads an object of at most 8 bytes, the rest of them 0. Returns as upload(). */
+/** Whether nothing came back: there was no answer, or the SubDevice is gone. */
+bool fsn_is_silent(fsn_status status);
+
+/** Reads an object of at most 8 bytes, the rest of them 0, several times where no answer comes.
+ *  @param[out] detail  which one was not answered; else as it was.   Returns as upload(). */
 fsn_status fsn_objects_read(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
-                            uint8_t bytes[8]);
-/** Writes an object.
+                            uint8_t bytes[8], char detail[FSN_DETAIL_BYTES]);
+/** Writes an object, several times where no answer comes.
  *  @param[out] abort_code  why it was refused, or 0.   Returns as download(). */
 fsn_status fsn_objects_write(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
                              const uint8_t *bytes, uint32_t size_bytes, uint32_t *abort_code);
@@ -29,7 +33,8 @@ bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_i
 /** Writes the start-up SDOs of a SubDevice.
  *  @param[in]  objects  NULL: it has no CoE.
  *  @param[out] detail   which one, and why not.
- *  @retval FSN_E_BUS_SDO  one was refused.   Context: may block. */
+ *  @retval FSN_E_BUS_SDO      one was refused.
+ *  @retval FSN_E_BUS_MAILBOX, FSN_E_BUS_MISSING  one was not answered.   Context: may block. */
 fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
                           const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]);
 
@@ -37,7 +42,10 @@ fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevic
  *  @param[in]  subdevice  its number in the plan.
  *  @param[in]  objects    NULL: it has no CoE.
  *  @param[out] readable   whether it could be read.
- *  @retval FSN_E_BUS_ADDRESS  another one; `detail` says both.   Context: may block. */
+ *  @param[out] detail   what differs, or which object was not answered.
+ *  @retval FSN_E_BUS_ADDRESS  another one.
+ *  @retval FSN_E_BUS_MAILBOX, FSN_E_BUS_MISSING  no answer: it is not known.   Context: may block.
+ */
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
                              const struct fsn_objects *objects, bool *readable,
                              char detail[FSN_DETAIL_BYTES]);

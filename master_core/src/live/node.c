@@ -55,6 +55,23 @@ void fsn_node_note(struct fsn_nodes *nodes, struct fsn_node *node, uint8_t found
     pthread_mutex_unlock(&nodes->lock);
 }
 
+uint8_t fsn_found_of(fsn_status status) {
+    static const struct {
+        fsn_status status;
+        uint8_t found;
+    } rows[] = {
+        {FSN_E_BUS_MISSING, FSN_FOUND_NOTHING}, {FSN_E_BUS_MAILBOX, FSN_FOUND_MAILBOX},
+        {FSN_E_BUS_MAPPING, FSN_FOUND_MAPPING}, {FSN_E_BUS_ADDRESS, FSN_FOUND_ADDRESS},
+        {FSN_E_BUS_SDO, FSN_FOUND_SDO},
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        if (rows[i].status == status) {
+            return rows[i].found;
+        }
+    }
+    return FSN_FOUND_STATE;
+}
+
 void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node) {
     pthread_mutex_lock(&nodes->lock);
     node->seen.returns += node->away;

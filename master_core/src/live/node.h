@@ -45,6 +45,9 @@ __attribute__((format(printf, 4, 5))) void fsn_node_note(struct fsn_nodes *nodes
                                                          struct fsn_node *node, uint8_t found,
                                                          const char *format, ...);
 
+/** What is found of a SubDevice whose check ended so: enum fsn_found. */
+uint8_t fsn_found_of(fsn_status status);
+
 /** In OP: counts it when it was away since it had been here last. */
 void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node);
 

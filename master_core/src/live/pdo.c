@@ -78,11 +78,8 @@ static void join_padding(struct mapping *m) {
 /** Returns as fsn_objects_read(): a SubDevice may refuse it, which is no fault here. */
 static fsn_status read_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t *value) {
     uint8_t bytes[8];
-    const fsn_status status = fsn_objects_read(at->objects, index, sub, bytes);
+    const fsn_status status = fsn_objects_read(at->objects, index, sub, bytes, at->detail);
     *value = fsn_get32(bytes);
-    if (status == FSN_E_BUS_MISSING) {
-        snprintf(at->detail, FSN_DETAIL_BYTES, "0x%04x:%02x: no answer", index, sub);
-    }
     return status;
 }
 
@@ -151,10 +148,10 @@ static fsn_status differs(const struct at *at, const char *what, uint32_t found,
     return FSN_E_BUS_MAPPING;
 }
 
-/** What cannot be read is not compared: the SubDevice judges the length itself, in SAFEOP. Only
- *  where nothing answers, nobody has judged. */
+/** What cannot be read is not compared: the SubDevice judges the length itself, in SAFEOP. Without
+ * an answer it is not known whether that is so. */
 static fsn_status unless_silent(fsn_status status) {
-    return status == FSN_E_BUS_MISSING ? status : FSN_OK;
+    return fsn_is_silent(status) ? status : FSN_OK;
 }
 
 static fsn_status check_assignment(const struct at *at) {

@@ -17,7 +17,7 @@ uint32_t fsn_pdo_entries(const struct fsn_plan *plan, uint32_t number,
  *  @param[in]  sm      record of the sync manager in the plan; none of a mailbox.
  *  @param[out] detail  what differs, for people.
  *  @retval FSN_E_BUS_MAPPING  it differs and cannot be changed.
- *  @retval FSN_E_BUS_MISSING  nothing answers, which is not the same as a refusal.
+ *  @retval FSN_E_BUS_MAILBOX, FSN_E_BUS_MISSING  no answer, which is not the same as a refusal.
  *  Context: set-up; may block. */
 fsn_status fsn_pdo_check(const struct fsn_plan *plan, uint32_t sm,
                          const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]);

@@ -71,12 +71,12 @@ static bool is_ours(const struct exchange *x) {
  *  @param[in] named  whether the answer names the object; those to segments do not. */
 static fsn_status exchange_sdo(struct exchange *x, bool named) {
     if (!x->mailbox->send(x->mailbox->context, x->request)) {
-        return FSN_E_BUS_MISSING;
+        return FSN_E_BUS_MAILBOX;
     }
     for (int i = 0; i < STRAY_MESSAGES; i++) {
         memset(x->answer, 0, sizeof x->answer);
         if (!x->mailbox->receive(x->mailbox->context, x->answer)) {
-            return FSN_E_BUS_MISSING;
+            return FSN_E_BUS_MAILBOX;
         }
         if (!is_sdo(x)) {
             continue;

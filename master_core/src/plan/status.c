@@ -55,6 +55,9 @@ const char *fsn_status_next_step(fsn_status status) {
         {FSN_E_BUS_MAPPING, compare},
         {FSN_E_BUS_ADDRESS, compare},
         {FSN_E_BUS_SDO, "compare the start-up SDOs of this device with its manual"},
+        {FSN_E_BUS_MAILBOX,
+         "--wait 30s tries again; where it lasts, look at its AL state, its error "
+         "counters, and whether replies are late"},
         {FSN_E_BUS_STATE, "its AL status code says why"},
         {FSN_E_BUS_CLOCK, "compare assign_activate in the device file with what the device has"},
         {FSN_E_NOMEM, "free memory, or allow the process more"},

@@ -185,13 +185,17 @@ int ecrt_master_get_pdo_entry(ec_master_t *master, uint16_t position, uint8_t sm
     return 0;
 }
 
-static struct fake_device *mailbox_of(uint16_t position) {
+/** Finds whose mailbox it is; or an error as of IgH 1.6. */
+static int find_mailbox(uint16_t position, struct fake_device **device) {
     if (fake.scans > 0) {
         fake.sdo_while_scanning++;
-        return NULL;
+        return -EIO;
     }
-    const bool there = position < fake_line_length() && fake.device[position].al >= 2;
-    return there && fake.device[position].object_count > 0 ? &fake.device[position] : NULL;
+    if (position >= fake_line_length()) {
+        return -EINVAL;
+    }
+    *device = &fake.device[position];
+    return (*device)->al < 2 ? -EIO : (*device)->object_count == 0 ? -EPROTONOSUPPORT : 0;
 }
 
 int ecrt_master_sdo_upload(ec_master_t *master, uint16_t position, uint16_t index, uint8_t sub,
@@ -200,9 +204,10 @@ int ecrt_master_sdo_upload(ec_master_t *master, uint16_t position, uint16_t inde
         return fake.fails_as;
     }
     (void)master;
-    struct fake_device *device = mailbox_of(position);
-    if (device == NULL) {
-        return -EIO;
+    struct fake_device *device = NULL;
+    const int error = find_mailbox(position, &device);
+    if (error != 0) {
+        return error;
     }
     const struct fake_object *object = find(device, index, sub);
     if (object == NULL) {
@@ -223,9 +228,10 @@ int ecrt_master_sdo_download(ec_master_t *master, uint16_t position, uint16_t in
         return fake.fails_as;
     }
     (void)master;
-    struct fake_device *device = mailbox_of(position);
-    if (device == NULL) {
-        return -EIO;
+    struct fake_device *device = NULL;
+    const int error = find_mailbox(position, &device);
+    if (error != 0) {
+        return error;
     }
     fake.downloads++;
     note(fake.active ? "download-active" : "download");

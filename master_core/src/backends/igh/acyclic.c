@@ -84,8 +84,10 @@ static fsn_status result_of(int result, uint32_t abort_code) {
     case EPROTO:
     case EBADMSG:
         return FSN_E_BUS_STATE;
-    default:
+    case EINVAL: /* IgH knows no SubDevice there */
         return FSN_E_BUS_MISSING;
+    default:
+        return FSN_E_BUS_MAILBOX;
     }
 }
 

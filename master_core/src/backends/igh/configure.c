@@ -9,12 +9,18 @@ enum { DEVICE_TYPE = 0x1000 };
 
 /* -- checks --------------------------------------------------------------------------------- */
 
-/** Whether it has CoE: an abort code is an answer as well. */
-static bool has_coe(struct fsn_igh *bus, const struct igh_node *node) {
+/** Finds out whether it has CoE: an abort code is an answer as well, silence is not. */
+static fsn_status find_coe(struct fsn_igh *bus, struct igh_node *node) {
     const struct fsn_objects objects = igh_objects(bus, node);
+    char detail[FSN_DETAIL_BYTES];
     uint8_t bytes[8];
-    const fsn_status status = fsn_objects_read(&objects, DEVICE_TYPE, 0, bytes);
-    return status == FSN_OK || status == FSN_E_BUS_SDO;
+    const fsn_status status = fsn_objects_read(&objects, DEVICE_TYPE, 0, bytes, detail);
+    node->coe = status == FSN_OK || status == FSN_E_BUS_SDO;
+    if (!fsn_is_silent(status)) {
+        return FSN_OK;
+    }
+    igh_note(bus, node, fsn_found_of(status), "%s", detail);
+    return status;
 }
 
 /** IgH writes them again whenever it brings the SubDevice up; here it is checked whether it takes
@@ -25,7 +31,7 @@ static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
     const fsn_status status =
         fsn_check_sdos(bus->all.plan, &node->known.info, node->coe ? &objects : NULL, detail);
     if (status != FSN_OK) {
-        igh_note(bus, node, FSN_FOUND_SDO, "%s", detail);
+        igh_note(bus, node, fsn_found_of(status), "%s", detail);
     }
     return status;
 }
@@ -36,14 +42,14 @@ fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *r
     const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
                                                 node->coe ? &objects : NULL, readable, detail);
     if (status != FSN_OK) {
-        igh_note(bus, node, FSN_FOUND_ADDRESS, "%s", detail);
+        igh_note(bus, node, fsn_found_of(status), "%s", detail);
     }
     return status;
 }
 
 fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node) {
-    node->coe = has_coe(bus, node);
-    fsn_status status = write_sdos(bus, node);
+    fsn_status status = find_coe(bus, node);
+    status = status != FSN_OK ? status : write_sdos(bus, node);
     status = status != FSN_OK ? status : igh_check_pdos(bus, node);
     return status != FSN_OK ? status : igh_check_address(bus, node, &node->address_readable);
 }

@@ -104,7 +104,8 @@ bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slav
 /* Configuring (configure.c). */
 
 /** Start-up SDOs, process data and FSoE address of one SubDevice, before the master is active.
- *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS  `seen` of the node says more. */
+ *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS, FSN_E_BUS_MAILBOX  `seen` of the
+ *  node says more. */
 fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node);
 /** Configures what IgH does with a SubDevice whenever it finds it, and makes the domains. */
 fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node);

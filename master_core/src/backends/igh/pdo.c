@@ -46,8 +46,7 @@ fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node) {
             status = fsn_pdo_check(bus->all.plan, sm, &objects, detail);
         }
         if (status != FSN_OK) {
-            igh_note(bus, node, status == FSN_E_BUS_MISSING ? FSN_FOUND_NOTHING : FSN_FOUND_MAPPING,
-                     "%s", detail);
+            igh_note(bus, node, fsn_found_of(status), "%s", detail);
             return status;
         }
     }

@@ -18,7 +18,6 @@ enum {
     REG_SII_STATUS = 0x0502,
     SII_TROUBLE = 0xF800, /**< busy, or an error */
     STATE_BITS = 0x0F,
-    READ_TRIES = 3,
 };
 
 /** The mailbox of one SubDevice. */
@@ -153,15 +152,8 @@ static fsn_status transfer_by_mailbox(struct fsn_soem *bus, struct fsn_transfer 
     return status;
 }
 
-/** Reads again after a lost or late frame: what is checked at a start must not depend on it. */
 static fsn_status upload_by_mailbox(void *context, struct fsn_transfer *transfer) {
-    const uint32_t room = transfer->size_bytes;
-    fsn_status status = FSN_E_BUS_MISSING;
-    for (int tries = 0; status == FSN_E_BUS_MISSING && tries < READ_TRIES; tries++) {
-        transfer->size_bytes = room;
-        status = transfer_by_mailbox(context, transfer, fsn_sdo_upload);
-    }
-    return status;
+    return transfer_by_mailbox(context, transfer, fsn_sdo_upload);
 }
 
 static fsn_status download_by_mailbox(void *context, struct fsn_transfer *transfer) {

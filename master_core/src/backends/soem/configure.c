@@ -22,7 +22,7 @@ static fsn_status write_sdos(struct fsn_soem *bus, struct node *node) {
     const fsn_status status =
         fsn_check_sdos(bus->all.plan, &node->known.info, coe ? &objects : NULL, detail);
     if (status != FSN_OK) {
-        soem_note(bus, node, FSN_FOUND_SDO, "%s", detail);
+        soem_note(bus, node, fsn_found_of(status), "%s", detail);
     }
     return status;
 }
@@ -35,7 +35,7 @@ static fsn_status check_address(struct fsn_soem *bus, struct node *node) {
     const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
                                                 coe ? &objects : NULL, &readable, detail);
     if (status != FSN_OK) {
-        soem_note(bus, node, FSN_FOUND_ADDRESS, "%s", detail);
+        soem_note(bus, node, fsn_found_of(status), "%s", detail);
     }
     return status;
 }

@@ -35,9 +35,7 @@ fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node) {
         const fsn_status status = coe ? fsn_pdo_check(bus->all.plan, sm, &objects, detail)
                                       : check_sii(bus, node, sm, detail);
         if (status != FSN_OK) {
-            soem_note(bus, node,
-                      status == FSN_E_BUS_MISSING ? FSN_FOUND_NOTHING : FSN_FOUND_MAPPING, "%s",
-                      detail);
+            soem_note(bus, node, fsn_found_of(status), "%s", detail);
             return status;
         }
     }

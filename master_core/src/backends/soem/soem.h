@@ -141,7 +141,8 @@ bool soem_is_excused(const struct fsn_soem *bus, const struct node *node);
 
 /** Brings a SubDevice, which must be in PREOP, to where SAFEOP can be requested: start-up SDOs,
  *  PDO assignment and mapping, FSoE address, sync managers, FMMUs, SYNC0.
- *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS  `seen` of the node says more. */
+ *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS, FSN_E_BUS_MAILBOX  `seen` of the
+ *  node says more. */
 fsn_status soem_configure(struct fsn_soem *bus, struct node *node);
 
 /** Compares sync managers and FMMUs of a running SubDevice with what soem_configure() would write.

@@ -44,7 +44,11 @@ static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, f
                                (unsigned)abort_code, abort_code != 0 ? ": " : "",
                                fsn_abort_text(abort_code));
     case FSN_E_BUS_MISSING:
-        return fsn_refusal_set(r, status, "subdevices says who is there", "%.80s: no answer", name);
+        return fsn_refusal_set(r, status, "subdevices shows which ones answer", "%.80s: no answer",
+                               name);
+    case FSN_E_BUS_MAILBOX:
+        return fsn_refusal_set(r, status, "send it again; replies may be late",
+                               "%.80s, 0x%04x:%02x: no answer", name, job->index, sub);
     case FSN_E_ABSENT:
         return fsn_refusal_set(r, status, NULL, "%.80s: %s", name,
                                job->kind == FSN_JOB_SII || job->kind == FSN_JOB_ALIAS

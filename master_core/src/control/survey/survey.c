@@ -8,6 +8,7 @@
 #include "control/base/clock.h"
 #include "control/base/names.h"
 #include "control/base/value.h"
+#include "live/check.h"
 #include "plan/plan_internal.h"
 
 enum { VENDOR = 0x10, SERIAL = 0x1C, DEVICE_NAME = 0x1008, STATE_BITS = 0x0F };
@@ -43,11 +44,11 @@ static bool upload(struct fsn_surveyed *of, struct fsn_transfer *transfer) {
     transfer->position = of->position;
     const uint32_t room = transfer->size_bytes;
     fsn_status status = s->ops->acyclic->upload(s->bus, transfer);
-    if (status == FSN_E_BUS_MISSING && goes_on(of)) { /* a frame may have been lost or late */
+    if (fsn_is_silent(status) && goes_on(of)) { /* a frame may have been lost or late */
         transfer->size_bytes = room;
         status = s->ops->acyclic->upload(s->bus, transfer);
     }
-    if (status == FSN_E_BUS_MISSING || status == FSN_E_BUS_STATE || status == FSN_E_STATE) {
+    if (fsn_is_silent(status) || status == FSN_E_BUS_STATE || status == FSN_E_STATE) {
         fsn_survey_problem(
             of, "0x%04x:%02x: %s; no further object is read", transfer->index, transfer->sub,
             status == FSN_E_BUS_STATE ? "an answer that makes no sense" : "no answer");
