@@ -76,6 +76,15 @@ static void clocks_are_reported(void) {
     CHECK((uint32_t)snapshot(rig).dc_time_ns == fake.reference_time);
     /* Our own time follows the clock from then on. */
     CHECK(snapshot(rig).dc_time_ns <= fake.app_time);
+    /* A cycle that nothing comes back of has no time to read: the library would say so each time.
+     */
+    const unsigned reads = fake.clock_reads;
+    fake.lose_frames = true;
+    run(rig, 10, FSN_AL_OP);
+    CHECK(reads > 0 && fake.clock_reads <= reads + 1);
+    fake.lose_frames = false;
+    run(rig, 10, FSN_AL_OP);
+    CHECK(fake.clock_reads > reads + 1);
     tear_down(rig);
 }
 

@@ -176,6 +176,7 @@ int ecrt_master_reference_clock_time(const ec_master_t *master, uint32_t *time_n
         return fake.fails_as;
     }
     (void)master;
+    fake.clock_reads++;
     *time_ns = fake.reference_time;
     return fake.reference_time != 0 ? 0 : -ENXIO;
 }

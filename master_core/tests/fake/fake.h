@@ -42,7 +42,7 @@ struct fake {
     int interrupted;   /**< cyclic calls that still end by a signal */
     int open_masters;
     bool active;
-    unsigned sdo_while_scanning, downloads, clock_syncs, send_interval;
+    unsigned sdo_while_scanning, downloads, clock_syncs, clock_reads, send_interval;
     uint64_t app_time;
     uint32_t reference_time; /**< 0: none */
     /** Calls number `fails_from` (0: none) and so many of them fail, with a negative error. */

@@ -104,7 +104,9 @@ void igh_receive(void *context, struct fsn_bus_input *input) {
      * least one is lost. */
     input->lost_frames = !any;
     count_silence(bus);
-    read_clock(bus, input);
+    if (any) { /* else its library writes a message, in this thread, that the time is not back */
+        read_clock(bus, input);
+    }
 }
 
 /* -- sending -------------------------------------------------------------------------------- */
