@@ -8,7 +8,7 @@ from fsoe_net.formats.sii.read import sii_checksum
 from fsoe_net.model.bus import Direction, Pdo
 from fsoe_net.model.description import DescribedSubDevice
 
-__all__ = ["category", "image", "image_of", "strings"]
+__all__ = ["category", "image", "image_of", "printed", "strings"]
 
 _TYPES = {"UINT": 6, "BOOL": 1, "": 0}
 END = b"\xff\xff"
@@ -36,6 +36,25 @@ def image(
     head = head.ljust(0x38, b"\0") + struct.pack("<H", protocols)
     data = head.ljust(0x80, b"\0") + b"".join(categories) + end
     return data.ljust(size, b"\xff")
+
+
+def printed(data: bytes) -> str:
+    """Return what `ethercat sii_read -v` of IgH 1.6 prints of an image, category by category."""
+    kinds = {10: "STRINGS", 20: "DataTypes", 30: "General", 40: "FMMU", 41: "SyncM", 50: "TXPDO"}
+    kinds |= {51: "RXPDO", 60: "DC"}
+    text, at = "SII Area:" + _rows(data[:0x80]), 0x80
+    while data[at : at + 2] != END:
+        kind, words = struct.unpack_from("<HH", data, at)
+        body = data[at + 4 : at + 4 + 2 * words]
+        text += f"SII Category 0x{kind:04x} ({kinds.get(kind, 'unknown')}), {words} words"
+        text += _rows(body)
+        at += 4 + 2 * words
+    return text
+
+
+def _rows(data: bytes) -> str:
+    rows = (data[n : n + 16].hex(" ") for n in range(0, len(data), 16))
+    return "".join(f"\n  {row}" for row in rows) + "\n"
 
 
 class _Names:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from data_files import need
+from formats.sii_image import category, image, printed, strings
 from formats.texts import (
     CONFIG,
     DOMAINS,
@@ -23,6 +24,16 @@ from fsoe_net.formats.soem.read import load_soem_text
 from fsoe_net.model.bus import Watchdog
 from fsoe_net.model.description import Description
 
+MAILBOXES = "0010800026000101 8010800022000102"  # sync managers 0 and 1
+SII = printed(
+    image(
+        strings(b"EK1914", b"coupler", b"in"),
+        category(30, bytes([0, 0, 1, 2]) + bytes(28)),
+        category(41, bytes.fromhex(MAILBOXES + "0011060064000103 8011010020000104")),
+        category(50, bytes.fromhex("001a 01 03 00 03 0000 0060 01 03 05 08 0000")),
+        alias=5,
+    )
+)
 READERS = {
     "pdos": (PDOS, load_igh_text),
     "two pdos": (TWO_PDOS, load_igh_text),
@@ -31,6 +42,7 @@ READERS = {
     "slaves -v": (SLAVES_V, load_igh_text),
     "config -v": (CONFIG, load_igh_text),
     "domains -v": (DOMAINS, load_igh_text),
+    "sii_read -v": (SII, load_igh_text),
     "soem": (SOEM, load_soem_text),
 }
 
@@ -296,12 +308,14 @@ def test_text_that_is_cut_is_never_a_shorter_map(name: str):
 
 def whole_part(name: str, text: str, end: int) -> bool:
     """Where a cut cannot be told from a shorter output: behind all of one SubDevice, or behind a
-    whole line of the last sync manager of `pdos`, which says nothing of how much must follow.
+    whole line of the last sync manager of `pdos`, which says nothing of how much must follow, or
+    between two categories of an EEPROM.
     """
     rest = text[end:].lstrip()
     if name in ("two pdos", "pdos") and text[:end].rfind("SM3") > text[:end].rfind("SM2"):
         return text[:end].rstrip()[-1] == '"'
     starts = ("=== Master", "/* Master", "Domain", "DC configuration", "AssignActivate", "None.")
+    starts += ("SII Category",)
     return rest.startswith(starts) or (name == "config -v" and "IDN" in text[:end])
 
 

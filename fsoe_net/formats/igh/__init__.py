@@ -15,7 +15,7 @@ _STATES = rb"(INIT|PREOP|BOOT|SAFEOP|OP|\?\?\?)(\+ERROR)?"
 FORMAT = Format(
     kind="ethercat",
     title="the output of the `ethercat` tool",
-    expects="what ethercat pdos, cstruct, xml, slaves, config -v or domains -v prints",
+    expects="what ethercat pdos, cstruct, xml, slaves, sii_read -v, config -v or domains -v prints",
     yields=Yields.BUS,
     read="fsoe_net.formats.igh.read:load_igh_text",
     signatures=(
@@ -29,6 +29,7 @@ FORMAT = Format(
         ),
         CSTRUCT,
         Signature(words="the output of `ethercat domains -v`", text=rb"^Domain\d+: LogBaseAddr"),
+        Signature(words="the output of `ethercat sii_read -v`", text=rb"\bSII Area:[ \t]*\r?$"),
         Signature(words="the output of `ethercat pdos`", text=rb"SM\d+: PhysAddr 0x"),
         Signature(words="the output of `ethercat config -v`", text=rb"^Watchdog divider:"),
         Signature(words="the output of `ethercat slaves -v`", text=rb"^[ \t]+Vendor Id: +0x"),

@@ -1,7 +1,7 @@
 """Output of the ``ethercat`` tool of the IgH master into descriptions.
 
-``pdos``, ``slaves``, ``slaves -v``, ``config -v`` and ``domains -v`` here; ``cstruct`` and ``xml``
-in modules of their own. Nothing is taken from indentation, which pastes lose.
+``pdos``, ``slaves``, ``slaves -v``, ``config -v`` and ``domains -v`` here; ``cstruct``, ``xml`` and
+``sii_read -v`` in modules of their own. Nothing is taken from indentation, which pastes lose.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.igh import CSTRUCT
 from fsoe_net.formats.igh.read_config import read_config, read_domains
 from fsoe_net.formats.igh.read_cstruct import read_cstruct
+from fsoe_net.formats.igh.read_sii import read_sii_text
 from fsoe_net.formats.igh.read_xml import read_xml
 from fsoe_net.formats.recognise import is_format, recognise
 from fsoe_net.formats.shared.files import Collector
@@ -67,7 +68,8 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
         "FSN140",
         Span(shown, 1, 1),
         f"{what}, not output of the `ethercat` tool",
-        hint="paste the output of ethercat pdos, cstruct, xml, slaves -v, config -v or domains -v",
+        hint="paste the output of ethercat pdos, cstruct, xml, slaves -v, sii_read -v, config -v "
+        "or domains -v",
     )
     return None
 
@@ -391,6 +393,7 @@ def _identity(
 
 _READERS = (
     (re.compile(r"Domain\d+: LogBaseAddr"), read_domains),
+    (re.compile(r"\bSII Area:$"), read_sii_text),
     (re.compile(r"^\s*Watchdog divider:|SM\d+, Dir: "), read_config),
     (re.compile(r"SM\d+: PhysAddr"), _read_pdos),
     (re.compile(r"^\s*(Vendor Id|Identity):"), _read_slaves_verbose),
