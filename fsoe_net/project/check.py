@@ -76,7 +76,7 @@ def whole_network(checked: Checked, refusal: str) -> Resolution:
         refusal: What is not done otherwise, e.g. ``no plan written``.
 
     Raises:
-        InputError: It has an error, is only a part of a network, or moves nothing.
+        InputError: It has an error, is only a part of a network, or moves none of its FSoE frames.
     """
     errors = [d for d in checked.diagnostics if d.level is Severity.ERROR]
     resolution = checked.resolution
@@ -86,8 +86,12 @@ def whole_network(checked: Checked, refusal: str) -> Resolution:
         raise InputError(
             f"{refusal}: these files alone are no whole network; name the URDF or network file too"
         )
-    if not resolution.transfers:
-        raise InputError(f"{refusal}: no transfers are given; a URDF names them in transfer_config")
+    layouts = [sub.layout for sub in resolution.network.subdevices]
+    if not resolution.transfers and any(layout and layout.blocks for layout in layouts):
+        raise InputError(
+            f"{refusal}: there are FSoE frames, and no transfers; a URDF names them in "
+            "transfer_config"
+        )
     return resolution
 
 

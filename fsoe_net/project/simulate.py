@@ -88,6 +88,11 @@ def prepare(
     Raises:
         InputError: No connection, a plan of another network, or a scenario with mistakes.
     """
+    if resolution.network.partial or not resolution.connections:
+        raise InputError(
+            "nothing to emulate: these files hold no FSoE connection of a whole network; "
+            "a live bus runs them"
+        )
     data = plan_bytes(resolution, plan_file)
     ids = counted_session_ids() if virtual else random_session_ids()
     return with_scenario(
@@ -99,10 +104,8 @@ def plan_bytes(resolution: Resolution, plan_file: str | None) -> bytes:
     """Return the compiled plan; a plan file that is given must be the same.
 
     Raises:
-        InputError: No connection, or a plan of another network.
+        InputError: A plan of another network.
     """
-    if resolution.network.partial or not resolution.connections:
-        raise InputError("nothing to run: these files hold no FSoE connection of a whole network")
     fresh = compile_plan(resolution).to_bytes()
     return fresh if plan_file is None else _plan_of(plan_file, fresh)
 

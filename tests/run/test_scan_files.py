@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from networks import resolved
 from scans import scan_of, subdevice
 
+from fsoe_net.cli.live_bus import run_live_bus
 from fsoe_net.cli.scan_output import scan_document
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.document.write_terminal import document_text
@@ -19,8 +22,10 @@ from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.scan import load_scan, parse_scan
 from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.model.resolve import resolve
+from fsoe_net.project.check import Checked, check_files, whole_network
 from fsoe_net.rules.check import check
 from fsoe_net.rules.scan import check_scan
+from fsoe_net.run.live_bus import BusOptions
 from fsoe_net.run.scan import TakenScan
 from fsoe_net.run.scan_files import ScanFiles, compact_json, scan_files
 
@@ -70,6 +75,30 @@ def test_files_of_an_example_say_what_its_files_say(name: str, tmp_path: Path):
     scan, found = load_scan(tmp_path / "bus" / "scan.json")
     assert found == []
     assert check_scan(again, scan) == []
+
+
+def test_scan_of_a_bus_without_fsoe_is_planned_and_runs(tmp_path: Path):
+    cell = EXAMPLES / "robot-cell"
+    path = tmp_path / "network.yaml"
+    row = "subdevices:\n  - {name: el1008, position: 0, config: %s}\n"
+    path.write_text(f"version: 1\n{row % (cell / 'devices' / 'el1008.yaml')}nets: []\n", "utf-8")
+    write(tmp_path / "bus", scan_files(taken(scan_of(resolved(path)))))
+    checked = check_files([str(tmp_path / "bus" / "network.yaml")])
+    assert [(d.code, d.level) for d in checked.diagnostics] == [("FSN125", Severity.INFO)]
+    resolution = whole_network(checked, "not run")
+    options = BusOptions(backend="emulated", interface="none", cycle_ns=10_000_000)
+    wanted = {"plan_file": None, "duration_ns": 50_000_000}
+    result = run_live_bus(resolution, options, wanted, None)
+    assert (result.passed, result.connections, result.statistics.copies) == (True, (), 0)
+    assert result.statistics.cycles > 0
+
+
+def test_frames_without_transfers_are_not_planned(tmp_path: Path):
+    network = load_network([EXAMPLES / "estop" / "network.yaml"]).network
+    assert network is not None
+    resolution = resolve(replace(network, nets=()))
+    with pytest.raises(InputError, match=r"^no plan: there are FSoE frames, and no transfers"):
+        whole_network(Checked(resolution=resolution, diagnostics=[]), "no plan")
 
 
 def test_devices_of_one_type_share_a_file():
