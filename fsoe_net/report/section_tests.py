@@ -100,7 +100,7 @@ def _circumstances(inputs: ReportInputs) -> list[Part]:
     people = (("author", record.author), ("verifier", record.verifier))
     rows = (
         *(
-            (cell(strong(f"Competence of the {role}")), cell(p.competence) if p.competence else left)
+            (cell(strong(f"Competence of the {role}")), cell(p.competence or muted("not stated")))
             for role, p in people
         ),
         (cell(strong("Test equipment")), cell(*record.equipment) or left),
