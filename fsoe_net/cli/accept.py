@@ -60,15 +60,6 @@ _MORE = (
 @click.option("--author", metavar="NAME", help="Who made the configuration.")
 @click.option("--verifier", metavar="NAME", help="Who checked it: not the author.")
 @click.option(
-    "--author-competence", default="", metavar="TEXT", help="What qualifies the author for this."
-)
-@click.option(
-    "--verifier-competence",
-    default="",
-    metavar="TEXT",
-    help="What qualifies the verifier for this: training, certificate, experience.",
-)
-@click.option(
     "--date",
     "day",
     callback=read_by(day_of_signature),

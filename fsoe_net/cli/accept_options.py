@@ -41,7 +41,14 @@ def _said(values: Sequence[str]) -> Sequence[str]:
 
 
 def circumstance_options(function: _F) -> _F:
-    """Add what a step was measured with, where, and files that show it."""
+    """Add who is competent, what a step was measured with, where, and files that show it."""
+    for role in ("verifier", "author"):
+        function = click.option(
+            f"--{role}-competence",
+            default="",
+            metavar="TEXT",
+            help=f"What qualifies the {role}: training, certificate, experience.",
+        )(function)
     function = click.option(
         "--attach",
         multiple=True,

@@ -221,7 +221,7 @@ FSN606 warning safety function cannot be judged: values are missing
 FSN607 warning nobody answers for a value of a safety function
 FSN608 error   sum of PFH is above the limit
 FSN609 error   two safety functions of one name
-FSN610 info    connection belongs to no safety function
+FSN610 warning connection belongs to no safety function
 FSN611 error   reaction time holds only while the handshake of FSoE is not counted
 FSN612 warning time or PFH of 0 without a reason
 FSN613 error   required level is above the lowest claim of an element

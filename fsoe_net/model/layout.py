@@ -118,6 +118,21 @@ class SmLayout:
             p for p in self.placed if p.entry.registered and p.entry.written_by is not None
         )
 
+    def has_safe_data(self, block: FsoeBlock) -> bool:
+        """Return whether an entry stands where the frame has safe data, other than padding.
+
+        The data are byte 1, or two bytes before each CRC (docs/explanation/fsoe-engine.md, section
+        1). A frame that is one entry counts: its content is not known.
+        """
+        count = block.safe_bytes
+        at = {1} if count == 1 else {1 + 2 * (n // 2 * 2) + n % 2 for n in range(count)}
+        first = block.byte_offset
+        return any(
+            not p.entry.is_gap
+            and any(p.bit_offset < 8 * (first + n + 1) and p.end_bit > 8 * (first + n) for n in at)
+            for p in self.placed
+        )
+
     def block_at(self, bit_offset: int) -> FsoeBlock | None:
         """Return the frame that holds this bit, or ``None``."""
         byte = bit_offset // 8

@@ -51,8 +51,10 @@ def check_timing(
     for connection in budget.connections:
         _connection(out, connection)
     has_error = any(d.level is Severity.ERROR for d in found)
-    shown = (d for d in out.diagnostics if not (has_error and d.code in _FOLLOWS))
-    return sort_diagnostics(shown)
+    hidden = _FOLLOWS if has_error else frozenset[str]()
+    if broken:  # the function with the misspelt name may use the connection
+        hidden |= {"FSN610"}
+    return sort_diagnostics(d for d in out.diagnostics if d.code not in hidden)
 
 
 def _names(out: FindingList, network: NetworkConfig) -> None:
@@ -194,6 +196,23 @@ def _reaction(out: FindingList, row: FunctionBudget) -> None:
         )
 
 
+def _use(out: FindingList, row: WatchdogBudget, place: Span) -> None:
+    """Name a connection that no function uses; one with safe outputs is to be justified."""
+    if row.functions:
+        return
+    end = row.connection.to_sub.destination
+    acts = end.block is None or end.sm is None or end.sm.has_safe_data(end.block)
+    out.add(
+        "FSN610",
+        place,
+        f"{row.connection.name} belongs to no safety function",
+        hint="name its SubDevices as elements, or justify it when the report is signed"
+        if acts
+        else "name its SubDevices as elements, or leave it as it is",
+        severity=Severity.WARNING if acts else Severity.INFO,
+    )
+
+
 def _connection(out: FindingList, row: WatchdogBudget) -> None:
     facts = row.connection.facts
     name = row.connection.name
@@ -210,13 +229,7 @@ def _connection(out: FindingList, row: WatchdogBudget) -> None:
             hint=hint,
         )
         return
-    if not row.functions:
-        out.add(
-            "FSN610",
-            facts.span if facts is not None else place,
-            f"{name} belongs to no safety function",
-            hint="name its SubDevices as elements, or leave it as it is",
-        )
+    _use(out, row, facts.span if facts is not None else place)
     if row.configured is None or row.least is None or not row.below_least:
         return
     breaks = row.round_trip is not None and exceeds(row.round_trip, row.configured)

@@ -93,4 +93,4 @@ def test_names_that_meet():
     subs = [
         DescribedSubDevice(span=HERE, name=name, device=device) for name in ("a", "a", "a_2", "")
     ]
-    assert _names(subs) == ("a_1", "a_2", "a_2_", "subdevice")
+    assert _names(subs) == ("a_1", "a_2", "a_2_2", "subdevice")

@@ -277,7 +277,7 @@ def test_a_name_that_would_make_lines_of_its_own_is_refused(folder: Path, text: 
     for given in (VERIFY, ("accept", RECORD, "--sign", "anna", "--as", "author", "--overwrite")):
         done = fsn(*given)
         assert (done.returncode, done.stdout) == (1, "")
-        assert f"{RECORD}:31:" in done.stderr
+        assert f"{RECORD}:33:" in done.stderr
         assert "error[FSN102]" in done.stderr
 
 

@@ -14,6 +14,7 @@ from run.protocols import protocol_of, timed
 from run.test_whole_words import program, refusal
 
 from fsoe_net.errors import ControlRefused
+from fsoe_net.model.names import Names
 from fsoe_net.model.safety import ElementKind
 from fsoe_net.run import build_master, in_use, scan, sockets
 from fsoe_net.run.attachment import _facts
@@ -27,7 +28,7 @@ from fsoe_net.run.protocol import (
     keep_machine,
     make_protocol,
 )
-from fsoe_net.run.scan_files import _channels, _NotExpressible, _path, compact_json
+from fsoe_net.run.scan_files import _channels, _NotExpressible, compact_json
 from fsoe_net.run.scenario_check import _nearest
 
 
@@ -152,9 +153,9 @@ def test_links_of_a_campaign_have_the_bus_cycle():
 
 
 def test_files_of_one_name_are_numbered():
-    devices: dict[str, str] = {}
-    paths = [_path("io", text, devices) for text in ("a", "b", "a", "c")]
-    assert paths == ["devices/io.yaml", "devices/io_2.yaml", "devices/io.yaml", "devices/io_3.yaml"]
+    names = Names(["io_3"])
+    assert [names.add("io") for _ in range(3)] == ["io", "io_2", "io_4"]
+    assert names.add("io_2", "x") == "x"
 
 
 def test_a_pdo_that_no_file_can_say():

@@ -10,6 +10,7 @@ import pytest
 from networks import PLAIN
 from said import Said
 
+from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.document.model import outward
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.formats.own.library import builtin_library
@@ -445,3 +446,27 @@ def test_bounds_are_shown_on_their_safe_side(resolution_of: Maker):
     assert 0 < shown - function.reaction.error_free < 0.1
     assert outward(222.60000000000002, 1, up=True) == outward(222.6, 1, up=False) == 222.6
     assert (outward(49.996, up=False), outward(49.991, up=True)) == (49.99, 50.0)
+
+
+def test_safe_outputs_that_no_function_switches_are_to_be_justified(resolution_of: Maker) -> None:
+    def found(functions: str) -> dict[str, tuple[Severity, str]]:
+        resolution = resolution_of(functions)
+        lines = Path(resolution.network.span.file).read_text().splitlines()
+        rows = [
+            d for d in check_timing(resolution.network, budget_of(resolution)) if d.code == "FSN610"
+        ]
+        return {
+            lines[d.span.line - 1].partition("sub: ")[2].partition(",")[0]: (d.level, d.message)
+            for d in rows
+        }
+
+    unused = (Severity.WARNING, "el6910-drive_1 belongs to no safety function")
+    assert found(FUNCTION).keys() == {"drive_1", "drive_2"}
+    assert found(FUNCTION)["drive_1"] == unused
+    # The safe data to el1904 is padding: it has inputs alone.
+    others = FUNCTION.replace("kind: input, sub: el1904", "kind: input, sub: el2904")
+    others = others.replace("kind: output, sub: el2904", "kind: output, sub: drive_1")
+    assert found(others) == {
+        "drive_2": (Severity.WARNING, "el6910-drive_2 belongs to no safety function"),
+        "el1904": (Severity.INFO, "el6910-el1904 belongs to no safety function"),
+    }

@@ -235,6 +235,10 @@ static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
         clocks.state == changes->clocks) {
         return;
     }
+    const struct fsn_statistics *s = &changes->view->statistics;
+    if (clocks.state == FSN_CLOCKS_LOST && s->expected_wkc > 0 && s->actual_wkc == 0) {
+        return; /* nothing answers, which has a line of its own */
+    }
     const bool first = changes->clocks == FSN_CLOCKS_UNKNOWN;
     struct fsn_json *json = fsn_event_begin(changes->events, "clocks", now_ns);
     fsn_report_clocks_keys(&clocks, json);

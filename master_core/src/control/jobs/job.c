@@ -47,7 +47,8 @@ static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, f
         return fsn_refusal_set(r, status, "subdevices shows which ones answer", "%.80s: no answer",
                                name);
     case FSN_E_BUS_MAILBOX:
-        return fsn_refusal_set(r, status, "send it again; replies may be late",
+        return fsn_refusal_set(r, status,
+                               "subdevices shows whether it answers; if so, send it again",
                                "%.80s, 0x%04x:%02x: no answer", name, job->index, sub);
     case FSN_E_ABSENT:
         return fsn_refusal_set(r, status, NULL, "%.80s: %s", name,
