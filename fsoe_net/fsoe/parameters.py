@@ -80,9 +80,11 @@ def differences(
     """
     rows = []
     for name in differs:
-        stated = configured.text(name)
-        there = observed.text(name) or "another one before"
-        rows.append(f"{_TEXTS[name]} {there}" + (f", {stated} in the plan" if stated else ""))
+        stated, there = configured.text(name), observed.text(name)
+        planned = f", {stated} in the plan" if stated else ""
+        if there is None:
+            there = "not known now, another than planned at an earlier start-up"
+        rows.append(f"{_TEXTS[name]} {there}{planned}")
     return tuple(rows)
 
 

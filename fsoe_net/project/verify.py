@@ -75,7 +75,7 @@ def compare_running(wanted: Known, socket: str) -> Comparison:
         f"{observed} of {counted(len(connections), 'connection')} observed"
     )
     lines = tuple(
-        f"! {c.name} runs with {text}"
+        f"! {c.name}: {text}"
         for c in connections
         for text in differences(c.differs, c.configured, c.observed)
     )

@@ -47,7 +47,13 @@ DRIVE = "el6910-drive_1"
             DRIVE,
             NOT_OBSERVED,
             ("address",),
-            [("error", f"{DRIVE}: FSoE address another one before, 201 in the plan")],
+            [
+                (
+                    "error",
+                    f"{DRIVE}: FSoE address not known now, another than planned at an earlier "
+                    "start-up, 201 in the plan",
+                )
+            ],
         ),
         (
             DRIVE,

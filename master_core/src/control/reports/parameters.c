@@ -23,6 +23,9 @@ static unsigned number(const struct fsn_parameters *parameters, size_t i) {
 }
 
 static const char *value(const struct fsn_parameters *p, size_t i, char room[VALUE_BYTES]) {
+    if ((p->known & parameter[i].bit) == 0) {
+        return "not known now";
+    }
     if (parameter[i].bit == FSN_STATED_APP) {
         snprintf(room, VALUE_BYTES, "%u bytes, CRC-32 0x%08" PRIx32, (unsigned)p->app_bytes,
                  p->app_crc);
