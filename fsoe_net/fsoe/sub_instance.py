@@ -6,6 +6,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
+from fsoe_net.errors import InputError
 from fsoe_net.fsoe.chain import fits_start
 from fsoe_net.fsoe.config import Parameters, SubConfig
 from fsoe_net.fsoe.event import State
@@ -28,7 +29,17 @@ class SubInstance(Instance):
         config: Address, sizes, expected parameters.
         session_ids: Source of 16-bit session ids, one call per session: random live, counted in
             tests.
+
+    Raises:
+        InputError: When a subclass is made that overrides a method of the table of states.
     """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        for handler in _HANDLERS.values():
+            found = getattr(cls, handler.__name__)
+            if found is not handler:
+                raise _without_effect(cls, handler.__name__, found)
 
     def __init__(self, config: SubConfig, *, session_ids: Callable[[], int]) -> None:
         self.config = config
@@ -204,6 +215,15 @@ class SubInstance(Instance):
             chunk = chunk[: self._parameter_bytes].ljust(len(chunk), b"\0")
         self._told += chunk
         return self._send(Command(pdu.command), chunk)
+
+
+def _without_effect(cls: type, name: str, found: object) -> InputError:
+    code = getattr(found, "__code__", None)
+    place = f"{code.co_filename}:{code.co_firstlineno}: " if code else ""
+    return InputError(
+        f"{place}{cls.__qualname__} overrides SubInstance.{name}, but `step` calls "
+        f"the methods of the states through a table, so the override has no effect; override `step`"
+    )
 
 
 _HANDLERS: dict[State, Callable[[SubInstance, Pdu], int | None]] = {
