@@ -7,6 +7,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, MutableSequence, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -301,10 +302,23 @@ _counts: MutableSequence[int] = []
 def _prepare_process(counts: MutableSequence[int]) -> None:
     global _counts  # the only way from the start of a process to its calls
     _counts = counts
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
     gc.set_threshold(200_000)  # trials leave no cycles behind; looking for them takes a tenth
     divert_stdout()  # what a device prints is no part of the report
     sys.stdout = sys.stderr
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent has ended, even by SIGKILL.
+
+    It would wait for work for ever otherwise, and with it the process of `multiprocessing` that
+    removes the semaphores of the parent.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None:  # mutants: a process of the pool has one
+        parent.join()
+        os._exit(1)
 
 
 def _run_piece(config: CampaignConfig, name: str, trials: range, index: int) -> ClassResult:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.words import counted
-from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult
+from fsoe_net.fsoe.campaign.trials import CampaignConfig, ClassResult
 from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind, StepOutcome, StepResult
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import ElementKind, SafetyFunction
@@ -286,11 +286,7 @@ class _Emulation:
     # -- faults -----------------------------------------------------------------------------------
 
     def _fault(self, step: ProtocolStep) -> StepResult:
-        links = campaign_links(self._resolution)
-        if step.subject == EXHAUSTIVE:  # every frame of a size: one connection of each will do
-            sizes = {(c.main.safe_out_bytes, c.main.safe_in_bytes): c for c in reversed(links)}
-            links = tuple(reversed(sizes.values()))
-        config = CampaignConfig(links=links, seed=0)
+        config = CampaignConfig(links=campaign_links(self._resolution), seed=0)
         result = run_campaign(config, (step.subject,), self._faults)
         if result.interrupted:
             raise KeyboardInterrupt

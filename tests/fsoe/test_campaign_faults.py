@@ -8,7 +8,7 @@ import pytest
 from fsoe.lossy_links import DRAWN, make_config, make_link
 
 from fsoe_net.errors import ConfigError
-from fsoe_net.fsoe.campaign.bit_errors import bit_error, bit_error_count, code_distance
+from fsoe_net.fsoe.campaign.bit_errors import code_distance, error_sets
 from fsoe_net.fsoe.campaign.channel import Way
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.faults import (
@@ -146,34 +146,47 @@ def test_distance_of_the_code(data_bytes):
 @pytest.mark.uncounted
 def test_bit_errors_are_all_different_and_complete():
     link = make_link(1, 2)
-    count = bit_error_count(link)
-    assert trial_count(CampaignConfig(links=(link, link)), "bit_errors", 5) == count
+    sets = error_sets((link, link))
+    rows = [(row.way, row.mask(n)) for row in sets for n in range(row.count)]
+    count = trial_count(CampaignConfig(links=(link, link)), "bit_errors", 5)
+    assert count == len(rows)
     assert trial_count(CampaignConfig(links=(link,)), "loss", 5) == 5
-    rows = [bit_error(link, n) for n in range(count)]
     to_sub = [mask for way, mask in rows if way is Way.TO_SUB]
     blocks = {mask for mask in to_sub if 0 < mask >> 8 < 1 << 24 and mask & 0xFF == 0}
-    wanted = sum(math.comb(24, weight) for weight in range(1, 6))
-    assert len(blocks) == wanted
+    assert len(blocks) == sum(math.comb(24, weight) for weight in range(1, 6))
     pairs = {1 << a | 1 << b for a, b in combinations(range(48), 2)}
     assert pairs <= set(to_sub)
     assert {1 << a for a in range(48)} <= set(to_sub)
     assert all(mask < 1 << 8 * frame_length(link.sizes[way]) for way, mask in rows)
 
 
-def test_where_the_kinds_of_bit_errors_begin_and_end(said):
-    """A direction after the other; within each block first, then one and two bits anywhere."""
+def test_the_first_and_last_bit_errors_of_each_kind(said):
+    """Patterns within a block first, then those of one and two bits anywhere."""
     for sizes in ((1, 1), (1, 4), (4, 6)):
-        link = make_link(*sizes)
-        count = bit_error_count(link)
-        said.add(f"{count} bit errors of {sizes}")
-        bits = {1: 24}
-        one = [sum(math.comb(bits.get(size, 32), n) for n in range(1, 6)) for size in sizes]
-        edges = {0, count, *(k * n for k in (1, 2) for n in one)}
-        near = {edge + by for edge in edges for by in (-2, -1, 0, 1, 2)}
-        near |= {count - n for n in near}
-        for number in sorted(n for n in near if 0 <= n < count):
-            way, mask = bit_error(link, number)
-            said.add(f"bit error {number} of {sizes}: {way.name} {mask:x}")
+        for row in error_sets((make_link(*sizes),)):
+            said.add(f"{row.count} of {row.bits} bits, {row.blocks} blocks, {row.way.name}")
+            for number in (0, 1, 2, row.count - 2, row.count - 1):
+                said.add(f"bit error {number} of {sizes}: {row.way.name} {row.mask(number):x}")
+
+
+def test_bit_errors_of_frames_that_share_a_code_are_tried_once():
+    """Twelve connections of twelve sizes take little longer than one: 2^24 patterns have one code.
+
+    A block of one safe byte has 24 bits, one of two has 32; both have distance 6.
+    """
+    sizes = ((1, 1), (2, 2), (4, 4), (6, 6), (8, 8), (8, 12), (2, 4), (1, 2), (4, 8), (14, 14))
+    links = tuple(make_link(*pair) for pair in (*sizes, (6, 10), (12, 30)))
+    blocks = [2 * sum(math.comb(bits, n) for n in range(1, 6)) for bits in (24, 32)]
+    frames = [
+        {6 if n == 1 else 2 * n + 3 for n in (link.sizes[way] for link in links)} for way in Way
+    ]
+    pairs = sum(8 * size + math.comb(8 * size, 2) for way in frames for size in way)
+    config = CampaignConfig(links=links)
+    assert trial_count(config, "bit_errors", 0) == sum(blocks) + pairs
+    rows = error_sets(links)
+    assert {(row.way, row.bits) for row in rows if row.blocks} == {
+        (way, bits) for way in Way for bits in (24, 32)
+    }
 
 
 def test_a_torn_copy_holds_the_frame_that_became_visible_last():
@@ -187,7 +200,8 @@ def test_a_torn_copy_holds_the_frame_that_became_visible_last():
 
 def test_long_frames_take_the_patterns_in_turn():
     link = make_link(6, 6)
-    hit = {(bit_error(link, n)[1].bit_length() - 9) // 32 for n in range(500, 800)}
+    row = error_sets((link,))[0]
+    hit = {(row.mask(n).bit_length() - 9) // 32 for n in range(500, 800)}
     assert hit == {0, 1, 2}
     with pytest.raises(ConfigError, match="not so many"):
         Trials(CampaignConfig(links=(link,)), "bit_errors").case(10**9)
@@ -201,6 +215,18 @@ def test_bit_errors_within_the_distance_are_all_found():
         assert result.detected == 1000
         assert result.passed
         assert result.interval == (0, 0)
+
+
+def test_bits_that_turn_a_frame_into_the_one_seen_last_are_no_trial():
+    """The same bytes again are no event, so nobody could notice: another point is drawn."""
+    (lane, *_), number, way = Trials(make_config(1, 1), "bit_errors")._lanes, 5, Way.TO_MAIN
+    first = lane.flip(number, way, 1 << 9).scene
+    mask = int.from_bytes(first.frame, "little") ^ int.from_bytes(
+        first.channel.shown(way), "little"
+    )
+    second = lane.flip(number, way, mask)
+    (flip,) = second.injection.faults
+    assert flip.apply(second.scene.channel, second.scene.frame) != second.scene.channel.shown(way)
 
 
 def test_a_collision_of_bit_errors_is_a_failure():

@@ -12,7 +12,6 @@ from run.support import ESTOP, needs_core, resolution_of
 
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
-from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig
 from fsoe_net.model.protocol import StepKind, StepOutcome, StepResult
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.run import protocol_virtual
@@ -88,23 +87,6 @@ def test_faults_are_counted_per_class() -> None:
         assert step.emulated.outcome is StepOutcome.AS_EXPECTED
         assert step.emulated.remark.startswith("20 faults: ")
         assert "0 wrongly accepted" in step.emulated.remark
-
-
-@needs_core
-def test_all_bit_errors_of_a_size_are_tried_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    resolution = timed()
-    empty, plan = protocol_of(resolution)
-    wanted = [s for s in empty.steps if s.subject == EXHAUSTIVE]
-    tried: list[tuple[str, ...]] = []
-
-    def stopped(config: CampaignConfig, *_: object) -> SimpleNamespace:
-        tried.append(tuple(link.name for link in config.links))
-        return SimpleNamespace(interrupted=True)
-
-    monkeypatch.setattr("fsoe_net.run.protocol_virtual.run_campaign", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        run_protocol_virtual(replace(empty, steps=tuple(wanted)), resolution, plan)
-    assert tried == [("logic-io",)]  # logic-io2 has the same sizes
 
 
 @needs_core

@@ -3,10 +3,16 @@
 import dataclasses
 import gc
 import json
+import os
+import signal
+import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 from networks import EXAMPLES, example
+from patience import PATIENCE_S
 from run.children import none_left
 
 from fsoe_net.cli.main import main
@@ -116,6 +122,32 @@ def test_a_process_that_does_not_listen_is_killed(monkeypatch):
     assert run_campaign(config, ("loss",), 100_000, jobs=2, on_progress=stop).interrupted
     gc.collect()
     assert none_left()
+
+
+_ENDLESS = """
+from networks import example
+from fsoe_net.fsoe.campaign.trials import CampaignConfig
+from fsoe_net.run.campaign import campaign_links, run_campaign
+config = CampaignConfig(links=campaign_links(example("estop")))
+run_campaign(config, ("loss",), 10**9, jobs=2, on_progress=lambda *row: print(row, flush=True))
+"""
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
+def test_a_campaign_that_is_killed_leaves_no_process_and_no_semaphore(end):
+    """The process of `multiprocessing` that removes semaphores ends after the last worker."""
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", _ENDLESS]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env) as parent:
+        assert parent.stdout is not None
+        parent.stdout.readline()
+        children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
+        parent.send_signal(end)
+    assert len(children) == 3
+    until = time.monotonic() + PATIENCE_S
+    while running := [pid for pid in children if Path(f"/proc/{pid}").exists()]:
+        assert time.monotonic() < until, running
+        time.sleep(0.01)
 
 
 def test_devices_that_raise_are_named_also_from_another_process():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cache
 from itertools import combinations
 from math import comb
@@ -11,7 +13,7 @@ from fsoe_net.fsoe.campaign.walk import TrialConnection
 from fsoe_net.fsoe.crc import block_crc
 from fsoe_net.fsoe.pdu import frame_length
 
-__all__ = ["bit_error", "bit_error_count", "block_bits", "block_count", "code_distance"]
+__all__ = ["ErrorSet", "block_bits", "block_count", "code_distance", "error_sets"]
 
 
 def block_count(size_bytes: int) -> int:
@@ -50,39 +52,51 @@ def _patterns(bits: int, most: int) -> tuple[int, ...]:
     )
 
 
-_FEW_BLOCKS = 2
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorSet:
+    """All patterns of few bits in one direction of a connection.
 
-
-def _way_count(size: int) -> tuple[int, int]:
-    """Return how many patterns lie within blocks and how many anywhere in a frame."""
-    bits, blocks = block_bits(size), block_count(size)
-    most = code_distance(1 if size == 6 else 2) - 1
-    one = sum(comb(bits, weight) for weight in range(1, most + 1))
-    return one * (blocks if blocks <= _FEW_BLOCKS else 1), 8 * size + comb(8 * size, 2)
-
-
-def bit_error_count(link: TrialConnection) -> int:
-    """Return how many bit errors there are: see `bit_error`."""
-    return sum(sum(_way_count(frame_length(size))) for size in link.sizes)
-
-
-def bit_error(link: TrialConnection, number: int) -> tuple[Way, int]:
-    """Return direction and mask of bit error ``number``, see `Flip`.
-
-    First all patterns of fewer bits than `code_distance` within a block: in each of one or two
-    blocks, in turn in those of a longer frame, as the code is the same in all. Then all patterns
-    of one and two bits anywhere in the frame.
+    Attributes:
+        link: The connection that takes them.
+        way: Direction of the frames.
+        bits: Bits of a block, or of the whole frame.
+        most: Most bits that turn at once.
+        blocks: Blocks that take the patterns in turn; 0 when they lie anywhere in the frame.
     """
-    way = Way.TO_SUB
-    size = frame_length(link.sizes[way])
-    if number >= sum(_way_count(size)):
-        number -= sum(_way_count(size))
-        way = Way.TO_MAIN
-        size = frame_length(link.sizes[way])
-    within, _ = _way_count(size)
-    if number >= within:
-        return way, _patterns(8 * size, 2)[number - within]
-    bits, blocks = block_bits(size), block_count(size)
-    patterns = _patterns(bits, code_distance(1 if size == 6 else 2) - 1)
-    block = number // len(patterns) if blocks <= _FEW_BLOCKS else number % blocks
-    return way, patterns[number % len(patterns)] << (8 + bits * block)
+
+    link: TrialConnection
+    way: Way
+    bits: int
+    most: int
+    blocks: int
+
+    @property
+    def count(self) -> int:
+        """How many patterns there are."""
+        return sum(comb(self.bits, weight) for weight in range(1, self.most + 1))
+
+    def mask(self, number: int) -> int:
+        """Return the mask of pattern ``number``, see `Flip`."""
+        pattern = _patterns(self.bits, self.most)[number]
+        return pattern << (8 + self.bits * (number % self.blocks)) if self.blocks else pattern
+
+
+def error_sets(links: Iterable[TrialConnection]) -> tuple[ErrorSet, ...]:
+    """Return every bit error worth trying, each once.
+
+    All blocks of one length and direction have one code, so its patterns of fewer bits than
+    `code_distance` are tried once, by the first connection with such a block. The patterns of one
+    and two bits anywhere in a frame are tried once per length and direction.
+    """
+    sets: dict[tuple[Way, int, bool], ErrorSet] = {}
+    for link in links:
+        for way in Way:
+            size = frame_length(link.sizes[way])
+            block, frame = block_bits(size), 8 * size
+            most = code_distance(1 if size == 6 else 2) - 1
+            blocks = block_count(size)
+            within = ErrorSet(link=link, way=way, bits=block, most=most, blocks=blocks)
+            sets.setdefault((way, block, True), within)
+            anywhere = ErrorSet(link=link, way=way, bits=frame, most=2, blocks=0)
+            sets.setdefault((way, frame, False), anywhere)
+    return tuple(sets.values())

@@ -9,12 +9,12 @@ from __future__ import annotations
 import hashlib
 import random
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import ConfigError
-from fsoe_net.fsoe.campaign.bit_errors import bit_error, bit_error_count
+from fsoe_net.fsoe.campaign.bit_errors import error_sets
 from fsoe_net.fsoe.campaign.channel import Channel, Way
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE, FaultClass
 from fsoe_net.fsoe.campaign.faults import Flip
@@ -243,7 +243,7 @@ class _Lane:
 
     def __init__(self, link: TrialConnection, seed: int, name: str) -> None:
         self.link, self.classes = link, _classes(name)
-        self.exhaustive, self.miswires = name == EXHAUSTIVE, name == _ADDRESSING
+        self.miswires = name == _ADDRESSING
         self.odd = name == _PARAMETERS
         self._startup_share = max(row.startup_share for row in self.classes)
         self._odd = replace(link, name=f"{link.name}/odd", main_factory=OddMain)
@@ -257,8 +257,6 @@ class _Lane:
         rng = self._rng
         rng.seed(self._key ^ number)
         walk = number // _PER_WALK
-        if self.exhaustive:
-            return self._bit_error(rng, walk, number)
         if self.odd:
             return self._odd_main(rng)
         if self.miswires and rng.random() < _MISWIRED_SHARE:
@@ -270,11 +268,19 @@ class _Lane:
                 return Case(link=self.link, scene=scene, injection=injection)
         raise ConfigError(f"{self.link.name}: no point of the run suits this class")
 
-    def _bit_error(self, rng: random.Random, walk: int, number: int) -> Case:
-        way, mask = bit_error(self.link, number)
-        scene = self.walker.scene(walk, rng, data_to=way)
-        start = scene.channel.cycle
-        flip = Flip(way=way, start=start, until=start + 1, mask=mask)
+    def flip(self, number: int, way: Way, mask: int) -> Case:
+        """Return a trial in which these bits of a data frame turn.
+
+        It is no trial where they turn the frame into the one seen last, which is no event (§10).
+        """
+        self._rng.seed(self._key ^ number)
+        seen: bytes | None = None
+        shown: bytes | None = None
+        while seen == shown:
+            scene = self.walker.scene(number // _PER_WALK, self._rng, data_to=way)
+            start = scene.channel.cycle
+            flip = Flip(way=way, start=start, until=start + 1, mask=mask)
+            seen, shown = flip.apply(scene.channel, scene.frame), scene.channel.shown(way)
         return Case(link=self.link, scene=scene, injection=Injection(faults=(flip,)))
 
     def _miswired(self, seed: int) -> Case:
@@ -342,21 +348,21 @@ class Trials:
 
     def __init__(self, config: CampaignConfig, name: str) -> None:
         self.name = name
-        links: Sequence[TrialConnection] = config.links
-        if name == EXHAUSTIVE:
-            links = _different_sizes(links)
+        sets = error_sets(config.links) if name == EXHAUSTIVE else ()
+        links = dict.fromkeys(row.link for row in sets) if sets else config.links
         self._lanes = [_Lane(link, config.seed, name) for link in links]
-        self._counts = [bit_error_count(link) for link in links] if name == EXHAUSTIVE else []
+        lane_of = {lane.link: lane for lane in self._lanes}
+        self._sets = [(row, lane_of[row.link]) for row in sets]
 
     def case(self, trial: int) -> Case:
         """Return a trial ready to be run; it uses up the one before."""
         if self.name != EXHAUSTIVE:
             lanes = self._lanes
             return lanes[trial % len(lanes)].case(trial // len(lanes))
-        for lane, count in zip(self._lanes, self._counts, strict=True):
-            if trial < count:
-                return lane.case(trial)
-            trial -= count
+        for row, lane in self._sets:
+            if trial < row.count:
+                return lane.flip(trial, row.way, row.mask(trial))
+            trial -= row.count
         raise ConfigError("there are not so many bit errors")
 
     def run(self, trial: int) -> tuple[Case, TrialFinding]:
@@ -371,16 +377,11 @@ class Trials:
             yield from range(trials.start + (first - trials.start) % step, trials.stop, step)
 
 
-def _different_sizes(links: Sequence[TrialConnection]) -> list[TrialConnection]:
-    """Return one connection for each pair of sizes: the bit errors of others are the same."""
-    return list({link.sizes: link for link in reversed(links)}.values())[::-1]
-
-
 def trial_count(config: CampaignConfig, name: str, faults: int) -> int:
     """Return how many trials a class has: ``faults``, or that of all bit errors."""
     if name != EXHAUSTIVE:
         return faults
-    return sum(bit_error_count(link) for link in _different_sizes(config.links))
+    return sum(row.count for row in error_sets(config.links))
 
 
 def run_trials(
