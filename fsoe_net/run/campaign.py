@@ -309,16 +309,16 @@ def _prepare_process(counts: MutableSequence[int]) -> None:
     sys.stdout = sys.stderr
 
 
-def _end_with_parent() -> None:
+def _end_with_parent() -> None:  # pragma: no cover - ends its process, and the counts with it
     """End this process when its parent has ended, even by SIGKILL.
 
     It would wait for work for ever otherwise, and with it the process of `multiprocessing` that
     removes the semaphores of the parent.
     """
     parent = multiprocessing.parent_process()
-    if parent is not None:  # mutants: a process of the pool has one
-        parent.join()
-        os._exit(1)
+    assert parent is not None  # noqa: S101 - a process of the pool has one
+    parent.join()
+    os._exit(1)
 
 
 def _run_piece(config: CampaignConfig, name: str, trials: range, index: int) -> ClassResult:

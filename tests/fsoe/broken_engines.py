@@ -56,7 +56,16 @@ def _first_block_only(self, pdu):
 
 
 def _any_near_number(self, pdu):
-    for step in range(-2, 3):
+    return _one_of(self, pdu, range(-2, 3))
+
+
+def _next_number_too(self, pdu):
+    """Apply the collision rule of §3 whether or not the CRCs collide."""
+    return _one_of(self, pdu, (0, 1))
+
+
+def _one_of(self, pdu, steps):
+    for step in steps:
         sequence = (self.rx_sequence - 1 + step) % 0xFFFF + 1
         crcs = chain_module.frame_crcs(
             self.last, pdu.connection_id, sequence, pdu.command, pdu.safe_data
@@ -89,6 +98,17 @@ def _in_data(self, pdu):
     if pdu.command not in (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA):
         return ResetCode.COMMAND
     return None if self._chain.receive(pdu) else ResetCode.CRC
+
+
+def _connection_id_under(mask):
+    """A SubInstance in Data that compares these bits of the ConnID."""
+
+    def in_data(self, pdu):
+        if (pdu.connection_id ^ self.connection_id) & mask:
+            return ResetCode.CONNECTION_ID
+        return _in_data(self, pdu)
+
+    return in_data
 
 
 def _other_code(kind, wrong):
@@ -284,6 +304,14 @@ BROKEN = (
         _any_near_number,
     ),
     Broken(
+        "the next number is taken too",
+        "forged",
+        r"goes on with .* Reset 4",
+        Chain,
+        "receive",
+        _next_number_too,
+    ),
+    Broken(
         "main ignores the ConnID",
         "forged",
         r"the main: goes on with .* Reset 3",
@@ -322,6 +350,30 @@ BROKEN = (
         SubInstance,
         "_watchdog_expired",
         _stretched(SubInstance, 0.5),
+    ),
+    Broken(
+        "sub's watchdog is 0.5 % short",
+        "watchdog_edge",
+        r"the sub: sends Reset\(5.* is due after ProcessData",
+        SubInstance,
+        "_watchdog_expired",
+        _stretched(SubInstance, 0.995),
+    ),
+    Broken(
+        "sub's watchdog is 0.5 % long",
+        "watchdog_edge",
+        r"the sub: .*Reset 5",
+        SubInstance,
+        "_watchdog_expired",
+        _stretched(SubInstance, 1.005),
+    ),
+    Broken(
+        "main's watchdog is 0.5 % short",
+        "watchdog_edge",
+        r"the main: sends Reset\(5.* is due after ProcessData",
+        MainInstance,
+        "_watchdog_expired",
+        _stretched(MainInstance, 0.995),
     ),
     Broken(
         "main's watchdog is twice as long",
@@ -366,7 +418,7 @@ BROKEN = (
     Broken(
         "FailSafeData are taken as ProcessData",
         "enable",
-        r"were not sent",
+        r"data valid without an accepted ProcessData",
         Instance,
         "_take_data",
         _takes_all,
@@ -445,6 +497,17 @@ HANDLERS = (
         State.DATA,
         "",
         _in_data,
+    ),
+    *(
+        Broken(
+            f"sub compares the bits {mask:04x} of the ConnID",
+            "forged",
+            r"the sub: goes on with .*Reset 3",
+            State.DATA,
+            "",
+            _connection_id_under(mask),
+        )
+        for mask in (0x00FF, 0xFF00)
     ),
     Broken(
         "sub ignores the address",

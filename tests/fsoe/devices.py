@@ -34,6 +34,25 @@ class ignores_crc(SubInstance):  # noqa: N801 - named like a factory
         self._chain = _NoCrc()
 
 
+class watches_changes(SubInstance):  # noqa: N801 - named like a factory
+    """Restarts its watchdog only for a frame whose safe data differ from those before."""
+
+    def __init__(self, config):
+        super().__init__(config, session_ids=SessionIds(5))
+
+    def _power_up(self):
+        super()._power_up()
+        self._before = b""
+
+    def _answer_data(self, pdu):
+        start_ns, same = self._watchdog_start_ns, pdu.safe_data == self._before
+        answer = super()._answer_data(pdu)
+        if same:
+            self._watchdog_start_ns = start_ns
+        self._before = pdu.safe_data
+        return answer
+
+
 class main_ignores_crc(MainInstance):  # noqa: N801 - named like a factory
     def __init__(self, config):
         super().__init__(config, session_ids=SessionIds(5))

@@ -11,7 +11,7 @@ from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, ClassResult, run_trials
 from fsoe_net.run.campaign import campaign_links
 
-FAULTS = 250
+FAULTS = 400
 
 
 def _config(seed=1):

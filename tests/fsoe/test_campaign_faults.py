@@ -2,9 +2,11 @@
 
 import math
 import random
+from collections import Counter
 from itertools import combinations
 
 import pytest
+from fsoe.devices import watches_changes
 from fsoe.lossy_links import DRAWN, make_config, make_link
 
 from fsoe_net.errors import ConfigError
@@ -13,6 +15,7 @@ from fsoe_net.fsoe.campaign.channel import Way
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.faults import (
     Alternate,
+    Early,
     Flip,
     Freeze,
     Late,
@@ -22,10 +25,11 @@ from fsoe_net.fsoe.campaign.faults import (
     compose,
     shortened,
 )
-from fsoe_net.fsoe.campaign.injection import ForeignFrames
+from fsoe_net.fsoe.campaign.injection import CRC_CHANCE, ForeignFrames
+from fsoe_net.fsoe.campaign.judge import FAILURES, TrialOutcome
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials, trial_count
 from fsoe_net.fsoe.campaign.walk import Walker
-from fsoe_net.fsoe.pdu import Command, frame_length
+from fsoe_net.fsoe.pdu import Command, decode_pdu, frame_length
 
 pytestmark = pytest.mark.usefixtures("said")
 
@@ -135,6 +139,82 @@ def test_the_catalogue_draws_in_every_corner():
             CATALOGUE[name].make(rng, scene, foreign, 0)
 
 
+def test_constant_data_find_an_end_whose_watchdog_wants_new_data():
+    """It leaves Data in a healthy run, in one trial of four; data that change hide it."""
+    work = Trials(make_config(6, 6, sub_factory=watches_changes), "late_cycle")
+    failed = [n for n in range(32) if work.run(n)[1].verdict in FAILURES]
+    assert len(failed) >= 4
+    assert {n % 4 for n in failed} == {1}
+
+
+def test_frames_of_a_run_with_constant_data_differ_in_their_crcs_alone():
+    walk = Walker(make_link(2, 4), 1).walk(1)
+    for way in Way:
+        frames = walk.frames[way][-40:]
+        assert len(set(frames)) == 40
+        assert {decode_pdu(frame)[:2] for frame in frames} == {decode_pdu(frames[0])[:2]}
+        assert frames[0][0] == Command.PROCESS_DATA
+
+
+def test_an_older_frame_of_constant_data_has_no_chance_to_fit():
+    """Only the frame that is due has the CRCs that are due, so no probability is stated."""
+    for name in ("repetition", "incorrect_sequence", "stale_copy"):
+        work = Trials(make_config(2, 2), name)
+        cases = [(n, work.case(n)) for n in range(400)]
+        chances = {(n % 4 == 1 and case.scene.in_data, case.injection.chance) for n, case in cases}
+        assert chances == {(True, None), (False, CRC_CHANCE)}
+
+
+@pytest.mark.parametrize("way", Way)
+def test_an_edge_is_within_1_percent_of_the_watchdog(way):
+    """Before it the frame is accepted; at the end and after it the receiver sends Reset 5."""
+    work, sides = Trials(make_config(2, 2), "watchdog_edge"), set()
+    for number in range(200):
+        case = work.case(number)
+        channel, (freeze, early) = case.scene.channel, case.injection.faults
+        if freeze.way is not way:
+            continue
+        due_ns = channel.answered_ns[way] + case.link.watchdog_ns
+        by_ns = freeze.until * channel.cycle_ns - early.early_ns - due_ns
+        assert abs(by_ns) <= case.link.watchdog_ns // 100
+        assert early.start == freeze.until
+        assert 0 <= early.early_ns < channel.cycle_ns
+        _, found = work.run(number)
+        late = by_ns >= 0
+        assert found.verdict is (TrialOutcome.DETECTED if late else TrialOutcome.TOLERATED)
+        assert found.code == (5 if late else None)
+        sides.add((by_ns > 0) - (by_ns < 0))
+    assert sides == {-1, 0, 1}
+
+
+def test_a_bus_cycle_that_comes_early_stays_early():
+    channel = _channel()
+    start = channel.cycle + 3
+    channel.faults = (Early(way=Way.TO_SUB, start=start, until=start, early_ns=400_000),)
+    channel.run(2)
+    before = channel.now_ns
+    channel.run(1)
+    assert channel.now_ns - before == channel.cycle_ns - 400_000
+    channel.run(5)
+    assert channel.now_ns == channel.cycle * channel.cycle_ns - 400_000
+
+
+def test_forged_frames_change_each_byte_of_the_connection_id_alone_and_count_one_on():
+    work = Trials(make_config(2, 2), "forged")
+    right, changed, ahead = 0xABCD, set(), Counter()
+    for number in range(1500):
+        case = work.case(number)
+        forge = case.injection.faults[0]
+        if forge.connection_id is not None and case.scene.frame[-2:] == b"\xcd\xab":
+            mask = forge.connection_id ^ right
+            assert mask
+            changed.add((mask & 0xFF > 0, mask >> 8 > 0))
+        ahead[forge.ahead, forge.turned > 0] += 1
+    assert changed == {(True, False), (False, True), (True, True)}
+    assert ahead[1, False] > 30
+    assert ahead[1, True] > 30
+
+
 # ------------------------------------------------------------------------------------ bit errors
 
 
@@ -217,8 +297,8 @@ def test_bit_errors_within_the_distance_are_all_found():
         assert result.interval == (0, 0)
 
 
-def test_bits_that_turn_a_frame_into_the_one_seen_last_are_no_trial():
-    """The same bytes again are no event, so nobody could notice: another point is drawn."""
+def test_bits_that_turn_a_frame_into_the_one_seen_last_are_drawn_elsewhere():
+    """The same bytes again are not an event: no end can notice them."""
     (lane, *_), number, way = Trials(make_config(1, 1), "bit_errors")._lanes, 5, Way.TO_MAIN
     first = lane.flip(number, way, 1 << 9).scene
     mask = int.from_bytes(first.frame, "little") ^ int.from_bytes(

@@ -6,7 +6,7 @@ import random
 from dataclasses import replace
 
 from fsoe_net.fsoe.campaign.channel import BACK, Fault, Way
-from fsoe_net.fsoe.campaign.faults import Flip, Forge, Freeze, Replay
+from fsoe_net.fsoe.campaign.faults import Early, Flip, Forge, Freeze, Replay
 from fsoe_net.fsoe.campaign.injection import (
     CRC_CHANCE,
     DATA_COMMANDS,
@@ -44,28 +44,42 @@ def _watched(scene: Scene, cycles: int) -> Fault:
 
 
 def _forge(rng: random.Random, scene: Scene, plain: Forge) -> Forge:
-    due, kind = scene.frame[0], below(rng, 10)
-    if kind < 2:
-        right = int.from_bytes(scene.frame[-2:], "little")
-        other = rng.choice((0, right ^ 1, right ^ 0x100, rng.getrandbits(16)))
-        return replace(plain, connection_id=other if other != right else right ^ 1)
-    if kind < 5:
+    due, kind = scene.frame[0], below(rng, 12)
+    if kind < 3:
+        return replace(plain, connection_id=_other_id(rng, scene, alone=kind > 0))
+    if kind < 6:
         others = [
             row for row in Command if row != due and not {due, int(row)} <= set(DATA_COMMANDS)
         ]
         return replace(plain, command=int(rng.choice(others)))
-    if kind == 5:
+    if kind == 6:
         known = set(Command)
         return replace(plain, command=rng.choice([row for row in range(256) if row not in known]))
-    if kind == 6:
-        return replace(plain, ahead=rng.choice((-1, 1, 2, 0x7FFF)))
-    if kind == 7:
+    if kind == 7:  # the frame that would be right after the one due, with its data or with others
+        return replace(plain, ahead=1, turned=rng.choice((0, 1 << below(rng, _turnable(scene)))))
+    if kind == 8:
+        return replace(plain, ahead=rng.choice((-1, 2, 0x7FFF)))
+    if kind == 9:
         return replace(plain, spoiled=rng.getrandbits(16) or 1)
-    if kind == 8 or scene.in_data:
+    if kind == 10 or scene.in_data:
         command = rng.choice((int(Command.RESET), int(Command.SESSION)))
         wrong = rng.choice((0, 0, 1, 0x8000))
         return replace(plain, command=command, connection_id=0, from_start=True, spoiled=wrong)
-    return replace(plain, turned=1 << below(rng, 8 * min(2, _data_bytes(scene.frame))))
+    return replace(plain, turned=1 << below(rng, _turnable(scene)))
+
+
+def _other_id(rng: random.Random, scene: Scene, *, alone: bool) -> int:
+    """Return a wrong ConnID: 0, any, or with one byte ``alone`` that differs."""
+    right = int.from_bytes(scene.frame[-2:], "little")
+    turned = between(rng, 1, 0x100) if below(rng, 2) else 1 << below(rng, 8)
+    byte = right ^ turned << 8 * below(rng, 2)
+    other = byte if alone else rng.choice((0, rng.getrandbits(16)))
+    return other if other != right else byte
+
+
+def _turnable(scene: Scene) -> int:
+    """Return how many bits of safe data every state looks at."""
+    return 8 * min(2, _data_bytes(scene.frame))
 
 
 def _data_bytes(frame: bytes) -> int:
@@ -105,16 +119,26 @@ def _starts(way: Way, size: int, rng: random.Random) -> tuple[bytes, ...]:
 def make_edge(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
-    """The frame comes one cycle before the receiver's watchdog expires, then, or one after."""
+    """The frame comes up to 1 % before the receiver's watchdog expires, then, or up to 1 % after.
+
+    The bus cycle moves to that time. An end that may miss its time has that as well.
+    """
     if not scene.in_data:
         return None
     way, start, _ = span(scene, 1)
     channel = scene.channel
-    due = channel.answered_ns[way] // channel.cycle_ns + scene.watchdog_cycles
-    until = due + below(rng, 3) - 1
+    table = channel.tables[way]
+    assert table is not None  # noqa: S101 - a link makes both
+    margin_ns = between(rng, 1, table.watchdog_ns // 100_000 + 1) * 1000 + table.grace_ns
+    at_ns = channel.answered_ns[way] + table.watchdog_ns + (below(rng, 3) - 1) * margin_ns
+    until = -(-at_ns // channel.cycle_ns)
     if until <= start:
         return None
-    return Injection(faults=(Freeze(way=way, start=start, until=until),), patient=True)
+    faults = (
+        Freeze(way=way, start=start, until=until),
+        Early(way=way, start=until, until=until, early_ns=until * channel.cycle_ns - at_ns),
+    )
+    return Injection(faults=faults, patient=True)
 
 
 def make_enable(

@@ -92,36 +92,45 @@ class SessionIds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Application:
-    """What the safety applications behind both ends do: new data every cycle, seldom fail-safe.
+    """What the safety applications behind both ends do.
+
+    New data in every cycle, seldom fail-safe; or the same data in all of them, as a machine at
+    rest sends for hours.
 
     Args:
         key: Makes the data of two runs different.
         fail_safe_share: One of so many cycles is sent as FailSafeData; 0 for none.
+        constant: Whether each direction sends the same data in every cycle, and no FailSafeData.
         withdrawn_from: Cycle from which on nothing is enabled any more.
         hands_off_from: Cycle from which on the enable is left as it is.
     """
 
     key: int = 0
     fail_safe_share: int = 16
+    constant: bool = False
     withdrawn_from: int | None = None
     hands_off_from: int | None = None
 
     def at(self, way: Way, cycle: int, size: int) -> tuple[bytes, bool]:
         """Return the data sent this way in this cycle, and whether ProcessData may be sent."""
-        x = ((2 * cycle + way + self.key) * 0x9E3779B97F4A7C15) & _MASK
+        turn = 0 if self.constant else 2 * cycle
+        x = ((turn + way + self.key) * 0x9E3779B97F4A7C15) & _MASK
         x = ((x ^ x >> 31) * 0xBF58476D1CE4E5B9) & _MASK
         x ^= x >> 29
         data = x.to_bytes(8, "little")
         if size > 8:
             data *= -(-size // 8)
-        share = self.fail_safe_share
+        share = 0 if self.constant else self.fail_safe_share
         if self.withdrawn_from is not None and cycle >= self.withdrawn_from:
             return data[:size], False
         return data[:size], not share or (x >> 8) % share != 0
 
 
 class Fault(Protocol):
-    """Something that happens to one direction of a channel while it lasts."""
+    """Something that happens to one direction of a channel while it lasts.
+
+    One with ``early_ns`` moves the bus cycle: from ``start`` on it begins so many ns earlier.
+    """
 
     @property
     def way(self) -> Way:
@@ -162,7 +171,6 @@ class Channel:
     Attributes:
         cycle: Bus cycle of the next turn.
         way: Whose turn is next: that of the receiver of this direction.
-        faults: What happens on the way, applied in this order.
         sent: Per direction, frames sent: cycle in which they become visible, frame.
         exchanges: Per direction, what its receiver answered to: frame seen, frame sent.
         base: Per direction, the chain of its receiver before the first of ``exchanges``.
@@ -189,7 +197,7 @@ class Channel:
         self.sizes, self.cycle_ns, self.delay_cycles = sizes, cycle_ns, delay_cycles
         self.application = application or Application()
         self.cycle, self.way = 0, Way.TO_MAIN
-        self.faults: tuple[Fault, ...] = ()
+        self.faults = ()
         self.sent: list[list[tuple[int, bytes]]] = [[], []]
         self.exchanges: list[list[tuple[bytes | None, bytes]]] = [[], []]
         self.base = (Chain(), Chain())
@@ -214,7 +222,22 @@ class Channel:
     @property
     def now_ns(self) -> int:
         """Time of the next turn."""
-        return self.cycle * self.cycle_ns
+        now_ns = self.cycle * self.cycle_ns
+        for start, early_ns in self._early:
+            if start <= self.cycle:
+                now_ns -= early_ns
+        return now_ns
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """What happens on the way, applied in this order."""
+        return self._faults
+
+    @faults.setter
+    def faults(self, faults: tuple[Fault, ...]) -> None:
+        self._faults = faults
+        early = ((fault.start, getattr(fault, "early_ns", 0)) for fault in faults)
+        self._early = tuple(row for row in early if row[1]) if faults else ()
 
     def newest(self, way: Way) -> bytes | None:
         """Return the frame sent last in a direction."""
@@ -236,7 +259,7 @@ class Channel:
         """Let one end step; return the image it saw and the frame it sent, if that is a new one."""
         way, cycle = self.way, self.cycle
         image = self.image(way, cycle)
-        for fault in self.faults:
+        for fault in self._faults:
             if fault.way is way:
                 image = fault.apply(self, image)
         if image != self._shown[way]:
@@ -246,7 +269,7 @@ class Channel:
                 back = BACK[way]
                 data, enabled = self.application.at(back, cycle, self.sizes[back])
                 self._enable(way, feed, data, enabled)
-        answer = self.ends[way].step(cycle * self.cycle_ns, image)
+        answer = self.ends[way].step(self.now_ns, image)
         if answer is not None:
             if answer == self.newest(BACK[way]):
                 answer = None  # the image stays as it is; some ends hand it out in every call
@@ -287,7 +310,7 @@ class Channel:
 
     def _put(self, way: Way, image: bytes | None, answer: bytes) -> None:
         back = BACK[way]
-        self.answered_ns[way] = self.cycle * self.cycle_ns
+        self.answered_ns[way] = self.now_ns
         self.exchanges[way].append((image, answer))
         self.sent[back].append((self.cycle + self.delay_cycles[back], answer))
         self._in_data[way] = answer[0] in _DATA_COMMANDS

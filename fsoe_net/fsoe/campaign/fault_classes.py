@@ -28,6 +28,7 @@ from fsoe_net.fsoe.campaign.injection import (
     ForeignFrames,
     Injection,
     Make,
+    again_chance,
     below,
     between,
     flip,
@@ -95,7 +96,7 @@ def _make_repetition(
         frame: bytes | None = scene.frames[below(rng, scene.index)]
     else:
         frame = _older(rng, scene, 48)
-    return None if frame is None else swap(scene, frame, between(rng, 1, 4), CRC_CHANCE)
+    return None if frame is None else swap(scene, frame, between(rng, 1, 4), again_chance(scene))
 
 
 def _make_sequence(
@@ -104,9 +105,9 @@ def _make_sequence(
     """Two frames swapped: one that comes later, then the one it took the place of."""
     ahead = scene.index + between(rng, 1, 9)
     if ahead < len(scene.frames):
-        return swap(scene, scene.frames[ahead], between(rng, 1, 4), CRC_CHANCE)
+        return swap(scene, scene.frames[ahead], between(rng, 1, 4), again_chance(scene))
     back = _older(rng, scene, 8)
-    return None if back is None else swap(scene, back, 2, CRC_CHANCE)
+    return None if back is None else swap(scene, back, 2, again_chance(scene))
 
 
 def _gap(rng: random.Random, scene: Scene) -> int:
@@ -178,15 +179,18 @@ def _make_stale(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
     frame = _older(rng, scene, 8)
-    return None if frame is None else swap(scene, frame, between(rng, 1, 3), CRC_CHANCE)
+    return None if frame is None else swap(scene, frame, between(rng, 1, 3), again_chance(scene))
 
 
 def _make_torn(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
-) -> Injection:
+) -> Injection | None:
     way, start, until = span(scene, between(rng, 1, 3))
     head = between(rng, 2, len(scene.frame) - 2)  # command and ConnID are mostly equal
-    return Injection(faults=(Torn(way=way, start=start, until=until, head_bytes=head),))
+    torn = Torn(way=way, start=start, until=until, head_bytes=head)
+    if torn.apply(scene.channel, scene.frame) == scene.channel.shown(way):
+        return None  # the bytes that are new are equal: not an event
+    return Injection(faults=(torn,))
 
 
 def _make_crossed(
@@ -225,14 +229,15 @@ def _make_double(
     rng: random.Random, scene: Scene, foreign: ForeignFrames, number: int
 ) -> Injection | None:
     if below(rng, 2):
-        frame: bytes | None = _older(rng, scene, 8)
+        frame, chance = _older(rng, scene, 8), again_chance(scene)
     else:
         frame = rng.choice(foreign.frames(scene.way, number, same_id=bool(below(rng, 2))))
+        chance = CRC_CHANCE
     if frame is None:
         return None
     way, start, until = span(scene, between(rng, 2, 12))
     fault = Alternate(way=way, start=start, until=until, frame=frame)
-    return Injection(faults=(fault,), chance=CRC_CHANCE)
+    return Injection(faults=(fault,), chance=chance)
 
 
 def _enumerated(
@@ -319,7 +324,7 @@ CATALOGUE: dict[str, FaultClass] = {
             kind="corruption",
             text="the relay copies half of a new frame",
             make=_make_torn,
-            tolerable=2 * _IGNORED,
+            tolerable=_IGNORED,
         ),
         FaultClass(
             name="crossed_copy",
@@ -374,7 +379,7 @@ CATALOGUE: dict[str, FaultClass] = {
         FaultClass(
             name="watchdog_edge",
             kind="unacceptable delay",
-            text="a frame just before, at and after the watchdog",
+            text="a frame up to 1 % before, at and after the watchdog",
             make=make_edge,
             tolerable=1 / 3,
             startup_share=0.0,

@@ -15,6 +15,7 @@ from fsoe_net.fsoe.pdu import Pdu, assemble, decode_pdu, is_frame_length
 
 __all__ = [
     "Alternate",
+    "Early",
     "Flip",
     "Forge",
     "Freeze",
@@ -79,6 +80,17 @@ class Freeze(_Span):
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
         """Return the image of the cycle before."""
         return channel.image(self.way, self.start - 1) if self._on(channel) else image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Early(_Span):
+    """Every bus cycle from ``start`` on begins earlier, by less than one; frames stay."""
+
+    early_ns: int
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the image as it is."""
+        return image
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

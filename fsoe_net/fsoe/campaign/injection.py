@@ -17,6 +17,7 @@ __all__ = [
     "ForeignFrames",
     "Injection",
     "Make",
+    "again_chance",
     "below",
     "between",
     "flip",
@@ -88,6 +89,14 @@ def swap(scene: Scene, frame: bytes, cycles: int = 1, chance: float | None = Non
     """Return a case in which another frame is shown."""
     way, start, until = span(scene, cycles)
     return Injection(faults=(Swap(way=way, start=start, until=until, frame=frame),), chance=chance)
+
+
+def again_chance(scene: Scene) -> float | None:
+    """Return the probability that an earlier or later frame of the same run fits by accident.
+
+    Where the data are constant only the frame that is due would fit, which is not a fault.
+    """
+    return None if scene.constant else CRC_CHANCE
 
 
 def flip(scene: Scene, mask: int, chance: float | None, cycles: int = 1) -> Injection:

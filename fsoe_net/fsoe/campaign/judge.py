@@ -134,7 +134,7 @@ class _Run:
     def _judged_turn(self) -> TrialFinding | None:
         channel = self.channel
         way = channel.way
-        self.turn_ns = channel.cycle * channel.cycle_ns
+        self.turn_ns = channel.now_ns
         if self.started_ns is None:
             shown, sent = self._first_turns(way)
         else:

@@ -11,7 +11,7 @@ from fsoe_net.fsoe.campaign.injection import Injection
 from fsoe_net.fsoe.campaign.judge import FAILURES, TrialFinding, judge
 from fsoe_net.fsoe.campaign.recorder import Recorder
 from fsoe_net.fsoe.campaign.trials import Case
-from fsoe_net.fsoe.campaign.walk import Scene, TrialConnection
+from fsoe_net.fsoe.campaign.walk import Scene
 
 __all__ = ["Shrunk", "shrink"]
 
@@ -48,12 +48,19 @@ class _Point:
 class _Bench:
     """Repeats the run of one connection from power-up with given faults."""
 
-    def __init__(self, link: TrialConnection, *, patient: bool) -> None:
-        self._link, self._patient = link, patient
+    def __init__(self, case: Case) -> None:
+        self._link, self._patient = case.link, case.injection.patient
+        self._constant = case.scene.constant
         self.points = list(self._clean())
 
+    def _recorder(self) -> Recorder:
+        recorder = Recorder(self._link, _SEED)
+        channel = recorder.channel
+        channel.application = replace(channel.application, constant=self._constant)
+        return recorder
+
     def _clean(self) -> Iterator[_Point]:
-        channel = Recorder(self._link, _SEED).channel
+        channel = self._recorder().channel
         count = 0
         for _ in range(_MAX_TURNS):
             way, frame = channel.way, channel.image(channel.way, channel.cycle)
@@ -66,7 +73,7 @@ class _Bench:
             channel.turn()
 
     def run(self, faults: tuple[Fault, ...]) -> tuple[TrialFinding, Recorder]:
-        recorder = Recorder(self._link, _SEED)
+        recorder = self._recorder()
         channel = recorder.channel
         start = min(fault.start for fault in faults)
         while channel.cycle < start:
@@ -98,7 +105,7 @@ def shrink(case: Case) -> Shrunk | None:
     """
     if case.injection.miswired:
         return _from_power_up(case)
-    bench = _Bench(case.link, patient=case.injection.patient)
+    bench = _Bench(case)
     faults = _moved(bench, case)
     if faults is None:
         return None

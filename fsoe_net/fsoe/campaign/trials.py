@@ -44,6 +44,7 @@ _UNDRAWN = (EXHAUSTIVE, _PARAMETERS)  # no fault at a point of a run, so not to 
 _SURE = 1 - 2e-6  # of a bound that a right end must not break in a thousand campaigns
 _MISWIRED_SHARE = 1 / 32  # of its trials; each is a start-up of its own
 _PER_WALK = 1024  # trials that share a run
+_WALKS = 4  # runs that take the trials in turn: a short campaign meets each kind of run
 _KEPT_FAILURES = 5
 _KEPT_COLLISIONS = 100
 _MAX_DRAWS = 100
@@ -256,7 +257,7 @@ class _Lane:
     def case(self, number: int) -> Case:
         rng = self._rng
         rng.seed(self._key ^ number)
-        walk = number // _PER_WALK
+        walk = _walk_of(number)
         if self.odd:
             return self._odd_main(rng)
         if self.miswires and rng.random() < _MISWIRED_SHARE:
@@ -271,13 +272,14 @@ class _Lane:
     def flip(self, number: int, way: Way, mask: int) -> Case:
         """Return a trial in which these bits of a data frame turn.
 
-        It is no trial where they turn the frame into the one seen last, which is no event (§10).
+        Where they turn it into the frame seen last, which is not an event (§10), another point is
+        drawn.
         """
         self._rng.seed(self._key ^ number)
         seen: bytes | None = None
         shown: bytes | None = None
         while seen == shown:
-            scene = self.walker.scene(number // _PER_WALK, self._rng, data_to=way)
+            scene = self.walker.scene(_walk_of(number), self._rng, data_to=way)
             start = scene.channel.cycle
             flip = Flip(way=way, start=start, until=start + 1, mask=mask)
             seen, shown = flip.apply(scene.channel, scene.frame), scene.channel.shown(way)
@@ -324,6 +326,10 @@ class _Lane:
             stays=any(one.stays for one in drawn),
             application=next((one.application for one in drawn if one.application), None),
         )
+
+
+def _walk_of(number: int) -> int:
+    return number // (_PER_WALK * _WALKS) * _WALKS + number % _WALKS
 
 
 def _classes(name: str) -> list[FaultClass]:

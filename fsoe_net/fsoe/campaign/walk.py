@@ -41,6 +41,7 @@ STARTUP_SHARE = 1 / 8  # of all points
 _VARIANTS = 8  # start-ups with different session ids
 _STARTUP_SPOTS = 96
 _KEEP = 48  # frames of the past which a walk in Data remembers
+_KEPT_WALKS = 4
 _SLOW_CYCLES = 20  # what a foreign end may take for an answer
 
 MainFactory = Callable[[MainConfig], Peer]
@@ -161,6 +162,7 @@ class Scene:
         index: Where ``frame`` stands in them.
         watchdog_cycles: Watchdog in whole bus cycles, rounded up.
         startup_cycles: Bus cycles a clean start-up takes.
+        constant: Whether the run has the same safe data in all its data frames.
     """
 
     channel: Channel
@@ -171,6 +173,7 @@ class Scene:
     index: int = 0
     watchdog_cycles: int
     startup_cycles: int = 0
+    constant: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,7 +255,7 @@ class Walker:
         self._own = link.main_factory is None and link.sub_factory is None
         self.forks = all(can_fork(end) for end in self._channel.ends)
         self._startups: dict[int, _StartUp] = {}
-        self._walk: tuple[int, Walk] | None = None
+        self._walks: dict[int, Walk] = {}
 
     def scene(
         self,
@@ -265,8 +268,9 @@ class Walker:
         """Return a channel at a random point of run ``number``, a share of them in the start-up.
 
         In state Data the sequence numbers stand anywhere, in every fourth run just before 65535;
-        ends that are not ours begin at 1. The channel of an earlier scene is used up. With
-        ``data_to`` always in state Data, before a frame of this direction.
+        ends that are not ours begin at 1. In another run of four the safe data are constant. The
+        channel of an earlier scene is used up. With ``data_to`` always in state Data, before a
+        frame of this direction.
         """
         in_data = data_to is not None or rng.random() >= startup_share
         if not self.forks:
@@ -287,20 +291,25 @@ class Walker:
             index=spot.sent - 1 + (len(before) if in_data else 0),
             watchdog_cycles=self._watchdog_cycles,
             startup_cycles=self._startup(number % _VARIANTS).cycles,
+            constant=in_data and _is_constant(number),
         )
 
     def walk(self, number: int) -> Walk:
         """Return run ``number`` of ends that can fork: start-up and some hundred turns in Data."""
-        if self._walk is None or self._walk[0] != number:
-            self._walk = (number, self._make(number))
-        return self._walk[1]
+        if number not in self._walks:
+            if len(self._walks) == _KEPT_WALKS:
+                del self._walks[next(iter(self._walks))]
+            self._walks[number] = self._make(number)
+        return self._walks[number]
 
     def _make(self, number: int) -> Walk:
         rng = random.Random(f"{self._key}/{number}")  # noqa: S311 - repeatable is the point
         start = self._startup(number % _VARIANTS)
         channel = self._channel
         channel.restore(start.state or ())
-        channel.application = replace(channel.application, key=rng.getrandbits(63))
+        channel.application = replace(
+            channel.application, key=rng.getrandbits(63), constant=_is_constant(number)
+        )
         if self._own:
             self._renumber(rng, near=number % 4 == 0)
             channel.forget(_KEEP)
@@ -348,6 +357,8 @@ class Walker:
         start = self._startup(0)
         steps = rng.randrange(_DATA_SPOTS // 2) if in_data else rng.randrange(len(start.spots))
         channel = self._fresh(number % _VARIANTS)
+        constant = _is_constant(number)
+        channel.application = replace(channel.application, constant=constant)
         while True:
             spot = _spot_here(channel, fork=False)
             if spot is not None and spot.in_data >= in_data and data_to in (None, spot.way):
@@ -365,7 +376,13 @@ class Walker:
             index=spot.sent - 1,
             watchdog_cycles=self._watchdog_cycles,
             startup_cycles=start.cycles,
+            constant=constant,
         )
+
+
+def _is_constant(number: int) -> bool:
+    """Whether run ``number`` has constant data: one in four, and none in which numbers wrap."""
+    return number % 4 == 1
 
 
 def miswired(link: TrialConnection) -> TrialConnection:
