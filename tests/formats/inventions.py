@@ -8,6 +8,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from fsoe_net.diag.printable import first_control
 from fsoe_net.formats.own.json_schema import read_schema
 
 __all__ = ["documents"]
@@ -64,7 +65,8 @@ def _of_kind(kind: str, schema: dict[str, Any], root: dict[str, Any]) -> st.Sear
         )
     if kind == "string":
         if "pattern" in schema:
-            return st.from_regex(schema["pattern"], fullmatch=True)
+            matching = st.from_regex(schema["pattern"], fullmatch=True)
+            return matching.filter(lambda text: not first_control(text))  # refused in any file
         return _TEXTS.filter(lambda t: len(t) >= schema.get("minLength", 0))
     low, high = schema.get("minimum"), schema.get("maximum")
     if kind == "integer":
