@@ -226,6 +226,8 @@ FSN611 error   reaction time holds only while the handshake of FSoE is not count
 FSN612 warning time or PFH of 0 without a reason
 FSN613 error   required level is above the lowest claim of an element
 FSN614 warning claim is above what its category reaches
+FSN615 error   safe bit of a safety function is in no FSoE frame
+FSN616 error   safe bits of one frame contradict each other
 """
 
 CATALOGUE: dict[str, CodeInfo] = {

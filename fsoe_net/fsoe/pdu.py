@@ -26,6 +26,7 @@ __all__ = [
     "frame_length",
     "is_frame_length",
     "reset_code_text",
+    "safe_byte_offset",
     "safe_data_length",
     "safe_data_of",
 ]
@@ -127,6 +128,11 @@ def safe_data_length(pdu_bytes: int) -> int:
     if not is_frame_length(pdu_bytes):
         raise _no_frame(pdu_bytes)
     return 1 if pdu_bytes == 6 else pdu_bytes // 2 - 1
+
+
+def safe_byte_offset(number: int) -> int:
+    """Return the byte of a frame that holds this byte of safe data, both from 0 (§1)."""
+    return 1 + number // 2 * 4 + number % 2
 
 
 def _no_frame(pdu_bytes: int) -> PduSizeError:

@@ -14,7 +14,7 @@ from functools import cached_property
 from itertools import zip_longest
 from typing import NamedTuple
 
-from fsoe_net.fsoe.pdu import safe_data_length
+from fsoe_net.fsoe.pdu import safe_byte_offset, safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 
 __all__ = [
@@ -121,11 +121,9 @@ class SmLayout:
     def has_safe_data(self, block: FsoeBlock) -> bool:
         """Return whether an entry stands where the frame has safe data, other than padding.
 
-        The data are byte 1, or two bytes before each CRC (docs/explanation/fsoe-engine.md, section
-        1). A frame that is one entry counts: its content is not known.
+        A frame that is one entry counts: its content is not known.
         """
-        count = block.safe_bytes
-        at = {1} if count == 1 else {1 + 2 * (n // 2 * 2) + n % 2 for n in range(count)}
+        at = {safe_byte_offset(n) for n in range(block.safe_bytes)}
         first = block.byte_offset
         return any(
             not p.entry.is_gap

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.model.bus import Located
 
-__all__ = ["ElementKind", "SafetyElement", "SafetyFunction", "level_words"]
+__all__ = ["ElementKind", "SafeBit", "SafetyElement", "SafetyFunction", "level_words"]
 
 
 class ElementKind(enum.Enum):
@@ -18,6 +18,21 @@ class ElementKind(enum.Enum):
     LOGIC = "logic"
     OUTPUT = "output"
     ACTUATOR = "actuator"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafeBit(Located):
+    """A bit of the safe data of an FSoE frame that carries the signal of an element.
+
+    Attributes:
+        bit: Number in the safe data of the frame, from 0, the lowest bit of each byte first.
+        name: What people call the signal, such as ``K1``.
+        slot: Frame pair of the SubDevice (`frame_pairs`), from 0; ``None`` when not stated.
+    """
+
+    bit: int
+    name: str
+    slot: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +52,9 @@ class SafetyElement(Located):
         mission_years: Mission time, for which its PFH holds, in years; ``None`` when not stated.
         source: Where all of them come from, in words.
         manual: Revision of the manual that somebody has read; empty when nobody says so.
+        bits: Safe bits that carry its signal, rising by slot and bit; empty when not stated. An
+            input has them in the frame that its SubDevice sends, an output in the frame that it
+            receives.
     """
 
     kind: ElementKind
@@ -51,6 +69,7 @@ class SafetyElement(Located):
     mission_years: float | None = None
     source: str = ""
     manual: str = ""
+    bits: tuple[SafeBit, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

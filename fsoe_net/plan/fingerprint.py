@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.model.safety import SafetyFunction
+from fsoe_net.model.safety import SafetyElement, SafetyFunction
 from fsoe_net.plan.model import NONE, Plan, PlanEntry, PlanSdo, PlanSymbol, PlanSyncManager
 
 __all__ = [
@@ -149,15 +149,21 @@ def safety_text(functions: Sequence[SafetyFunction]) -> str:
             f" reset={_word(f.reset)} modes={_word(f.modes)}"
             f" required_ms={_real(f.required_reaction_ms)} pl={f.pl or '-'} sil={_stated(f.sil)}"
         )
-        lines += [
-            f"element kind={e.kind.value} sub={_word(e.sub)} name={_word(e.name)}"
-            f" time_ms={_real(e.time_ms)} pfh_per_hour={_real(e.pfh_per_hour)}"
-            f" zero_because={_word(e.zero_because)} pl={e.pl or '-'} sil={_stated(e.sil)}"
-            f" category={e.category or '-'} mission_years={_real(e.mission_years)}"
-            f" source={_word(e.source)} manual={_word(e.manual)}"
-            for e in f.elements
-        ]
+        for e in f.elements:
+            lines += _element(e)
     return _text(lines)
+
+
+def _element(e: SafetyElement) -> Iterator[str]:
+    yield (
+        f"element kind={e.kind.value} sub={_word(e.sub)} name={_word(e.name)}"
+        f" time_ms={_real(e.time_ms)} pfh_per_hour={_real(e.pfh_per_hour)}"
+        f" zero_because={_word(e.zero_because)} pl={e.pl or '-'} sil={_stated(e.sil)}"
+        f" category={e.category or '-'} mission_years={_real(e.mission_years)}"
+        f" source={_word(e.source)} manual={_word(e.manual)}"
+    )
+    for b in e.bits:
+        yield f"safe_bit slot={_stated(b.slot)} bit={b.bit} name={_word(b.name)}"
 
 
 def safety_sha256(functions: Sequence[SafetyFunction]) -> str:

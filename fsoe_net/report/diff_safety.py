@@ -64,9 +64,18 @@ def _element(function: str, name: str, a: SafetyElement, b: SafetyElement) -> It
         ("mission_years", a.mission_years, b.mission_years),
         ("source", a.source, b.source),
         ("manual", a.manual, b.manual),
+        ("safe bits", _bits(a), _bits(b)),
     ):
         if before != after:
             yield _changed(function, f"{name}: {what}", before, after)
+
+
+def _bits(element: SafetyElement) -> Fact:
+    """Return the safe bits of an element in words, ``None`` when none is stated."""
+    words = (
+        f"{'' if b.slot is None else f'slot {b.slot} '}bit {b.bit} {b.name}" for b in element.bits
+    )
+    return ", ".join(words) or None
 
 
 def _changed(where: str, what: str, before: Fact | float, after: Fact | float) -> Change:

@@ -29,6 +29,7 @@ from fsoe_net.model.safety import ElementKind, SafetyFunction, level_words
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_quantities import claim_cell, mission_cell, shortest_mission
+from fsoe_net.report.section_safe_bits import safe_bits
 from fsoe_net.report.section_tests import by_hand, limit, who
 from fsoe_net.report.section_timing import JUDGED, quantity_cell, upper_bound
 from fsoe_net.timing.claims import LevelClaim
@@ -46,11 +47,19 @@ def function_label(number: int) -> str:
 
 def function_pages(inputs: ReportInputs) -> list[ReportSection]:
     """Return a section for each safety function, in the order of the network file."""
-    rows = () if inputs.budget is None else inputs.budget.functions
-    return [_page(number, row, inputs) for number, row in enumerate(rows, 1)]
+    budget = inputs.budget
+    if budget is None:
+        return []
+    connections = [c.connection for c in budget.connections]
+    return [
+        _page(number, row, safe_bits(row.function, connections), inputs)
+        for number, row in enumerate(budget.functions, 1)
+    ]
 
 
-def _page(number: int, row: FunctionBudget, inputs: ReportInputs) -> ReportSection:
+def _page(
+    number: int, row: FunctionBudget, bits: Sequence[Part], inputs: ReportInputs
+) -> ReportSection:
     f = row.function
     points = [
         Point(PointKind.OPEN, words)
@@ -58,7 +67,7 @@ def _page(number: int, row: FunctionBudget, inputs: ReportInputs) -> ReportSecti
         if not text
     ]
     parts: list[Part] = [_facts(row), Heading("Parts"), _parts(row), *shortest_mission(row)]
-    parts += [Heading("Tests at the machine"), _tests(row, inputs), _sign()]
+    parts += [*bits, Heading("Tests at the machine"), _tests(row, inputs), _sign()]
     return ReportSection(
         key=f"function_{number}",
         title=f"{function_label(number)} {f.name}",

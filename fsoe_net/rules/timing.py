@@ -1,4 +1,4 @@
-"""FSN602 … FSN614: watchdogs and safety functions against the timing budget."""
+"""FSN602 … FSN616: watchdogs and safety functions against the timing budget."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from fsoe_net.diag.diagnostic import (
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.safety import SafetyFunction
+from fsoe_net.rules.safe_bits import check_safe_bits
 from fsoe_net.timing.budget import Budget
 from fsoe_net.timing.claims import most_of_category
 from fsoe_net.timing.elements import ElementRow
@@ -25,7 +26,7 @@ from fsoe_net.timing.watchdogs import WatchdogBudget
 __all__ = ["check_timing"]
 
 
-_FOLLOWS = frozenset({"FSN605", "FSN606"})  # a part of a safety function that is not there
+_FOLLOWS = frozenset({"FSN605", "FSN606", "FSN615"})  # a part of a function that is not there
 
 
 def check_timing(
@@ -45,6 +46,7 @@ def check_timing(
     _names(out, network)
     broken = {f.name for f in network.safety_functions if _elements(out, network, f)}
     hopeless = {name for c in budget.connections if c.empty for name in c.functions}
+    check_safe_bits(out, budget, broken)
     for row in budget.functions:
         if row.function.name not in broken:
             _function(out, row, hopeless=row.function.name in hopeless)

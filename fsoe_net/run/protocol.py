@@ -12,6 +12,7 @@ from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.protocol import DeviceEntry, Protocol, ProtocolStep, StepKind
 from fsoe_net.model.resolve import Connection, Resolution
+from fsoe_net.model.safe_bits import bit_words
 from fsoe_net.model.safety import ElementKind, SafetyFunction
 from fsoe_net.plan.fingerprint import short_code
 
@@ -103,11 +104,13 @@ def connection_is_due(c: Connection, network: NetworkConfig, present: Collection
 def _trigger(function: SafetyFunction) -> ProtocolStep:
     required = function.required_reaction_ms
     inputs = _parts(function, ElementKind.INPUT)
+    bits = [words for e in function.elements for words in bit_words(e)]
+    watched = f" Safe bits to watch: {'; '.join(bits)}." if bits else ""
     return ProtocolStep(
         id=f"trigger {function.name}",
         kind=StepKind.TRIGGER,
         subject=function.name,
-        what=f"Outputs on. {function.trigger or f'Trigger {function.name} at {inputs}'}.",
+        what=f"Outputs on. {function.trigger or f'Trigger {function.name} at {inputs}'}.{watched}",
         expected=f"{function.reaction or 'The outputs go off'}; stays so when the trigger is "
         "taken back, until a reset is pressed.",
         limit_ms=required,

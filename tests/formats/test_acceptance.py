@@ -16,7 +16,7 @@ from fsoe_net.formats.own.write_acceptance import write_acceptance
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.acceptance import Acceptance, JustifiedFinding
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction
 from fsoe_net.plan.accepted import accepted_plan
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.fingerprint import fingerprint_of, safety_text
@@ -95,6 +95,11 @@ def _functions(draw: st.DrawFn) -> SafetyFunction:
                 mission_years=draw(st.none() | st.floats(0.5, 100)),
                 source=draw(st.just("") | _WORDS),
                 manual=draw(st.just("") | _WORDS),
+                bits=tuple(
+                    SafeBit(slot=slot, bit=bit, name=draw(_WORDS))
+                    for slot in (None, 0, 65535)
+                    for bit in sorted(draw(st.sets(st.integers(0, 1007), max_size=2)))
+                ),
             )
             for kind in kinds
         ),

@@ -22,6 +22,10 @@ WHOLE = """\
       - {kind: input, sub: el1904}
       - {kind: actuator}
 """
+BITS = (
+    "{kind: input, sub: el1904, bits: [{bit: 9, name: B}, {bit: 0x8, name: A}, "
+    "{slot: 1, bit: 0, name: C}, {bit: 1007, name: D}]}"
+)
 
 
 def load(tmp_path: Path, text: str) -> tuple[tuple[SafetyFunction, ...], list[Diagnostic]]:
@@ -54,9 +58,26 @@ def test_everything_is_read(tmp_path: Path) -> None:
     assert sensor.at("time_ms").column == 44
 
 
+def test_safe_bits_are_read_in_the_order_of_the_frame(tmp_path: Path) -> None:
+    (function,), found = load(tmp_path, WHOLE.replace("{kind: input, sub: el1904}", BITS))
+    assert [d.code for d in found] == ["FSN125"]
+    rows = [(b.slot, b.bit, b.name) for b in function.elements[1].bits]
+    assert rows == [(None, 8, "A"), (None, 9, "B"), (None, 1007, "D"), (1, 0, "C")]
+    assert function.elements[1].bits[0].at("bit").column == BITS.index("0x8") + 9
+    assert function.elements[0].bits == ()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "code", "place"),
     [
+        ("sub: el1904", "sub: el1904, bits: [{bit: 1008, name: A}]", "FSN113", (13, 49)),
+        ("sub: el1904", "sub: el1904, bits: [{bit: -1, name: A}]", "FSN113", (13, 49)),
+        ("sub: el1904", "sub: el1904, bits: [{bit: one, name: A}]", "FSN111", (13, 49)),
+        ("sub: el1904", 'sub: el1904, bits: [{bit: 1, name: ""}]', "FSN113", (13, 58)),
+        ("sub: el1904", "sub: el1904, bits: [{bit: 1}]", "FSN110", (13, 43)),
+        ("sub: el1904", "sub: el1904, bits: [{name: A}]", "FSN110", (13, 43)),
+        ("sub: el1904", "sub: el1904, bits: [{bit: 1, name: A, slot: x}]", "FSN111", (13, 67)),
+        ("sub: el1904", "sub: el1904, bits: {0: A}", "FSN111", (13, 42)),
         ("time_ms: 5", "time_ms: -5", "FSN113", (12, 44)),
         ("time_ms: 5", "time_ms: .nan", "FSN113", (12, 44)),
         ("time_ms: 5", "time_ms: five", "FSN111", (12, 44)),

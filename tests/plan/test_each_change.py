@@ -106,11 +106,30 @@ tpdo:
           - {addr_offset: 0, type: bool, mask: 1, state_interface: left, factor: 2}
           - {addr_offset: 0, type: bool, mask: 2, state_interface: right, offset: 1}
 """
+# A safety function with all keys of a safe bit.
+BITS = """\
+version: 1
+subdevices:
+  - {name: io, position: 0, config: devices/ek1914.yaml}
+  - {name: logic, position: 1, config: devices/el6910.yaml}
+nets:
+  - name: safety
+    safety_master: logic
+    connections:
+      - {main: logic, slot: 0, sub: io, address: 1, connection_id: 10, watchdog_ms: 100}
+safety_functions:
+  - name: estop
+    elements:
+      - {kind: input, sub: io, bits: [{bit: 0, name: ES1}, {bit: 1, name: ES2}]}
+      - {kind: logic, sub: logic}
+      - {kind: output, sub: io, bits: [{slot: 0, bit: 0, name: K1}, {slot: 0, bit: 1, name: K2}]}
+"""
 # Name: the file that changes, what gives the fingerprint.
 FILES: dict[str, tuple[str, Callable[[], Fingerprint | None]]] = {
     "network": ("timed.yaml", lambda: _of_files("timed.yaml")),
     "terminal": ("devices/ek1914.yaml", lambda: _of_files("network.yaml")),
     "drive": ("devices/drive.yaml", lambda: _of_files("robot.urdf")),
+    "bits": ("bits.yaml", lambda: _of_files("bits.yaml")),
     "rich": ("devices/rich.yaml", lambda: _of_files("rich.yaml")),
     "transfers": ("transfers.yaml", lambda: _of_files("robot.urdf")),
     "urdf": ("robot.urdf", lambda: _of_files("robot.urdf")),
@@ -132,6 +151,7 @@ SAME: dict[str, set[str]] = {
     "network": {"name", "safety_master"},
     "terminal": {"#"},
     "drive": {"#"},
+    "bits": {"safety_master"},
     "rich": set(),
     "transfers": {"plugin", "alias"},
     "urdf": {"param", "command_interface", "name", "type", "plugin", *XML_HEAD},
@@ -172,6 +192,7 @@ def test_each_change_of_a_file(name, way, tmp_path: Path, monkeypatch: pytest.Mo
     at = text.index("nets:")
     added = "  - {name: drive, position: 3, config: devices/rich.yaml}\n"
     Path("rich.yaml").write_text(text[:at] + added + text[at:], "utf-8")
+    Path("bits.yaml").write_text(BITS, "utf-8")
     file, fingerprint = FILES[name]
     whole = Path(file).read_text("utf-8")
     before = fingerprint()

@@ -16,7 +16,7 @@ from networks import PLAIN, example, resolved
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
+from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction
 from fsoe_net.plan.codec import decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import (
@@ -310,6 +310,7 @@ def test_safety_functions_are_a_section_of_their_own(folder: Path) -> None:
         ("time_ms: 20", "time_ms: 20, claim: {sil: 2}"),
         ("time_ms: 20", "time_ms: 20, category: 3"),
         ("time_ms: 20", "time_ms: 20, mission_years: 20"),
+        ("sub: el1904}", "sub: el1904, bits: [{bit: 0, name: K1}]}"),
     ],
 )
 def test_what_is_said_of_a_function_changes_it(folder: Path, old: str, new: str) -> None:
@@ -324,6 +325,47 @@ def test_what_is_said_of_a_function_changes_it(folder: Path, old: str, new: str)
 )
 def test_how_a_number_is_written_changes_nothing(folder: Path, old: str, new: str) -> None:
     assert add_functions(folder) == add_functions(folder, FUNCTIONS.replace(old, new))
+
+
+BITS = "sub: el1904, bits: [{bit: 0, name: K1}, {bit: 1, name: K2}]}"
+
+
+@pytest.mark.shows("R5")
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("bit: 0, name: K1}, {bit: 1, name: K2", "bit: 0, name: K2}, {bit: 1, name: K1"),
+        ("bit: 0", "bit: 2"),
+        ("name: K1", "name: K3"),
+        ("bit: 0", "slot: 0, bit: 0"),
+        (", {bit: 1, name: K2}", ""),
+    ],
+    ids=["exchanged", "bit", "name", "slot", "removed"],
+)
+def test_a_safe_bit_changes_it(folder: Path, old: str, new: str) -> None:
+    text = FUNCTIONS.replace("sub: el1904}", BITS)
+    before = add_functions(folder, text)
+    assert old in text
+    after = add_functions(folder, text.replace(old, new))
+    assert before.changed(after) == ("safety_functions",)
+
+
+def test_order_of_safe_bits_in_the_file_changes_nothing(folder: Path) -> None:
+    text = FUNCTIONS.replace("sub: el1904}", BITS)
+    turned = FUNCTIONS.replace(
+        "sub: el1904}", "sub: el1904, bits: [{bit: 1, name: K2}, {name: K1, bit: 0x0}]}"
+    )
+    assert add_functions(folder, text) == add_functions(folder, turned)
+
+
+def test_safe_bits_follow_their_element_in_lines_of_their_own() -> None:
+    bits = (SafeBit(bit=8, name="K 1"), SafeBit(bit=0, name="K2", slot=1))
+    one = SafetyElement(kind=ElementKind.OUTPUT, name="a", bits=bits)
+    plain = SafetyFunction(name="f", elements=(replace(one, bits=()),))
+    stated = replace(plain, elements=(one,))
+    assert safety_text((stated,)) == safety_text((plain,)) + (
+        "safe_bit slot=- bit=8 name=K%201\nsafe_bit slot=1 bit=0 name=K2\n"
+    )
 
 
 def test_order_of_functions_does_not_matter_that_of_elements_does() -> None:

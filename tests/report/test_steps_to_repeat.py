@@ -54,6 +54,28 @@ def test_a_connection_touches_its_ends_and_what_uses_them(tmp_path: Path) -> Non
     ]
 
 
+@pytest.mark.shows("R27")
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("{bit: 0, name: K1}, {bit: 1, name: K2}", "{bit: 1, name: K1}, {bit: 0, name: K2}"),
+        ("{bit: 0, name: K1}", "{bit: 2, name: K1}"),
+    ],
+    ids=["exchanged", "moved"],
+)
+def test_a_safe_bit_calls_for_the_trigger(tmp_path: Path, old: str, new: str) -> None:
+    shutil.copytree(BASE / "devices", tmp_path / "devices")
+    bits = "sub: io2, bits: [{bit: 0, name: K1}, {bit: 1, name: K2}], time_ms: 3"
+    text = TIMED.read_text("utf-8").replace("sub: io2, time_ms: 3", bits)
+    found = []
+    for name, stated in (("before", text), ("now", text.replace(old, new))):
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(stated, "utf-8")
+        found.append(_resolution(path))
+    again, _ = _since(*found)
+    assert again == ["trigger estop"]
+
+
 def test_a_safety_function_touches_itself(tmp_path: Path) -> None:
     again, _ = _again(tmp_path, lambda t: t.replace("time_ms: 20,", "time_ms: 21,"))
     assert again == ["trigger estop"]

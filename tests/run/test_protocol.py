@@ -14,6 +14,7 @@ from fsoe_net.formats.own.network import load_network
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.model.protocol import StepKind, StepOutcome, StepResult
 from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.model.safety import ElementKind, SafeBit
 from fsoe_net.run import protocol_virtual
 from fsoe_net.run.protocol_virtual import run_protocol_virtual
 
@@ -40,6 +41,24 @@ def test_steps_of_functions_connections_devices_and_faults() -> None:
     assert trigger.limit_ms == 300
     assert protocol.open_steps == protocol.machine_steps == protocol.steps[:6]
     assert protocol.failed_steps == ()
+
+
+def test_the_trigger_names_the_safe_bits_to_watch() -> None:
+    resolution = timed()
+    (estop,) = resolution.network.safety_functions
+    bits = {
+        ElementKind.INPUT: (SafeBit(bit=0, name="ES1 A"), SafeBit(bit=1, name="ES1 B")),
+        ElementKind.OUTPUT: (SafeBit(bit=0, name="K1"),),
+    }
+    elements = tuple(replace(e, bits=bits.get(e.kind, ())) for e in estop.elements)
+    network = replace(resolution.network, safety_functions=(replace(estop, elements=elements),))
+    before = by_id(protocol_of(resolution)[0])["trigger estop"]
+    now = by_id(protocol_of(replace(resolution, network=network))[0])["trigger estop"]
+    assert now.what == before.what + (
+        " Safe bits to watch: ES1 A is bit 0 of the frame from io; ES1 B is bit 1 of the frame "
+        "from io; K1 is bit 0 of the frame to io2."
+    )
+    assert now.expected == before.expected
 
 
 @pytest.mark.uncounted

@@ -7,7 +7,8 @@ import math
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import own_int, read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node
-from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction
+from fsoe_net.fsoe.pdu import SAFE_SIZES
+from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction
 
 __all__ = ["safety_functions_from_yaml"]
 
@@ -17,6 +18,8 @@ _CATEGORIES = ("B", "1", "2", "3", "4")
 _MOST_MS = 3_600_000.0
 _MOST_YEARS = 100.0
 _MOST_SIL = 3
+_MOST_BIT = 8 * max(SAFE_SIZES) - 1
+_MOST_SLOT = 65535
 
 
 def safety_functions_from_yaml(root: MapNode, out: Collector) -> tuple[SafetyFunction, ...]:
@@ -95,7 +98,29 @@ def _element(node: MapNode, out: Collector) -> SafetyElement | None:
         mission_years=years or None,
         source=node.text("source") or "",
         manual=node.text("manual") or "",
+        bits=_bits(node, out),
     )
+
+
+def _bits(node: MapNode, out: Collector) -> tuple[SafeBit, ...]:
+    """Return the safe bits of an element; their order in the file means nothing."""
+    bits = (_bit(item, out) for item in node.maps("bits"))
+    return tuple(
+        sorted(
+            (b for b in bits if b is not None),
+            key=lambda b: (-1 if b.slot is None else b.slot, b.bit),
+        )
+    )
+
+
+def _bit(node: MapNode, out: Collector) -> SafeBit | None:
+    bit, slot = own_int(node, "bit", _MOST_BIT, out), own_int(node, "slot", _MOST_SLOT, out)
+    name = node.text("name")
+    if name == "":
+        out.add("FSN113", node.at("name"), "name is empty", hint="write what the signal is called")
+    if bit is None or not name:
+        return None
+    return SafeBit(span=node.span, fields=node.places(), bit=bit, name=name, slot=slot)
 
 
 def _category(node: MapNode, out: Collector) -> str:

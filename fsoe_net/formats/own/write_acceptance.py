@@ -11,7 +11,7 @@ import yaml
 
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.safety import SafetyElement, SafetyFunction
+from fsoe_net.model.safety import SafeBit, SafetyElement, SafetyFunction
 
 __all__ = ["write_acceptance"]
 
@@ -111,8 +111,13 @@ def _element(e: SafetyElement) -> dict[str, Any]:
             "mission_years": e.mission_years,
             "source": e.source or None,
             "manual": e.manual or None,
+            "bits": [_bit(b) for b in e.bits] or None,
         }
     )
+
+
+def _bit(b: SafeBit) -> dict[str, Any]:
+    return _stated({"slot": b.slot, "bit": b.bit, "name": b.name})
 
 
 def _stated(pairs: dict[str, Any]) -> dict[str, Any]:
