@@ -84,8 +84,18 @@ def test_a_bus_and_its_cycle_are_in_the_fingerprint(changed):
         other = compile_plan(resolved(changed(pair))).fingerprint
         assert other.sections["devices"] != first.sections["devices"]
         assert other.whole != first.whole
-    same = compile_plan(resolved(changed(("interface: eth2", "interface: eth7"))))
-    assert same.fingerprint == first
+
+
+def test_interfaces_are_not_in_the_fingerprint(changed):
+    """They name ports of the PC; `docs/reference/fingerprint.md` has the reason."""
+    first = compile_plan(resolved(NETWORK)).fingerprint
+    exchanged = [
+        ("interface: eth1", "interface: other"),
+        ("interface: eth2", "interface: eth1"),
+        ("interface: other", "interface: eth2"),
+    ]
+    for pairs in ([("interface: eth2", "interface: eth7")], exchanged):
+        assert compile_plan(resolved(changed(*pairs))).fingerprint == first
 
 
 @needs_core
