@@ -72,6 +72,7 @@ def test_a_change_of_an_older_text_is_refused(estop: Workspace) -> None:
     for late in (
         lambda: estop.replace(version, ""),
         lambda: estop.change(version, {"change": "confirm", "connection": 0}),
+        lambda: estop.change_with_files(version, [], lambda *_: None, text="name: late\n"),
         lambda: estop.fix(version, 0),
         lambda: estop.undo(version),
         lambda: estop.save(version),
