@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import http.client
 import shutil
@@ -18,12 +19,15 @@ from urllib.parse import quote
 import pytest
 from click.testing import CliRunner
 from patience import PATIENCE_S
+from starlette.responses import PlainTextResponse
+from starlette.types import Message
 from studio.server_rig import Studio
 from tied import tied
 
 from fsoe_net.cli.main import cli
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.studio import login
+from fsoe_net.studio.guard import Guard
 from fsoe_net.studio.listening import Listening, bound_socket
 from fsoe_net.studio.workspace import Workspace
 
@@ -129,6 +133,35 @@ def test_the_password_opens_the_page(remote: Remote) -> None:
     assert remote.ask("/api/undo", "POST", '{"version": 1}', **own | {"X_Fsoe_Net": None})[0] == 403
     remote.cookie = remote.cookie[:-1] + "\u00e4"
     assert remote.ask("/api/state")[0] == 401
+
+
+@pytest.mark.parametrize(
+    ("port", "remote", "host", "status"),
+    [
+        (443, (["cell.local", "::1"], PASSWORD), "cell.local", 200),
+        (443, (["cell.local", "::1"], PASSWORD), "[::1]", 200),
+        (443, (["cell.local", "::1"], PASSWORD), "cell.local:443", 200),
+        (8443, (["cell.local", "::1"], PASSWORD), "cell.local", 403),
+        (443, None, "localhost", 403),  # the default port of HTTP is 80
+    ],
+)
+def test_a_name_without_a_port_has_that_of_https(
+    port: int, remote: tuple[list[str], str] | None, host: str, status: int
+) -> None:
+    guard = Guard(PlainTextResponse(), port=port, body_limit=0, limits={}, remote=remote)
+    path = "/" if remote is None else "/assets/style.css"
+    scope = {"type": "http", "method": "GET", "path": path, "headers": [(b"host", host.encode())]}
+    scope["query_string"] = guard.url.partition("?")[2].encode()
+    sent: list[Message] = []
+
+    async def receive() -> Message:
+        return {"type": "http.request"}
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    asyncio.run(guard(scope, receive, send))
+    assert sent[0]["status"] == status
 
 
 def test_only_its_own_names_and_pages(remote: Remote) -> None:
