@@ -163,7 +163,7 @@ class LiveControl:
 def _outputs(client: Client, _: Body) -> Row:
     """Return the outputs that a client may write; ``why`` they cannot be read now."""
     try:
-        symbols = [s for s in client.symbols() if s.is_output and s.open]
+        symbols = [s for s in client.symbols() if s.open]
         values: dict[str, Value] = {}
         for names in batches(s.name for s in symbols):
             values |= client.get(*names).outputs
