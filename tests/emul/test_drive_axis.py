@@ -9,6 +9,7 @@ from fsoe_net.emul.drive.power import PdsState
 from fsoe_net.emul.drive.safety import SafeDemand
 
 S = PdsState
+VOLTAGE, REMOTE = 1 << 4, 1 << 9
 REACHED, LIMITED, BIT_12, BIT_13 = 1 << 10, 1 << 11, 1 << 12, 1 << 13
 HALT = 0x10F
 
@@ -32,6 +33,7 @@ def test_nothing_moves_before_operation_is_enabled():
         rig.command(word)
         rig.run(50)
         assert (rig[0x6064], rig[0x6077]) == (0, 0)
+        assert rig[0x6041] & (VOLTAGE | REMOTE) == VOLTAGE | REMOTE
 
 
 def test_csp_follows_a_sine_closely():

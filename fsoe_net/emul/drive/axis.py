@@ -284,8 +284,7 @@ class EmulatedAxis:
         )
 
     def _statusword(self) -> int:
-        word = self.power.state.value | _REMOTE
-        word |= _VOLTAGE * (self.power.state is not PdsState.NOT_READY)
+        word = self.power.state.value | _VOLTAGE | _REMOTE
         word |= _LIMIT_ACTIVE * (self.power.has_torque and self.context.servo.limited)
         if self.power.state is not PdsState.OPERATION_ENABLED:
             return word
