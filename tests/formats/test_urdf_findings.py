@@ -244,7 +244,11 @@ def test_robot_without_the_driver_says_so(tmp_path: Path):
     [
         ("No", False, "write false"),
         (" off", False, "write false"),
-        ("ON", True, "write true"),
+        ("0", False, "write false"),
+        ("True", True, "write true"),
+        ("YES ", True, "write true"),
+        (" on", True, "write true"),
+        ("1", True, "write true"),
         ("maybe", True, "write true or false"),
     ],
 )
