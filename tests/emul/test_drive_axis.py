@@ -293,6 +293,26 @@ def test_a_target_that_is_seen_late_does_not_shake_the_motor():
         assert abs(rig.revolutions - target / CPR) < 0.05
 
 
+@pytest.mark.parametrize(
+    ("units", "exponent", "seconds"),
+    [
+        (4, -3, 0.004),
+        (250, -6, 0.000_25),
+        (255, 0, 255),
+        (1, 1, 1),  # whole seconds are the longest unit, microseconds the shortest
+        (2, -7, 0.000_002),
+        (0, -3, 0.001),  # a time of zero cannot be followed
+    ],
+)
+def test_the_interpolation_time_is_units_of_a_power_of_ten(
+    units: int, exponent: int, seconds: float
+):
+    objects = AxisRig().axis.objects
+    objects.write((0x60C2, 1), units.to_bytes(1))
+    objects.write((0x60C2, 2), exponent.to_bytes(1, signed=True))
+    assert objects.interpolation_s == pytest.approx(seconds)
+
+
 def test_a_device_that_stood_still_for_a_while_does_not_stop_the_motor():
     rig = AxisRig(inertia_kgm2=0.004)
     rig.enable(CSP)
