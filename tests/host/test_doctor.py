@@ -90,6 +90,12 @@ FAULTS = [
         {"proc/cmdline": "isolcpus=3"},
         ("cpu.isolation", "note", "RCU", "rcu_nocbs=3"),
     ),
+    (
+        {f"{CPUS}/isolated": "2-3", "proc/cmdline": "rcu_nocbs=2-3",
+         "proc/self/status": status().replace("0-3", "0-1")},
+        ("cpu.isolation", "note", "CPU 0-1 only: started from here, fsn-master --cpu 2 may be",
+         "taskset -c 2 fsn-master"),
+    ),
     ({f"{CPUS}/online": "0"}, ("cpu.isolation", "warning", "one CPU", "")),
     (
         {f"{CPUS}/cpu1/cpufreq/scaling_governor": "powersave",
