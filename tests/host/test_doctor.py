@@ -252,6 +252,23 @@ def test_limits_count_only_without_capabilities(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("granted", "memory", "priority", "text"),
+    [
+        (0, "unlimited", 80, "locked memory unlimited, real-time priority 80"),
+        (0, "unlimited", 79, "real-time priority up to 79, fsn-master asks for 80"),
+        (1 << 14, "8192", 0, "real-time priority up to 0, fsn-master asks for 80"),
+        (1 << 23, "8192", 0, "8 KiB of memory may be locked"),
+    ],
+)
+def test_each_limit_counts_without_its_capability(granted, memory, priority, text, tmp_path):
+    made = good(tmp_path)
+    limits = f"Max locked memory {memory} x bytes\nMax realtime priority {priority} x"
+    made.write({"proc/self/limits": limits})
+    made.seam.granted = granted
+    assert found(made, "master.limits").text == text
+
+
+@pytest.mark.parametrize(
     ("policy", "priority", "user", "level", "text"),
     [
         (1, 80, 1000, "good", "fifo 80"),
