@@ -260,6 +260,35 @@ static void what_is_no_frame_holds_nothing_up(void) {
     CHECK(packets_until_found(20, 0x3600) < 1000);
 }
 
+/** How many frames a connection shows until it is found where another value has been before. */
+static unsigned frames_until_found(uint8_t before) {
+    enum { PACKETS = 20, LONGEST = 100 };
+    struct pair pair = {.frames = {[0] = before, [FRAME] = before}};
+    uint8_t data[2 * FRAME + 1];
+    struct fsn_scan *scan;
+    unsigned frames = 0;
+    chain_clear(&pair.chain);
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    for (unsigned i = 0; frames < LONGEST && fsn_scan_connection_count(scan) == 0; i++) {
+        if (i >= PACKETS) {
+            next_frame(&pair, 7, frames % 2, (uint8_t)frames);
+            frames++;
+        }
+        memcpy(data, pair.frames, sizeof pair.frames);
+        data[2 * FRAME] = (uint8_t)i; /* only the byte behind both changes */
+        begin_packet();
+        add_datagram(0x1000, data, sizeof data);
+        hand_over(scan);
+    }
+    fsn_scan_free(scan);
+    return frames;
+}
+
+static void a_value_that_stays_delays_nothing(void) {
+    CHECK(frames_until_found(0) < 20);
+    CHECK(frames_until_found(0x55) == frames_until_found(0));
+}
+
 /** One image in two datagrams, cut at each byte. Every seventh packet the second has no answer. */
 static void a_frame_may_be_cut_by_two_datagrams(void) {
     enum { PACKETS = 300 };
@@ -324,6 +353,7 @@ int main(void) {
     connections_are_limited();
     a_packet_full_of_answers_is_right();
     what_is_no_frame_holds_nothing_up();
+    a_value_that_stays_delays_nothing();
     a_frame_may_be_cut_by_two_datagrams();
     what_is_no_packet_is_no_harm();
     return 0;

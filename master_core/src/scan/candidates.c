@@ -221,7 +221,7 @@ static void check_place(struct fsn_scan *scan, struct window *w, uint32_t offset
     const uint8_t *frame = data + offset;
     const bool empty = w->slots[offset][0] == NONE && w->slots[offset][1] == NONE;
     const bool command = is_command[frame[0]] != 0;
-    if (!command && (frame[0] == w->last[offset] || (empty && frame[0] == 0))) {
+    if (!command && frame[0] == w->last[offset]) {
         return;
     }
     if (command && empty && w->strikes[offset] > 0) {
