@@ -329,6 +329,29 @@ static void a_frame_may_be_cut_by_two_datagrams(void) {
     }
 }
 
+/** Of a packet that the capture has cut, the datagrams before the cut count. */
+static void a_packet_may_be_cut_by_the_capture(void) {
+    enum { SIZE = 8, WHOLE = DATAGRAM_HEAD + SIZE + 2 };
+    static const uint8_t data[SIZE] = {1};
+    struct fsn_scan *scan;
+    struct fsn_scan_counts counts;
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    begin_packet();
+    add_datagram(0x1000, data, SIZE);
+    add_datagram(0x2000, data, SIZE);
+    hand_over(scan);
+    fsn_scan_counts(scan, &counts);
+    CHECK(counts.datagrams == 2 && counts.malformed == 0);
+    for (size_t cut = 1; cut <= 2 * WHOLE; cut++) { /* the bytes behind the cut are there still */
+        const struct fsn_scan_counts before = counts;
+        (void)fsn_scan_packet(scan, 0, packet.bytes, packet.len - cut, packet.now_ns);
+        fsn_scan_counts(scan, &counts);
+        CHECK(counts.datagrams == before.datagrams + (cut <= WHOLE ? 1 : 0));
+        CHECK(counts.malformed == before.malformed + 1);
+    }
+    fsn_scan_free(scan);
+}
+
 static void what_is_no_packet_is_no_harm(void) {
     static const uint8_t short_one[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0x88, 0xA4, 0};
     struct fsn_scan *scan;
@@ -355,6 +378,7 @@ int main(void) {
     what_is_no_frame_holds_nothing_up();
     a_value_that_stays_delays_nothing();
     a_frame_may_be_cut_by_two_datagrams();
+    a_packet_may_be_cut_by_the_capture();
     what_is_no_packet_is_no_harm();
     return 0;
 }

@@ -140,11 +140,10 @@ uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *byt
         return scan->queue_count;
     }
     const unsigned head = little16(bytes + start);
-    size_t len = head & 0x07FF;
-    if (len > len_bytes - start - 2) {
-        len = len_bytes - start - 2; /* cut by the capture; whole datagrams are still good */
-    }
-    if (head >> 12 == 1 && !walk(scan, bytes + start + 2, len)) {
+    const size_t said = head & 0x07FF;
+    const size_t left = len_bytes - start - 2;
+    /* Where the capture has cut a packet, its whole datagrams are still good. */
+    if (head >> 12 == 1 && !walk(scan, bytes + start + 2, said < left ? said : left)) {
         scan->counts.malformed++;
     }
     end_run(scan);
