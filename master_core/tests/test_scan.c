@@ -64,14 +64,19 @@ struct pair {
     uint8_t frames[2 * FRAME];
 };
 
-static void next_frame(struct pair *pair, uint16_t id, unsigned way, uint8_t value) {
-    uint8_t *frame = pair->frames + (size_t)way * FRAME;
-    memset(frame, 0, FRAME);
-    frame[0] = FSN_CMD_PROCESS_DATA;
+static void put_frame(struct chain *chain, unsigned way, uint8_t command, uint16_t id,
+                      uint8_t value, uint8_t *frame, size_t size) {
+    memset(frame, 0, size);
+    frame[0] = command;
     frame[1] = value;
-    frame[FRAME - 2] = (uint8_t)id;
-    frame[FRAME - 1] = (uint8_t)(id >> 8);
-    chain_finish(&pair->chain, way, frame, FRAME);
+    frame[size - 2] = (uint8_t)id;
+    frame[size - 1] = (uint8_t)(id >> 8);
+    chain_finish(chain, way, frame, size);
+}
+
+static void next_frame(struct pair *pair, uint16_t id, unsigned way, uint8_t value) {
+    put_frame(&pair->chain, way, FSN_CMD_PROCESS_DATA, id, value,
+              pair->frames + (size_t)way * FRAME, FRAME);
 }
 
 static uint64_t dropped(const struct fsn_scan *scan) {
@@ -329,6 +334,86 @@ static void a_frame_may_be_cut_by_two_datagrams(void) {
     }
 }
 
+enum { LONG = 11 }; /**< bytes of a frame with two CRCs */
+
+/** Hands over a packet with one datagram; returns how many frames of it were wrong. */
+static unsigned wrong_in(struct fsn_scan *scan, const uint8_t *data, uint16_t size) {
+    struct fsn_sighting seen;
+    unsigned wrong = 0;
+    begin_packet();
+    add_datagram(0x1000, data, size);
+    hand_over(scan);
+    while (fsn_scan_next(scan, &seen)) {
+        wrong += seen.verdict == FSN_VERDICT_WRONG;
+    }
+    return wrong;
+}
+
+/** The capture lacks a frame, and behind it all up to a packet with the answer to a session and the
+ *  begin of the next one: the only order in which neither is wrong is the right one. */
+static void an_answer_comes_before_the_next_session(void) {
+    enum { PACKETS = 40 };
+    struct pair pair = {0};
+    struct fsn_scan *scan;
+    uint8_t *const to_main = pair.frames + FRAME;
+    chain_clear(&pair.chain);
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    for (unsigned i = 0; i < PACKETS; i++) {
+        next_frame(&pair, 7, i % 2, (uint8_t)i);
+        CHECK(wrong_in(scan, pair.frames, sizeof pair.frames) == 0);
+    }
+    CHECK(fsn_scan_connection_count(scan) == 1);
+    const struct pair before = pair;
+    next_frame(&pair, 7, FSN_TO_SUB, PACKETS);
+    memcpy(pair.frames, before.frames, FRAME); /* not seen */
+    next_frame(&pair, 7, FSN_TO_MAIN, PACKETS);
+    CHECK(wrong_in(scan, pair.frames, sizeof pair.frames) == 0);
+    put_frame(&pair.chain, FSN_TO_MAIN, FSN_CMD_SESSION, 0, 0x12, to_main, FRAME);
+    chain_clear(&pair.chain);
+    put_frame(&pair.chain, FSN_TO_SUB, FSN_CMD_SESSION, 0, 0x34, pair.frames, FRAME);
+    CHECK(wrong_in(scan, pair.frames, sizeof pair.frames) == 0);
+    put_frame(&pair.chain, FSN_TO_MAIN, FSN_CMD_SESSION, 0, 0x56, to_main, FRAME);
+    CHECK(wrong_in(scan, pair.frames, sizeof pair.frames) == 0);
+    fsn_scan_free(scan);
+}
+
+/** A capture begins in Data, and the numbers of the ends speak for the wrong roles. A session that
+ *  the main begins shows the right ones: all that was counted goes with its end. */
+static void a_session_shows_who_is_the_main(void) {
+    enum { PACKETS = 40 };
+    uint8_t data[LONG + FRAME] = {0};
+    uint8_t *const to_main = data + LONG;
+    struct chain chain;
+    struct fsn_scan *scan;
+    struct fsn_scan_connection found;
+    chain_clear(&chain);
+    chain.sequence[FSN_TO_MAIN] = 9;
+    CHECK(fsn_scan_create(&scan) == FSN_OK);
+    for (unsigned i = 0; i < PACKETS; i++) {
+        const uint8_t value = (uint8_t)i;
+        if (i % 2 == 0) {
+            put_frame(&chain, FSN_TO_SUB, FSN_CMD_PROCESS_DATA, 7, value, data, LONG);
+        } else {
+            put_frame(&chain, FSN_TO_MAIN, FSN_CMD_FAILSAFE_DATA, 7, value, to_main, FRAME);
+        }
+        CHECK(wrong_in(scan, data, sizeof data) == 0);
+    }
+    CHECK(fsn_scan_connection(scan, 0, &found) == FSN_OK && found.roles == FSN_ROLES_BY_NUMBERS);
+    CHECK(found.places[FSN_TO_SUB].size_bytes == FRAME);
+    chain_clear(&chain);
+    put_frame(&chain, FSN_TO_SUB, FSN_CMD_SESSION, 0, 0x12, data, LONG);
+    CHECK(wrong_in(scan, data, sizeof data) == 0);
+    put_frame(&chain, FSN_TO_MAIN, FSN_CMD_SESSION, 0, 0x34, to_main, FRAME);
+    CHECK(wrong_in(scan, data, sizeof data) == 0);
+    CHECK(fsn_scan_connection(scan, 0, &found) == FSN_OK && found.roles == FSN_ROLES_BY_START);
+    CHECK(found.places[FSN_TO_SUB].size_bytes == LONG);
+    const struct fsn_direction *const seen = found.status.direction;
+    CHECK(seen[FSN_TO_MAIN].command == FSN_CMD_SESSION);
+    CHECK(seen[FSN_TO_SUB].process_data > PACKETS / 4 && seen[FSN_TO_SUB].failsafe_data == 0);
+    CHECK(seen[FSN_TO_MAIN].failsafe_data > PACKETS / 4 && seen[FSN_TO_MAIN].process_data == 0);
+    fsn_scan_free(scan);
+}
+
 /** Of a packet that the capture has cut, the datagrams before the cut count. */
 static void a_packet_may_be_cut_by_the_capture(void) {
     enum { SIZE = 8, WHOLE = DATAGRAM_HEAD + SIZE + 2 };
@@ -378,6 +463,8 @@ int main(void) {
     what_is_no_frame_holds_nothing_up();
     a_value_that_stays_delays_nothing();
     a_frame_may_be_cut_by_two_datagrams();
+    an_answer_comes_before_the_next_session();
+    a_session_shows_who_is_the_main();
     a_packet_may_be_cut_by_the_capture();
     what_is_no_packet_is_no_harm();
     return 0;
