@@ -17,6 +17,7 @@
 #include "control_host.h"
 #include "emulated_rig.h"
 #include "heap.h"
+#include "plan/plan_internal.h"
 
 enum { MS = 1000000 };
 
@@ -556,6 +557,26 @@ static void a_file_says_what_is_new(void) {
     CHECK(tear_down(&rig) == 1);
 }
 
+/** The plan is at the end of the head in base64 (RFC 4648), whatever its length. */
+static void a_head_ends_with_the_plan(void) {
+    static const char *const ends[] = {"\"plan\":\"Rg==\"}", "\"plan\":\"RlM=\"}",
+                                       "\"plan\":\"RlNO\"}"};
+    struct rig rig = set_up();
+    const uint32_t len_bytes = rig.on.plan->len_bytes;
+    CHECK(memcmp(rig.on.plan->bytes, "FSN", 3) == 0);
+    for (uint32_t n = 0; n < 3; n++) {
+        struct fsn_json head = {.limit_bytes = FSN_INCIDENT_HEAD_BYTES};
+        rig.on.plan->len_bytes = n + 1;
+        fsn_incident_head(rig.control->services.incidents, &head);
+        const size_t end = strlen(ends[n]);
+        CHECK(head.failed == FSN_OK && head.len_bytes > end + 1);
+        CHECK(memcmp(head.bytes + head.len_bytes - 1 - end, ends[n], end) == 0);
+        fsn_json_free(&head);
+    }
+    rig.on.plan->len_bytes = len_bytes;
+    CHECK(tear_down(&rig) == 0);
+}
+
 /** The window begins five seconds before the moment, with the first cycle that is still there. */
 static void a_window_has_its_begin(void) {
     struct rig rig = set_up();
@@ -711,6 +732,7 @@ int main(void) {
     files_have_plain_names();
     a_folder_has_a_limit();
     a_file_says_what_is_new();
+    a_head_ends_with_the_plan();
     a_window_has_its_begin();
     a_hundred_are_enough();
     folders_are_checked();
