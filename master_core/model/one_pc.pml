@@ -112,6 +112,8 @@ proctype program(byte me) {
     od
 }
 
+#ifndef TROUBLES
+
 /* The kernel, and everybody who may freeze, thaw and kill. */
 active proctype world() {
     byte v;
@@ -123,5 +125,47 @@ active proctype world() {
     :: dead[0] && dead[1] && dead[2] -> break
     od
 }
+
+#else
+
+/* Liveness: after the last of so many troubles somebody sends again, while a process is there that
+ * runs. A frozen holder of the lock is ended by the person who reads its number in the refusal. */
+#define RUNS(p) (!dead[p] && !frozen[p])
+#define HOLDS(p) (has_lock[p] && RUNS(p))
+#define SENDING(p) (RUNS(p) && state[p] == SENDS && !told[p])
+#define BLOCKS(p) (has_lock[p] && frozen[p] && !killed[p] && !dead[p] && !HOLDS(0) && !HOLDS(1) && !HOLDS(2))
+
+active proctype world() {
+    byte v, left = TROUBLES;
+    do
+    :: atomic { left > 0 -> left--; select(v : 0 .. N - 1); frozen[v] = !frozen[v] }
+    :: atomic { left > 0 -> left--; select(v : 0 .. N - 1); killed[v] = true }
+    :: left == 0 -> break
+    od
+}
+
+active proctype kernel() {
+    do
+    :: atomic { killed[0] && !dead[0] -> dead[0] = true }
+    :: atomic { killed[1] && !dead[1] -> dead[1] = true }
+    :: atomic { killed[2] && !dead[2] -> dead[2] = true }
+    :: dead[0] && dead[1] && dead[2] -> break
+    od
+}
+
+#ifndef NO_PERSON
+active proctype person() {
+    do
+    :: atomic { BLOCKS(0) -> killed[0] = true }
+    :: atomic { BLOCKS(1) -> killed[1] = true }
+    :: atomic { BLOCKS(2) -> killed[2] = true }
+    :: dead[0] && dead[1] && dead[2] -> break
+    od
+}
+#endif
+
+ltl comes_back { []<> (SENDING(0) || SENDING(1) || SENDING(2) || (!RUNS(0) && !RUNS(1) && !RUNS(2))) }
+
+#endif
 
 init { atomic { byte n = 0; do :: n < N -> run program(n); n++ :: else -> break od } }
