@@ -484,6 +484,39 @@ static void who_is_idle_makes_room(void) {
     tear_down();
 }
 
+/** One user holds all places, and works: others still get their share, place by place. */
+static void no_user_holds_all_places(void) {
+    static const char surplus[] =
+        "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: this user has the most places, "
+        "and another user needed one\",\"hint\":\"close clients of this user\"}\n";
+    int ann[FSN_CONTROL_SHARED], bob[FSN_CONTROL_SHARED / 2];
+    set_up();
+    rig.access =
+        (struct fsn_control_access){.user = {{ANN, FSN_OBSERVER}, {BOB, FSN_OBSERVER}}, .users = 2};
+    taken = open("/dev/null", O_RDONLY | O_CLOEXEC);
+    CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK && taken == 0);
+    struct fsn_client *client = rig.control->client;
+    for (unsigned i = 0; i < FSN_CONTROL_SHARED; i++) {
+        ann[i] = connect_as(ANN);
+        client[i].in_bytes = 1; /* begins a request */
+    }
+    CHECK(strcmp(last_words(connect_as(ANN)), FULL) == 0); /* not at the cost of her own */
+    for (unsigned i = 1; i <= FSN_CONTROL_SHARED / 2; i++) {
+        struct fsn_client *place = &client[FSN_CONTROL_SHARED - i]; /* of her newest */
+        bob[i - 1] = connect_as(BOB);
+        CHECK(place->peer.uid == BOB &&
+              strcmp(last_words(ann[FSN_CONTROL_SHARED - i]), surplus) == 0);
+        place->in_bytes = 1;
+    }
+    CHECK(strcmp(last_words(connect_as(BOB)), FULL) == 0);
+    CHECK(strcmp(last_words(connect_as(ANN)), FULL) == 0);
+    for (unsigned i = 0; i < FSN_CONTROL_SHARED / 2; i++) {
+        close(ann[i]);
+        close(bob[i]);
+    }
+    tear_down();
+}
+
 /** Lines that have come so far. */
 static unsigned lines_at(int fd) {
     char bytes[65536];
@@ -547,6 +580,7 @@ int main(void) {
     dead_sockets_make_way();
     strangers_are_turned_away();
     who_is_idle_makes_room();
+    no_user_holds_all_places();
     observers_share_a_turn();
     CHECK(open_files() == open_before);
     return 0;

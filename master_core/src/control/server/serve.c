@@ -125,9 +125,40 @@ static struct fsn_client *idlest(struct fsn_control *control, uint64_t now_ns, u
     return found;
 }
 
+/** How many of the shared places the observers of a user have. */
+static size_t places_of(const struct fsn_control *control, uid_t uid) {
+    size_t count = 0;
+    for (size_t i = 0; i < FSN_CONTROL_SHARED; i++) {
+        const struct fsn_client *client = &control->client[i];
+        count += client->fd >= 0 && client->role < FSN_OPERATOR && client->peer.uid == uid;
+    }
+    return count;
+}
+
+/** The newest observer of the user with most of the shared places, where that are two more than the
+ *  user `uid` has; NULL: none. So one user cannot hold all of them against others. */
+static struct fsn_client *surplus(struct fsn_control *control, uid_t uid) {
+    struct fsn_client *found = NULL;
+    size_t most = places_of(control, uid) + 1;
+    for (size_t i = 0; i < FSN_CONTROL_SHARED; i++) {
+        struct fsn_client *client = &control->client[i];
+        if (client->fd < 0 || client->role >= FSN_OPERATOR) {
+            continue;
+        }
+        const size_t count = places_of(control, client->peer.uid);
+        if (count > most ||
+            (count == most && found != NULL && client->peer.uid == found->peer.uid &&
+             client->number > found->number)) {
+            found = client;
+            most = count;
+        }
+    }
+    return found;
+}
+
 /** A place for a new client, NULL: none. Who may change something has places of its own and need
  *  not wait until somebody counts as idle. */
-static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role role,
+static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role role, uid_t uid,
                                     uint64_t now_ns) {
     const bool first = role >= FSN_OPERATOR;
     const size_t places = first ? FSN_CONTROL_CLIENTS : FSN_CONTROL_SHARED;
@@ -143,6 +174,15 @@ static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role r
                  "another client needed the place\",\"hint\":\"connect again when there "
                  "is something to ask\"}\n");
         fsn_client_drop(&control->services, client, "makes room");
+        return client;
+    }
+    client = first ? NULL : surplus(control, uid);
+    if (client != NULL) {
+        say_last(client->fd,
+                 "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: this user has "
+                 "the most places, and another user needed one\",\"hint\":\"close "
+                 "clients of this user\"}\n");
+        fsn_client_drop(&control->services, client, "has a place too many for its user");
     }
     return client;
 }
@@ -198,7 +238,7 @@ static bool accept_one(struct fsn_control *control) {
         return true;
     }
     const uint64_t now = fsn_now_ns();
-    struct fsn_client *client = make_room(control, role, now);
+    struct fsn_client *client = make_room(control, role, peer.uid, now);
     if (client == NULL) {
         turn_away(fd, "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"too many clients\","
                       "\"hint\":\"close one of them\"}\n");
