@@ -67,6 +67,11 @@ PARTS: dict[str, tuple[str, ...]] = {
             "cli/test_outputs.py", "cli/test_install_master.py"),
     "cli": ("cli",),
     "observe": ("observe", "incidents"),
+    "host": ("host",),
+    "document": ("document", "report/test_whole.py", "report/test_blocks.py"),
+    "emul": ("emul", "run/test_virtual.py", "segment/test_emulate.py"),
+    "studio": ("studio",),
+    "ros2": ("ros2",),
 }  # fmt: skip
 # What a small sample asks instead: tests that are measured within seconds.
 QUICK: dict[str, tuple[str, ...]] = {
