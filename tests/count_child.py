@@ -42,7 +42,8 @@ def counted(config: str, folder: str) -> None:
         main()
         return
     # Far up, where the hostile files of the tests do not look for the answer.
-    file = fcntl.fcntl(file, fcntl.F_DUPFD, 500)
+    low, file = file, fcntl.fcntl(file, fcntl.F_DUPFD, 500)
+    os.close(low)
     counter.start()
     try:
         main()

@@ -135,7 +135,7 @@ def test_other_parameters_than_the_plan_are_seen_on_the_wire(tmp_path):
     code, text = seen["answers"]["verify"]
     assert code == 1
     assert "DIFFERS in observed_parameters" in text
-    assert "  ! el6910-drive_2 runs with watchdog 4000 ms, 100 ms in the plan" in text
+    assert "  ! el6910-drive_2: watchdog 4000 ms, 100 ms in the plan" in text
     assert "parameters of 4 of 4 connections observed" in text
     assert f"el6910-drive_2: other parameters: {said}" in " ".join(
         seen["answers"]["monitor"][1].split()
