@@ -236,7 +236,8 @@ static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
         return;
     }
     const struct fsn_statistics *s = &changes->view->statistics;
-    if (clocks.state == FSN_CLOCKS_LOST && s->expected_wkc > 0 && s->actual_wkc == 0) {
+    if ((clocks.state == FSN_CLOCKS_LOST || clocks.state == FSN_CLOCKS_UNKNOWN) &&
+        s->expected_wkc > 0 && s->actual_wkc == 0) {
         return; /* nothing answers, which has a line of its own */
     }
     const bool first = changes->clocks == FSN_CLOCKS_UNKNOWN;
