@@ -10,7 +10,8 @@ from .c_syntax import changes
 from .common import INVALID, KILLED, SURVIVED, Mutant, changed_lines
 
 CORE = "master_core/src"
-PARTS = dict.fromkeys(("rt", "plan-loader", "core", "control", "live", "segment", "scan", "client", "backends"), CORE)
+NAMES = ("rt", "plan-loader", "core", "control", "live", "segment", "scan", "client", "backends")
+PARTS = dict.fromkeys(NAMES, CORE)
 
 
 def ask_quick_tests_only() -> None:
