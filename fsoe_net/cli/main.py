@@ -59,21 +59,8 @@ _GROUPS = {
         "replay": "Compare recorded FSoE runs with this engine.",
     },
 }
-# What other tools call it.
-_ALIKE = {
-    "build": "plan",
-    "compile": "plan",
-    "lint": "check",
-    "validate": "check",
-    "new": "init",
-    "simulate": "run",
-    "start": "run",
-    "export": "convert",
-    "import": "convert",
-    "status": "monitor",
-    "watch": "monitor",
-    "sign": "accept",
-}
+# Names that other tools have for it.
+_ALIKE = {"compile": "plan", "simulate": "run", "validate": "check"}
 _COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
 
 

@@ -208,9 +208,8 @@ def _use(out: FindingList, row: WatchdogBudget, place: Span) -> None:
         "FSN610",
         place,
         f"{row.connection.name} belongs to no safety function",
-        hint="name its SubDevices as elements, or justify it when the report is signed"
-        if acts
-        else "name its SubDevices as elements, or leave it as it is",
+        hint="name its SubDevices as elements, or "
+        + ("justify it when the report is signed" if acts else "leave it as it is"),
         severity=Severity.WARNING if acts else Severity.INFO,
     )
 
