@@ -146,6 +146,12 @@ def test_two_tabs_and_a_file_that_changes(page: Any, cell: Path) -> None:
 
 
 def test_it_is_tried_on_the_emulated_bus(page: Any) -> None:
+    page.set_viewport_size({"width": 1280, "height": 500})
+    page.reload()
+    page.locator(".card").first.wait_for()
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    moved = "[...document.querySelectorAll('*')].some((e) => e.scrollTop > 0)"
+    assert not page.evaluate(moved)  # the page begins at its top
     page.get_by_role("button", name="Try it").click()
     page.wait_for_selector("text=4 of 4 in Data")
     area = page.locator("textarea")

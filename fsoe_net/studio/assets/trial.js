@@ -10,7 +10,9 @@ export function Trial({ content, hasErrors }) {
   const [tried, setTried] = useState(/** @type {Tried | { error: string } | null} */ (null));
   const [runs, setRuns] = useState(false);
   const end = useRef(/** @type {HTMLElement | null} */ (null));
-  useEffect(() => end.current?.scrollIntoView({ block: "nearest" }), [tried]);
+  useEffect(() => {
+    if (tried) end.current?.scrollIntoView({ block: "nearest" });
+  }, [tried]);
   const start = async () => {
     setRuns(true);
     setTried(await tryIt());
