@@ -14,7 +14,7 @@ from fsoe_net.document.write_terminal import TerminalView
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.live_capture import LiveCapture
-from fsoe_net.run.result import RunEvent
+from fsoe_net.run.result import RunEvent, RunEventKind
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -75,7 +75,7 @@ def _follow(
             new = view.events[shown_events:]
             shown = interesting(new)
             for event in joined_events(
-                [e for e in new if e in shown or e.text.startswith("ports: ")]
+                [e for e in new if e in shown or e.kind is RunEventKind.LINKS]
             ):
                 _print_event(event, display)
         shown_events = len(view.events)

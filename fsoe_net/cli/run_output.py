@@ -25,7 +25,14 @@ from fsoe_net.document.write_terminal import TerminalView
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.report.cycle_times import times_table, timing_csv, timing_picture
-from fsoe_net.run.result import ConnectionResult, Run, RunEvent, RunUpdate, state_text
+from fsoe_net.run.result import (
+    ConnectionResult,
+    Run,
+    RunEvent,
+    RunEventKind,
+    RunUpdate,
+    state_text,
+)
 
 __all__ = [
     "Show",
@@ -112,7 +119,7 @@ def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[Paragraph]:
         if s.in_op or (s.is_absent and not s.detail):
             continue
         code = f", AL status code 0x{s.al_code:04x}" if s.al_code else ""
-        text = s.detail or s.found or "nothing is known about it"
+        text = s.detail or s.found_text or "nothing is known about it"
         state = "no answer" if s.al == "none" else s.al
         lines.append(words(Verdict(f"{s.name}: {state}{code}: {text}", Level.ERROR)))
     return lines
@@ -217,8 +224,8 @@ def event_line(event: RunEvent) -> str:
 
 def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
     """Return the events a person wants to read: not every step of a start-up."""
-    quiet = ("MainInstance: ", "SubInstance: ", "wire: ", "working counter ", "ports: ")
-    return [e for e in events if not e.text.startswith(quiet) or e.text.endswith("Data")]
+    quiet = (RunEventKind.STATE, RunEventKind.WORKING_COUNTER, RunEventKind.LINKS)
+    return [e for e in events if e.kind not in quiet or e.in_data]
 
 
 def _stall_text(result: Run) -> str:

@@ -100,7 +100,7 @@ def _details(s: ScannedSubDevice) -> list[str]:
         if p.link_lost or p.rx_errors:
             lost = counted(p.link_lost, "lost link")
             lines.append(f"port {p.port}: {lost}, {counted(p.rx_errors, 'receive error')}")
-    return lines + [f"problem: {text}" for text in s.problems]
+    return lines + [f"problem: {text}" for text in s.remarks]
 
 
 def _connection(c: ScannedConnection) -> str:

@@ -23,6 +23,7 @@ __all__ = [
     "command_text",
     "decode_pdu",
     "describe",
+    "describe_data",
     "frame_length",
     "is_frame_length",
     "reset_code_text",
@@ -218,8 +219,12 @@ def decode_pdu(data: bytes) -> Pdu:
 
 def describe(pdu: Pdu) -> str:
     """Return a frame as one line, e.g. ``ProcessData 0f 00 ConnID 10 CRC 6b2e``."""
+    return f"{describe_data(pdu)} CRC {' '.join(f'{crc:04x}' for crc in pdu.crcs)}"
+
+
+def describe_data(pdu: Pdu) -> str:
+    """Return the same without the CRCs."""
     name = command_text(pdu.command)
     if pdu.command == Command.RESET:
         name += f"({pdu.safe_data[0]}: {reset_code_text(pdu.safe_data[0])})"
-    crcs = " ".join(f"{crc:04x}" for crc in pdu.crcs)
-    return f"{name} {pdu.safe_data.hex(' ')} ConnID {pdu.connection_id} CRC {crcs}"
+    return f"{name} {pdu.safe_data.hex(' ')} ConnID {pdu.connection_id}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.host.cpu import CPU, online_cpus
 from fsoe_net.host.finding import MachineFinding, MachineLevel, examined
-from fsoe_net.host.interface import interface_checks
+from fsoe_net.host.interface import interface_checks, interface_names
 from fsoe_net.host.kernel import KERNEL, release
 from fsoe_net.host.machine import MACHINE
 from fsoe_net.host.permissions import permission_checks
@@ -87,8 +87,7 @@ def _of_interface(host: Host, interface: str) -> list[MachineFinding]:
                 keep=(),
             )
         ]
-    first, *rest = interface_checks(interface)
-    findings = list(examined(host, first))
-    if any(f.level is MachineLevel.BAD and f.text.startswith("there is no") for f in findings):
-        return findings  # all else would only say the same again
-    return findings + [f for check in rest for f in examined(host, check)]
+    checks = interface_checks(interface)
+    if interface not in interface_names(host):
+        checks = checks[:1]  # all else would only say the same again
+    return [f for check in checks for f in examined(host, check)]

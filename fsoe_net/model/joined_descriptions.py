@@ -19,7 +19,7 @@ from fsoe_net.model.description import (
     Description,
 )
 
-__all__ = ["fill_devices", "has_layout", "join_buses"]
+__all__ = ["fill_devices", "has_layout", "idle_types", "join_buses"]
 
 
 def has_layout(device: Device) -> bool:
@@ -201,26 +201,29 @@ def fill_devices(bus: Description, types: Sequence[Description], notes: list[str
     Args:
         bus: SubDevices in a ring.
         types: Device types, as ESI and SII give them; an exact revision comes first.
-        notes: Takes the revisions that differ, and the types nobody has.
+        notes: Takes the revisions that differ.
     """
     rows = [(sub, t.path) for t in types for sub in t.subdevices]
-    used: set[int] = set()
     subs = []
     for sub in bus.subdevices:
-        same = [(n, row, path) for n, (row, path) in enumerate(rows) if _is_of_type(sub, row)]
-        used.update(n for n, _, _ in same)
+        same = [(row, path) for row, path in rows if _is_of_type(sub, row)]
         if not same:
             subs.append(sub)
             continue
-        exact = [r for r in same if r[1].revision == sub.revision]
-        _, row, path = (exact or same)[0]
+        exact = [r for r in same if r[0].revision == sub.revision]
+        row, path = (exact or same)[0]
         if has_layout(sub.device):
             subs.append(replace(sub, start=sub.start or row.start))
         else:
             subs.append(_filled_by_type(sub, row, path, notes))
-    notes += [
-        f"{path}: no SubDevice is {_type(row)}; it is left out"
-        for n, (row, path) in enumerate(rows)
-        if n not in used
-    ]
     return replace(bus, subdevices=tuple(subs))
+
+
+def idle_types(bus: Description, types: Sequence[Description]) -> list[str]:
+    """Return a note for each device type that no SubDevice of a ring is of."""
+    return [
+        f"{t.path}: no SubDevice is {_type(row)}; it is left out"
+        for t in types
+        for row in t.subdevices
+        if not any(_is_of_type(sub, row) for sub in bus.subdevices)
+    ]

@@ -24,6 +24,7 @@ class LibraryFill:
     """
 
     sub: DescribedSubDevice
+    sources: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     question: Question | None = None
     wrong: tuple[str, ...] = ()
@@ -150,10 +151,10 @@ def _filled(
     chosen = ", as answered" if answered else ""
     return LibraryFill(
         sub=replace(sub, device=device),
-        remarks=(
+        sources=(
             f"process data from the device library ({known.name}, {mapping.name!r}{chosen}), "
             "unverified: compare them with the device",
             f"source: {known.sources[mapping.source]}",
-            *mapping.notes,
         ),
+        remarks=mapping.notes,
     )

@@ -44,20 +44,26 @@ class Proposal:
     Attributes:
         bus: SubDevices with their names, copies that stay copies, connections to be written.
         mains: Numbers of the MainInstances.
-        remarks: What a reader should know, by number of the SubDevice.
+        sources: Where the device library has process data from, by number of the SubDevice.
+        remarks: What else a reader should know of a SubDevice, by its number.
+        unconnected: Why frames of a SubDevice are not connected, by its number.
         notes: What the device library says about its type, by number of the SubDevice.
         reasons: How each connection of ``bus`` is known, first line first.
         open: What a person still has to do, in words.
+        open_devices: Those of ``open`` that are about a SubDevice alone, without its name.
         questions: Open questions, in the order to ask them.
         findings: Wrong answers.
     """
 
     bus: Description
     mains: tuple[int, ...]
+    sources: Mapping[int, tuple[str, ...]]
     remarks: Mapping[int, tuple[str, ...]]
+    unconnected: Mapping[int, tuple[str, ...]]
     notes: Mapping[int, tuple[str, ...]]
     reasons: tuple[tuple[str, ...], ...]
     open: tuple[str, ...]
+    open_devices: tuple[str, ...]
     questions: tuple[Question, ...]
     findings: tuple[Diagnostic, ...]
 
@@ -93,8 +99,11 @@ class _Maker:
         self._names, self._library, self._answers = tuple(names), library, answers
         self._hints = hints
         self._out = FindingList()
-        self._open: list[str] = []
+        self._open: list[str] = []  # of connections, behind those of devices
+        self._devices: list[str] = []  # what is open of devices
+        self._about: list[str] = []  # the same without names
         self._questions: list[Question] = []
+        self._sources: dict[int, tuple[str, ...]] = {}
         self._remarks: dict[int, list[str]] = {n: [] for n in range(len(bus.subdevices))}
         self._check_names()
         self._bus = replace(bus, subdevices=tuple(self._filled(bus.subdevices)))
@@ -118,6 +127,7 @@ class _Maker:
         rows = []
         for number, (sub, name) in enumerate(zip(subdevices, self._names, strict=True)):
             fill = fill_from_library(sub, name, self._library, self._answers)
+            self._sources[number] = fill.sources
             self._remarks[number] += fill.remarks
             self._ask(fill.question)
             answer = self._answers.process_data.get(name)
@@ -129,14 +139,19 @@ class _Maker:
                 self._remarks[number].append(
                     f"TODO {what}: no file says which, put them into its config"
                 )
-                self._open.append(f"{name}: {what}")
+                self._open_device(name, what)
             if fill.question is not None:
                 words = ", ".join(word for word, _ in fill.question.choices)
-                self._open.append(f"{name}: which process data? {words}")
+                self._open_device(name, f"which process data? {words}")
             elif not has_layout(fill.sub.device) and library_device(sub, self._library):
-                self._open.append(f"{name}: an FSoE device, and no file has its process data")
+                text = "an FSoE device, and no file has its process data"
+                self._open_device(name, text)
             rows.append(fill.sub)
         return rows
+
+    def _open_device(self, name: str, text: str) -> None:
+        self._devices.append(f"{name}: {text}")
+        self._about.append(text)
 
     def _check_process_data(
         self, sub: DescribedSubDevice, answer: AnsweredWord, wrong: tuple[str, ...], *, filled: bool
@@ -174,7 +189,7 @@ class _Maker:
             for guess in end.likely:
                 what = f"likely FSoE frame, not taken: {where_is(guess.block)}"
                 end.remarks += [what, *(f"  doubt: {d}" for d in guess.doubts)]
-                self._open.append(f"{end.name}: {what}")
+                self._open_device(end.name, what)
         question = give_roles(ends, subs, self._library, self._answers, self._told(moves.both))
         self._check_mains(ends)
         self._ask(question)
@@ -287,7 +302,7 @@ class _Maker:
                 else "no MainInstance is known"
             )
             self._open.append(f"{name}: not connected: {why}")
-            end.remarks += [f"not connected: {why}", *self._facts_of(sub.subdevice)]
+            end.unconnected += [f"not connected: {why}", *self._facts_of(sub.subdevice)]
             return
         slots = self._slots(row.candidates)
         rivals = ", ".join(dict.fromkeys(self._names[r.subdevice] for r in row.rivals))
@@ -307,7 +322,7 @@ class _Maker:
         self._open.append(f"{name}: which slot? {slots}")
         if row.proposed is None:
             why = f"more SubInstances than slots of {_bytes(sub)}"
-            end.remarks += [f"not connected: {why}", *self._facts_of(sub.subdevice)]
+            end.unconnected += [f"not connected: {why}", *self._facts_of(sub.subdevice)]
             return
         link = CopyLink(
             main=row.proposed,
@@ -334,6 +349,7 @@ class _Maker:
         links = sorted(self._links, key=lambda k: (k.main.key, k.sub.key))
         rows, reasons = [], []
         notes: dict[int, tuple[str, ...]] = {}
+        unconnected: dict[int, tuple[str, ...]] = {}
         for link in links:
             main, sub = ends[link.main.subdevice], ends[link.sub.subdevice]
             beyond = main.beyond or sub.beyond
@@ -343,6 +359,7 @@ class _Maker:
             reasons.append((link.why, *link.remarks))
         for end in ends:
             self._remarks[end.number] += end.remarks
+            unconnected[end.number] = tuple(dict.fromkeys(end.unconnected))
             known = library_device(self._bus.subdevices[end.number], self._library)
             if known is not None and (end.pairs or end.doubtful):
                 notes[end.number] = known.notes
@@ -350,9 +367,12 @@ class _Maker:
             bus=replace(self._bus, copies=tuple(copies), connections=tuple(rows)),
             mains=tuple(e.number for e in ends if e.role == "main" and e.pairs),
             notes=notes,
+            sources=self._sources,
             remarks={n: tuple(dict.fromkeys(r)) for n, r in self._remarks.items()},
+            unconnected=unconnected,
             reasons=tuple(reasons),
-            open=tuple(dict.fromkeys(self._open)),
+            open=tuple(dict.fromkeys((*self._devices, *self._open))),
+            open_devices=tuple(dict.fromkeys(self._about)),
             questions=tuple(self._questions),
             findings=tuple(self._out.diagnostics),
         )

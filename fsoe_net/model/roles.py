@@ -30,6 +30,7 @@ class FrameEnd:
         beyond: A frame is taken that plans do not recognise: copies have to be written out.
         role: ``main``, ``sub`` or empty.
         remarks: What a reader of the network should know.
+        unconnected: Why frames of it are not connected.
         likely: Frames that are not sure and that nobody has answered for.
         question: Whether the doubtful ones are frames.
     """
@@ -41,6 +42,7 @@ class FrameEnd:
     beyond: bool = False
     role: str = ""
     remarks: list[str] = field(default_factory=list)
+    unconnected: list[str] = field(default_factory=list)
     likely: tuple[FsoeGuess, ...] = ()
     question: Question | None = None
 

@@ -54,6 +54,7 @@ class ScannedSm(Located):
         size_bytes: Its length.
         source: Where assignment and mapping were read: ``coe``, ``sii`` or empty.
         pdos: Assigned PDOs in order, ``None`` when they were not read.
+        complete: Whether all of it was read, so that its length is known.
     """
 
     index: int
@@ -62,6 +63,7 @@ class ScannedSm(Located):
     size_bytes: int | None = None
     source: str = ""
     pdos: tuple[ScannedPdo, ...] | None = None
+    complete: bool = True
 
     @property
     def is_process_data(self) -> bool:
@@ -113,7 +115,11 @@ class ScannedPort(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScannedSubDevice(Located):
-    """One SubDevice in ring order. ``problems``: what could not be read, in words."""
+    """One SubDevice in ring order.
+
+    ``al_code_text``: the AL status code in words, may be empty; ``problems``: what could not be
+    read, in words.
+    """
 
     position: int
     alias: int = 0
@@ -125,6 +131,7 @@ class ScannedSubDevice(Located):
     al_status: int | None = None
     al: str = ""
     al_code: int | None = None
+    al_code_text: str = ""
     mailbox: tuple[str, ...] = ()
     dc: bool | None = None
     ports: tuple[ScannedPort, ...] = ()
@@ -144,13 +151,22 @@ class ScannedSubDevice(Located):
         return bool((self.al_status or 0) & _ERROR_FLAG)
 
     @property
+    def al_error(self) -> str:
+        """Its AL status code in words; empty without the error flag."""
+        if not self.in_error:
+            return ""
+        words = f": {self.al_code_text}" if self.al_code_text else ""
+        return f"AL status code 0x{self.al_code or 0:04x}{words}"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a person should know of it: its error, and what could not be read."""
+        return tuple(text for text in (self.al_error, *self.problems) if text)
+
+    @property
     def process_data(self) -> tuple[ScannedSm, ...]:
         """Return its sync managers of process data that are not empty."""
         return tuple(s for s in self.sms or () if s.is_process_data and (s.size_bytes or s.pdos))
-
-    def half_read(self, sm: ScannedSm) -> bool:
-        """Whether part of a sync manager could not be read, so that its length is not known."""
-        return any(p.startswith(f"SM{sm.index}:") for p in self.problems)
 
     @property
     def identity(self) -> str:

@@ -6,8 +6,9 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, TypeVar
 
 from fsoe_net.core.snapshot import (
@@ -22,12 +23,9 @@ from fsoe_net.fsoe.parameters import NOT_OBSERVED, STATED_PARAMETERS, FsoeParame
 from fsoe_net.fsoe.pdu import is_frame_length
 from fsoe_net.observe.json_object import JsonObject
 
-ABSENT = "absent, as it may be"
-"""What is found of a SubDevice whose group is absent (``fsn_found_text()``)."""
-
 __all__ = [
-    "ABSENT",
     "BusSnapshot",
+    "Found",
     "Layout",
     "LayoutCopy",
     "LayoutDatagram",
@@ -42,16 +40,58 @@ __all__ = [
 ]
 
 
+class Found(enum.IntEnum):
+    """What is in the place of a SubDevice: ``enum fsn_found``."""
+
+    UNKNOWN = 0
+    NOTHING = 1
+    RIGHT = 2
+    IDENTITY = 3
+    MAPPING = 4
+    ADDRESS = 5
+    SDO = 6
+    STATE = 7
+    CLOCK = 8
+    ABSENT = 9
+    MAILBOX = 10
+
+    @classmethod
+    def of(cls, number: int | None) -> Found:
+        """Return the member of a number; `UNKNOWN` for one that is not there."""
+        return next((member for member in cls if member == number), cls.UNKNOWN)
+
+    @property
+    def text(self) -> str:
+        """The same as ``fsn_found_text()``."""
+        return _FOUND[self]
+
+
+_FOUND = {
+    Found.UNKNOWN: "not looked at yet",
+    Found.NOTHING: "does not answer",
+    Found.RIGHT: "the SubDevice of the plan",
+    Found.IDENTITY: "another device",
+    Found.MAPPING: "other process data",
+    Found.ADDRESS: "another FSoE address",
+    Found.SDO: "refused a start-up SDO",
+    Found.STATE: "refused a state",
+    Found.CLOCK: "its clock cannot be set",
+    Found.ABSENT: "absent, as it may be",
+    Found.MAILBOX: "does not answer an SDO",
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SubDeviceSnapshot:
     """What is known about one SubDevice of the plan.
 
     ``al`` is its AL state as a word, ``none`` when it does not answer, with ``+ERROR`` behind it
     when the error flag is set; ``al_code`` its AL status code, ``None`` where nobody reads it.
-    ``found``: what is in its place, in words; ``detail``: what is wrong with it, e.g. where a cable
-    is broken; empty when nothing is. ``link``, ``link_lost``, ``rx_errors``: one number per port,
-    empty where nobody counts. ``returns``: how often it was lost and came back. ``known`` is false
-    while the bus is not open.
+    ``found``: what is in its place; ``detail``: what is wrong with it, for people, e.g. where a
+    cable is broken; empty when nothing is. ``fsoe_address``: the one it has where the plan has
+    another, else 0; ``link_down``: it does not answer and the link before it is down. ``link``,
+    ``link_lost``, ``rx_errors``: one number per port, empty where nobody counts. ``returns``: how
+    often it was lost and came back. ``known`` is false while the bus is not open.
     """
 
     name: str
@@ -61,7 +101,7 @@ class SubDeviceSnapshot:
     known: bool
     al: str
     al_code: int | None
-    found: str
+    found: Found
     detail: str
     vendor_id: int
     product_code: int
@@ -71,6 +111,17 @@ class SubDeviceSnapshot:
     link: tuple[int, ...]
     link_lost: tuple[int, ...]
     rx_errors: tuple[int, ...]
+    fsoe_address: int = 0
+    link_down: bool = False
+
+    @property
+    def found_text(self) -> str:
+        """What is in its place, in words; empty where nobody has looked."""
+        return self.found.text if self.known else ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the values as documents of ``run`` and ``monitor`` have them."""
+        return asdict(self) | {"found": self.found_text, "found_code": int(self.found)}
 
     @property
     def identity(self) -> tuple[int, int]:
@@ -85,7 +136,7 @@ class SubDeviceSnapshot:
     @property
     def is_absent(self) -> bool:
         """Whether it is of a group that is absent, which is no fault."""
-        return self.found == ABSENT
+        return self.found is Found.ABSENT
 
     @property
     def answers(self) -> bool:
@@ -262,7 +313,7 @@ def read_subdevice(row: JsonObject) -> SubDeviceSnapshot:
         known=known,
         al=facts.label("al") or "none",
         al_code=facts.optional("al_code") if known else 0,
-        found=facts.label("found_text"),
+        found=Found.of(facts.optional("found")),
         detail=facts.label("detail"),
         vendor_id=facts.count("vendor_id"),
         product_code=facts.count("product_code"),
@@ -272,6 +323,8 @@ def read_subdevice(row: JsonObject) -> SubDeviceSnapshot:
         link=facts.numbers("link"),
         link_lost=facts.numbers("link_lost"),
         rx_errors=facts.numbers("rx_errors"),
+        fsoe_address=facts.count("fsoe_address"),
+        link_down=facts.flag("link_down"),
     )
 
 

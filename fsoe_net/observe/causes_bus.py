@@ -104,7 +104,7 @@ def _facts_of_gone(e: IncidentEvidence, gone: list[SubDeviceSnapshot]) -> list[s
 
 def _names_a_link(gone: list[SubDeviceSnapshot]) -> bool:
     """Whether what the bus says first of one of them is that the link before it is down."""
-    return "link behind" in next((s.detail for s in gone if s.detail), "")
+    return next((s.link_down for s in gone if s.detail), False)
 
 
 def _ends(e: IncidentEvidence) -> tuple[str, ...]:

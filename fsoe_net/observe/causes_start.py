@@ -2,51 +2,57 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
-from fsoe_net.observe.bus_documents import SubDeviceSnapshot
+from fsoe_net.observe.bus_documents import Found, SubDeviceSnapshot
 from fsoe_net.observe.candidate import Candidate, any_of, candidate
 from fsoe_net.observe.causes_places import swapped, swapped_key
 from fsoe_net.observe.evidence import IncidentEvidence
-from fsoe_net.observe.incident import TriggerKind
-from fsoe_net.observe.json_object import clean
+from fsoe_net.observe.incident import BusFault, TriggerKind
 
 __all__ = ["start_causes"]
 
-_FAULT = re.compile(r"FSN_E_BUS_([A-Z]+)(?:: SubDevice \d+ \(([^)]{1,200})\))?")
-_IDENTITY = re.compile(r"found vendor 0x([0-9a-f]{1,8}) product 0x([0-9a-f]{1,8})")
-_ADDRESS = re.compile(r"it has FSoE address (\d{1,5}),")
-_STATUS = {
-    "BUSY": "other_main_device",
-    "SILENT": "bus_silent",
-    "MISSING": "device_missing",
-    "IDENTITY": "wrong_device",
-    "MAPPING": "wrong_mapping",
-    "ADDRESS": "wrong_address",
-    "SDO": "sdo_refused",
-    "MAILBOX": "sdo_unanswered",
-    "STATE": "state_refused",
+_BY_STATUS = {
+    "FSN_E_BUS_BUSY": "other_main_device",
+    "FSN_E_BUS_SILENT": "bus_silent",
+    "FSN_E_BUS_MISSING": "device_missing",
+    "FSN_E_BUS_IDENTITY": "wrong_device",
+    "FSN_E_BUS_MAPPING": "wrong_mapping",
+    "FSN_E_BUS_ADDRESS": "wrong_address",
+    "FSN_E_BUS_SDO": "sdo_refused",
+    "FSN_E_BUS_MAILBOX": "sdo_unanswered",
+    "FSN_E_BUS_STATE": "state_refused",
+}
+_BY_FOUND = {
+    Found.NOTHING: "device_missing",
+    Found.IDENTITY: "wrong_device",
+    Found.MAPPING: "wrong_mapping",
+    Found.ADDRESS: "wrong_address",
+    Found.SDO: "sdo_refused",
+    Found.MAILBOX: "sdo_unanswered",
+    Found.STATE: "state_refused",
 }
 
 
 def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
     """Yield what fits a bus that did not open, and SubDevices that are not as planned."""
-    failed = e.head.trigger.kind is TriggerKind.BUS_FAILED
-    text = _told(e.head.trigger.text) if failed else ""
-    fault = f"the bus says: {text}" if failed else ""
+    trigger = e.head.trigger
+    failed = trigger.kind is TriggerKind.BUS_FAILED
+    text = f"the bus says: {trigger.text}" if failed else ""
+    stopped_at = ""
     if failed:
-        yield from _no_bus(e, text, fault)
-        yield from _by_status(e, text, fault)
+        if trigger.fault is not None:
+            stopped_at = trigger.fault.subdevice
+            yield from _by_status(e, trigger.fault, text)
         yield from swapped(e)
-    wrong = [s for s in e.head.subdevices if s.known and _kind(s)]
-    yield from _exchanged(e, wrong, fault)
+    wrong = [s for s in e.head.subdevices if s.known and s.found in _BY_FOUND]
+    yield from _exchanged(e, wrong, text)
     for number, seen in enumerate(wrong[:8]):
         if failed:
             # The first one is what the bus stopped at; the others may follow from it.
-            named = seen.name in text
-            yield _one(e, seen, 92 - 5 * number + 4 * named, fault if named else "")
-        elif _kind(seen) != "device_missing":  # who is lost while the bus runs: `bus_causes`
+            named = seen.name == stopped_at
+            yield _one(e, seen, 92 - 5 * number + 4 * named, text if named else "")
+        elif seen.found is not Found.NOTHING:  # who is lost while the bus runs: `bus_causes`
             yield _one(e, seen, _while_running(e, seen))
 
 
@@ -55,98 +61,62 @@ def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
 
     What was found in its place is a fact, and those behind it may be gone with it.
     """
-    if _kind(seen) == "wrong_device":
+    if seen.found is Found.IDENTITY:
         return 97
     if seen.name == e.head.trigger.subdevice:
         return 96
     mine = e.plan is not None and seen.name in (e.plan.main, e.plan.sub)
-    return (80 if _kind(seen) == "state_refused" else 93) - (0 if mine else 40)
+    return (80 if seen.found is Found.STATE else 93) - (0 if mine else 40)
 
 
-def _no_bus(e: IncidentEvidence, text: str, fault: str) -> Iterator[Candidate]:
-    """What the words of a fault say of the bus as a whole."""
-    low = text.lower()
-    if "another maindevice" in low:
-        yield candidate(e, "other_main_device", 95, fault)
-    elif "has no link" in low:
-        yield candidate(e, "no_link", 95, fault)
-    elif "no ethercat subdevice" in low or "no subdevice answers" in low:
-        yield candidate(e, "bus_silent", 90, fault)
-
-
-def _told(text: str) -> str:
-    """Return the fault without what every fault begins with."""
-    return text.removeprefix("the bus does not open: ")
-
-
-def _by_status(e: IncidentEvidence, text: str, fault: str) -> Iterator[Candidate]:
-    """What the name of the status and the SubDevice in the fault say."""
-    found = _FAULT.search(text)
-    key = _STATUS.get(found[1], "") if found else ""
-    if found is None or not key:
+def _by_status(e: IncidentEvidence, fault: BusFault, text: str) -> Iterator[Candidate]:
+    """What the status of the fault and its SubDevice say."""
+    key, device = _BY_STATUS.get(fault.status, ""), fault.subdevice
+    if fault.link_down:
+        yield candidate(e, "no_link", 95, text)
         return
-    device = found[2] or ""
-    if not device and key not in ("other_main_device", "bus_silent"):
-        return
-    if key == "bus_silent" and "has no link" in text:
+    if not key or (not device and key not in ("other_main_device", "bus_silent")):
         return
     other = why = ""
     if key == "wrong_device":
-        key, other = _identity(e, text, device)
+        key, other = _identity(e, device)
         why = f"what stands at the place of {device} is what the plan has as {other}"
     elif key == "wrong_address":
-        other = _owner(e, text, device)
+        other = _owner(e, device)
         key = swapped_key(e, device, other) if other else key
         why = f"the address that {device} has is planned for {other}"
-    yield candidate(e, key, 94, fault, why if other else "", device=device, other=other)
+    score = 97 if other else 94
+    yield candidate(e, key, score, text, why if other else "", device=device, other=other)
 
 
-def _identity(e: IncidentEvidence, text: str, device: str) -> tuple[str, str]:
+def _identity(e: IncidentEvidence, device: str) -> tuple[str, str]:
     """Return which kind of another device it is, and whose identity it has."""
-    numbers = _IDENTITY.search(text)
-    rows = e.head.plan.subdevices if e.head.plan else ()
-    if numbers is None:
+    seen = e.subdevice(device)
+    if seen is None or not seen.vendor_id:
         return "wrong_device", ""
-    seen = int(numbers[1], 16), int(numbers[2], 16)
-    planned = {clean(s.name): (s.vendor_id, s.product_code) for s in rows}
-    if planned.get(device) == seen:
+    if e.type_of(device) == seen.identity:
         return "wrong_revision", ""
-    others = [name for name, identity in planned.items() if identity == seen]
-    if e.head.subdevices and all(s.known for s in e.head.subdevices):
+    others = [s for s in e.head.subdevices if e.type_of(s.name) == seen.identity]
+    if all(s.known for s in e.head.subdevices):
         # Of several of one type it is that in whose place another device was found, too.
-        wrong = {s.name for s in e.head.subdevices if _kind(s) == "wrong_device"}
-        others = [name for name in others if name in wrong]
-    return ("devices_swapped_places", any_of(others)) if others else ("wrong_device", "")
+        others = [s for s in others if s.found is Found.IDENTITY]
+    if not others:
+        return "wrong_device", ""
+    return "devices_swapped_places", any_of([s.name for s in others])
 
 
-def _owner(e: IncidentEvidence, text: str, device: str) -> str:
-    """Return the SubDevice that should have the FSoE address that a fault names."""
-    number = _ADDRESS.search(text)
-    if number is None:
-        return ""
-    names = [p.sub for p in e.planned.values() if p.address == int(number[1]) and p.sub != device]
-    return names[0] if names else ""
-
-
-def _kind(seen: SubDeviceSnapshot) -> str:
-    """Return the cause that the bus's own words about a SubDevice name, or an empty text."""
-    words = {
-        "does not answer": "device_missing",
-        "another device": "wrong_device",
-        "other process data": "wrong_mapping",
-        "another FSoE address": "wrong_address",
-        "refused a start-up SDO": "sdo_refused",
-        "does not answer an SDO": "sdo_unanswered",
-        "refused a state": "state_refused",
-    }
-    return words.get(seen.found, "")
+def _owner(e: IncidentEvidence, device: str) -> str:
+    """Return the SubDevice that should have the FSoE address that another one has."""
+    address = e.address_of(device)
+    names = [p.sub for p in e.planned.values() if p.address == address and p.sub != device]
+    return names[0] if names and address is not None else ""
 
 
 def _one(e: IncidentEvidence, seen: SubDeviceSnapshot, score: int, fault: str = "") -> Candidate:
-    key = _kind(seen)
+    key = _BY_FOUND[seen.found]
     if key == "wrong_device" and seen.identity == e.type_of(seen.name):
         key = "wrong_revision"
-    found = f"{seen.name}: {seen.found}" + (f": {seen.detail}" if seen.detail else "")
+    found = f"{seen.name}: {seen.found_text}" + (f": {seen.detail}" if seen.detail else "")
     code = f"AL status code of {seen.name}: 0x{seen.al_code:04x}" if seen.al_code else ""
     return candidate(e, key, score, found, code, fault, device=seen.name)
 

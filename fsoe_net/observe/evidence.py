@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.observe.bus_documents import (
+    Found,
     LayoutCopy,
     PlannedConnection,
     SubDeviceSnapshot,
@@ -35,8 +35,6 @@ __all__ = ["IncidentEvidence", "gather"]
 
 _MOST_PAIRED = 24
 _NEAR_CYCLES = 8
-_OTHER = "another device"
-_ADDRESS = re.compile(r"^it has FSoE address (\d{1,5}),")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,8 +143,7 @@ class IncidentEvidence:
         if facts is not None and facts.address is not None:
             return facts.address
         seen = self.subdevice(subdevice)
-        reported = _ADDRESS.search(seen.detail) if seen else None
-        return int(reported[1]) if reported else None
+        return (seen.fsoe_address or None) if seen else None
 
     def type_of(self, subdevice: str) -> tuple[int, int] | None:
         """Return vendor and product of a SubDevice as planned; ``None`` without a plan."""
@@ -187,7 +184,7 @@ class IncidentEvidence:
             s
             for bus in sorted({s.bus for s in self.head.subdevices})
             for s in self.line(bus)
-            if not s.answers and s.found != _OTHER
+            if not s.answers and s.found is not Found.IDENTITY
         ]
 
     def line(self, bus: int) -> list[SubDeviceSnapshot]:
@@ -273,14 +270,25 @@ def _at_moment(head: IncidentHead) -> IncidentHead:
         for v in head.events
         if name and v.keys.get("subdevice") == name and v.now_ns <= head.trigger.now_ns
     ]
-    found = next((keys for keys in reversed(reported) if keys.get("found")), None)
+    found = next((keys for keys in reversed(reported) if keys.get("found_code")), None)
     if found is None:
         return head
     rows = tuple(
-        replace(s, found=found["found"], detail=found.get("detail", "")) if s.name == name else s
+        replace(
+            s,
+            found=Found.of(_number(found["found_code"])),
+            fsoe_address=_number(found.get("fsoe_address", "")),
+            detail=found.get("detail", ""),
+        )
+        if s.name == name
+        else s
         for s in head.subdevices
     )
     return replace(head, subdevices=rows)
+
+
+def _number(text: str) -> int:
+    return int(text) if text.isdecimal() else 0
 
 
 def _bounds(head: IncidentHead, frame: LayoutCopy) -> tuple[int, int]:

@@ -15,6 +15,7 @@ from fsoe_net.observe.bus_documents import Layout, SubDeviceSnapshot
 from fsoe_net.plan.model import Plan
 
 __all__ = [
+    "BusFault",
     "CycleRecord",
     "FsoeFacts",
     "FsoeSetting",
@@ -41,10 +42,24 @@ class TriggerKind(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BusFault:
+    """Why the bus did not open.
+
+    ``status``: name of an ``fsn_status``; ``subdevice``: the first that is not as planned, may be
+    empty; ``link_down``: an interface has no link.
+    """
+
+    status: str
+    subdevice: str = ""
+    link_down: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Trigger:
     """The moment. ``before`` and ``after`` are state words; ``reset_by`` is ``main`` or ``sub``.
 
-    ``subdevice`` is the one that refuses; empty with every other kind.
+    ``subdevice`` is the one that refuses; empty with every other kind. ``fault`` is that of
+    `TriggerKind.BUS_FAILED`, ``None`` with every other kind.
     """
 
     kind: TriggerKind
@@ -57,6 +72,7 @@ class Trigger:
     cycle: int = 0
     now_ns: int = 0
     text: str = ""
+    fault: BusFault | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

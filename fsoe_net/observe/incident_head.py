@@ -15,6 +15,7 @@ from fsoe_net.observe.bus_documents import (
     read_subdevice,
 )
 from fsoe_net.observe.incident import (
+    BusFault,
     FsoeFacts,
     FsoeSetting,
     IncidentEvent,
@@ -106,6 +107,15 @@ def _trigger(row: JsonObject) -> Trigger:
         cycle=row.whole("cycle", missing=0),
         now_ns=row.whole("now_ns", missing=0),
         text=row.label("text"),
+        fault=_fault(row.child("fault")) if row.has("fault") else None,
+    )
+
+
+def _fault(row: JsonObject) -> BusFault:
+    return BusFault(
+        status=row.label("status"),
+        subdevice=row.label("subdevice"),
+        link_down=row.flag("link_down"),
     )
 
 

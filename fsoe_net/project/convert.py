@@ -26,7 +26,7 @@ from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.formats.shared.writers import Written
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
-from fsoe_net.model.joined_descriptions import fill_devices, has_layout, join_buses
+from fsoe_net.model.joined_descriptions import fill_devices, has_layout, idle_types, join_buses
 
 __all__ = ["Conversion", "convert_files"]
 
@@ -145,6 +145,7 @@ def _read(
 def _joined(bus: Description | None, types: list[Description], notes: list[str]) -> Description:
     if bus is not None:
         joined = fill_devices(bus, types, notes)
+        notes += idle_types(bus, types)
     elif types:
         joined = replace(types[0], subdevices=tuple(s for t in types for s in t.subdevices))
     else:

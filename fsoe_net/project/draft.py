@@ -17,7 +17,7 @@ from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.model.joined_descriptions import fill_devices, has_layout, join_buses
+from fsoe_net.model.joined_descriptions import fill_devices, has_layout, idle_types, join_buses
 from fsoe_net.model.library import Library
 from fsoe_net.model.names import numbered
 from fsoe_net.model.network import NetworkConfig
@@ -140,12 +140,11 @@ class Inputs:
             made = load_devices(path, [s for s in bus.subdevices if not has_layout(s.device)], out)
             if made is not None:
                 types.append(made)
-        unused: list[str] = []
-        filled = fill_devices(bus, types, unused)
-        idle = [n for n in unused if n.endswith("it is left out")]
-        notes += [n for n in unused if n not in idle or len(idle) < _MOST_IDLE]
+        filled = fill_devices(bus, types, notes)
+        idle = idle_types(bus, types)
         if len(idle) >= _MOST_IDLE:
-            notes.append(f"{len(idle)} device types that no SubDevice has are left out")
+            idle = [f"{len(idle)} device types that no SubDevice has are left out"]
+        notes += idle
         return _with_part(filled, self.found.part, notes)
 
 

@@ -67,11 +67,9 @@ def _device(proposal: Proposal, number: int) -> tuple[str, ...]:
     path = sub.device.path
     notes = proposal.notes.get(number, ())
     head = f"{sub.order or sub.name}{f', from {path}' if path else ''}"
-    remarks = proposal.remarks.get(number, ())
-    library = [r for r in remarks if r.startswith(("process data from the device", "source: "))]
     return (
         head,
-        *library,
+        *proposal.sources.get(number, ()),
         *(("From the device library:",) if notes else ()),
         *(f"- {n}" for n in notes),
     )
@@ -88,7 +86,8 @@ def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
         facts.append(f"serial {sub.serial}")
     if sub.fsoe_address is not None:
         facts.append(f"FSoE address {sub.fsoe_address}, as the device reports")
-    return (*lines, *facts, *proposal.remarks.get(number, ()))
+    tables = (proposal.sources, proposal.remarks, proposal.unconnected)
+    return (*lines, *facts, *(text for table in tables for text in table.get(number, ())))
 
 
 def answers_template(made: Draft, answered: str | None = None) -> str:

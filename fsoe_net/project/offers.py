@@ -25,8 +25,6 @@ from fsoe_net.project.ring import DeviceType, list_types
 __all__ = ["Addition", "Offer", "addition_of", "list_offers"]
 
 _LIBRARY = "device library"
-# What one SubDevice alone on a bus always lacks.
-_NOT_ABOUT_IT = ("bus cycle not given", "MainInstance or SubInstance", "not connected: ")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,7 +142,14 @@ def _made(made: Draft, offer: Offer) -> Addition:
     written = made.files()
     (config,) = (name for name in written.files if name != "network.yaml")
     sub = made.proposal.bus.subdevices[0]
-    rows = (*made.proposal.remarks[0], *made.notes, *made.open, *written.notes)
+    proposal = made.proposal
+    rows = (
+        *proposal.sources[0],
+        *proposal.remarks[0],
+        *made.notes,
+        *proposal.open_devices,
+        *written.notes,
+    )
     notes = (text.removeprefix(f"{sub.name}: ") for text in rows)
     return Addition(
         name=sub.name,
@@ -152,7 +157,7 @@ def _made(made: Draft, offer: Offer) -> Addition:
         revision=sub.revision,
         config=config,
         config_text=written.files[config],
-        notes=tuple(dict.fromkeys(n for n in notes if not n.startswith(_NOT_ABOUT_IT))),
+        notes=tuple(dict.fromkeys(notes)),
     )
 
 

@@ -32,7 +32,7 @@ from fsoe_net.report.first_page import first_page
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import LEVELS, Point, PointKind, ReportDocument, ReportSection
 from fsoe_net.report.section_copies import copies
-from fsoe_net.report.section_evidence import bus_evidence
+from fsoe_net.report.section_evidence import bus_evidence, is_of_machine
 from fsoe_net.report.section_functions import causes_and_effects, function_pages
 from fsoe_net.report.section_identity import identity, role
 from fsoe_net.report.section_network import architecture, connections
@@ -64,9 +64,9 @@ def compose_report(inputs: ReportInputs) -> ReportDocument:
     main = [*function_pages(inputs), *(section(inputs) for section in _MAIN)]
     appendices = [replace(s(inputs), appendix=True, page=n == 0) for n, s in enumerate(_APPENDICES)]
     sections = [*main, *appendices]
-    points = tuple((s.title, p) for s in sections for p in s.points) + tuple(
-        ("Findings", _point(inputs, d)) for d in inputs.diagnostics if d.level is not Severity.INFO
-    )
+    of_sections = tuple((s.title, p) for s in sections for p in s.points)
+    of_findings = [_point(inputs, d) for d in inputs.diagnostics if d.level is not Severity.INFO]
+    points = (*of_sections, *(("Findings", p) for p in of_findings))
     last = len(main) + 1
     network = None if inputs.resolution is None else inputs.resolution.network
     against = () if _has_error(inputs) else _against(sections)
@@ -80,8 +80,8 @@ def compose_report(inputs: ReportInputs) -> ReportDocument:
         whole="" if inputs.fingerprint is None else inputs.fingerprint.whole,
         verdict=verdict,
         lead=(
-            *first_page(inputs, _of_findings(inputs), _machine_verdict(inputs)),
-            *_lead(inputs, points, against, last),
+            *first_page(inputs, _of_findings(inputs), _machine(inputs)),
+            *_lead(inputs, of_sections, of_findings, against, last),
         ),
         sections=(*main, open_points(points, inputs), *appendices),
         foot=f"{verdict.word} · black channel configuration, evidence and no certificate",
@@ -89,6 +89,7 @@ def compose_report(inputs: ReportInputs) -> ReportDocument:
         points=points,
         findings=tuple(inputs.diagnostics),
         against=against,
+        of_machine=is_of_machine(inputs),
     )
 
 
@@ -133,10 +134,10 @@ def _verdict(inputs: ReportInputs, against: int) -> Verdict:
     files = _of_findings(inputs)
     if files.level is Level.ERROR:
         return files
-    machine, is_tested = _machine(inputs)
+    machine = _machine(inputs)
     signed, is_signed = _signed(inputs)
-    is_done = is_tested and is_signed
-    words = f"machine: {machine} · {signed}"
+    is_done = machine.level is Level.CLEAR and is_signed
+    words = f"machine: {machine.word} · {signed}"
     if is_done or files.level is Level.WARNING:
         words += f" · files: {files.word}"
     if against:
@@ -148,24 +149,19 @@ def _verdict(inputs: ReportInputs, against: int) -> Verdict:
     return Verdict(words, files.level if is_done else Level.OPEN)
 
 
-def _machine_verdict(inputs: ReportInputs) -> Verdict:
-    word, is_tested = _machine(inputs)
-    level = Level.ERROR if word.endswith("FAILED") else Level.OPEN
-    return Verdict(word, Level.CLEAR if is_tested else level)
-
-
-def _machine(inputs: ReportInputs) -> tuple[str, bool]:
-    """Return what people tried at the machine, and whether all of it went as expected."""
+def _machine(inputs: ReportInputs) -> Verdict:
+    """Return what people tried at the machine; clear where all of it went as expected."""
     tried = inputs.tried
     steps = () if tried is None or not tried.fits else tried.protocol.machine_steps
     done = [s for s in steps if s.machine.outcome is not None]
     failed = sum(s.is_failed for s in done)
     if not done:
-        return "NOT TESTED", False
+        return Verdict("NOT TESTED", Level.OPEN)
     if failed:
-        return f"{failed} of {counted(len(steps), 'test step')} FAILED", False
+        return Verdict(f"{failed} of {counted(len(steps), 'test step')} FAILED", Level.ERROR)
     is_whole = not any(s.is_open or s.is_disputed for s in steps)
-    return f"{len(done)} of {counted(len(steps), 'test step')} as expected", is_whole
+    word = f"{len(done)} of {counted(len(steps), 'test step')} as expected"
+    return Verdict(word, Level.CLEAR if is_whole else Level.OPEN)
 
 
 def _signed(inputs: ReportInputs) -> tuple[str, bool]:
@@ -199,7 +195,8 @@ def _of_findings(inputs: ReportInputs) -> Verdict:
 
 def _lead(
     inputs: ReportInputs,
-    points: Sequence[tuple[str, Point]],
+    of_sections: Sequence[tuple[str, Point]],
+    of_findings: Sequence[Point],
     against: Sequence[tuple[str, Verdict]],
     last: int,
 ) -> tuple[Part, ...]:
@@ -214,8 +211,9 @@ def _lead(
     found = sorted(inputs.diagnostics, key=lambda d: d.level.rank)
     if found:
         parts += [Heading("Findings"), _findings(found, inputs, last)]
-    opened = [(title, p) for title, p in points if p.kind is PointKind.OPEN and title != "Findings"]
-    assumed = sum(p.kind is PointKind.ASSUMPTION for _, p in points)
+    opened = [(title, p) for title, p in of_sections if p.kind is PointKind.OPEN]
+    points = [*(p for _, p in of_sections), *of_findings]
+    assumed = sum(p.kind is PointKind.ASSUMPTION for p in points)
     parts.append(Heading("Open points and assumptions"))
     numbers: list[Item] = [
         number_of(len(opened), "open point", "all blocks"),

@@ -369,7 +369,7 @@ def _scanned(sub: ScannedSubDevice) -> SideSubDevice:
 
 def _scanned_manager(sub: ScannedSubDevice, sm: ScannedSm) -> SideManager:
     direction = Direction.OUTPUT if sm.kind == "outputs" else Direction.INPUT
-    unread = sm.pdos is None or any(p.entries is None for p in sm.pdos) or sub.half_read(sm)
+    unread = sm.pdos is None or any(p.entries is None for p in sm.pdos) or not sm.complete
     pdos = [
         Pdo(
             index=p.index,

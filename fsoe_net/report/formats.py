@@ -25,6 +25,7 @@ def _json(d: ReportDocument) -> str:
         "network": d.network,
         "fingerprint": {"short": d.seal, "whole": d.whole} if d.whole else None,
         "verdict": item_json(d.verdict),
+        "of_machine": d.of_machine,
         "lead": [part_json(p) for p in d.lead],
         "blocks": [section_json(n, s) for n, s in enumerate(d.sections, 1)],
         "findings": [f.to_json() for f in d.findings],

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.parameters import differences
-from fsoe_net.fsoe.pdu import decode_pdu, describe, reset_code_text
+from fsoe_net.fsoe.pdu import decode_pdu, describe_data, reset_code_text
 from fsoe_net.observe.causes import Verdicts, judge
 from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import FrameSeen
@@ -152,7 +152,7 @@ def _sentence(e: IncidentEvidence) -> str:
     """Say in one sentence what happened, without any cause."""
     trigger = e.head.trigger
     if trigger.kind is TriggerKind.BUS_FAILED:
-        reason = trigger.text.removeprefix("the bus does not open: ") or "no reason was reported"
+        reason = trigger.text or "no reason was reported"
         return f"At {_when(e)} the bus did not open: {reason}."
     if trigger.kind is TriggerKind.REFUSED:
         return f"At {_when(e)} the bus reported: {trigger.text}."
@@ -332,7 +332,7 @@ def _frame(e: IncidentEvidence, seen: FrameSeen) -> FrameRow:
         direction=f"{main} > {sub}" if seen.direction == 0 else f"{sub} > {main}",
         data=seen.data,
         changed=seen.changed,
-        text=describe(decode_pdu(seen.data)).partition(" CRC ")[0],
+        text=describe_data(decode_pdu(seen.data)),
         verdict=_VERDICTS[seen.verdict],
         wrong=seen.verdict == _WRONG,
     )

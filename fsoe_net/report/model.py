@@ -52,6 +52,7 @@ class ReportDocument(Document):
         findings: What the sections and points say about findings, as the data they are.
         against: What the first page counts against the network beside findings, each with the title
             of its section; empty where findings are errors.
+        of_machine: Whether something in it was read at the machine: a scan, a run, a running bus.
     """
 
     network: str
@@ -60,3 +61,4 @@ class ReportDocument(Document):
     points: tuple[tuple[str, Point], ...]
     findings: tuple[Diagnostic, ...] = ()
     against: tuple[tuple[str, Verdict], ...] = ()
+    of_machine: bool = False

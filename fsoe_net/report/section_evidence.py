@@ -76,11 +76,16 @@ def _other_plans(inputs: ReportInputs) -> Iterator[str]:
                 yield f"{e.source.path} is from another plan"
 
 
+def is_of_machine(inputs: ReportInputs) -> bool:
+    """Return whether something was read at the machine."""
+    if inputs.live is not None and inputs.live.status.backend != "emulated":
+        return True
+    return any(e.run is None or not e.run.emulated for e in inputs.evidence)
+
+
 def _unread(inputs: ReportInputs) -> Iterator[str]:
     """Yield what nobody has read from the machine."""
-    of_machine = any(e.run is None or not e.run.emulated for e in inputs.evidence)
-    is_live = inputs.live is not None and inputs.live.status.backend != "emulated"
-    if not of_machine and not is_live:
+    if not is_of_machine(inputs):
         yield "no evidence of the machine: give --evidence scan.json or --interface IF"
     elif not any(e.scan is not None for e in inputs.evidence):
         yield "identities and mappings were not read back: a scan.json has them"
@@ -154,7 +159,7 @@ def _state(s: ScannedSubDevice) -> Cell:
     words: list[Item] = [Text(s.al or "not read")]
     if s.in_error:
         words.append(Verdict("AL error flag", Level.WARNING))
-    words += [Verdict(p, Level.OPEN) for p in s.problems]
+    words += [Verdict(p, Level.OPEN) for p in s.remarks]
     return tuple(words)
 
 
@@ -332,8 +337,12 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
             name="running SubDevices",
             columns=tuple(Column(h) for h in ("SubDevice", "AL state", "In its place")),
             rows=tuple(
-                (cell(strong(d.name)), cell(d.al), cell(d.found or muted("not known"), d.detail))
-                for d in live.snapshot.subdevices
+                (
+                    cell(strong(s.name)),
+                    cell(s.al),
+                    cell(s.found_text or muted("not known"), s.detail),
+                )
+                for s in live.snapshot.subdevices
             ),
         ),
     ]

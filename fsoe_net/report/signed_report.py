@@ -16,8 +16,6 @@ from fsoe_net.model.network import SourceFile
 __all__ = ["SignedReport", "read_signed_report"]
 
 _HASH = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
-_NO_EVIDENCE = "no evidence of the machine"
-"""How the open point of a report begins that has none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +59,7 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         whole = str((document["fingerprint"] or {}).get("whole", ""))
         findings = tuple(_finding(f) for f in document["findings"])
         kinds = [p["kind"] for p in document["points"]]
-        of_machine = not any(str(p["text"]).startswith(_NO_EVIDENCE) for p in document["points"])
+        of_machine = document.get("of_machine") is True
         verdict = document["verdict"]
         against = str(verdict["word"]) if verdict["level"] == Level.ERROR.value else ""
     except (

@@ -179,13 +179,13 @@ def _subdevice(row: SubDeviceSnapshot, *, known: bool) -> HealthStatus:
     if row.in_op and row.detail:
         level = HealthLevel.WARN
     if row.is_absent:
-        level, text = HealthLevel.OK, row.found
+        level, text = HealthLevel.OK, row.found_text
     if not row.known or not known:
         level, text = HealthLevel.STALE, "not known now"
     values = (
         ("alias", str(row.alias)),
         ("position", str(row.position)),
-        ("found", row.found),
+        ("found", row.found_text),
         ("vendor ID", f"0x{row.vendor_id:08x}"),
         ("product code", f"0x{row.product_code:08x}"),
         ("revision", f"0x{row.revision:08x}"),

@@ -31,9 +31,15 @@ def check_revision(out: FindingList, sub: SubDevice, found: ScannedSubDevice) ->
 
 def check_health(out: FindingList, span: Span, name: str, found: ScannedSubDevice) -> None:
     """FSN511, FSN512, FSN514: error state, lost links, what could not be read."""
-    problems = [] if found.is_silent else list(found.problems)
     if found.in_error:
-        _error_state(out, span, name, found, problems)
+        out.add(
+            "FSN511",
+            span,
+            f"{name} (position {found.position}) is in {found.al or 'a state'} with an error: "
+            f"{found.al_error}",
+            hint="a start of the bus acknowledges it; when it returns, `fsoe-net run` names the "
+            "cause",
+        )
     for port in found.ports:
         counts = [
             text
@@ -52,30 +58,14 @@ def check_health(out: FindingList, span: Span, name: str, found: ScannedSubDevic
                 hint=f"{SECURED}look at cable and plug of this port; the counters start again at "
                 "power-up",
             )
-    if problems:
+    if found.problems and not found.is_silent:
         out.add(
             "FSN514",
             span,
-            f"{name} (position {found.position}) was not read completely: {few(problems, 3)}",
+            f"{name} (position {found.position}) was not read completely: "
+            f"{few(list(found.problems), 3)}",
             hint="what was not read was not compared",
         )
-
-
-def _error_state(
-    out: FindingList, span: Span, name: str, found: ScannedSubDevice, problems: list[str]
-) -> None:
-    """FSN511; takes the words for the AL status code out of the problems."""
-    code = f"AL status code 0x{found.al_code or 0:04x}"
-    worded = next((p for p in problems if p.startswith("AL status code")), None)
-    if worded is not None:
-        problems.remove(worded)
-        code = worded
-    out.add(
-        "FSN511",
-        span,
-        f"{name} (position {found.position}) is in {found.al or 'a state'} with an error: {code}",
-        hint="a start of the bus acknowledges it; when it returns, `fsoe-net run` names the cause",
-    )
 
 
 def check_layout(out: FindingList, sub: SubDevice, found: ScannedSubDevice) -> None:
@@ -88,14 +78,14 @@ def check_layout(out: FindingList, sub: SubDevice, found: ScannedSubDevice) -> N
         if planned.sm.carries is None or not device.pdos_of(planned.sm):
             continue
         sm = there.pop(planned.sm.index, None)
-        if sm is not None and found.half_read(sm):
+        if sm is not None and not sm.complete:
             continue  # FSN514 says so
         if sm is None:
             _add_length(out, sub, planned, found, "there is no such sync manager")
         else:
             _sync_manager(out, sub, found, planned, device.pdos_of(planned.sm), sm)
     for sm in there.values():
-        if sm.is_process_data and sm.size_bytes and not found.half_read(sm):
+        if sm.is_process_data and sm.size_bytes and sm.complete:
             out.add(
                 "FSN507",
                 device.at("sm"),

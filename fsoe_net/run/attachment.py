@@ -96,9 +96,9 @@ class BusView:
             "current": self.current,
             "duration_ms": self.now_s * 1000,
             "connections": [c.to_json() for c in self.connections],
-            "subdevices": [] if snapshot is None else [asdict(s) for s in snapshot.subdevices],
+            "subdevices": [] if snapshot is None else [s.to_json() for s in snapshot.subdevices],
             "statistics": None if snapshot is None else snapshot.cycle.statistics.to_json(),
-            "events": [asdict(e) for e in self.events],
+            "events": [e.to_json() for e in self.events],
             "events_lost": self.events_lost,
         }
 

@@ -11,7 +11,7 @@ from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.fsoe.pdu import Command, reset_code_text
 from fsoe_net.observe.bus_documents import PlannedConnection
-from fsoe_net.run.result import ConnectionResult, RunEvent, state_text
+from fsoe_net.run.result import ConnectionResult, RunEvent, RunEventKind, state_fields, state_text
 
 __all__ = ["ENDS", "BusEvents", "connection_result"]
 
@@ -35,15 +35,13 @@ class BusEvents:
     last_reset: dict[str, int] = field(default_factory=dict)
     last_reset_by: dict[str, str] = field(default_factory=dict)
 
-    def log(
-        self, source: str, text: str, *, at_ns: int | None = None, code: int | None = None
-    ) -> None:
-        """Add an event; beyond a bound only counted."""
+    def log(self, source: str, text: str, *, at_ns: int | None = None, **facts: Any) -> None:
+        """Add an event; beyond a bound only counted. ``facts``: further fields of `RunEvent`."""
         if len(self.events) >= _MAX_EVENTS:
             self.events_lost += 1
             return
         now_ns = (time.monotonic_ns() if at_ns is None else at_ns) - self.start_ns
-        self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, code=code))
+        self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, **facts))
 
     def take(self, event: Mapping[str, Any]) -> None:
         """Add what ``fsn-master`` reports."""
@@ -51,7 +49,9 @@ class BusEvents:
         if kind == "connection":
             self._connection(event, at_ns)
         elif kind == "subdevice":
-            self.log(str(event["subdevice"]), _subdevice_text(event), at_ns=at_ns)
+            same_state = event["before"] == event["after"]
+            what = RunEventKind.LINKS if same_state else RunEventKind.OTHER
+            self.log(str(event["subdevice"]), _subdevice_text(event), at_ns=at_ns, kind=what)
         elif kind == "group":
             self.log(str(event["group"]), str(event.get("text", "")), at_ns=at_ns)
         elif kind == "bus":
@@ -61,14 +61,17 @@ class BusEvents:
             self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
         else:
             source = "bus" if kind in ("wkc", "ring", "clocks") else "fsn-master"
-            self.log(source, str(event.get("text", "")), at_ns=at_ns)
+            what = RunEventKind.WORKING_COUNTER if kind == "wkc" else RunEventKind.OTHER
+            self.log(source, str(event.get("text", "")), at_ns=at_ns, kind=what)
 
     def _connection(self, event: Mapping[str, Any], at_ns: int) -> None:
         name, after = str(event["connection"]), str(event["after"])
         if "reset_by" not in event:
             if after in _DATA:
                 self.to_data_ns.setdefault(name, at_ns - self.start_ns)
-            self.log(name, f"wire: {state_text(_DATA.get(after, after))}", at_ns=at_ns)
+            state = state_text(_DATA.get(after, after))
+            fields = state_fields("wire", state, in_data=after in _DATA)
+            self.log(name, f"wire: {state}", at_ns=at_ns, **fields)
             return
         code = int(event["reset_code"])
         end = ENDS.get(str(event["reset_by"]), "one end")
@@ -77,7 +80,14 @@ class BusEvents:
             self.last_reset_by[name] = end
         # One that resets again and again is reported now and then.
         if self.details or event.get("level") != "detail":
-            self.log(name, f"{end} resets: {reset_code_text(code)}", at_ns=at_ns, code=code)
+            self.log(
+                name,
+                f"{end} resets: {reset_code_text(code)}",
+                at_ns=at_ns,
+                code=code,
+                kind=RunEventKind.RESET,
+                end=str(event["reset_by"]),
+            )
 
 
 def _subdevice_text(event: Mapping[str, Any]) -> str:

@@ -15,7 +15,7 @@ from fsoe_net.core.snapshot import DirectionSnapshot, Histogram, Snapshot, Stati
 from fsoe_net.emul.bus import EmulatedDevices
 from fsoe_net.fsoe.pdu import command_text, reset_code_text
 from fsoe_net.fsoe.sub_instance import SubInstance
-from fsoe_net.observe.bus_documents import ABSENT
+from fsoe_net.observe.bus_documents import Found
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import Plan, PlanCopy
 
@@ -121,9 +121,9 @@ def subdevices_json(
     rows = []
     for number, sub in enumerate(plan.subdevices):
         gone = sub.name in absent
-        found = "the SubDevice of the plan"
+        found = Found.RIGHT
         if gone:
-            found = "does not answer" if plan.group_number(number) is None else ABSENT
+            found = Found.NOTHING if plan.group_number(number) is None else Found.ABSENT
         sms = range(sub.first_sm, sub.first_sm + sub.sm_count)
         rows.append(
             {
@@ -134,11 +134,14 @@ def subdevices_json(
                 "known": True,
                 "al": "none" if gone else "OP",
                 "al_code": None,
-                "found_text": found,
+                "found": int(found),
+                "found_text": found.text,
                 "detail": "",
                 "vendor_id": sub.vendor_id,
                 "product_code": sub.product_code,
                 "revision": sub.revision_low,
+                "fsoe_address": 0,
+                "link_down": False,
                 "returns": returns.get(sub.name, 0),
                 "link": None,
                 "link_lost": None,

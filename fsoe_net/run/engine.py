@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 from fsoe_net.diag.words import counted
 from fsoe_net.emul.bus import EmulatedDevices
@@ -13,7 +14,13 @@ from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.model.scenario import Action, Expectation, Scenario, ScenarioStep
-from fsoe_net.run.result import ExpectationResult, RunEvent, is_data
+from fsoe_net.run.result import (
+    ExpectationResult,
+    RunEvent,
+    RunEventKind,
+    is_data,
+    state_fields,
+)
 
 __all__ = ["Engine", "state_word"]
 
@@ -187,10 +194,12 @@ class Engine:
             self.log(now_ns, name, f"{seen[0].words}{with_code}")
 
     def _instance_events(self, name: str, port: Port, now_ns: int) -> None:
-        end = "MainInstance" if port.is_main else "SubInstance"
+        end, side = ("MainInstance", "main") if port.is_main else ("SubInstance", "sub")
         for event in port.instance.take_events():
             if event.kind is EventKind.STATE:
-                self.log(now_ns, name, f"{end}: {event.state_after.value}")
+                state = event.state_after
+                facts = state_fields(side, state.value, in_data=state is State.DATA)
+                self.log(now_ns, name, f"{end}: {state.value}", **facts)
                 continue
             if event.kind is EventKind.RESET_LOCAL:
                 first = port.is_main and event.state_before is State.RESET and event.code == 0
@@ -198,9 +207,10 @@ class Engine:
                     self.resets[name] += 1
                     self.last_reset[name] = event.code
                 text = f"{end} resets: {reset_code_text(event.code)}"
+                self.log(now_ns, name, text, code=event.code, kind=RunEventKind.RESET, end=side)
             else:
                 text = f"{end} was reset by its peer: {reset_code_text(event.code)}"
-            self.log(now_ns, name, text, event.code)
+                self.log(now_ns, name, text, code=event.code)
 
     def _judge(self, now_ns: int) -> None:
         for number, expectation in enumerate(self._open):
@@ -265,12 +275,19 @@ class Engine:
             )
         return tuple(rows)
 
-    def log(self, now_ns: int, source: str, text: str, code: int | None = None) -> None:
-        """Add an event; beyond a bound only counted, so that a reset loop cannot eat memory."""
+    def log(self, now_ns: int, source: str, text: str, **facts: Any) -> None:
+        """Add an event; beyond a bound only counted, so that a reset loop cannot eat memory.
+
+        Args:
+            now_ns: Time of the run.
+            source: What it is about.
+            text: What happened.
+            facts: Further fields of `RunEvent`.
+        """
         if len(self.events) >= _MAX_EVENTS:
             self.events_lost += 1
             return
-        self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, code=code))
+        self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, **facts))
 
 
 def _values_text(values: object) -> str:

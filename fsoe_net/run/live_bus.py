@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
@@ -270,14 +270,13 @@ def run_on_bus(
         try:
             return run.watch(duration_ns, on_update, stop or threading.Event())
         except InputError as refused:
-            raise InputError(_located(str(refused), resolution)) from refused
+            raise InputError(_located(str(refused), master.log.subdevices, resolution)) from refused
         finally:
             run.close()
 
 
-def _located(text: str, resolution: Resolution) -> str:
-    """Add where the SubDevices a message names stand in the user's files."""
+def _located(text: str, names: Collection[str], resolution: Resolution) -> str:
+    """Add where SubDevices stand in the user's files."""
     rows = resolution.network.subdevices
-    named = [s for s in rows if f"({s.name})" in text or f" {s.name}:" in text]
-    places = "".join(f"\n  {s.name} stands at {s.span}" for s in named)
+    places = "".join(f"\n  {s.name} stands at {s.span}" for s in rows if s.name in names)
     return text + places

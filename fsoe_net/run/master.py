@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shutil
 import signal
@@ -13,19 +14,24 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import IO, cast
 
 from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.observe.json_object import clean
 from fsoe_net.run.client import Client
 
-__all__ = ["REFUSED", "USAGE", "Master", "find_master", "last_error"]
+__all__ = ["LOG", "REFUSED", "USAGE", "Master", "MasterLog", "find_master", "read_log"]
 
 _PROGRAM = "fsn-master"
 _CONNECT_S = 20.0
 _STOP_S = 15.0  # fsn-master bounds its own end at 10 s
+_MOST_TEXT = 2000
 REFUSED, USAGE = 1, 2
+LOG = ("--log", "json")
+"""The options with which `read_log` can read what it logs."""
 
 
 def find_master() -> str:
@@ -74,7 +80,7 @@ class Master:
         try:
             plan_file.write_bytes(plan)
             self._process = subprocess.Popen(  # noqa: S603  # a list, no shell
-                [self.program, str(plan_file), *options, "--socket", str(self.socket)],
+                [self.program, str(plan_file), *options, *LOG, "--socket", str(self.socket)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
@@ -96,6 +102,11 @@ class Master:
         trace: TracebackType | None,
     ) -> None:
         self.stop()
+
+    @property
+    def log(self) -> MasterLog:
+        """What it has logged so far about its end."""
+        return read_log(self._lines)
 
     @property
     def pid(self) -> int:
@@ -139,7 +150,7 @@ class Master:
         """
         self._reader.join(1.0)
         code = self._process.returncode
-        last = last_error(self._lines)
+        log = self.log
         if code is not None and code < 0:
             name = _signal_name(-code)
             raise EnvironmentFault(
@@ -148,17 +159,17 @@ class Master:
                 "the kernel log (`dmesg`) says whether memory ran out"
             )
         if code == REFUSED:
-            findings = "".join(f"\n  {text}" for text in self._findings())
-            raise InputError((last or "fsn-master refused the bus and did not say why") + findings)
+            findings = "".join(f"\n  {text}" for text in log.findings)
+            why = log.error or "fsn-master refused the bus and did not say why"
+            raise InputError(why + findings)
         if code == USAGE:
             raise EnvironmentFault(
-                f"{self.program} does not take its options: {last or 'no reason given'}; install "
-                "fsoe-net and fsn-master of one version"
+                f"{self.program} does not take its options: {log.error or 'no reason given'}; "
+                "install fsoe-net and fsn-master of one version"
             )
-        if "setcap" in last:
-            last += f" (here: {self.program})"
         raise EnvironmentFault(
-            last or f"fsn-master (process {self.pid}) was ended by somebody else during the run"
+            log.error
+            or f"fsn-master (process {self.pid}) was ended by somebody else during the run"
         )
 
     def stop(self) -> None:
@@ -177,25 +188,44 @@ class Master:
             for line in stream:
                 self._lines.append(line.decode("utf-8", "replace").rstrip())
 
-    def _findings(self) -> list[str]:
-        """Return what it says about single SubDevices, beside the one of its refusal."""
-        texts = [line.partition(" warning ")[2] for line in self._lines]
-        return [t for t in texts if t.startswith("SubDevice ") and " -> " not in t]
-
     def _clean(self) -> None:
         shutil.rmtree(self.directory, ignore_errors=True)
 
 
-def last_error(lines: Iterable[str]) -> str:
-    """Return the last line of a log of ``fsn-master`` that is an error, without time and level."""
-    for line in reversed(list(lines)):
-        _, _, rest = line.partition(" ")
-        level, _, text = rest.partition(" ")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MasterLog:
+    """What ``fsn-master`` logged about its end.
+
+    Attributes:
+        error: Its last error, fit to print; empty without one.
+        findings: What it found of single SubDevices, fit to print.
+        subdevices: Their names, one for each finding.
+    """
+
+    error: str = ""
+    findings: tuple[str, ...] = ()
+    subdevices: tuple[str, ...] = ()
+
+
+def read_log(lines: Iterable[str]) -> MasterLog:
+    """Read a log in JSON; other lines, as of wrong options, count where it has no error."""
+    errors, others, findings = [], [], {}
+    for line in lines:
+        try:
+            row = json.loads(line)
+            level, text = row["level"], clean(row["text"], _MOST_TEXT)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            others.append(clean(line.removeprefix(f"{_PROGRAM}: "), _MOST_TEXT))
+            continue
         if level == "error":
-            return text.removeprefix("the bus does not open: ")
-        if line.startswith("fsn-master: "):
-            return line.removeprefix("fsn-master: ")
-    return ""
+            errors.append(text)
+        elif row["event"] == "log" and "subdevice" in row:
+            findings[text] = str(row["subdevice"])
+    return MasterLog(
+        error=next(reversed(errors or others), ""),
+        findings=tuple(findings),
+        subdevices=tuple(findings.values()),
+    )
 
 
 def _runtime_directory() -> str | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import enum
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from typing import Any
 
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters, differences
@@ -15,8 +17,10 @@ __all__ = [
     "ExpectationResult",
     "Run",
     "RunEvent",
+    "RunEventKind",
     "RunUpdate",
     "is_data",
+    "state_fields",
     "state_text",
 ]
 
@@ -36,14 +40,45 @@ def state_text(word: str) -> str:
     return _STATE_TEXT.get(word, word.capitalize())
 
 
+class RunEventKind(enum.Enum):
+    """What an event is about."""
+
+    STATE = "state"
+    """A new state of an end, or of the wire."""
+    RESET = "reset"
+    """An end resets its connection."""
+    WORKING_COUNTER = "wkc"
+    LINKS = "links"
+    """Ports of a SubDevice have or lost their link; its AL state is the same."""
+    OTHER = "other"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvent:
-    """Something that happened; ``code`` is the reset code of reset events, else ``None``."""
+    """Something that happened; ``text`` is for people, nothing is decided by it.
+
+    ``code`` is the reset code of reset events, else ``None``. ``end`` is ``main``, ``sub`` or
+    ``wire`` of a state or reset, ``state`` the new state for people, ``in_data`` whether it is
+    Data; empty and false with other events.
+    """
 
     time_ms: float
     source: str
     text: str
     code: int | None = None
+    kind: RunEventKind = RunEventKind.OTHER
+    end: str = ""
+    state: str = ""
+    in_data: bool = False
+
+    def to_json(self) -> dict[str, object]:
+        """Return the values as documents of ``run`` and ``monitor`` have them."""
+        return asdict(self) | {"kind": self.kind.value}
+
+
+def state_fields(end: str, state: str, *, in_data: bool) -> dict[str, Any]:
+    """Return the fields of a `RunEvent` about a new state."""
+    return {"kind": RunEventKind.STATE, "end": end, "state": state, "in_data": in_data}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,10 +184,10 @@ class Run:
             "stalled_ms": self.stalled_ms,
             "result": "pass" if self.passed else "fail",
             "connections": [asdict(c) for c in self.connections],
-            "subdevices": [asdict(s) for s in self.subdevices],
+            "subdevices": [s.to_json() for s in self.subdevices],
             "statistics": self.statistics.to_json(),
             "expectations": [asdict(v) for v in self.verdicts],
-            "events": [asdict(e) for e in self.events],
+            "events": [e.to_json() for e in self.events],
             "events_lost": self.events_lost,
         }
 

@@ -12,7 +12,7 @@ from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.model.scan import Scan
 from fsoe_net.run.client import Client
-from fsoe_net.run.master import REFUSED, USAGE, find_master, last_error
+from fsoe_net.run.master import LOG, REFUSED, USAGE, find_master, read_log
 from fsoe_net.run.sockets import find_socket, interface_of
 
 __all__ = ["ScanSource", "TakenScan", "scan_source"]
@@ -91,7 +91,7 @@ def _attached(socket: str) -> TakenScan:
 
 
 def _own(program: str, interface: str, bus: str | None) -> TakenScan:
-    command = [program, "--scan", "--interface", interface, *(["--bus", bus] if bus else [])]
+    command = [program, "--scan", *LOG, "--interface", interface, *(["--bus", bus] if bus else [])]
     try:
         done = subprocess.run(  # noqa: S603  # a list, no shell
             command, stdin=subprocess.DEVNULL, capture_output=True, check=False
@@ -100,7 +100,7 @@ def _own(program: str, interface: str, bus: str | None) -> TakenScan:
         raise EnvironmentFault(f"{program} cannot be started: {exc.strerror}") from exc
     if done.returncode == 0:
         return _taken(done.stdout, program)
-    said = last_error(done.stderr.decode("utf-8", "replace").splitlines())
+    said = read_log(done.stderr.decode("utf-8", "replace").splitlines()).error
     if done.returncode == REFUSED:
         raise InputError(said or "fsn-master refused the bus and did not say why")
     if done.returncode == USAGE:
@@ -108,8 +108,6 @@ def _own(program: str, interface: str, bus: str | None) -> TakenScan:
             f"{program} does not take its options: {said or 'no reason given'}; install fsoe-net "
             "and fsn-master of one version"
         )
-    if "setcap" in said:
-        said += f" (here: {program})"
     raise EnvironmentFault(said or f"{program} ended with {done.returncode} and did not say why")
 
 

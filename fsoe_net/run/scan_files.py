@@ -160,7 +160,7 @@ def _device(sub: ScannedSubDevice) -> str:
             raise _NotExpressible(f"{kind} on {len(managers)} sync managers; the format knows one")
         if not managers:
             continue
-        if sub.half_read(managers[0]):
+        if not managers[0].complete:
             raise _NotExpressible(f"SM{managers[0].index} was not read completely")
         lines += ["", f"{key}:", *_pdos(managers[0])]
     lines += ["", "sm:"]

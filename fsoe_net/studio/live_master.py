@@ -71,10 +71,7 @@ class MasterFeed(LiveFeed):
             "version": __version__,
             "socket": self.path,
             **view,
-            "events": [
-                {"time_ms": e.time_ms, "source": e.source, "text": e.text, "code": e.code}
-                for e in events
-            ],
+            "events": [e.to_json() for e in events],
             "events_lost": lost + gone,
             "capture": None,
         }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
@@ -10,8 +9,8 @@ from typing import Any
 from fsoe_net.core.snapshot import bars_of
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.parameters import FsoeParameters
-from fsoe_net.observe.bus_documents import SubDeviceSnapshot
-from fsoe_net.run.result import ConnectionResult, RunEvent, is_data, state_text
+from fsoe_net.observe.bus_documents import Found, SubDeviceSnapshot
+from fsoe_net.run.result import ConnectionResult, RunEvent, RunEventKind, is_data, state_text
 
 __all__ = [
     "Row",
@@ -24,8 +23,6 @@ __all__ = [
 
 Row = dict[str, object]
 
-_STATE = re.compile(r"(MainInstance|SubInstance|wire): [A-Z][A-Za-z· ]*\Z")
-_KINDS = {"MainInstance": "main", "SubInstance": "sub", "wire": "wire"}
 _COUNTERS = (
     "cycles",
     "overruns",
@@ -39,16 +36,14 @@ _MOST_EVENTS = 100_000
 
 
 def event_row(event: RunEvent) -> Row:
-    """Return an event; ``kind`` says whether it is a Reset, or a state of an end or of the wire."""
-    state = _STATE.match(event.text)
-    kind = _KINDS[state[1]] if state else ""
-    if event.code is not None and " resets: " in event.text:
-        kind = "reset"
+    """Return an event."""
     return {
         "time_ms": round(event.time_ms, 3),
         "source": event.source,
         "text": event.text,
-        "kind": kind,
+        "kind": event.kind.value,
+        "end": event.end,
+        "state": event.state,
     }
 
 
@@ -104,7 +99,7 @@ def subdevice_row(subdevice: SubDeviceSnapshot) -> Row:
         "al_code": subdevice.al_code,
         "in_op": subdevice.in_op,
         "absent": subdevice.is_absent,
-        "detail": subdevice.detail or ("" if subdevice.in_op else subdevice.found),
+        "detail": subdevice.detail or ("" if subdevice.in_op else subdevice.found_text),
         "returns": subdevice.returns,
         "held": subdevice.stale_cycles,
         "links": links,
@@ -182,11 +177,16 @@ def _event(row: Mapping[str, Any]) -> RunEvent:
         source=str(row["source"]),
         text=str(row["text"]),
         code=None if code is None else int(code),
+        kind=RunEventKind(row.get("kind", "other")),
+        end=str(row.get("end", "")),
+        state=str(row.get("state", "")),
+        in_data=bool(row.get("in_data")),
     )
 
 
 def _subdevice(row: Mapping[str, Any]) -> SubDeviceSnapshot:
-    return SubDeviceSnapshot(**_values(SubDeviceSnapshot, row))
+    facts = {"fsoe_address": 0, "link_down": False, **row, "found": row.get("found_code")}
+    return SubDeviceSnapshot(**_values(SubDeviceSnapshot, facts))
 
 
 def _optional(make: Callable[[Any], object]) -> Callable[[Any], object]:
@@ -198,6 +198,7 @@ _MAKE: dict[str, Callable[[Any], object]] = {
     "str": str,
     "int": int,
     "bool": bool,
+    "Found": Found.of,
     "str | None": _optional(str),
     "int | None": _optional(int),
     "float | None": _optional(float),

@@ -44,8 +44,9 @@ _VALUES = {"int": 0, "bool": True, "Histogram": _HISTOGRAM}
 STATISTICS: Row = {f.name: _VALUES[str(f.type)] for f in fields(Statistics)}
 SUBDEVICE: Row = {
     "name": "drive_1", "alias": 0, "position": 0, "known": True, "al": "OP", "al_code": 0,
-    "found_text": "the planned one", "detail": "", "vendor_id": 2, "product_code": 3,
-    "revision": 1, "returns": 0, "stale_cycles": 0, "link": [1], "link_lost": [0],
+    "found": 2, "found_text": "the SubDevice of the plan", "detail": "", "vendor_id": 2,
+    "product_code": 3, "revision": 1, "fsoe_address": 0, "link_down": False, "returns": 0,
+    "stale_cycles": 0, "link": [1], "link_lost": [0],
     "rx_errors": [0],
 }  # fmt: skip
 LAYOUT: Row = {
@@ -285,9 +286,5 @@ class FakeMaster:
 
     @staticmethod
     def _device(name: str, position: int) -> Row:
-        return {
-            "name": name, "alias": 0, "position": position, "known": True, "al": "OP",
-            "al_code": 0, "found_text": "", "detail": "", "vendor_id": 1, "product_code": 2,
-            "revision": 3, "returns": 0, "stale_cycles": 0, "link": [1], "link_lost": [0],
-            "rx_errors": [0],
-        }  # fmt: skip
+        identity = {"vendor_id": 1, "product_code": 2, "revision": 3}
+        return SUBDEVICE | {"name": name, "position": position} | identity

@@ -1,21 +1,31 @@
+#define _POSIX_C_SOURCE 200809L /* readlink() */
 #include "explain.h"
 
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "fsn/bus.h"
 #include "holder.h"
 
-const char explain_permission[] =
-    "it takes CAP_NET_RAW (interface), CAP_SYS_NICE (real-time) and CAP_IPC_LOCK (memory): setcap "
-    "cap_net_raw,cap_sys_nice,cap_ipc_lock=ep fsn-master, or run it as a service, see "
-    "fsn-master.service";
+const char *explain_permission(void) {
+    static char text[640];
+    char program[400];
+    const ssize_t len = readlink("/proc/self/exe", program, sizeof program);
+    snprintf(
+        text, sizeof text,
+        "it takes CAP_NET_RAW (interface), CAP_SYS_NICE (real-time) and CAP_IPC_LOCK (memory): "
+        "setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep %.*s, or run it as a service, see "
+        "fsn-master.service",
+        len > 0 ? (int)len : 10, len > 0 ? program : "fsn-master");
+    return text;
+}
 
 static const char *next_step(const struct fsn_fault *fault) {
     if (fault->sys_errno == EPERM || fault->sys_errno == EACCES ||
         (fault->status == FSN_E_SYS && fault->sys_errno == ENOMEM)) { /* locked memory */
-        return explain_permission;
+        return explain_permission();
     }
     if (fault->sys_errno == ENODEV || fault->sys_errno == ENXIO) {
         return "ip link lists the interfaces";

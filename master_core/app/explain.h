@@ -15,7 +15,7 @@ void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, c
 void explain_bus_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
                        const struct options *options, char *room, size_t room_bytes);
 
-/** What to do when the system does not permit something. */
-extern const char explain_permission[];
+/** What to do when the system does not permit something. Context: one thread. */
+const char *explain_permission(void);
 
 #endif

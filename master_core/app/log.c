@@ -194,13 +194,12 @@ void log_entry(enum fsn_role account, const struct fsn_json *json) {
     pthread_mutex_unlock(&kept.lock);
 }
 
-void log_line(enum fsn_log_level level, const char *format, ...) {
-    char text[800];
-    va_list arguments;
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
+/** Writes one line; `subdevice` may be NULL. */
+static void write_line(enum fsn_log_level level, const char *subdevice, const char *text) {
     struct fsn_json json = as_event("log", level, text);
+    if (subdevice != NULL) {
+        fsn_json_put_text(&json, "subdevice", subdevice);
+    }
     fsn_json_close(&json, '}');
     if (level >= FSN_LOG_WARNING) {
         log_entry(FSN_OBSERVER, &json);
@@ -211,6 +210,25 @@ void log_line(enum fsn_log_level level, const char *format, ...) {
         put_text(level, text);
     }
     fsn_json_free(&json);
+}
+
+void log_line(enum fsn_log_level level, const char *format, ...) {
+    char text[800];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    write_line(level, NULL, text);
+}
+
+void log_subdevice(enum fsn_log_level level, const char *subdevice, const char *format, ...) {
+    char text[800];
+    size_t len = (size_t)snprintf(text, sizeof text, "SubDevice %.80s: ", subdevice);
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text + len, sizeof text - len, format, arguments);
+    va_end(arguments);
+    write_line(level, subdevice, text);
 }
 
 void log_event(enum fsn_log_level level, enum fsn_role account, const char *text, const char *json,

@@ -32,6 +32,10 @@ void log_entry(enum fsn_role account, const struct fsn_json *json);
 __attribute__((format(printf, 2, 3))) void log_line(enum fsn_log_level level, const char *format,
                                                     ...);
 
+/** One line about a SubDevice: its name stands before the text, and has a key in JSON. */
+__attribute__((format(printf, 3, 4))) void
+log_subdevice(enum fsn_log_level level, const char *subdevice, const char *format, ...);
+
 /** One event on the account of a role: `text` for people, or `json` as it is. */
 void log_event(enum fsn_log_level level, enum fsn_role account, const char *text, const char *json,
                size_t json_bytes);

@@ -209,7 +209,7 @@ static void failed(struct master *m, const struct runner_result *result) {
     }
     set_state(m, FAILED, FSN_LOG_ERROR, text);
     if (!given_up) {
-        fsn_control_bus_failed(m->control, text, result->found);
+        fsn_control_bus_failed(m->control, m->fault, &result->fault, result->found);
     }
     if (!m->opened_once && !given_up) {
         /* At the start nobody is there who could repair it and try again. */
@@ -282,7 +282,7 @@ static void opened(struct master *m, const struct runner_result *result) {
              m->locked ? "locked" : "not locked");
     set_state(m, RUNNING, FSN_LOG_INFO, text);
     if (m->policy != m->options->policy) {
-        log_line(FSN_LOG_WARNING, "no real-time scheduling: %s", explain_permission);
+        log_line(FSN_LOG_WARNING, "no real-time scheduling: %s", explain_permission());
     }
     if (m->options->free_run && m->policy == POLICY_FIFO) {
         warn_of_throttling();

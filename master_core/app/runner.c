@@ -116,8 +116,8 @@ static void tell_findings(const struct runner *runner) {
         const struct fsn_bus_subdevice *seen = &runner->found[n];
         if (seen->found > FSN_FOUND_RIGHT && seen->found != FSN_FOUND_ABSENT &&
             fsn_plan_subdevice(runner->plan, n, &info) == FSN_OK) {
-            log_line(FSN_LOG_WARNING, "SubDevice %.80s: %s%s%s", info.name,
-                     fsn_found_text(seen->found), seen->detail[0] != 0 ? ": " : "", seen->detail);
+            log_subdevice(FSN_LOG_WARNING, info.name, "%s%s%s", fsn_found_text(seen->found),
+                          seen->detail[0] != 0 ? ": " : "", seen->detail);
         }
     }
 }

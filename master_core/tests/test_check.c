@@ -13,6 +13,8 @@
 enum { KNOWN_ADDRESS = 2, SUB = 1, POSITION = 5, MOST_TRIES = 10 };
 
 /** Time of this program: it passes in pauses, and with each transfer. */
+static uint16_t wrong_address; /* FSoE address that was found */
+
 static struct wall {
     uint64_t now_ns, paused_ns, transfer_ns;
 } wall;
@@ -157,21 +159,28 @@ static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
     CHECK(fsn_plan_connection(plan, 0, &c) == FSN_OK && c.sub_subdevice == SUB);
     struct objects objects = {.status = FSN_OK, .value = c.address};
     const struct fsn_objects reached = reach(&objects);
-    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && readable);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) == FSN_OK &&
+          readable);
     same(objects.made, " f980:1");
-    CHECK(fsn_check_address(plan, 1 - SUB, &reached, &readable, detail) == FSN_OK && !readable);
-    CHECK(fsn_check_address(plan, SUB, NULL, &readable, detail) == FSN_OK && !readable);
+    CHECK(fsn_check_address(plan, 1 - SUB, &reached, &readable, &wrong_address, detail) == FSN_OK &&
+          !readable);
+    CHECK(fsn_check_address(plan, SUB, NULL, &readable, &wrong_address, detail) == FSN_OK &&
+          !readable);
+    CHECK(wrong_address == 0);
     CHECK(objects.transfers == 1);
     objects.value = 0x0108; /* of 8 addresses at most each is the same wrong one */
-    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_ADDRESS);
-    CHECK(readable);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==
+          FSN_E_BUS_ADDRESS);
+    CHECK(readable && wrong_address == 264);
     same(detail, "it has FSoE address 264, the plan says 7");
     same(objects.made, " f980:1 f980:1 f980:0 f980:2 f980:3 f980:4 f980:5 f980:6 f980:7 f980:8");
     objects = (struct objects){.status = FSN_OK, .value = 0xFF};
-    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_ADDRESS);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==
+          FSN_E_BUS_ADDRESS);
     CHECK(objects.transfers == 2 + 15); /* no more than 16 are believed */
     objects.status = FSN_E_BUS_SDO;
-    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && !readable);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) == FSN_OK &&
+          !readable);
 }
 
 static void without_an_address_nothing_is_compared(void) {
@@ -180,7 +189,8 @@ static void without_an_address_nothing_is_compared(void) {
     bool readable = true;
     struct objects objects = {.status = FSN_OK, .value = 9};
     const struct fsn_objects reached = reach(&objects);
-    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_OK && !readable);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) == FSN_OK &&
+          !readable);
     CHECK(objects.transfers == 0);
     fsn_plan_free(plan);
 }
@@ -266,7 +276,8 @@ static void address_is_found_where_the_device_has_it(struct fsn_plan *plan) {
         const struct fsn_objects reached = {.bus = &objects, .upload = look_up};
         bool readable = !rows[i].readable;
         char detail[FSN_DETAIL_BYTES];
-        CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == rows[i].status);
+        CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==
+              rows[i].status);
         CHECK(readable == rows[i].readable);
         same(looked_up, rows[i].made);
         looked_up[0] = 0;
@@ -299,7 +310,8 @@ static void lost_answers_are_asked_for_again(struct fsn_plan *plan) {
         char detail[FSN_DETAIL_BYTES] = "";
         lost = (struct lost){.from = from, .count = count, .as = FSN_E_BUS_MAILBOX};
         wall = (struct wall){0};
-        const fsn_status status = fsn_check_address(plan, SUB, &reached, &readable, detail);
+        const fsn_status status =
+            fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail);
         CHECK(status == (count < MOST_TRIES ? FSN_OK : FSN_E_BUS_MAILBOX));
         CHECK(readable == (count < MOST_TRIES));
         CHECK(lost.transfers == (count < MOST_TRIES ? rows[row].transfers + count : from + count));
@@ -316,10 +328,12 @@ static void lost_answers_are_asked_for_again(struct fsn_plan *plan) {
     char detail[FSN_DETAIL_BYTES];
     lost = (struct lost){.count = 99, .as = FSN_E_BUS_MAILBOX};
     wall = (struct wall){.transfer_ns = 1100000000u};
-    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_MAILBOX);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==
+          FSN_E_BUS_MAILBOX);
     CHECK(lost.transfers == 3);
     lost = (struct lost){.count = 99, .as = FSN_E_BUS_MISSING};
-    CHECK(fsn_check_address(plan, SUB, &reached, &readable, detail) == FSN_E_BUS_MISSING);
+    CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==
+          FSN_E_BUS_MISSING);
     CHECK(lost.transfers == 1 && !readable);
     lost = (struct lost){0};
     wall = (struct wall){0};

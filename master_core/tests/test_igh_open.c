@@ -43,6 +43,11 @@ static void bus_is_refused(void) {
     fake.link_down = true;
     refuses(rig, FSN_E_BUS_SILENT, "no link");
     rig = set_up();
+    fake.device[0].present = false;
+    fake.link_down = true;
+    CHECK(open_with(rig, 0) == FSN_E_BUS_SILENT && rig->fault.link_down);
+    tear_down(rig);
+    rig = set_up();
     fake.device[1].present = false;
     refuses(rig, FSN_E_BUS_MISSING, "position 1: 1 SubDevices answer");
     rig = set_up();

@@ -501,6 +501,30 @@ static void a_folder_has_a_limit(void) {
     CHECK(tear_down(&rig) == 5);
 }
 
+/** Whoever reads the file decides by the status and the SubDevice, not by the text. */
+static void a_bus_that_failed_is_kept_in_numbers(void) {
+    struct rig rig = set_up();
+    struct fsn_incidents *in = rig.control->services.incidents;
+    const struct fsn_fault fault = {
+        .status = FSN_E_BUS_IDENTITY, .section = FSN_SEC_SUBDEVICE, .copy_index = 1};
+    const struct fsn_fault silent = {
+        .status = FSN_E_BUS_SILENT, .copy_index = FSN_FAULT_NO_RECORD, .link_down = true};
+    struct fsn_json head = {.limit_bytes = FSN_INCIDENT_HEAD_BYTES};
+    cycle_at(&rig, UINT64_C(1000) * MS);
+    fsn_control_bus_failed(rig.control, "some text", &fault, NULL);
+    fsn_incident_head(in, &head);
+    CHECK(strstr(head.bytes, "\"text\":\"some text\",\"fault\":{\"status\":\"FSN_E_BUS_IDENTITY\","
+                             "\"subdevice\":\"t\",\"link_down\":false}}") != NULL);
+    in->pending.fault = silent;
+    head.len_bytes = 0;
+    fsn_incident_head(in, &head);
+    CHECK(strstr(head.bytes, "\"fault\":{\"status\":\"FSN_E_BUS_SILENT\",\"subdevice\":null,"
+                             "\"link_down\":true}}") != NULL);
+    fsn_json_free(&head);
+    in->pending.active = false;
+    CHECK(tear_down(&rig) == 0);
+}
+
 /** A whole file: its head, a line for each cycle with what is not as it should be, and the end. */
 static void a_file_says_what_is_new(void) {
     static const char expected[] =
@@ -731,6 +755,7 @@ int main(void) {
     five_seconds_before_are_kept();
     files_have_plain_names();
     a_folder_has_a_limit();
+    a_bus_that_failed_is_kept_in_numbers();
     a_file_says_what_is_new();
     a_head_ends_with_the_plan();
     a_window_has_its_begin();

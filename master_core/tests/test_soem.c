@@ -35,7 +35,7 @@ static void unplug(struct rig *rig, uint32_t p) {
         fsn_segment_set_present(rig->segment, p, false);
         poll_until(rig, p, 0);
         CHECK(look(rig, p).found == FSN_FOUND_NOTHING);
-        if (strstr(look(rig, p).detail, p == 0 ? "near" : "is down") != NULL) {
+        if (p == 0 ? strstr(look(rig, p).detail, "near") != NULL : look(rig, p).link_down) {
             return;
         }
         CHECK(lateness(rig) > late && tries < TRIES);

@@ -147,6 +147,7 @@ static void what_has_no_place_is_refused(void) {
     rig = set_up();
     CHECK(system("ip link set far down") == 0);
     is_refused(rig, FSN_E_BUS_SILENT, "near has no link");
+    CHECK(rig->fault.link_down);
     CHECK(system("ip link set far up") == 0);
     tear_down(rig);
     /* Of a ring, either interface may have a link. */
@@ -156,9 +157,11 @@ static void what_has_no_place_is_refused(void) {
     }
     CHECK(system("ip link set far down") == 0);
     is_refused(rig, FSN_E_BUS_SILENT, "near2 has a link, but no EtherCAT SubDevice behind it");
+    CHECK(!rig->fault.link_down);
     CHECK(system("ip link set far2 down") == 0);
     close_bus(rig);
     is_refused(rig, FSN_E_BUS_SILENT, "neither near nor near2 has a link");
+    CHECK(rig->fault.link_down);
     CHECK(system("ip link set far up && ip link set far2 up") == 0);
     tear_down(rig);
 }

@@ -193,7 +193,9 @@ static void subdevices_are_told_once(void) {
     look_after(20 * MS);
     JSON("{\"event\":\"subdevice\",\"utc\":\"2023-11-14T21:58:20.081000Z\",\"now_ns\":100081000000,"
          "\"subdevice\":\"t\",\"before\":\"SAFEOP+ERROR\",\"after\":\"SAFEOP\",\"al_code\":27,"
-         "\"found\":\"the SubDevice of the plan\",\"detail\":\"\",\"returns\":0,"
+         "\"found_code\":2,\"found\":\"the SubDevice of the "
+         "plan\",\"fsoe_address\":0,\"detail\":\"\","
+         "\"returns\":0,"
          "\"link\":[1,1,0,0],\"level\":\"detail\",\"text\":\"SubDevice t: SAFEOP+ERROR -> "
          "SAFEOP\"}\n");
     on.seen[1].al_status = FSN_AL_OP;

@@ -109,7 +109,7 @@ def test_own_scan_says_before_what_it_does_and_prints_a_table(bus: Bus):
     done = bus.fsn("scan", "--interface", "eth1", "--yes")
     assert done.returncode == 0, done.stderr
     assert "every SubDevice on it goes to PREOP" in done.stderr
-    assert bus.asked == "--scan --interface eth1\n"
+    assert bus.asked == "--scan --log json --interface eth1\n"
     rows = [line.split() for line in done.stdout.splitlines()]
     assert rows[0][:3] == ["pos", "name", "vendor"]
     assert done.stdout.splitlines()[-1] == "eth1: 6 SubDevices, brought to PREOP"
@@ -147,7 +147,7 @@ def test_a_master_of_another_bus_is_left_alone(bus: Bus):
         named = bus.fsn("scan", "--interface", "eth1", "--socket", "fsoe-net-x/control.sock")
     assert done.returncode == 0
     assert "scan" not in asked
-    assert bus.asked == "--scan --interface eth1\n"
+    assert bus.asked == "--scan --log json --interface eth1\n"
     assert named.returncode == 3
     assert "drives eth9, not eth1" in named.stderr
 
@@ -160,11 +160,13 @@ def test_a_dead_socket_is_passed_over(bus: Bus):
 
 
 def test_refusal_and_misuse_and_machine(bus: Bus):
-    refusal = "2026-11-21T12:00:00Z error another MainDevice talks on eth1\n"
+    said = {"event": "log", "level": "error"}
+    refusal = json.dumps(said | {"text": "another MainDevice talks on eth1"}) + "\n"
+    permission = json.dumps(said | {"text": "setcap cap_net_raw"}) + "\n"
     for code, err, expected, words in (
         (1, refusal, 1, "another MainDevice talks on eth1"),
         (2, "fsn-master: unknown option --scan\n", 3, "install fsoe-net and fsn-master of one"),
-        (3, "2026-11-21T12:00:00Z error setcap cap_net_raw\n", 3, "(here: "),
+        (3, permission, 3, "setcap cap_net_raw"),
         (77, "", 3, "ended with 77"),
     ):
         bus.program("", err, code)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -22,6 +23,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.session import Session, counted_session_ids
 
+ROOT = Path(__file__).parents[2]
 MS = 1_000_000
 CELL, ESTOP = "el6910", "estop"
 DRIVE = "el6910-drive_1"
@@ -183,8 +185,22 @@ def edited(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
     return path
 
 
+def found_codes() -> dict[str, int]:
+    """Return the table of the C header: text of ``enum fsn_found`` to number."""
+    header = (ROOT / "master_core/include/fsn/bus.h").read_text("utf-8")
+    rows = re.findall(
+        r'^    X\((?:[A-Z]+), (\d+), "([^"]+)"\)', header.split("FSN_RING_TABLE")[0], re.M
+    )
+    return {text: int(number) for number, text in rows}
+
+
+FOUND = found_codes()
+
+
 def found(path: Path, name: str, **what: Any) -> Path:
     """Say what the bus found of a SubDevice."""
+    if "found_text" in what:
+        what["found"] = FOUND[what["found_text"]]
 
     def change(head: dict[str, Any]) -> None:
         row = next(s for s in head["subdevices"] if s["name"] == name)

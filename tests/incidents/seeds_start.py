@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from incidents.rig import CELL, Seed, network
+from incidents.rig import CELL, FOUND, Seed, network
 
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.model import Plan
@@ -27,6 +27,7 @@ def subdevice(plan: Plan, number: int, found: str = "", detail: str = "", **more
         "known": True,
         "al": "none" if found == "does not answer" else "PREOP",
         "al_code": 0,
+        "found": FOUND[found or right],
         "found_text": found or right,
         "detail": detail,
         "vendor_id": sub.vendor_id,
@@ -43,11 +44,13 @@ def subdevice(plan: Plan, number: int, found: str = "", detail: str = "", **more
 
 def failed(
     tmp: Path,
+    status: str,
     text: str,
     *wrong: tuple[int, str, str, dict[str, Any]],
     fsoe: Any = (),
+    link_down: bool = False,
 ) -> Path:
-    """Write the file of a bus that did not open."""
+    """Write the file of a bus that did not open; the fault is that of the first wrong SubDevice."""
     plan = compile_plan(network(CELL, tmp))
     data = plan.to_bytes()
     rows = [subdevice(plan, n) for n in range(len(plan.subdevices))]
@@ -69,6 +72,11 @@ def failed(
             "cycle": 0,
             "now_ns": 1,
             "text": text,
+            "fault": {
+                "status": f"FSN_E_BUS_{status}",
+                "subdevice": plan.subdevices[wrong[0][0]].name if wrong else None,
+                "link_down": link_down,
+            },
         },
         "statistics": {},
         "connections": [],
@@ -82,103 +90,68 @@ def failed(
     return path
 
 
-def start(text: str, *wrong: Any, fsoe: Any = ()) -> Callable[[Path], Path]:
+def start(status: str, text: str, *wrong: Any, **more: Any) -> Callable[[Path], Path]:
     def seed(tmp: Path) -> Path:
-        return failed(tmp, text, *wrong, fsoe=fsoe)
+        return failed(tmp, status, text, *wrong, **more)
 
     return seed
 
 
 _OTHER = "found vendor 0x00000002 product 0x1afe3052 revision 0x00120000, the plan says ..."
 
-# As fsn-master tells them when it knows nothing of any SubDevice any more.
-_PLANNED = "the plan says 0x00000002 0x07703052 0x00000000 to 0xffffffff; compare the bus"
-_TOLD = {
+# The fault alone: of all other SubDevices nothing is known.
+_ALONE: dict[str, tuple[str, tuple[int, str, str, dict[str, Any]] | None, str]] = {
     "IDENTITY, swapped": (
-        "IDENTITY: SubDevice 1 (el1904): a SubDevice is another one than the plan says: found "
-        f"vendor 0x00000002 product 0x0b583052 revision 0x00000000, {_PLANNED}",
+        "IDENTITY",
+        (1, "another device", "...", {"vendor_id": 2, "product_code": 0x0B583052}),
         "devices_swapped_places",
     ),
     "IDENTITY, revision": (
-        "IDENTITY: SubDevice 1 (el1904): a SubDevice is another one than the plan says: found "
-        f"vendor 0x00000002 product 0x07703052 revision 0x00120000, {_PLANNED}",
+        "IDENTITY",
+        (1, "another device", "...", {"revision": 0x120000}),
         "wrong_revision",
     ),
     "IDENTITY, foreign": (
-        "IDENTITY: SubDevice 1 (el1904): a SubDevice is another one than the plan says: found "
-        f"vendor 0x00000539 product 0x00000001 revision 0x00120000, {_PLANNED}",
+        "IDENTITY",
+        (1, "another device", "...", {"vendor_id": 0x539, "product_code": 1}),
         "wrong_device",
     ),
-    "MISSING": (
-        "MISSING: SubDevice 4 (drive_2): a SubDevice of the plan is missing: alias 0, position 5: "
-        "5 SubDevices answer; check cable and power behind the last SubDevice found",
-        "device_missing",
-    ),
-    "MAPPING": (
-        "MAPPING: SubDevice 3 (drive_1): a SubDevice maps other process data than the plan says: "
-        "SM2: 0x1c12:00 is 0x2, the plan says 0x3",
-        "wrong_mapping",
-    ),
-    "ADDRESS": (
-        "ADDRESS: SubDevice 3 (drive_1): a SubDevice has another FSoE address than the plan says: "
-        "it has FSoE address 250, the plan says 201",
-        "wrong_address",
-    ),
-    # Told in other words: what it is instead is not known.
+    # Nothing was read of it: what it is instead is not known.
     "IDENTITY, no numbers": (
-        "IDENTITY: SubDevice 1 (el1904): a SubDevice is another one than the plan says",
+        "IDENTITY",
+        (1, "another device", "...", {"vendor_id": 0, "product_code": 0}),
         "wrong_device",
     ),
-    "ADDRESS, no number": (
-        "ADDRESS: SubDevice 3 (drive_1): a SubDevice has another FSoE address than the plan says",
-        "wrong_address",
-    ),
+    "MISSING": ("MISSING", (4, "does not answer", "alias 0, position 5", {}), "device_missing"),
+    "MAPPING": ("MAPPING", (3, "other process data", "...", {}), "wrong_mapping"),
+    "ADDRESS": ("ADDRESS", (3, "another FSoE address", "", {"fsoe_address": 250}), "wrong_address"),
+    "ADDRESS, no number": ("ADDRESS", (3, "another FSoE address", "...", {}), "wrong_address"),
     "ADDRESS, swapped": (
-        "ADDRESS: SubDevice 3 (drive_1): a SubDevice has another FSoE address than the plan says: "
-        "it has FSoE address 202, the plan says 201",
+        "ADDRESS",
+        (3, "another FSoE address", "...", {"fsoe_address": 202}),
         "devices_swapped",
     ),
-    "SDO": (
-        "SDO: SubDevice 3 (drive_1): a SubDevice refuses a start-up SDO: 0x1c12:00: abort code "
-        "0x06090030",
-        "sdo_refused",
-    ),
-    "MAILBOX": (
-        "MAILBOX: SubDevice 3 (drive_1): a SubDevice does not answer an SDO: 0x1c12:00: no answer; "
-        "--wait 30s tries again",
-        "sdo_unanswered",
-    ),
-    "STATE": (
-        "STATE: SubDevice 4 (drive_2): a SubDevice does not reach the requested state: "
-        "SAFEOP refused: AL status 0x12, code 0x001e",
-        "state_refused",
-    ),
-    "BUSY": (
-        "BUSY: another MainDevice is talking on this interface: near: 42 frames",
-        "other_main_device",
-    ),
-    "SILENT": (
-        "SILENT: no SubDevice answers on this interface: near has a link, but no EtherCAT "
-        "SubDevice behind it answers",
-        "bus_silent",
-    ),
-    "SILENT, link": (
-        "SILENT: no SubDevice answers on this interface: near has no link: cable, power",
-        "no_link",
-    ),
+    "SDO": ("SDO", (3, "refused a start-up SDO", "...", {}), "sdo_refused"),
+    "MAILBOX": ("MAILBOX", (3, "does not answer an SDO", "...", {}), "sdo_unanswered"),
+    "STATE": ("STATE", (4, "refused a state", "...", {}), "state_refused"),
+    "BUSY": ("BUSY", None, "other_main_device"),
+    "SILENT": ("SILENT", None, "bus_silent"),
 }
 
 
-def told(text: str) -> Callable[[Path], Path]:
-    """Return a seed with the fault alone: the bus has let go of its SubDevices."""
+def alone(
+    status: str, wrong: tuple[int, str, str, dict[str, Any]] | None
+) -> Callable[[Path], Path]:
+    """Return a seed with the fault alone: the bus has let go of all other SubDevices."""
 
     def seed(tmp: Path) -> Path:
-        path = failed(tmp, f"the bus does not open: FSN_E_BUS_{text}")
+        path = failed(tmp, status, "the text of the fault", *([wrong] if wrong else []))
         head, rest = path.read_text("utf-8").split("\n", 1)
         row = json.loads(head)
         names = ("number", "name", "alias", "position", "stale_cycles")
         row["subdevices"] = [
-            {key: s[key] for key in names} | {"known": False} for s in row["subdevices"]
+            s if wrong and n == wrong[0] else {key: s[key] for key in names} | {"known": False}
+            for n, s in enumerate(row["subdevices"])
         ]
         path.write_text(json.dumps(row | {"statistics": None}) + "\n" + rest, "utf-8")
         return path
@@ -188,19 +161,23 @@ def told(text: str) -> Callable[[Path], Path]:
 
 START: dict[str, Seed] = {
     "two MainDevices at start": (
-        start("another MainDevice is talking on this interface: eth1: 42 EtherCAT frames heard"),
+        start(
+            "BUSY",
+            "another MainDevice is talking on this interface: eth1: 42 EtherCAT frames heard",
+        ),
         "other_main_device",
     ),
     "no link": (
-        start("no SubDevice answers on this interface: eth1 has no link: cable"),
+        start("SILENT", "eth1 has no link: cable", link_down=True),
         "no_link",
     ),
     "nobody answers": (
-        start("eth1 has a link, but no EtherCAT SubDevice behind it answers"),
+        start("SILENT", "eth1 has a link, but no EtherCAT SubDevice behind it answers"),
         "bus_silent",
     ),
     "device missing at start": (
         start(
+            "MISSING",
             "a SubDevice of the plan is missing: drive_2",
             (4, "does not answer", "alias 0, position 5: 5 SubDevices answer", {}),
         ),
@@ -208,6 +185,7 @@ START: dict[str, Seed] = {
     ),
     "wrong revision at start": (
         start(
+            "IDENTITY",
             "a SubDevice is another one than the plan says: el2904",
             (2, "another device", "found vendor ... revision 0x00120000", {"revision": 0x120000}),
         ),
@@ -215,6 +193,7 @@ START: dict[str, Seed] = {
     ),
     "wrong device at start": (
         start(
+            "IDENTITY",
             "a SubDevice is another one than the plan says: el1904",
             (1, "another device", _OTHER, {"vendor_id": 7, "product_code": 9}),
         ),
@@ -222,6 +201,7 @@ START: dict[str, Seed] = {
     ),
     "mapping differs at start": (
         start(
+            "MAPPING",
             "a SubDevice maps other process data than the plan says: drive_1",
             (3, "other process data", "SM2: 0x1c12:00 is 0x2, the plan says 0x3", {}),
         ),
@@ -229,6 +209,7 @@ START: dict[str, Seed] = {
     ),
     "SDO abort at start": (
         start(
+            "SDO",
             "a SubDevice refuses a start-up SDO: drive_1",
             (3, "refused a start-up SDO", "0x8010:01: abort code 0x06090030 value range", {}),
         ),
@@ -236,6 +217,7 @@ START: dict[str, Seed] = {
     ),
     "SDO without an answer at start": (
         start(
+            "MAILBOX",
             "a SubDevice does not answer an SDO: drive_1",
             (3, "does not answer an SDO", "0x1c12:00: no answer", {}),
         ),
@@ -243,6 +225,7 @@ START: dict[str, Seed] = {
     ),
     "state refused at start": (
         start(
+            "STATE",
             "a SubDevice does not reach the requested state: drive_2",
             (4, "refused a state", "SAFEOP refused: AL status 0x12", {"al_code": 0x1E}),
         ),
@@ -250,17 +233,34 @@ START: dict[str, Seed] = {
     ),
     "wrong FSoE address at start": (
         start(
+            "ADDRESS",
             "a SubDevice has another FSoE address than the plan says: drive_1",
-            (3, "another FSoE address", "it has FSoE address 250, the plan says 201", {}),
+            (
+                3,
+                "another FSoE address",
+                "it has FSoE address 250, the plan says 201",
+                {"fsoe_address": 250},
+            ),
             fsoe=({"subdevice": "drive_1", "address": 250, "connections": []},),
         ),
         "wrong_address",
     ),
     "drives swapped at start": (
         start(
+            "ADDRESS",
             "a SubDevice has another FSoE address than the plan says: drive_1",
-            (3, "another FSoE address", "it has FSoE address 202, the plan says 201", {}),
-            (4, "another FSoE address", "it has FSoE address 201, the plan says 202", {}),
+            (
+                3,
+                "another FSoE address",
+                "it has FSoE address 202, the plan says 201",
+                {"fsoe_address": 202},
+            ),
+            (
+                4,
+                "another FSoE address",
+                "it has FSoE address 201, the plan says 202",
+                {"fsoe_address": 201},
+            ),
             fsoe=(
                 {"subdevice": "drive_1", "address": 202, "connections": []},
                 {"subdevice": "drive_2", "address": 201, "connections": []},
@@ -268,4 +268,7 @@ START: dict[str, Seed] = {
         ),
         "devices_swapped",
     ),
-} | {f"told at start: {n}": (told(text), cause) for n, (text, cause) in _TOLD.items()}
+} | {
+    f"alone at start: {n}": (alone(status, wrong), cause)
+    for n, (status, wrong, cause) in _ALONE.items()
+}

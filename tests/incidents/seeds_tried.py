@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from incidents.rig import CELL, MS, Rig, Seed, edited, found, network
+from incidents.rig import CELL, FOUND, MS, Rig, Seed, edited, found, network
 from incidents.seeds_bus import EVERYBODY, all_of, watchdog
 from incidents.seeds_start import failed
 from networks import resolved, write_big_network
@@ -58,7 +58,8 @@ def away_and_back(tmp: Path, *names: str, resolution: Resolution | None = None) 
 
 def refused_address(path: Path, name: str, has: int, planned: int) -> Path:
     detail = f"it has FSoE address {has}, the plan says {planned}"
-    return found(path, name, al="PREOP", found_text="another FSoE address", detail=detail)
+    text = "another FSoE address"
+    return found(path, name, al="PREOP", found_text=text, detail=detail, fsoe_address=has)
 
 
 def swapped_while_running(tmp: Path) -> Path:
@@ -166,6 +167,7 @@ def refused(name: str, number: int, kind: str, detail: str, **more: Any) -> Call
             text = f"SubDevice {name}: {kind}: {detail}"
             event = {"event": "subdevice", "level": "warning", "text": text, "subdevice": name}
             event |= {"now_ns": head["trigger"]["now_ns"], "found": kind, "detail": detail}
+            event |= {"found_code": FOUND[kind]}
             head["events"].append(event | {"number": number})
             head["trigger"] |= {"kind": "refused", "connection": None, "subdevice": name}
             head["trigger"] |= {"text": text}
@@ -190,7 +192,7 @@ def found_at_start(*rows: tuple[str, int, int]) -> Callable[[Path], Path]:
         ]
         number, _, detail, _ = wrong[0]
         text = f"FSN_E_BUS_IDENTITY: SubDevice {number} ({rows[0][0]}): {detail}"
-        return failed(tmp, f"the bus does not open: {text}", *wrong)
+        return failed(tmp, "IDENTITY", text, *wrong)
 
     return seed
 

@@ -15,6 +15,7 @@ from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import Command, ResetCode
 from fsoe_net.observe import causes_bus, causes_fsoe_ends, causes_places
 from fsoe_net.observe.bus_documents import (
+    Found,
     Layout,
     LayoutCopy,
     PlannedConnection,
@@ -100,7 +101,7 @@ def device(name: str, position: int, **changes: Any) -> SubDeviceSnapshot:
         known=True,
         al="OP",
         al_code=0,
-        found="",
+        found=Found.RIGHT,
         detail="",
         returns=0,
         stale_cycles=0,
@@ -200,7 +201,11 @@ BOTH_DAMAGED = link(
     [
         pytest.param(
             causes_bus._gone(
-                evidence(subdevices=(device("x", 0, **GONE, detail="link behind 3 is down"),))
+                evidence(
+                    subdevices=(
+                        device("x", 0, **GONE, detail="link behind 3 is down", link_down=True),
+                    )
+                )
             ),
             [
                 (

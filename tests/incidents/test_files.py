@@ -7,13 +7,14 @@ import json
 import os
 
 import pytest
-from incidents.rig import START, Rig, edited, network, read
+from incidents.rig import FOUND, START, Rig, edited, network, read
 from incidents.seeds_start import failed
 
 from fsoe_net.document.write_html import document_html
 from fsoe_net.document.write_markdown import document_markdown
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import IncidentError
+from fsoe_net.observe.bus_documents import Found
 from fsoe_net.observe.causes import judge
 from fsoe_net.observe.incident import CycleRecord
 from fsoe_net.observe.incident_read import IncidentReader
@@ -228,7 +229,7 @@ def test_a_damaged_plan_costs_names_not_the_file(whole, tmp_path):
 @pytest.mark.shows("R24")
 def test_foreign_names_cannot_spoil_terminal_or_page(tmp_path):
     evil = "\x1b[2J<script>\ud800{sub}\n"
-    path = failed(tmp_path, evil, (3, "another device", evil, {"name": evil}))
+    path = failed(tmp_path, "IDENTITY", evil, (3, "another device", evil, {"name": evil}))
     told = tell(path)
     told.encode("utf-8")
     assert "\x1b" not in told
@@ -340,3 +341,7 @@ def test_what_fsn_master_writes_otherwise(whole, tmp_path):
     assert (e.by, e.code) == ("main", 5)  # as the frames say
     assert "left Data · ProcessData" in facts_of(e).sentence
     assert judge(e).likely.key == "device_lost"
+
+
+def test_what_is_found_has_the_numbers_and_texts_of_the_c_header():
+    assert {member.text: int(member) for member in Found} == FOUND

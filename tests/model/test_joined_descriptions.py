@@ -19,7 +19,7 @@ from fsoe_net.model.description import (
     Description,
     StartFacts,
 )
-from fsoe_net.model.joined_descriptions import fill_devices, has_layout, join_buses
+from fsoe_net.model.joined_descriptions import fill_devices, has_layout, idle_types, join_buses
 
 
 def bare(made: DescribedSubDevice, **changes) -> DescribedSubDevice:
@@ -163,6 +163,7 @@ def test_each_change_of_what_two_descriptions_know() -> None:
         ring, kinds = a, [replace(b, path="esi.xml"), replace(other, path="sii.bin")]
         try:
             text = _text(fill_devices(ring, kinds, notes))
+            notes += idle_types(ring, kinds)
         except InputError as error:
             text = str(error)
         rows.append((f"{one} of type {two}", f"{text} {notes}"))
@@ -204,7 +205,8 @@ def test_known_process_data_stay_and_unused_types_are_told():
     )
     notes: list[str] = []
     assert fill_devices(made, [types(other)], notes) == made
-    assert notes == ["esi.xml: no SubDevice is a X1; it is left out"]
+    assert notes == []
+    assert idle_types(made, [types(other)]) == ["esi.xml: no SubDevice is a X1; it is left out"]
 
 
 def test_a_description_without_any_place_is_of_device_types():

@@ -105,14 +105,14 @@ def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
 
 
 def test_nothing_open_is_no_list():
-    head, numbers = _lead(inputs_of(TIMED), (), (), 13)
+    head, numbers = _lead(inputs_of(TIMED), (), (), (), 13)
     assert head == Heading("Open points and assumptions")
     assert isinstance(numbers, Paragraph)
 
 
 def test_of_much_that_stands_against_it_some_stands_on_the_first_page():
     against = [("Tests", Verdict(f"fault {n}", Level.ERROR)) for n in range(40)]
-    rows = [said(row) for row in _lead(inputs_of(TIMED), (), against, 13)[1].rows]
+    rows = [said(row) for row in _lead(inputs_of(TIMED), (), (), against, 13)[1].rows]
     shown = len(rows) - 1
     assert rows[:2] == ["Tests:  fault 0", "Tests:  fault 1"]
     assert rows[-1] == f"and {40 - shown} more in the blocks"

@@ -247,7 +247,7 @@ def test_a_scan_of_devices_in_error_without_fsoe(tmp_path: Path):
     assert [t.name for t in tables] == ["evidence files", f"scan {path}"]
     state = tables[1].rows[0][-1]
     assert [getattr(i, "word", None) or i.text for i in state] == [  # type: ignore[union-attr]
-        "PREOP", "AL error flag", "SII: not read",
+        "PREOP", "AL error flag", "AL status code 0x0000", "SII: not read",
     ]  # fmt: skip
     path.write_text(json.dumps(document | {"scan": 7}), "utf-8")
     with pytest.raises(InputError) as refused:

@@ -413,9 +413,7 @@ def test_an_answer_is_taken(text: str) -> None:
 
 
 def test_a_report_without_the_machine_needs_a_reason() -> None:
-    text = "no evidence of the machine: give --evidence scan.json or --interface IF"
-    point = {"kind": "open", "block": "Bus evidence", "text": text}
-    grounds = grounds_of(report=signed_report(report_with(points=[point])))
+    grounds = grounds_of(report=signed_report(report_with(of_machine=False)))
     assert refused(grounds) == ["the report has no evidence of the machine"]
     reason = Reason(subject="bus evidence", reason="no access to the bus", by="B. Kaya")
     record, refusals = sign_off(replace(grounds, reasons=[reason]))

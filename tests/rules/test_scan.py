@@ -387,8 +387,8 @@ def test_a_device_with_several_addresses_has_each_of_them(robot: dict[str, Any])
 
 
 def test_an_error_state_is_named_once_with_its_code_in_words(robot: dict[str, Any]):
-    told = "AL status code 0x001b: sync manager watchdog"
-    robot["subdevices"][3] |= {"al_status": 0x14, "al_code": 0x1B, "problems": [told]}
+    state = {"al_status": 0x14, "al_code": 0x1B, "al_code_text": "sync manager watchdog"}
+    robot["subdevices"][3] |= state
     (found,) = _found(ROBOT, robot)
     assert found.code == "FSN511"
     assert "sync manager watchdog" in found.message
@@ -398,6 +398,7 @@ def test_a_mapping_read_by_half_is_not_held_against_a_device(robot: dict[str, An
     row = robot["subdevices"][2]
     del row["sms"][0]["pdos"][0]["entries"][2:]
     row["sms"][0]["bytes"] = 2
+    row["sms"][0]["complete"] = False
     row["problems"] = ["SM2: the mapping of PDO 0x1600 cannot be read"]
     assert _codes(robot) == ["FSN514"]
 

@@ -285,7 +285,7 @@ def swapped_at_start(network, _other):
     files = sorted(Path().glob("incident-*"))  # a first try may meet nobody on a busy machine
     likely = judged(files[-1]).likely if files else None
     head = json.loads(files[-1].read_text().partition("\n")[0]) if files else {"subdevices": []}
-    found = [row.get("found_text") for row in head["subdevices"]]
+    found = [row.get("found") for row in head["subdevices"]]
     return seen | {"title": likely and likely.title, "found": found}
 
 

@@ -168,7 +168,12 @@ def program(folder, text):
 @pytest.mark.parametrize(
     ("text", "error", "message"),
     [
-        ("import sys; print('T error no bus', file=sys.stderr); sys.exit(1)", InputError, "no bus"),
+        (
+            """import sys; print('{"event":"state","level":"error","text":"no bus"}',
+                                 file=sys.stderr); sys.exit(1)""",
+            InputError,
+            "no bus",
+        ),
         ("import sys; sys.exit('fsn-master: --x: unknown')", InputError, "--x: unknown"),
         (
             "import sys; print('fsn-master: --x: what', file=sys.stderr); sys.exit(2)",
@@ -176,9 +181,10 @@ def program(folder, text):
             "does not take its options: --x: what",
         ),
         (
-            "import sys; print('T error it takes: setcap x', file=sys.stderr); sys.exit(3)",
+            """import sys; print('{"event":"log","level":"error","text":"it takes: setcap x"}',
+                                 file=sys.stderr); sys.exit(3)""",
             EnvironmentFault,
-            "setcap x .here: .*fsn-master",
+            "it takes: setcap x",
         ),
         ("import os; os.kill(os.getpid(), 11)", EnvironmentFault, "killed by SIGSEGV"),
         ("", EnvironmentFault, "ended by somebody else"),

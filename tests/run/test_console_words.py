@@ -209,10 +209,12 @@ def test_the_state_names_who_is_not_in_op(master, rig, monkeypatch):
 
     def lacking(name, position):
         al = "OP" if name == "drive_1" else "PREOP"
-        return device(name, position) | {"al": al, "found_text": "the planned one", "detail": "why"}
+        return device(name, position) | {"al": al, "found": 2, "detail": "why"}
 
     monkeypatch.setattr(master, "_device", lacking)
-    assert rig.do("state")[1:] == ["drive_2  PREOP  alias 0 position 1  the planned one; why"]
+    assert rig.do("state")[1:] == [
+        "drive_2  PREOP  alias 0 position 1  the SubDevice of the plan; why"
+    ]
 
 
 def test_an_output_that_a_copy_writes(master, rig):

@@ -15,6 +15,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.run import live_bus
 from fsoe_net.run.client import Client
 from fsoe_net.run.live_bus import BusOptions, run_on_bus
+from fsoe_net.run.master import MasterLog
 from fsoe_net.run.result import Run, RunUpdate
 from fsoe_net.testing.fake_master import FakeMaster
 
@@ -48,6 +49,8 @@ class Process:
 
     def ended(self, _wait_s: float) -> bool:
         return self.has_ended
+
+    log = MasterLog(subdevices=("ek1914",))
 
     def explain(self) -> None:
         raise InputError("SubDevice 0 (ek1914) is missing")

@@ -185,6 +185,7 @@ def test_what_the_format_cannot_say_is_left_out_and_said(sms: list, why: str):
 
 def test_a_sync_manager_read_by_half_is_left_out():
     row = subdevice(0, vendor_id=1, product_code=2, sms=[sm(2, "outputs", pdo(0x1600, 8))])
+    row["sms"][0]["complete"] = False
     row["problems"] = ["SM2: the mapping of PDO 0x1600 cannot be read"]
     files = scan_files(taken({"scan": 1, "interface": "eth1", "subdevices": [row]}))
     assert "SM2 was not read completely" in files.left_out[0]
@@ -261,6 +262,7 @@ pos  name     vendor      product     revision    state               out/in    
 3             0x00000000  0x00000000  0x00000001  PREOP error 0x001e  -          -     xx
 4             -           0x00000000  0x00000001  PREOP               SM2 1 / 0  -     xx
 
+3: problem: AL status code 0x001e
 4: problem: SII: not read
 eth1: 5 SubDevices, brought to PREOP
 """

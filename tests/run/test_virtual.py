@@ -72,7 +72,9 @@ def test_keys_of_the_document():
         "wrong_to_main",
         "wrong_to_sub",
     ]
-    assert sorted(found["events"][0]) == ["code", "source", "text", "time_ms"]
+    assert sorted(found["events"][0]) == [
+        "code", "end", "in_data", "kind", "source", "state", "text", "time_ms",
+    ]  # fmt: skip
     assert sorted(found["expectations"][0]) == ["held", "place", "seen", "text"]
     for key in ("cycles", "overruns", "wkc_errors", "latency", "copy"):
         assert key in found["statistics"]

@@ -37,7 +37,7 @@ from fsoe_net.run.packet_socket import PacketSocket
 from fsoe_net.run.protocol import (
     compare_protocol,
 )
-from fsoe_net.run.result import RunEvent
+from fsoe_net.run.result import RunEvent, RunEventKind
 from fsoe_net.run.scan_files import scan_files
 from fsoe_net.testing.fake_master import FakeMaster
 
@@ -69,18 +69,20 @@ def test_what_is_told_of_each_event_of_a_bus():
         2,
     ):
         events.take({**event, "now_ns": n * 1_000_000})
+    wire = {"kind": RunEventKind.STATE, "end": "wire", "in_data": True}
+    reset_by = {"kind": RunEventKind.RESET, "code": 5}
     assert events.events == [
-        RunEvent(time_ms=t, source=source, text=text, code=code)
-        for t, source, text, code in (
-            (1, "io", "OP -> SAFEOP, AL status code 0x001b: no frames", None),
-            (2, "io", "ports: up, open, up", None),
-            (4, "fsn-master", "3 events were lost", None),
-            (5, "bus", "incomplete", None),
-            (6, "fsn-master", "", None),
-            (7, "c1", "wire: Data · ProcessData", None),
-            (8, "c1", "wire: Data · FailSafeData", None),
-            (9, "c1", "SubInstance resets: watchdog expired", 5),
-            (11, "c2", "one end resets: watchdog expired", 5),
+        RunEvent(time_ms=t, source=source, text=text, **facts)
+        for t, source, text, facts in (
+            (1, "io", "OP -> SAFEOP, AL status code 0x001b: no frames", {}),
+            (2, "io", "ports: up, open, up", {"kind": RunEventKind.LINKS}),
+            (4, "fsn-master", "3 events were lost", {}),
+            (5, "bus", "incomplete", {"kind": RunEventKind.WORKING_COUNTER}),
+            (6, "fsn-master", "", {}),
+            (7, "c1", "wire: Data · ProcessData", wire | {"state": "Data · ProcessData"}),
+            (8, "c1", "wire: Data · FailSafeData", wire | {"state": "Data · FailSafeData"}),
+            (9, "c1", "SubInstance resets: watchdog expired", reset_by | {"end": "sub"}),
+            (11, "c2", "one end resets: watchdog expired", reset_by | {"end": "x"}),
         )
     ]
     assert events.to_data_ns == {"c1": 7_000_000}
@@ -397,9 +399,11 @@ VERSIONS = "install fsoe-net and fsn-master of one version"
         ("echo", "PROGRAM gave a scan that cannot be read (no scan document, not valid JSON: "
          f"Expecting value); {VERSIONS}"),
         ("exit 9", "PROGRAM ended with 9 and did not say why"),
-        ("echo 12:00 error the bus does not open: setcap it >&2; exit 3",
-         "setcap it (here: PROGRAM)"),
-        ("echo 12:00 error gone >&2; echo 12:01 info on >&2; exit 3", "gone"),
+        ("""echo '{"event":"log","level":"error","text":"gone"}' >&2
+            echo '{"event":"log","level":"info","text":"on"}' >&2; exit 3""", "gone"),
+        ("""echo '{"event":"log","level":"error","text":"\\u001b[2J"}' >&2; exit 3""",
+         "\N{REPLACEMENT CHARACTER}[2J"),
+        ("echo cannot open shared object file >&2; exit 3", "cannot open shared object file"),
         ("exit 1", "fsn-master refused the bus and did not say why"),
         ("exit 2", f"PROGRAM does not take its options: no reason given; {VERSIONS}"),
     ],

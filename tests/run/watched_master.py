@@ -36,7 +36,8 @@ def direction(**more):
 def subdevice(name, **more):
     return {
         "name": name, "alias": 0, "position": 0, "known": True, "al": "OP", "al_code": 0,
-        "found_text": "", "detail": "", "vendor_id": 1, "product_code": 2, "revision": 3,
+        "found": 2, "detail": "", "vendor_id": 1, "product_code": 2, "revision": 3,
+        "fsoe_address": 0, "link_down": False,
         "returns": 0, "stale_cycles": 2, "link": [1, 0], "link_lost": [0, 0], "rx_errors": [0, 0],
     } | more  # fmt: skip
 

@@ -116,7 +116,7 @@ def test_a_run_comes_up_and_the_e_stop_is_pressed(browser: Browser, page: Page) 
     wire = [t for t in page.texts(CONNECTION) if t.startswith("wire: ")]
     states = ("Session", "Connection", "Parameter", "Data · FailSafeData")
     assert [t for t in wire if t[6:] in states] == [f"wire: {s}" for s in states]
-    assert {e["kind"] for e in page.events} == {"", "main", "sub", "wire", "reset"}
+    assert {e["end"] for e in page.events} == {"", "main", "sub", "wire"}
     order(browser, *(f"set {name} 0" for name in INPUTS))
     page.until(lambda p: p["notes"] == ["outputs of el1918: off"])
     assert page.texts("command") == [f"set {name} = 0" for name in INPUTS]
@@ -161,7 +161,7 @@ def test_frames_are_held_on_both_sides_of_the_watchdog(browser: Browser, page: P
     later = [e for e in page.events if e["time_ms"] > begin["time_ms"]]
     first = next(e for e in later if e["kind"] == "reset")
     assert 50 < first["time_ms"] - begin["time_ms"] <= 110
-    wire = [e for e in later if e["kind"] == "wire"]
+    wire = [e for e in later if e["end"] == "wire"]
     assert wire[0]["time_ms"] >= begin["time_ms"] + 150  # nothing was on the wire meanwhile
     for ms in (None, 0, 10_001, 1.5, True, "50"):
         status, answer = browser.post("live/hold", {"ms": ms})

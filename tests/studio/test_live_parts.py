@@ -20,7 +20,7 @@ from studio.browser import needed
 from fsoe_net.errors import CoreError, EnvironmentFault, InputError
 from fsoe_net.plan.model import PlanSymbol
 from fsoe_net.project.simulate import simulate
-from fsoe_net.run.result import RunEvent
+from fsoe_net.run.result import RunEvent, state_fields
 
 needed("starlette", "studio")
 
@@ -62,17 +62,13 @@ def test_the_scope_keeps_ten_seconds_and_begins_again_with_another_run() -> None
     assert ring.since(1, 0)[0]["rows"] == [(5.0, 0)]
 
 
-def test_states_and_resets_are_known_by_their_words() -> None:
-    for text, code, kind in (
-        ("wire: Data · ProcessData", None, "wire"),
-        ("MainInstance: Session", None, "main"),
-        ("SubInstance: Data", None, "sub"),
-        ("SubInstance resets: watchdog expired", 8, "reset"),
-        ("MainInstance was reset by its peer: watchdog expired", 8, ""),
-        ("outputs on", None, ""),
-    ):
-        row = event_row(RunEvent(time_ms=0.0, source="a", text=text, code=code))
-        assert row["kind"] == kind, text
+def test_an_event_without_facts_is_no_state_whatever_its_text() -> None:
+    for text in ("wire: Data · ProcessData", "SubInstance resets: watchdog expired", "outputs on"):
+        row = event_row(RunEvent(time_ms=0.0, source="a", text=text, code=8))
+        assert (row["kind"], row["end"], row["state"]) == ("other", "", "")
+    facts = state_fields("main", "Session", in_data=False)
+    row = event_row(RunEvent(time_ms=0.0, source="a", text="anything", **facts))
+    assert (row["kind"], row["end"], row["state"]) == ("state", "main", "Session")
 
 
 def symbol(kind: int, bits: int, bit: int = 0, **more: object) -> PlanSymbol:

@@ -160,6 +160,7 @@ def _subdevice(node: MapNode, out: Collector) -> ScannedSubDevice:
         al_status=own_int(node, "al_status", _U16, out),
         al=_text(node, "al"),
         al_code=own_int(node, "al_code", _U16, out),
+        al_code_text=_text(node, "al_code_text"),
         mailbox=tuple(map(printable, node.texts("mailbox") or ())),
         dc=_truth(node, "dc"),
         ports=tuple(_port(p, out) for p in node.maps("ports")),
@@ -190,6 +191,7 @@ def _sm(node: MapNode, out: Collector) -> ScannedSm:
         start_byte=own_int(node, "start", _U16, out),
         size_bytes=own_int(node, "bytes", _U16, out),
         source=_text(node, "source"),
+        complete=_truth(node, "complete") is not False,
         pdos=_list(node, "pdos", tuple(_pdo(p, out) for p in node.maps("pdos"))),
     )
 

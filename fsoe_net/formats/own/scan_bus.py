@@ -36,8 +36,8 @@ def describe_scan(scan: Scan, path: str) -> Description:
 
 
 def _subdevice(sub: ScannedSubDevice, path: str) -> DescribedSubDevice:
-    half = [s for s in sub.process_data if not _is_whole(sub, s)]
-    notes = (*sub.problems, *(f"SM{s.index} was not read completely" for s in half))
+    half = [s for s in sub.process_data if not _is_whole(s)]
+    notes = (*sub.remarks, *(f"SM{s.index} was not read completely" for s in half))
     managers = sub.sms or () if not half else ()
     return DescribedSubDevice(
         span=sub.span,
@@ -59,9 +59,9 @@ def _subdevice(sub: ScannedSubDevice, path: str) -> DescribedSubDevice:
     )
 
 
-def _is_whole(sub: ScannedSubDevice, sm: ScannedSm) -> bool:
+def _is_whole(sm: ScannedSm) -> bool:
     known = all(p.entries is not None for p in sm.pdos or ())
-    return bool(sm.pdos) and known and not sub.half_read(sm)
+    return bool(sm.pdos) and known and sm.complete
 
 
 def _manager(sm: ScannedSm) -> SyncManager:

@@ -67,8 +67,7 @@ def _check_structure(root: MapNode, out: Collector) -> None:
     check_structure(root, "scenario", found)
     for item in found.diagnostics:
         if item.code == "FSN109":
-            what = item.message.partition(";")[0]
-            message = f"{what}; nothing would come of it"
+            message = f"{item.message}; nothing would come of it"
             item = replace(item, severity=Severity.ERROR, message=message)
         out.diagnostics.append(item)
 

@@ -151,7 +151,7 @@ def _device(row: SubDeviceSnapshot) -> tuple[str, ...]:
     place = f"alias {row.alias} position {row.position}"
     al = row.al if row.known else "state unknown"
     code = f"AL status code {row.al_code:#06x}" if row.al_code else ""
-    found = "" if row.in_op else row.found  # in OP it is the one of the plan
+    found = "" if row.in_op else row.found_text  # in OP it is the one of the plan
     detail = "; ".join(part for part in (found, row.detail) if part)
     return row.name, al, place, code, detail
 

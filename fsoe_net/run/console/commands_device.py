@@ -103,7 +103,7 @@ def _scan_lines(found: ScanReply) -> list[str]:
                 str(row.get("al") or "?"),
                 f"alias {row.get('alias', '?')}",
                 identity,
-                "; ".join(str(p) for p in row.get("problems", ())),
+                "; ".join(str(p) for p in (row.get("al_code_text"), *row.get("problems", ())) if p),
             )
         )
     lines = table(rows, "POSITION", "NAME", "STATE", "ALIAS", "VENDOR     PRODUCT", "PROBLEMS")

@@ -98,7 +98,7 @@ export class Past {
 
   /** @param {LiveEvent} event */
   note(event) {
-    if (!event.kind) return;
+    if (event.end === "") return;
     let strip = this.strips.get(event.source);
     if (!strip) {
       strip = { wire: [], ends: [], marks: [], main: "", sub: "" };
@@ -110,13 +110,12 @@ export class Past {
     if (event.kind === "reset") {
       strip.marks.push(event);
       if (strip.wire.length) strip.wire.push([event.time_ms, "Reset"]);
-      strip[event.text.startsWith("Sub") ? "sub" : "main"] = "Reset";
+      strip[event.end === "sub" ? "sub" : "main"] = "Reset";
       strip.ends.push([event.time_ms, "Reset"]);
       return;
     }
-    const state = event.text.slice(event.text.indexOf(": ") + 2);
-    if (event.kind === "wire") return void strip.wire.push([event.time_ms, state]);
-    strip[event.kind] = state;
+    if (event.end === "wire") return void strip.wire.push([event.time_ms, event.state]);
+    strip[event.end] = event.state;
     const behind = LEVELS.indexOf(strip.main) < LEVELS.indexOf(strip.sub) ? strip.main : strip.sub;
     strip.ends.push([event.time_ms, behind || "Silent"]);
   }

@@ -344,8 +344,11 @@ export interface LiveEvent {
   time_ms: number;
   source: string;
   text: string;
-  /** A Reset; or a state of the MainInstance, the SubInstance, of the wire. */
-  kind: "reset" | "main" | "sub" | "wire" | "";
+  kind: "state" | "reset" | "wkc" | "links" | "other";
+  /** Of a state or a Reset. */
+  end: "main" | "sub" | "wire" | "";
+  /** The new state, for people. */
+  state: string;
 }
 
 export interface LiveView {

@@ -101,6 +101,8 @@ struct fsn_bus_subdevice {
     uint8_t link[FSN_PORTS]; /**< per port: 1 = something is plugged in and communicates */
     uint8_t link_lost[FSN_PORTS];  /**< lost links, 0x0310 */
     uint8_t rx_errors[FSN_PORTS];  /**< broken frames, 0x0300 */
+    uint16_t fsoe_address;         /**< as read from it, where it is another one; 0: not known */
+    bool link_down;                /**< nothing answers, and the link in front of it is down */
     char detail[FSN_DETAIL_BYTES]; /**< what differs, for people; may be empty */
 };
 

@@ -2,6 +2,7 @@
 #ifndef FSN_STATUS_H
 #define FSN_STATUS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -75,6 +76,7 @@ struct fsn_fault {
     uint32_t copy_index; /**< number of the record in its section: in section 8, of the copy */
     uint32_t byte;    /**< offset in the plan file, bytes; 0 when the bus, not the file, is wrong */
     int sys_errno;    /**< errno of the failed system call, else 0 */
+    bool link_down;   /**< FSN_E_BUS_SILENT: an interface of the bus has no link */
     const char *rule; /**< the rule that is broken, in words; static, never NULL after a refusal */
     char detail[FSN_DETAIL_BYTES]; /**< what was found instead; often empty */
 };

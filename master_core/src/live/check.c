@@ -161,10 +161,11 @@ static fsn_status read_given_address(const struct fsn_plan *plan,
 }
 
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
-                             const struct fsn_objects *objects, bool *readable,
+                             const struct fsn_objects *objects, bool *readable, uint16_t *found,
                              char detail[FSN_DETAIL_BYTES]) {
     struct fsn_connection_info c;
     *readable = false;
+    *found = 0;
     for (uint32_t i = 0; objects != NULL && fsn_plan_connection(plan, i, &c) == FSN_OK; i++) {
         uint16_t address = 0;
         if (c.sub_subdevice != subdevice || (c.known & KNOWN_ADDRESS) == 0) {
@@ -181,6 +182,7 @@ fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
         if (status == FSN_OK && address != c.address) {
             snprintf(detail, FSN_DETAIL_BYTES, "it has FSoE address %u, the plan says %u", address,
                      c.address);
+            *found = address;
             return FSN_E_BUS_ADDRESS;
         }
     }

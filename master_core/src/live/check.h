@@ -42,12 +42,13 @@ fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevic
  *  @param[in]  subdevice  its number in the plan.
  *  @param[in]  objects    NULL: it has no CoE.
  *  @param[out] readable   whether it could be read.
+ *  @param[out] found      another address than the plan says; 0 without one.
  *  @param[out] detail   what differs, or which object was not answered.
  *  @retval FSN_E_BUS_ADDRESS  another one.
  *  @retval FSN_E_BUS_MAILBOX, FSN_E_BUS_MISSING  no answer: it is not known.   Context: may block.
  */
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
-                             const struct fsn_objects *objects, bool *readable,
+                             const struct fsn_objects *objects, bool *readable, uint16_t *found,
                              char detail[FSN_DETAIL_BYTES]);
 
 #endif

@@ -51,7 +51,17 @@ void fsn_node_note(struct fsn_nodes *nodes, struct fsn_node *node, uint8_t found
     va_end(arguments);
     pthread_mutex_lock(&nodes->lock);
     node->seen.found = found;
+    node->seen.fsoe_address = 0;
+    node->seen.link_down = false;
     memcpy(node->seen.detail, text, sizeof text);
+    pthread_mutex_unlock(&nodes->lock);
+}
+
+void fsn_node_note_facts(struct fsn_nodes *nodes, struct fsn_node *node, uint16_t fsoe_address,
+                         bool link_down) {
+    pthread_mutex_lock(&nodes->lock);
+    node->seen.fsoe_address = fsoe_address;
+    node->seen.link_down = link_down;
     pthread_mutex_unlock(&nodes->lock);
 }
 

@@ -45,6 +45,10 @@ __attribute__((format(printf, 4, 5))) void fsn_node_note(struct fsn_nodes *nodes
                                                          struct fsn_node *node, uint8_t found,
                                                          const char *format, ...);
 
+/** Adds to the last note of a node what it means in numbers, see fsn_bus_subdevice. */
+void fsn_node_note_facts(struct fsn_nodes *nodes, struct fsn_node *node, uint16_t fsoe_address,
+                         bool link_down);
+
 /** What is found of a SubDevice whose check ended so: enum fsn_found. */
 uint8_t fsn_found_of(fsn_status status);
 

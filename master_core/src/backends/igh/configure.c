@@ -39,10 +39,12 @@ static fsn_status write_sdos(struct fsn_igh *bus, struct igh_node *node) {
 fsn_status igh_check_address(struct fsn_igh *bus, struct igh_node *node, bool *readable) {
     const struct fsn_objects objects = igh_objects(bus, node);
     char detail[FSN_DETAIL_BYTES];
-    const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
-                                                node->coe ? &objects : NULL, readable, detail);
+    uint16_t found;
+    const fsn_status status = fsn_check_address(
+        bus->all.plan, node->known.number, node->coe ? &objects : NULL, readable, &found, detail);
     if (status != FSN_OK) {
         igh_note(bus, node, fsn_found_of(status), "%s", detail);
+        fsn_node_note_facts(&bus->all, &node->known, found, false);
     }
     return status;
 }

@@ -90,6 +90,7 @@ static fsn_status wait_for_scan(struct fsn_igh *bus, ec_master_info_t *master,
 static fsn_status nobody(const struct fsn_igh *bus, bool link_up, struct fsn_fault *fault) {
     fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
     if (fault != NULL) {
+        fault->link_down = !link_up;
         snprintf(fault->detail, sizeof fault->detail, "master %u %s", bus->index,
                  link_up ? "has a link, but no EtherCAT SubDevice behind it answers"
                          : "has no link: cable, power of the SubDevices, `ip link set ... up`");

@@ -65,6 +65,7 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
         soem_note(bus, node, FSN_FOUND_NOTHING,
                   "the link behind %.40s (ring position %u, port %u) is down", name, before - 1u,
                   port);
+        fsn_node_note_facts(&bus->all, &node->known, 0, true);
     } else {
         soem_note(bus, node, FSN_FOUND_NOTHING,
                   "the last one before it that answers is %.40s, whose links are up", name);

@@ -32,10 +32,12 @@ static fsn_status check_address(struct fsn_soem *bus, struct node *node) {
     const bool coe = soem_has_coe(bus, node->slave);
     char detail[FSN_DETAIL_BYTES];
     bool readable;
+    uint16_t found;
     const fsn_status status = fsn_check_address(bus->all.plan, node->known.number,
-                                                coe ? &objects : NULL, &readable, detail);
+                                                coe ? &objects : NULL, &readable, &found, detail);
     if (status != FSN_OK) {
         soem_note(bus, node, fsn_found_of(status), "%s", detail);
+        fsn_node_note_facts(&bus->all, &node->known, found, false);
     }
     return status;
 }

@@ -80,6 +80,9 @@ static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
     char linked[SOEM_LINKS_BYTES];
     const bool any = soem_links(bus, linked);
     fsn_refuse_all(fault, FSN_E_BUS_SILENT, NULL);
+    if (fault != NULL) {
+        fault->link_down = !any;
+    }
     if (fault != NULL && error != 0 && fsn_port_has_link(bus->interface)) {
         snprintf(fault->detail, sizeof fault->detail, "frames cannot be sent on %s: %s",
                  bus->interface, strerror(error));

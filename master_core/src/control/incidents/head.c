@@ -36,7 +36,20 @@ static void put_or_null(struct fsn_json *json, const char *key, const char *text
     fsn_json_put_text_or_null(json, key, text[0] != 0 ? text : NULL);
 }
 
-static void put_trigger(struct fsn_json *json, const struct fsn_pending *p) {
+static void put_fault(struct fsn_json *json, const struct fsn_plan *plan,
+                      const struct fsn_fault *fault) {
+    struct fsn_subdevice_info info;
+    const bool named = fault->section == FSN_SEC_SUBDEVICE &&
+                       fsn_plan_subdevice(plan, fault->copy_index, &info) == FSN_OK;
+    fsn_json_put_open(json, "fault", '{');
+    fsn_json_put_text(json, "status", fsn_status_name(fault->status));
+    fsn_json_put_text_or_null(json, "subdevice", named ? info.name : NULL);
+    fsn_json_put_bool(json, "link_down", fault->link_down);
+    fsn_json_close(json, '}');
+}
+
+static void put_trigger(struct fsn_json *json, const struct fsn_plan *plan,
+                        const struct fsn_pending *p) {
     fsn_json_put_open(json, "trigger", '{');
     fsn_json_put_text(json, "kind", p->kind);
     put_or_null(json, "connection", p->connection);
@@ -49,6 +62,9 @@ static void put_trigger(struct fsn_json *json, const struct fsn_pending *p) {
     fsn_json_put_u64(json, "cycle", p->cycle);
     fsn_json_put_u64(json, "now_ns", p->now_ns);
     fsn_json_put_text(json, "text", p->text);
+    if (p->has_fault) {
+        put_fault(json, plan, &p->fault);
+    }
     fsn_json_close(json, '}');
 }
 
@@ -77,7 +93,7 @@ void fsn_incident_head(struct fsn_incidents *in, struct fsn_json *json) {
     fsn_json_put_text(json, "plan_file", status.plan_file);
     fsn_json_put_text(json, "plan_sha256", view->sha256);
     fsn_json_put_u64(json, "cycle_ns", status.cycle_ns);
-    put_trigger(json, &in->pending);
+    put_trigger(json, view->plan, &in->pending);
     fsn_report_last_cycle(view, json);
     fsn_report_ring(view, json);
     fsn_report_clocks(view, json);

@@ -226,6 +226,8 @@ bool fsn_incident_begin(struct fsn_incidents *in, const struct fsn_trigger *t) {
     copy_text(p->reset_by, sizeof p->reset_by, t->reset_by);
     copy_text(p->reset_text, sizeof p->reset_text, t->reset_text);
     copy_text(p->text, sizeof p->text, t->text);
+    p->has_fault = t->fault != NULL;
+    p->fault = t->fault != NULL ? *t->fault : p->fault;
     if (in->view->core != NULL) {
         p->cycle = fsn_core_last_cycle(in->view->core);
     }

@@ -34,7 +34,8 @@ struct fsn_trigger {
     const char *connection, *subdevice, *before, *after, *reset_by, *reset_text;
     uint8_t reset_code;
     uint64_t now_ns;
-    const char *text; /**< for people */
+    const char *text;              /**< for people */
+    const struct fsn_fault *fault; /**< of bus_failed */
 };
 
 /** Begins an incident. Does nothing without incidents (NULL), while another one is kept, and,

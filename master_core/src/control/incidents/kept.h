@@ -13,6 +13,8 @@ struct fsn_pending {
     char kind[16], connection[128], subdevice[128], before[24], after[24], reset_by[8],
         reset_text[80], text[600];
     uint8_t reset_code;
+    bool has_fault;
+    struct fsn_fault fault;
     uint64_t now_ns, cycle, until_ns;
     uint64_t late_ns; /**< when the time was over and the last cycle was not; 0: not yet */
 };

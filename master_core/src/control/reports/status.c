@@ -263,6 +263,8 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
         fsn_json_put_u64(json, "vendor_id", seen.vendor_id);
         fsn_json_put_u64(json, "product_code", seen.product_code);
         fsn_json_put_u64(json, "revision", seen.revision);
+        fsn_json_put_u64(json, "fsoe_address", seen.fsoe_address);
+        fsn_json_put_bool(json, "link_down", seen.link_down);
         fsn_json_put_u64(json, "returns", seen.returns);
         fsn_json_put_bytes(json, "link", seen.link, FSN_PORTS);
         fsn_json_put_bytes(json, "link_lost", seen.link_lost, FSN_PORTS);

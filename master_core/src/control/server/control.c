@@ -105,13 +105,14 @@ void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_byte
 }
 
 void fsn_control_bus_failed(struct fsn_control *control, const char *text,
-                            const struct fsn_bus_subdevice *seen) {
+                            const struct fsn_fault *fault, const struct fsn_bus_subdevice *seen) {
     struct fsn_bus_view *view = &control->services.view;
     if (seen != NULL) {
         memcpy(view->subdevice, seen, fsn_plan_subdevice_count(view->plan) * sizeof *seen);
         view->subdevices_known = true;
     }
-    const struct fsn_trigger trigger = {.kind = "bus_failed", .now_ns = fsn_now_ns(), .text = text};
+    const struct fsn_trigger trigger = {
+        .kind = "bus_failed", .now_ns = fsn_now_ns(), .text = text, .fault = fault};
     (void)fsn_incident_begin(control->services.incidents, &trigger);
 }
 

@@ -70,9 +70,11 @@ fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *f
 void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_bytes);
 
 /** The bus did not open: that is an incident as well.
+ *  @param[in] text   for people.
+ *  @param[in] fault  the same in numbers.
  *  @param[in] seen  what was found of each SubDevice of the plan; NULL: nothing. */
 void fsn_control_bus_failed(struct fsn_control *control, const char *text,
-                            const struct fsn_bus_subdevice *seen);
+                            const struct fsn_fault *fault, const struct fsn_bus_subdevice *seen);
 
 /** There is a core now (NULL: none any more). Until the next call with NULL it is polled. */
 void fsn_control_attach(struct fsn_control *control, struct fsn_core *core);

@@ -32,6 +32,7 @@ struct fsn_surveyed {
     /** Objects with its FSoE connections, should its process data hold FSoE frames. */
     uint16_t fsoe_objects[FSN_SURVEY_CONNECTIONS];
     uint32_t fsoe_object_count;
+    uint32_t half_read; /**< sync managers, bit by bit, of which a part could not be read */
     uint32_t problems;
     char problem[FSN_SURVEY_PROBLEMS][FSN_SURVEY_TEXT];
 };

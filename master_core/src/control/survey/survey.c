@@ -145,8 +145,7 @@ static void put_state(struct fsn_surveyed *of, struct fsn_json *json) {
     fsn_json_put_text(json, "al", fsn_al_text(m->al_status, room));
     fsn_json_put_u64(json, "al_code", m->al_code);
     if ((m->al_status & FSN_AL_ERROR) != 0) {
-        fsn_survey_problem(of, "AL status code 0x%04x: %s", m->al_code,
-                           fsn_al_code_text(m->al_code));
+        fsn_json_put_text(json, "al_code_text", fsn_al_code_text(m->al_code));
     }
     if ((m->al_status & STATE_BITS) == FSN_AL_INIT && m->mailbox != 0) {
         fsn_survey_problem(of, "it stays in INIT, where its mailbox is closed");

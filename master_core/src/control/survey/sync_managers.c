@@ -130,6 +130,7 @@ static uint32_t put_object_pdos(struct fsn_surveyed *of, struct fsn_json *json, 
     for (uint32_t i = 0; i < count; i++) {
         struct pdo pdo = {.index = assigned[i]};
         if (!read_pdo(of, &pdo)) {
+            of->half_read |= 1u << sm->number;
             fsn_survey_problem(of, "SM%u: the mapping of PDO 0x%04x cannot be read", sm->number,
                                pdo.index);
         }
@@ -184,6 +185,7 @@ static bool read_assignment(struct fsn_surveyed *of, const struct sm *sm,
     for (uint32_t i = 0; i < pdos && i < FSN_SURVEY_PDOS; i++) {
         uint32_t pdo;
         if (!fsn_survey_number(of, object, (uint8_t)(i + 1), &pdo)) {
+            of->half_read |= 1u << sm->number;
             fsn_survey_problem(of, "SM%u: 0x%04x:%02x cannot be read", sm->number, object, i + 1);
             break;
         }
@@ -208,6 +210,7 @@ static void put_process_data(struct fsn_surveyed *of, struct fsn_json *json, con
         fsn_json_put_u64(json, "start", sm->start);
     }
     fsn_json_put_u64(json, "bytes", (bits + 7) / 8);
+    fsn_json_put_bool(json, "complete", (of->half_read >> sm->number & 1) == 0);
 }
 
 /** Without SII and objects only the bus knows which there are. */
