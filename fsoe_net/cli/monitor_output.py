@@ -25,10 +25,10 @@ from fsoe_net.document.model import (
     cell,
     words,
 )
+from fsoe_net.live.control_values import Status
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.report.cycle_times import times_table, timing_bars
 from fsoe_net.run.attachment import BusView, WatchedConnection
-from fsoe_net.run.control_values import Status
 from fsoe_net.run.live_capture import LiveCapture
 from fsoe_net.timing.formulas import RESERVE
 

@@ -19,9 +19,9 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.model.scan import Scan
 
 if TYPE_CHECKING:
+    from fsoe_net.live.control_values import Status
     from fsoe_net.observe.bus_documents import BusSnapshot
     from fsoe_net.observe.incident import IncidentHead
-    from fsoe_net.run.control_values import Status
 
 __all__ = [
     "Evidence",

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.live.control_values import Value, Values
 from fsoe_net.ros2.control import NodeControl, settable
 from fsoe_net.ros2.diagnostics import Health, HealthStatus
 from fsoe_net.ros2.messages import (
@@ -30,7 +31,6 @@ from fsoe_net.ros2.recording import McapFile
 from fsoe_net.ros2.values import Joint, SignalTopic, find_joints, signal_topics
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_values import Value, Values
 
 __all__ = ["Bridge", "BridgeOptions"]
 

@@ -14,10 +14,10 @@ from typing import Any
 
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.live.control_values import BusState, Symbol, Value
 from fsoe_net.ros2.diagnostics import HealthLevel, HealthStatus
 from fsoe_net.ros2.values import Joint, SignalKind, SignalTopic
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_values import BusState, Symbol, Value
 
 __all__ = ["LEASE_MS", "NodeControl", "settable"]
 

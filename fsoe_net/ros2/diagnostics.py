@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from fsoe_net.core.snapshot import Histogram, Statistics
+from fsoe_net.live.control_values import BusState, Status
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.run.attachment import BusView, WatchedConnection
-from fsoe_net.run.control_values import BusState, Status
 from fsoe_net.run.result import is_data, state_text
 
 __all__ = ["HOLD_S", "Health", "HealthLevel", "HealthStatus"]

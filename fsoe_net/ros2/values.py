@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from fsoe_net.live.control_values import Symbol, Value
 from fsoe_net.model.drives import AXIS_STEP, MOST_AXES
 from fsoe_net.model.names import Names
 from fsoe_net.ros2.names import legal_token
-from fsoe_net.run.control_values import Symbol, Value
 
 __all__ = ["Joint", "SignalKind", "SignalTopic", "find_joints", "signal_topics"]
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.fsoe.pdu import reset_code_text
+from fsoe_net.live.control_values import BusState, Status
 from fsoe_net.observe.bus_documents import BusSnapshot, PlannedConnection, SubDeviceSnapshot
 from fsoe_net.run.bus_events import ENDS, BusEvents, connection_result
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_values import BusState, Status
 from fsoe_net.run.result import ConnectionResult, RunEvent, is_data
 
 __all__ = ["Attachment", "BusView", "WatchedConnection"]

@@ -9,18 +9,7 @@ from typing import TypeVar
 
 from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.observe.bus_documents import (
-    BusSnapshot,
-    Layout,
-    SubDeviceSnapshot,
-    read_connections,
-    read_layout,
-    read_snapshot,
-    read_subdevice,
-)
-from fsoe_net.observe.json_object import JsonObject, ReplyObject
-from fsoe_net.run.control_link import PROTOCOL, ControlLink
-from fsoe_net.run.control_values import (
+from fsoe_net.live.control_values import (
     BusState,
     HistoryMessage,
     ScanReply,
@@ -39,6 +28,17 @@ from fsoe_net.run.control_values import (
     read_values,
     read_watched,
 )
+from fsoe_net.observe.bus_documents import (
+    BusSnapshot,
+    Layout,
+    SubDeviceSnapshot,
+    read_connections,
+    read_layout,
+    read_snapshot,
+    read_subdevice,
+)
+from fsoe_net.observe.json_object import JsonObject, ReplyObject
+from fsoe_net.run.control_link import PROTOCOL, ControlLink
 from fsoe_net.run.realtime import RealTime
 
 __all__ = ["PROTOCOL", "Client"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from fsoe_net.errors import InputError
 from fsoe_net.host.ethtool import driver as network_driver
 from fsoe_net.host.seam import Host, Unreadable
+from fsoe_net.live.control_values import Status
 from fsoe_net.plan.fingerprint import Fingerprint, cycle_sha256, fingerprint_of_sections
-from fsoe_net.run.control_values import Status
 
 __all__ = ["check_in_use", "emulated_bus", "fingerprint_in_use"]
 

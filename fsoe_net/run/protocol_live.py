@@ -15,6 +15,7 @@ from typing import Protocol as Interface
 
 from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.diag.words import counted
+from fsoe_net.live.control_values import Status
 from fsoe_net.model.protocol import (
     EMULATED_NOTE,
     Protocol,
@@ -26,7 +27,6 @@ from fsoe_net.model.protocol import (
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.plan.fingerprint import Fingerprint
-from fsoe_net.run.control_values import Status
 from fsoe_net.run.in_use import check_in_use, emulated_bus
 from fsoe_net.run.protocol import connections_of
 from fsoe_net.run.protocol_times import LossTimes

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 
 from fsoe_net import __version__
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.live.control_values import Status, Symbol, WatchedCycle
 from fsoe_net.model.symbols import directed_names
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.client import Client
-from fsoe_net.run.control_values import Status, Symbol, WatchedCycle
 from fsoe_net.run.result import RunEvent
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_rows import Row, connection_row, statistics_row, subdevice_row

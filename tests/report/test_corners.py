@@ -28,6 +28,7 @@ from fsoe_net.document.write_markdown import _table
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE
+from fsoe_net.live.control_values import StandbyStatus
 from fsoe_net.model.protocol import StepOutcome
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
@@ -46,7 +47,6 @@ from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.section_evidence import bus_evidence
 from fsoe_net.report.steps_to_repeat import _functions_over
 from fsoe_net.report.svg import _box, _byte_row, _free_line
-from fsoe_net.run.control_values import StandbyStatus
 
 # -- incidents -------------------------------------------------------------------------------------
 

@@ -7,9 +7,9 @@ from dataclasses import fields
 
 import pytest
 
+from fsoe_net.live.control_values import ClocksStatus
 from fsoe_net.ros2.diagnostics import HOLD_S, Health, HealthLevel, HealthStatus
 from fsoe_net.run.attachment import Attachment
-from fsoe_net.run.control_values import ClocksStatus
 from fsoe_net.testing import fake_master
 from fsoe_net.testing.fake_master import FakeMaster
 

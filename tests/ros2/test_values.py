@@ -8,9 +8,9 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fsoe_net.live.control_values import Symbol
 from fsoe_net.ros2.control import settable
 from fsoe_net.ros2.values import Joint, SignalKind, find_joints, signal_topics
-from fsoe_net.run.control_values import Symbol
 
 
 def symbol(name: str, kind: str = "signed", *, output: bool = False, **more: object) -> Symbol:

@@ -11,9 +11,9 @@ import pytest
 from wires import missing, run_inside
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.live.control_values import BusState
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.names import SymbolNames
-from fsoe_net.run.control_values import BusState
 from fsoe_net.run.sockets import control_socket, find_socket
 from fsoe_net.testing.fake_master import FakeMaster
 

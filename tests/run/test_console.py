@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from patience import PATIENCE_S
 
 from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
+from fsoe_net.live.control_values import BusState
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.commands_flow import ConsoleEnd
 from fsoe_net.run.console.completion import complete
@@ -16,7 +17,6 @@ from fsoe_net.run.console.console import COMMANDS, Console
 from fsoe_net.run.console.keeper import Keeper
 from fsoe_net.run.console.names import batches
 from fsoe_net.run.console.script import ScriptError, expand, parse
-from fsoe_net.run.control_values import BusState
 from fsoe_net.testing.fake_master import STATUS, SUBDEVICE, FakeMaster
 
 

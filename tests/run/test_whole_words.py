@@ -26,11 +26,11 @@ from fsoe_net import __version__
 from fsoe_net.errors import ConsoleError, ControlRefused, FsnError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.live.control_values import read_watched
 from fsoe_net.model.scenario import Action
 from fsoe_net.run import build_master, packet_socket, scan, sockets
 from fsoe_net.run.bus_events import BusEvents
 from fsoe_net.run.commands import CommandError, parse_command
-from fsoe_net.run.control_values import read_watched
 from fsoe_net.run.device import _find, _place, _raised, _short, stdout_to_stderr
 from fsoe_net.run.master import Master
 from fsoe_net.run.packet_socket import PacketSocket

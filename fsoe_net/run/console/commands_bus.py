@@ -9,11 +9,11 @@ from typing import Any
 from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError, ControlRefused
+from fsoe_net.live.control_values import BusState, Status
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage
 from fsoe_net.run.console.names import seconds
-from fsoe_net.run.control_values import BusState, Status
 
 __all__ = ["BUS_COMMANDS", "event_line"]
 

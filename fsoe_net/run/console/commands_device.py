@@ -7,10 +7,10 @@ from pathlib import Path
 
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError
+from fsoe_net.live.control_values import ScanReply
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage
 from fsoe_net.run.console.names import number, object_address, shown
-from fsoe_net.run.control_values import ScanReply
 
 __all__ = ["DEVICE_COMMANDS"]
 

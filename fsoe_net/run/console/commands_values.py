@@ -6,10 +6,10 @@ import time
 from collections.abc import Sequence
 
 from fsoe_net.errors import ConsoleError, ControlRefused
+from fsoe_net.live.control_values import Symbol, Value, Values, WatchedCycle
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, options, table, usage
 from fsoe_net.run.console.names import SymbolNames, batches, number, seconds, shown
-from fsoe_net.run.control_values import Symbol, Value, Values, WatchedCycle
 
 __all__ = ["VALUE_COMMANDS"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from fsoe_net.live.control_values import BusState
 from fsoe_net.run.console.names import SymbolNames
-from fsoe_net.run.control_values import BusState
 
 __all__ = ["complete"]
 

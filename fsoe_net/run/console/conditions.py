@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from fsoe_net.errors import ConsoleError, ControlRefused
+from fsoe_net.live.control_values import BusState, Symbol, Value
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.names import SymbolNames, batches, number, shown, value_of
-from fsoe_net.run.control_values import BusState, Symbol, Value
 
 __all__ = ["FORMS", "Condition", "condition"]
 

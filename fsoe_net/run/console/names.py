@@ -8,9 +8,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import ConsoleError
+from fsoe_net.live.control_values import Symbol, Value
 from fsoe_net.model.symbols import directed_names
 from fsoe_net.model.times import time_ns
-from fsoe_net.run.control_values import Symbol, Value
 
 __all__ = ["SymbolNames", "batches", "number", "object_address", "seconds", "shown", "value_of"]
 
