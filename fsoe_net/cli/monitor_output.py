@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from fsoe_net.cli.run_output import (
+    STATE_REASONS,
     cycle_text,
-    not_in_op,
+    health_lines,
+    health_verdict,
     number_text,
-    other_parameters,
-    state_verdict,
+    state_cell,
 )
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.diag.words import counted
@@ -16,25 +17,23 @@ from fsoe_net.document.model import (
     Column,
     Document,
     Heading,
-    Level,
     Lines,
     Paragraph,
     Part,
     Table,
-    Verdict,
     cell,
     words,
 )
 from fsoe_net.live.control_values import Status
+from fsoe_net.live.health import FsoeHealth, HealthReason, reason_text
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.report.cycle_times import times_table, timing_bars
 from fsoe_net.run.attachment import BusView, WatchedConnection
 from fsoe_net.run.live_capture import LiveCapture
-from fsoe_net.timing.formulas import RESERVE
 
 __all__ = ["bus_document", "capture_text"]
 
-_TIGHT = 1 / RESERVE  # of its own watchdog; beyond it the reserve over a healthy round trip is used
+_SHOWN = (*STATE_REASONS, HealthReason.WATCHDOG_RESERVE)
 _COLUMNS = (
     Column("connection"),
     Column("state"),
@@ -51,19 +50,19 @@ _COLUMNS = (
 
 def bus_document(view: BusView) -> Document:
     """Return what is known: connections, SubDevices that lack something, timing."""
-    parts: list[Part] = []
-    if view.away:
-        text = f"fsn-master is gone, waiting for it: {view.away}"
-        parts.append(words(Verdict(text, Level.ERROR)))
-    elif not view.current:
-        parts.append(words(Verdict(_stopped(view), Level.ERROR)))
+    health = view.health
+    parts: list[Part] = [
+        words(health_verdict(reason_text(r, health.bus), r.level)) for r in health.bus.reasons
+    ]
     if view.snapshot is not None:
+        if not view.current:
+            parts.append(words("the values are the last known ones"))
         if view.connections:
-            rows = tuple(_row(c) for c in view.connections)
+            rows = tuple(map(_row, view.connections, health.connections))
             parts.append(Table(columns=_COLUMNS, rows=rows))
-            parts += other_parameters(c.result for c in view.connections)
-        parts += not_in_op(view.snapshot.subdevices)
-        parts += _worn(view.snapshot.subdevices)
+            parts += health_lines(health.connections, _SHOWN)
+        parts += health_lines(health.subdevices)
+        parts += _counted(view.snapshot.subdevices)
         parts += _buses(view.status)
         parts += [words(c.text) for c in (view.status.in_cycle if view.status else ())]
         parts += _groups(view.status)
@@ -83,11 +82,10 @@ def _buses(status: Status | None) -> list[Part]:
 
 
 def _groups(status: Status | None) -> list[Part]:
-    found: list[Part] = []
-    for g in status.groups if status is not None else ():
-        text = f"group {g.name}" + (f" at {g.place}" if g.place else "") + f": {g.state}"
-        found.append(words(Verdict(f"{text}, {g.detail}", Level.ERROR) if g.detail else text))
-    return found
+    groups = status.groups if status is not None else ()
+    return [
+        words(f"group {g.name}" + f" at {g.place}" * bool(g.place) + f": {g.state}") for g in groups
+    ]
 
 
 def _timing(s: Statistics) -> list[Part]:
@@ -118,26 +116,15 @@ def _title(view: BusView) -> str:
     return " · ".join(words)
 
 
-def _stopped(view: BusView) -> str:
-    status = view.status
-    if status is None:
-        return "nothing is known yet"
-    fault = f": {status.fault}" if status.fault else ""
-    if view.refused:
-        return f"the bus is {status.state.value}, but its state cannot be read: {view.refused}"
-    shown = "; what is shown was seen last" if view.snapshot is not None else ""
-    return f"the bus does not run ({status.state.value}){fault}{shown}"
-
-
-def _row(row: WatchedConnection) -> tuple[Cell, ...]:
+def _row(row: WatchedConnection, health: FsoeHealth) -> tuple[Cell, ...]:
     c = row.result
     return (
         cell(c.name),
-        cell(state_verdict(c.state)),
+        state_cell(c, health),
         cell(number_text(c.connection_id)),
         cell(f"{c.fsoe_cycle_ms['mean']:.2f}"),
         cell(f"{c.fsoe_cycle_ms['max']:.2f}"),
-        _watchdog(row),
+        _watchdog(row, health),
         cell(str(row.held_main + row.held_sub)),
         cell(str(c.wrong_to_sub + c.wrong_to_main)),
         cell(str(c.resets)),
@@ -145,16 +132,17 @@ def _row(row: WatchedConnection) -> tuple[Cell, ...]:
     )
 
 
-def _watchdog(row: WatchedConnection) -> Cell:
+def _watchdog(row: WatchedConnection, health: FsoeHealth) -> Cell:
     share, watchdog_ms = row.watchdog_share, row.result.watchdog_ms
     if share is None or watchdog_ms is None:
         return cell("not known")
     text = f"{100 * share:.0f} % of {watchdog_ms} ms"
-    return cell(Verdict(text, Level.WARNING) if share > _TIGHT else text)
+    reason = HealthReason.WATCHDOG_RESERVE
+    return cell(health_verdict(text, reason.level) if reason in health.reasons else text)
 
 
-def _worn(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[Paragraph]:
-    """Return a line for each SubDevice whose ports have counted faults, or that was away."""
+def _counted(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[Paragraph]:
+    """Return a line for each SubDevice that was away or whose ports have counted faults."""
     lines = []
     for s in subdevices:
         found = []
@@ -164,10 +152,8 @@ def _worn(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[Paragraph]:
             ports = [f"port {n}: {count}" for n, count in enumerate(counts) if count]
             if ports:
                 found.append(f"{what} ({', '.join(ports)})")
-        if s.in_op and s.detail:
-            found.insert(0, s.detail)
         if found:
-            lines.append(words(Verdict(f"{s.name}: {', '.join(found)}", Level.WARNING)))
+            lines.append(words(f"{s.name}: {', '.join(found)}"))
     return lines
 
 

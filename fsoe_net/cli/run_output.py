@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -23,30 +23,41 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.document.write_terminal import TerminalView
 from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.observe.bus_documents import SubDeviceSnapshot
+from fsoe_net.live.health import (
+    FsoeHealth,
+    Health,
+    HealthLevel,
+    HealthReason,
+    health_texts,
+    in_operation,
+    subdevice_health,
+)
 from fsoe_net.report.cycle_times import times_table, timing_csv, timing_picture
+from fsoe_net.report.section_evidence import HEALTH_LEVELS
 from fsoe_net.run.result import (
     ConnectionResult,
     Run,
     RunEvent,
     RunEventKind,
     RunUpdate,
+    result_health,
     state_text,
 )
 
 __all__ = [
+    "STATE_REASONS",
     "Show",
     "cycle_text",
     "display",
     "event_line",
+    "health_lines",
+    "health_verdict",
     "interesting",
     "joined_events",
-    "not_in_op",
     "number_text",
-    "other_parameters",
     "print_events",
     "print_result",
-    "state_verdict",
+    "state_cell",
     "write_timing",
 ]
 
@@ -67,8 +78,9 @@ _AT_THE_END = (
     Column("to Data", number=True, rank=5),
     Column("resets", rank=1, wraps=True),
 )
-_STATE_LEVELS = {"data_process": Level.CLEAR, "data_failsafe": Level.WARNING}
 
+STATE_REASONS = (HealthReason.NOT_IN_DATA, HealthReason.FAILSAFE_DATA)
+"""What the state of a connection shows by itself."""
 
 Show = Callable[[RunUpdate], None]
 
@@ -87,7 +99,7 @@ def _live_view(name: str, update: RunUpdate) -> TerminalView:
     cells = tuple(
         (
             cell(c.name),
-            cell(state_verdict(c.state)),
+            state_cell(c, result_health(c, update.subdevices)),
             cell(number_text(c.connection_id)),
             cell(f"{c.fsoe_cycle_ms['last']:.1f} ms"),
             cell(str(c.resets)),
@@ -97,7 +109,8 @@ def _live_view(name: str, update: RunUpdate) -> TerminalView:
     )
     title = f"{name} · {update.now_s:.1f} s · {cycle_text(update.statistics)}"
     table = Table(columns=_COLUMNS, rows=cells)
-    return TerminalView(Document(title=title, lead=(table, *not_in_op(update.subdevices))))
+    lines = health_lines(map(subdevice_health, update.subdevices))
+    return TerminalView(Document(title=title, lead=(table, *lines)))
 
 
 def cycle_text(statistics: Statistics) -> str:
@@ -107,36 +120,37 @@ def cycle_text(statistics: Statistics) -> str:
     return f"cycle {s.cycles}{wkc}"
 
 
-def state_verdict(word: str) -> Verdict:
-    """Return a state for people."""
-    return Verdict(state_text(word), _STATE_LEVELS.get(word, Level.ERROR))
+def health_verdict(text: str, level: HealthLevel) -> Verdict:
+    """Return a text with a level of health."""
+    return Verdict(text, HEALTH_LEVELS[level])
 
 
-def not_in_op(subdevices: Sequence[SubDeviceSnapshot]) -> list[Paragraph]:
-    """Return a line for every SubDevice that should be in OP and is not, with what is known."""
+def state_cell(result: ConnectionResult, health: FsoeHealth) -> Cell:
+    """Return the state of a connection with the level of its health."""
+    is_absent = HealthReason.END_ABSENT in health.reasons
+    text = "absent" if is_absent else state_text(result.state)
+    return cell(health_verdict(text, health.level))
+
+
+def health_lines(rows: Iterable[Health], shown: Collection[HealthReason] = ()) -> list[Paragraph]:
+    """Return a line for every subject that is not well, with the reasons.
+
+    Args:
+        rows: All subjects.
+        shown: Reasons that a table shows already.
+    """
     lines = []
-    for s in subdevices:
-        if s.in_op or (s.is_absent and not s.detail):
-            continue
-        code = f", AL status code 0x{s.al_code:04x}" if s.al_code else ""
-        text = s.detail or s.found_text or "nothing is known about it"
-        state = "no answer" if s.al == "none" else s.al
-        lines.append(words(Verdict(f"{s.name}: {state}{code}: {text}", Level.ERROR)))
+    for row in rows:
+        rest = replace(row, reasons=tuple(r for r in row.reasons if r not in shown))
+        if any(r.level > HealthLevel.UNKNOWN for r in rest.reasons):
+            text = f"{row.name}: {'; '.join(health_texts(rest))}"
+            lines.append(words(health_verdict(text, rest.level)))
     return lines
 
 
 def number_text(value: int | None) -> str:
     """Return a number, ``-`` for none."""
     return "-" if value is None else str(value)
-
-
-def other_parameters(connections: Iterable[ConnectionResult]) -> list[Paragraph]:
-    """Return a line for each connection with other parameters than the plan has."""
-    return [
-        words(Verdict(f"{c.name}: other parameters: {'; '.join(c.differences)}", Level.ERROR))
-        for c in connections
-        if c.differs
-    ]
 
 
 def print_result(result: Run) -> None:
@@ -147,7 +161,8 @@ def print_result(result: Run) -> None:
 
 
 def _result(result: Run) -> Document:
-    rows = tuple(_row(c) for c in result.connections)
+    health = [result_health(c, result.subdevices) for c in result.connections]
+    rows = tuple(map(_row, result.connections, health))
     chosen = any(c.chosen for c in result.connections)
     s = result.statistics
     totals = (
@@ -163,19 +178,19 @@ def _result(result: Run) -> Document:
     return Document(
         lead=(
             table,
-            *other_parameters(result.connections),
-            *not_in_op(result.subdevices),
+            *health_lines(health, STATE_REASONS),
+            *health_lines(map(subdevice_health, result.subdevices)),
             words(totals),
             *_verdicts(result),
         ),
     )
 
 
-def _row(c: ConnectionResult) -> tuple[Cell, ...]:
+def _row(c: ConnectionResult, health: FsoeHealth) -> tuple[Cell, ...]:
     reason = f" ({c.last_reset_text})" if c.resets else ""
     return (
         cell(c.name),
-        cell(state_verdict(c.state)),
+        state_cell(c, health),
         cell(number_text(c.connection_id) + _mark(c, "connection_id")),
         cell(number_text(c.address) + _mark(c, "address")),
         cell(f"{c.fsoe_cycle_ms['mean']:.2f} ms"),
@@ -252,7 +267,8 @@ def _verdicts(result: Run) -> list[Paragraph]:
     if result.passed:
         return lines
     if not result.verdicts:
-        missing = " with its SubDevices in OP" if not_in_op(result.subdevices) else ""
+        in_op = in_operation(map(subdevice_health, result.subdevices))
+        missing = "" if in_op else " with its SubDevices in OP"
         lines.append(words(f"not every connection is in Data{missing}"))
     stall = _stall_text(result)
     return [*lines, words(stall)] if stall else lines

@@ -12,9 +12,9 @@ import click
 
 from fsoe_net import __version__
 from fsoe_net.cli.monitor_output import bus_document
+from fsoe_net.cli.run_output import health_verdict
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.core.snapshot import Statistics
 from fsoe_net.document.model import (
     Cell,
     Column,
@@ -33,6 +33,7 @@ from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.live.health import HealthLevel, SubDeviceHealth, health_texts
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.project.check import check_files
 from fsoe_net.project.snapshot import snapshot
@@ -98,8 +99,9 @@ def _live(socket: str) -> Document:
         parts.append(words(muted(plan)))
     parts += shown.lead
     if view.snapshot is not None:
-        parts.append(_working_counter(view.snapshot.cycle.statistics))
-        parts.append(_subdevices(view.snapshot.subdevices))
+        now = view.snapshot.cycle.statistics
+        parts.append(words(f"working counter {now.actual_wkc} of {now.expected_wkc}"))
+        parts.append(_subdevices(view.health.subdevices))
     return Document(
         title=shown.title,
         subtitle=f"bus at {socket}, seen {datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC",
@@ -131,26 +133,25 @@ def _verdict(view: BusView) -> Verdict:
     return Verdict("not every connection in Data with its SubDevices in OP", Level.ERROR)
 
 
-def _working_counter(s: Statistics) -> Part:
-    text = f"working counter {s.actual_wkc} of {s.expected_wkc}"
-    return words(text if s.actual_wkc == s.expected_wkc else Verdict(text, Level.ERROR))
-
-
-def _subdevices(found: Sequence[SubDeviceSnapshot]) -> Table:
+def _subdevices(rows: Sequence[SubDeviceHealth]) -> Table:
     columns = (Column("SubDevice"), Column("AL state"), Column("Ports"), Column("Lost and back"))
-    rows = tuple(
-        (cell(strong(s.name)), _al(s), cell(_ports(s) or muted("not known")), cell(str(s.returns)))
-        for s in found
+    cells = tuple(
+        (
+            cell(strong(h.name)),
+            _al(h),
+            cell(_ports(h.seen) or muted("not known")),
+            cell(str(h.seen.returns)),
+        )
+        for h in rows
     )
-    return Table(name="subdevices", columns=columns, rows=rows)
+    return Table(name="subdevices", columns=columns, rows=cells)
 
 
-def _al(s: SubDeviceSnapshot) -> Cell:
-    if not s.known or s.is_absent:
-        return cell(muted("absent" if s.is_absent else "not known"))
-    if s.in_op:
-        return cell(s.al)
-    return cell(Verdict("no answer" if s.al == "none" else s.al, Level.ERROR), muted(s.detail))
+def _al(h: SubDeviceHealth) -> Cell:
+    if not h.reasons:
+        return cell(h.seen.al)
+    text = "; ".join(health_texts(h))
+    return cell(muted(text) if h.level <= HealthLevel.UNKNOWN else health_verdict(text, h.level))
 
 
 def _ports(s: SubDeviceSnapshot) -> str:

@@ -25,6 +25,13 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
+from fsoe_net.live.health import (
+    Health,
+    HealthLevel,
+    health_texts,
+    snapshot_health,
+    subdevice_health,
+)
 from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
 from fsoe_net.report.inputs import ReportInputs
@@ -35,7 +42,15 @@ from fsoe_net.report.section_identity import files_table
 if TYPE_CHECKING:
     from fsoe_net.observe.incident import IncidentHead
 
-__all__ = ["EMULATED", "RUN_COLUMNS", "bus_evidence", "plan_sha256", "state_words"]
+__all__ = ["EMULATED", "HEALTH_LEVELS", "RUN_COLUMNS", "bus_evidence", "plan_sha256", "state_words"]
+
+HEALTH_LEVELS = {
+    HealthLevel.GOOD: Level.CLEAR,
+    HealthLevel.UNKNOWN: Level.OPEN,
+    HealthLevel.WARNING: Level.WARNING,
+    HealthLevel.ERROR: Level.ERROR,
+}
+"""How levels of health are shown."""
 
 EMULATED = Verdict("EMULATED, not evidence for this machine", Level.NOTE)
 
@@ -318,7 +333,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     rows = tuple(
         (
             cell(strong(name)),
-            cell(state_words(c.state.word)),
+            _state_now(snapshot_health(c, live.snapshot.subdevices), state_words(c.state.word)),
             cell(_seen(max(c.to_sub.interval_mean_ns, c.to_main.interval_mean_ns), source)),
             cell(_seen(max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns), source)),
             cell(number_of(c.to_sub.wrong + c.to_main.wrong, "frame", source)),
@@ -339,13 +354,19 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
             rows=tuple(
                 (
                     cell(strong(s.name)),
-                    cell(s.al),
+                    _state_now(subdevice_health(s), s.al),
                     cell(s.found_text or muted("not known"), s.detail),
                 )
                 for s in live.snapshot.subdevices
             ),
         ),
     ]
+
+
+def _state_now(health: Health, state: str) -> Cell:
+    """Return a state, and why it is not well."""
+    level = HEALTH_LEVELS[health.level]
+    return (Text(state), *(Verdict(text, level) for text in health_texts(health)))
 
 
 def _seen(ns: int, source: str) -> Item:

@@ -12,7 +12,7 @@ from typing import Any
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.live.control_values import Value, Values
 from fsoe_net.ros2.control import NodeControl, settable
-from fsoe_net.ros2.diagnostics import Health, HealthStatus
+from fsoe_net.ros2.diagnostics import RosStatus, ros_statuses
 from fsoe_net.ros2.messages import (
     SIGNALS,
     DiagnosticArray,
@@ -69,7 +69,6 @@ class Bridge:
     def __init__(self, path: str, options: BridgeOptions) -> None:
         self._path, self._options = path, options
         self._ending = threading.Event()
-        self._health = Health()
         self._offered: tuple[tuple[str, str], ...] = ()
         self._settable: dict[str, SignalTopic] = {}
         self._readers: list[object] = []
@@ -125,13 +124,13 @@ class Bridge:
             self.recording.check()
         view = self._attachment.look(LOOK_S, stop)
         self._attachment.take_events()
-        found = self._health.statuses(view, time.monotonic())
+        found = ros_statuses(view)
         if self.control is not None:
             found.append(self.control.status(self._node.unreadable))
         self._node.publish("/diagnostics", self._array(found, view))
         return view
 
-    def _array(self, found: Iterable[HealthStatus], view: BusView) -> DiagnosticArray:
+    def _array(self, found: Iterable[RosStatus], view: BusView) -> DiagnosticArray:
         hardware = self._path if view.status is None else view.status.interface or self._path
         return DiagnosticArray(
             header=header(),

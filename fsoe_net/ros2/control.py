@@ -15,7 +15,7 @@ from typing import Any
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.live.control_values import BusState, Symbol, Value
-from fsoe_net.ros2.diagnostics import HealthLevel, HealthStatus
+from fsoe_net.ros2.diagnostics import RosLevel, RosStatus
 from fsoe_net.ros2.values import Joint, SignalKind, SignalTopic
 from fsoe_net.run.client import Client
 
@@ -148,13 +148,13 @@ class NodeControl:
         }
         return partial(self._request, word, requests[word])
 
-    def status(self, unreadable: int = 0) -> HealthStatus:
+    def status(self, unreadable: int = 0) -> RosStatus:
         """Return what was done and refused.
 
         Args:
             unreadable: So many messages could not be read.
         """
-        level = HealthLevel.WARN if self._refused else HealthLevel.OK
+        level = RosLevel.WARN if self._refused else RosLevel.OK
         values = (
             ("role", self.access),
             ("outputs set", str(self._set)),
@@ -163,7 +163,7 @@ class NodeControl:
             ("unreadable", str(unreadable)),
         )
         text = f"refused: {self._last}" if self._refused else "other nodes may set outputs"
-        return HealthStatus(level=level, name="control", message=text, values=values)
+        return RosStatus(level=level, name="control", message=text, values=values)
 
     def _request(
         self, word: str, request: Callable[[Client], BusState], *_: object

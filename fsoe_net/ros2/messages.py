@@ -58,7 +58,7 @@ class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
 
 @dataclass
 class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
-    """State of one thing; levels are those of `HealthLevel`."""
+    """State of one thing; levels are those of `RosLevel`."""
 
     level: types.byte
     name: str

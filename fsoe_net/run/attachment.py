@@ -11,10 +11,20 @@ from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.live.control_values import BusState, Status
+from fsoe_net.live.health import (
+    NO_CHANGES,
+    Changes,
+    HealthReport,
+    RecentChanges,
+    bus_health,
+    in_operation,
+    subdevice_health,
+    watchdog_share,
+)
 from fsoe_net.observe.bus_documents import BusSnapshot, PlannedConnection, SubDeviceSnapshot
 from fsoe_net.run.bus_events import ENDS, BusEvents, connection_result
 from fsoe_net.run.client import Client
-from fsoe_net.run.result import ConnectionResult, RunEvent, is_data
+from fsoe_net.run.result import ConnectionResult, RunEvent, result_health
 
 __all__ = ["Attachment", "BusView", "WatchedConnection"]
 
@@ -60,7 +70,8 @@ class BusView:
 
     ``away``: why ``fsn-master`` does not answer; empty while it does. ``refused``: why it gives no
     snapshot of a bus that runs. ``snapshot`` is the last one, ``current`` whether it is of now.
-    Times of ``events`` count from the begin of the monitor.
+    ``changes`` are counters that rose a moment ago. Times of ``events`` count from the begin of the
+    monitor.
     """
 
     away: str
@@ -72,17 +83,38 @@ class BusView:
     now_s: float
     events: tuple[RunEvent, ...]
     events_lost: int
+    changes: Changes = NO_CHANGES
+
+    @property
+    def health(self) -> HealthReport:
+        """The health of the bus, of each SubDevice and of each connection."""
+        snapshot, current, changes = self.snapshot, self.current, self.changes
+        subdevices = snapshot.subdevices if snapshot is not None else ()
+        return HealthReport(
+            bus=bus_health(
+                self.status,
+                snapshot.cycle.statistics if snapshot is not None else None,
+                changes=changes,
+                current=current,
+                away=self.away,
+                refused=self.refused,
+            ),
+            subdevices=tuple(
+                subdevice_health(s, changes=changes, current=current) for s in subdevices
+            ),
+            connections=tuple(
+                result_health(
+                    c.result, subdevices, share=c.watchdog_share, changes=changes, current=current
+                )
+                for c in self.connections
+            ),
+        )
 
     @property
     def good(self) -> bool:
         """Whether now every connection is in Data and every SubDevice in OP, or may be absent."""
-        if not self.current or self.snapshot is None:
-            return False
-        rows = self.snapshot.subdevices
-        absent = {s.name for s in rows if s.is_absent}
-        results = [c.result for c in self.connections]
-        in_data = all(is_data(c.state) or {c.main, c.sub} & absent for c in results)
-        return in_data and all(s.in_op or s.is_absent for s in rows if s.known)
+        rows = self.health
+        return self.current and in_operation((*rows.subdevices, *rows.connections))
 
     def to_json(self) -> dict[str, object]:
         """Return the view as ``fsoe-net monitor`` writes it (``docs/reference/json-output.md``)."""
@@ -119,6 +151,7 @@ class Attachment:
         self._events = BusEvents(start_ns=time.monotonic_ns(), details=details)
         self._facts: tuple[PlannedConnection, ...] = ()
         self._snapshot: BusSnapshot | None = None
+        self._recent = RecentChanges()
         self._status: Status | None = None
         self._away = self._refused = ""
         self._missed = 0
@@ -217,6 +250,10 @@ class Attachment:
             for facts, wire in zip(self._facts, self._snapshot.cycle.connections, strict=True):
                 rows.append(self._connection(facts, wire, held, self._snapshot))
         lost = self._client.events_lost if self._client is not None else 0
+        now_s = (time.monotonic_ns() - self._events.start_ns) / 1e9
+        changes = NO_CHANGES
+        if self._snapshot is not None:
+            changes = self._recent.take(self._snapshot, now_s)
         return BusView(
             away=self._away,
             refused=self._refused,
@@ -224,9 +261,10 @@ class Attachment:
             connections=tuple(rows),
             snapshot=self._snapshot,
             current=current,
-            now_s=(time.monotonic_ns() - self._events.start_ns) / 1e9,
+            now_s=now_s,
             events=tuple(self._events.events),
             events_lost=self._events.events_lost + self._missed + lost,
+            changes=changes,
         )
 
     def _connection(
@@ -248,7 +286,7 @@ class Attachment:
             resets_to_sub=wire.to_sub.resets,
             resets_to_main=wire.to_main.resets,
             cause=_cause(facts.name, wire, self._events),
-            watchdog_share=longest_ms / facts.watchdog_ms if facts.watchdog_ms else None,
+            watchdog_share=watchdog_share(longest_ms, facts.watchdog_ms),
             held_main=ends[0].stale_cycles if ends[0] else 0,
             held_sub=ends[1].stale_cycles if ends[1] else 0,
             silent_to_sub_ms=silent[0],

@@ -5,16 +5,17 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
+from fsoe_net.live.health import in_operation
 from fsoe_net.model.resolve import Connection, Resolution
-from fsoe_net.observe.bus_documents import BusSnapshot, PlannedConnection, SubDeviceSnapshot
+from fsoe_net.observe.bus_documents import BusSnapshot, PlannedConnection
 from fsoe_net.run.bus_events import BusEvents, connection_result
 from fsoe_net.run.client import Client
 from fsoe_net.run.master import Master
-from fsoe_net.run.result import BusResult, ConnectionResult, Run, RunUpdate, is_data
+from fsoe_net.run.result import BusResult, ConnectionResult, Run, RunUpdate, result_health
 
 __all__ = ["BusOptions", "run_on_bus"]
 
@@ -197,7 +198,8 @@ class _LiveRun:
             events=tuple(sorted(events.events, key=lambda e: e.time_ms)),
             events_lost=events.events_lost + lost,
             verdicts=(),
-            passed=current and _all_in_data(connections, snapshot.subdevices),
+            passed=current
+            and in_operation(result_health(c, snapshot.subdevices) for c in connections),
             bus=BusResult(backend=self._options.backend, interface=self._options.interface),
             subdevices=snapshot.subdevices,
             stalled_ms=snapshot.cycle.statistics.period.max_ns / 1e6,
@@ -214,22 +216,6 @@ def _facts(connection: Connection) -> PlannedConnection:
         connection_id=stated.connection_id,
         address=stated.address,
         watchdog_ms=stated.watchdog_ms,
-    )
-
-
-def _all_in_data(
-    connections: Sequence[ConnectionResult], subdevices: Sequence[SubDeviceSnapshot]
-) -> bool:
-    """Return whether all are in Data; the last frame of a SubDevice that is gone does not count.
-
-    Nor do connections of groups that are absent.
-    """
-    away = {s.name for s in subdevices if s.known and not s.in_op}
-    absent = {s.name for s in subdevices if s.is_absent}
-    due = [{c.main, c.sub} for c in connections if not is_data(c.state)]
-    ends = [{c.main, c.sub} for c in connections]
-    return all(both & absent for both in due) and all(
-        both & absent or not both & away for both in ends
     )
 
 

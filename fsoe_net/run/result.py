@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from fsoe_net.core.snapshot import Statistics
+from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters, differences
+from fsoe_net.live.health import (
+    NO_CHANGES,
+    Changes,
+    FsoeHealth,
+    connection_health,
+    watchdog_share,
+)
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 
 __all__ = [
@@ -20,6 +28,7 @@ __all__ = [
     "RunEventKind",
     "RunUpdate",
     "is_data",
+    "result_health",
     "state_fields",
     "state_text",
 ]
@@ -129,6 +138,26 @@ class ConnectionResult:
     def differences(self) -> tuple[str, ...]:
         """What differs from the plan, such as ``watchdog 4000 ms, 400 ms in the plan``."""
         return differences(self.differs, self.configured, self.observed)
+
+
+def result_health(
+    result: ConnectionResult,
+    subdevices: Iterable[SubDeviceSnapshot],
+    *,
+    share: float | None = None,
+    changes: Changes = NO_CHANGES,
+    current: bool = True,
+) -> FsoeHealth:
+    """Return the health of a connection as `connection_health`.
+
+    Without ``share`` it is that of the FSoE cycle of the result.
+    """
+    if share is None:
+        share = watchdog_share(result.fsoe_cycle_ms["max"], result.watchdog_ms)
+    state = OutsideState[result.state.upper()]
+    return connection_health(
+        result, state, subdevices, share=share, changes=changes, current=current
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,7 @@ from fsoe_net import __version__
 from fsoe_net.emul.bus import EmulatedDevices
 from fsoe_net.emul.port import Port
 from fsoe_net.errors import FsnError, InputError
+from fsoe_net.live.health import bus_health, in_operation, subdevice_health
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.symbols import directed_names
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot, read_subdevice
@@ -26,10 +27,16 @@ from fsoe_net.plan.model import PlanSymbol
 from fsoe_net.project.simulate import prepare
 from fsoe_net.run.commands import CommandError
 from fsoe_net.run.emulated_documents import subdevices_json
-from fsoe_net.run.result import is_data, state_fields, state_text
+from fsoe_net.run.result import result_health, state_fields, state_text
 from fsoe_net.run.session import Session
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
-from fsoe_net.studio.live_rows import Row, connection_row, statistics_row, subdevice_row
+from fsoe_net.studio.live_rows import (
+    Row,
+    connection_row,
+    health_row,
+    statistics_row,
+    subdevice_row,
+)
 
 __all__ = ["FORGOTTEN_S", "MOST_HELD_MS", "EmulatedFeed"]
 
@@ -243,13 +250,15 @@ class EmulatedFeed(LiveFeed):
         self._collect()
         snapshot = session.core.snapshot()
         results = session.connections(snapshot)
+        subdevices = self._subdevices()
+        health = [result_health(c, subdevices) for c in results]
         self._publish(
             {
                 "title": session.resolution.network.name,
                 "state": "ended" if ended else "running",
                 "away": self._fault,
                 "current": not ended,
-                "good": all(is_data(c.state) or {c.main, c.sub} & session.away for c in results),
+                "good": in_operation(health),
                 "ended": ended,
                 "now_ms": self._now_ns / 1e6,
                 "pace": self._pace.share(self._now_ns),
@@ -259,16 +268,11 @@ class EmulatedFeed(LiveFeed):
                     for d in session.network.masters
                 ],
                 "connections": [
-                    connection_row(
-                        c,
-                        cause=c.last_reset_text,
-                        share=c.fsoe_cycle_ms["max"] / c.watchdog_ms if c.watchdog_ms else None,
-                        held=0,
-                        absent=bool({c.main, c.sub} & session.away),
-                    )
-                    for c in results
+                    connection_row(c, h, cause=c.last_reset_text, held=0)
+                    for c, h in zip(results, health, strict=True)
                 ],
-                "subdevices": [subdevice_row(s) for s in self._subdevices()],
+                "subdevices": [subdevice_row(subdevice_health(s)) for s in subdevices],
+                "bus": health_row(bus_health(None, snapshot.statistics)),
                 "statistics": statistics_row(snapshot.statistics.to_json()),
             }
         )

@@ -9,12 +9,19 @@ from collections.abc import Iterator, Sequence
 from fsoe_net import __version__
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.live.control_values import Status, Symbol, WatchedCycle
+from fsoe_net.live.health import bus_health
 from fsoe_net.model.symbols import directed_names
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.client import Client
 from fsoe_net.run.result import RunEvent
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
-from fsoe_net.studio.live_rows import Row, connection_row, statistics_row, subdevice_row
+from fsoe_net.studio.live_rows import (
+    Row,
+    connection_row,
+    health_row,
+    statistics_row,
+    subdevice_row,
+)
 
 __all__ = ["MasterFeed"]
 
@@ -168,14 +175,14 @@ def _nobody(path: str, fault: str) -> Row:
         "notes": [],
         "connections": [],
         "subdevices": [],
+        "bus": health_row(bus_health(None, None, away=fault)),
         "statistics": None,
     }
 
 
 def _view(path: str, view: BusView) -> Row:
     snapshot, status = view.snapshot, view.status
-    subdevices = () if snapshot is None else snapshot.subdevices
-    absent = {s.name for s in subdevices if s.is_absent}
+    health = view.health
     statistics = None if snapshot is None else statistics_row(snapshot.cycle.statistics.to_json())
     return {
         "title": path if status is None else _title(status),
@@ -189,16 +196,11 @@ def _view(path: str, view: BusView) -> Row:
         "version": None,
         "notes": [] if status is None else list(_notes(status)),
         "connections": [
-            connection_row(
-                c.result,
-                cause=c.cause,
-                share=c.watchdog_share,
-                held=c.held_main + c.held_sub,
-                absent=bool({c.result.main, c.result.sub} & absent),
-            )
-            for c in view.connections
+            connection_row(c.result, h, cause=c.cause, held=c.held_main + c.held_sub)
+            for c, h in zip(view.connections, health.connections, strict=True)
         ],
-        "subdevices": [subdevice_row(s) for s in subdevices],
+        "subdevices": [subdevice_row(h) for h in health.subdevices],
+        "bus": health_row(health.bus),
         "statistics": statistics,
     }
 
@@ -210,8 +212,6 @@ def _title(status: Status) -> str:
 
 def _notes(status: Status) -> Iterator[str]:
     """Yield what is said beside the tables, a line each."""
-    if status.fault:
-        yield f"the bus did not open: {status.fault}"
     if status.ring is not None:
         yield status.ring.text
     if status.clocks is not None:
@@ -219,6 +219,6 @@ def _notes(status: Status) -> Iterator[str]:
     for bus in status.buses:
         yield f"bus {bus.name}: working counter {bus.actual_wkc} of {bus.expected_wkc}"
     for group in status.groups:
-        yield f"group {group.name}: {group.state}" + (f", {group.detail}" * bool(group.detail))
+        yield f"group {group.name}: {group.state}"
     for client in status.in_cycle:
         yield client.text

@@ -2,20 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
 from fsoe_net.core.snapshot import bars_of
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.parameters import FsoeParameters
+from fsoe_net.live.health import (
+    FsoeHealth,
+    Health,
+    HealthReason,
+    SubDeviceHealth,
+    health_texts,
+    subdevice_health,
+)
 from fsoe_net.observe.bus_documents import Found, SubDeviceSnapshot
-from fsoe_net.run.result import ConnectionResult, RunEvent, RunEventKind, is_data, state_text
+from fsoe_net.run.result import (
+    ConnectionResult,
+    RunEvent,
+    RunEventKind,
+    is_data,
+    result_health,
+    state_text,
+)
 
 __all__ = [
     "Row",
     "connection_row",
     "event_row",
+    "health_row",
     "recorded_view",
     "statistics_row",
     "subdevice_row",
@@ -47,17 +63,14 @@ def event_row(event: RunEvent) -> Row:
     }
 
 
-def connection_row(
-    result: ConnectionResult, *, cause: str, share: float | None, held: int, absent: bool
-) -> Row:
+def connection_row(result: ConnectionResult, health: FsoeHealth, *, cause: str, held: int) -> Row:
     """Return a connection.
 
     Args:
         result: As a run or the wire shows it.
+        health: Of the connection.
         cause: Of its last Reset, in words.
-        share: Longest FSoE cycle as a share of the watchdog.
         held: Cycles in which inputs of its ends held old bytes.
-        absent: Whether an end is of a group that is absent.
     """
     return {
         "name": result.name,
@@ -65,15 +78,15 @@ def connection_row(
         "sub": result.sub,
         "state": state_text(result.state),
         "in_data": is_data(result.state),
-        "process": result.state == "data_process",
-        "absent": absent,
+        "absent": HealthReason.END_ABSENT in health.reasons,
+        **health_row(health),
         "connection_id": result.connection_id,
         "address": result.address,
         "watchdog_ms": result.watchdog_ms,
         "last_ms": round(result.fsoe_cycle_ms["last"], 3),
         "mean_ms": round(result.fsoe_cycle_ms["mean"], 3),
         "max_ms": round(result.fsoe_cycle_ms["max"], 3),
-        "share": share,
+        "share": health.share,
         "wrong": result.wrong_to_sub + result.wrong_to_main,
         "gaps": result.gaps,
         "held": held,
@@ -84,8 +97,14 @@ def connection_row(
     }
 
 
-def subdevice_row(subdevice: SubDeviceSnapshot) -> Row:
-    """Return a SubDevice: AL state, what is found in its place, its links."""
+def health_row(health: Health) -> Row:
+    """Return the level of a subject, and its reasons in words."""
+    return {"level": health.level.name.lower(), "reasons": health_texts(health)}
+
+
+def subdevice_row(health: SubDeviceHealth) -> Row:
+    """Return a SubDevice: AL state, health, its links."""
+    subdevice = health.seen
     links = [
         {"port": port, "up": bool(up), "lost": lost}
         for port, (up, lost) in enumerate(
@@ -97,9 +116,7 @@ def subdevice_row(subdevice: SubDeviceSnapshot) -> Row:
         "known": subdevice.known,
         "al": subdevice.al,
         "al_code": subdevice.al_code,
-        "in_op": subdevice.in_op,
-        "absent": subdevice.is_absent,
-        "detail": subdevice.detail or ("" if subdevice.in_op else subdevice.found_text),
+        **health_row(health),
         "returns": subdevice.returns,
         "held": subdevice.stale_cycles,
         "links": links,
@@ -148,7 +165,6 @@ def _recorded(document: dict[str, Any]) -> Row:
     if len(events) > _MOST_EVENTS:
         raise ValueError(f"more than {_MOST_EVENTS} events")
     subdevices = [_subdevice(row) for row in document["subdevices"]]
-    absent = {s.name for s in subdevices if s.is_absent}
     statistics = document["statistics"]
     return {
         "title": str(document.get("network") or document.get("socket") or ""),
@@ -161,8 +177,9 @@ def _recorded(document: dict[str, Any]) -> Row:
         "pace": None,
         "version": None,
         "notes": [],
-        "connections": [_connection(row, absent) for row in document["connections"]],
-        "subdevices": [subdevice_row(s) for s in subdevices],
+        "connections": [_connection(row, subdevices) for row in document["connections"]],
+        "subdevices": [subdevice_row(subdevice_health(s)) for s in subdevices],
+        "bus": None,
         "statistics": None if statistics is None else statistics_row(statistics),
         "first": 0,
         "left_out": int(document["events_lost"]),
@@ -215,15 +232,12 @@ def _values(
     return {f.name: _MAKE[str(f.type)](row[f.name]) for f in fields(kind)}
 
 
-def _connection(row: Mapping[str, Any], absent: set[str]) -> Row:
+def _connection(row: Mapping[str, Any], subdevices: Sequence[SubDeviceSnapshot]) -> Row:
     result = ConnectionResult(**_values(ConnectionResult, row))
-    share, longest, watchdog = row.get("watchdog_share"), result.fsoe_cycle_ms["max"], None
-    if result.watchdog_ms:
-        watchdog = longest / result.watchdog_ms
+    share = row.get("watchdog_share")
     return connection_row(
         result,
+        result_health(result, subdevices, share=None if share is None else float(share)),
         cause=str(row.get("cause") or result.last_reset_text),
-        share=watchdog if share is None else float(share),
         held=int(row.get("held_main", 0)) + int(row.get("held_sub", 0)),
-        absent=bool({result.main, result.sub} & absent),
     )

@@ -14,7 +14,6 @@ from fsoe_net.cli import decode_output, explain, monitor_output, write
 from fsoe_net.core.scan import FoundConnection, FoundPlace, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.diag.diagnostic import Diagnostic, Edit, Span
-from fsoe_net.document.model import Verdict
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.monitor import OutsideState
@@ -206,17 +205,7 @@ def shown(view: BusView) -> str:
 
 def test_a_monitor_of_which_nothing_is_known():
     assert shown(VIEW) == "1.5 s\n\nnothing is known yet\n"
-    assert shown(replace(VIEW, away="gone")) == (
-        "1.5 s\n\nfsn-master is gone, waiting for it: gone\n"
-    )
-
-
-@pytest.mark.parametrize(("share", "is_warned"), [(0.83, False), (0.84, True)])
-def test_a_connection_is_warned_of_when_its_reserve_is_used(share: float, is_warned: bool):
-    """1 / 1.2 of its own watchdog: below that the watchdog is its least one or longer."""
-    result = Facts(watchdog_ms=100)
-    (item,) = monitor_output._watchdog(Facts(watchdog_share=share, result=result))
-    assert isinstance(item, Verdict) is is_warned
+    assert shown(replace(VIEW, away="gone")) == ("1.5 s\n\nfsn-master does not answer: gone\n")
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_another_vendor_reads_an_error_at_most_two_pictures_after_a_reset() -> N
         after = [next(seen)["cell: connection c1"] for _ in range(3)]
         # One may have been on its way, and one made of what was read before.
         assert after[2].level == 2
-        assert after[2].message == "Reset"
+        assert after[2].message == "Reset; not in Data"
 
 
 def test_an_offer_has_the_name_hash_and_qos_of_an_rmw() -> None:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pytest
 
 from fsoe_net.live.control_values import ClocksStatus
-from fsoe_net.ros2.diagnostics import HOLD_S, Health, HealthLevel, HealthStatus
+from fsoe_net.live.health import HOLD_S, RecentChanges
+from fsoe_net.ros2.diagnostics import RosLevel, RosStatus, ros_statuses
 from fsoe_net.run.attachment import Attachment
 from fsoe_net.testing import fake_master
 from fsoe_net.testing.fake_master import FakeMaster
 
-OK, WARN, ERROR, STALE = HealthLevel
+OK, WARN, ERROR, STALE = RosLevel
 
 
 class Watched:
@@ -22,13 +23,15 @@ class Watched:
     def __init__(self, master: FakeMaster) -> None:
         self.master = master
         self.attachment = Attachment(master.path)
-        self.health = Health()
+        self.recent = RecentChanges()
 
-    def at(self, now_s: float) -> dict[str, HealthStatus]:
+    def at(self, now_s: float) -> dict[str, RosStatus]:
         view = self.attachment.look(0.0)
-        return {row.name: row for row in self.health.statuses(view, now_s)}
+        if view.snapshot is not None:
+            view = replace(view, changes=self.recent.take(view.snapshot, now_s))
+        return {row.name: row for row in ros_statuses(view)}
 
-    def levels(self, now_s: float) -> dict[str, HealthLevel]:
+    def levels(self, now_s: float) -> dict[str, RosLevel]:
         return {name: row.level for name, row in self.at(now_s).items()}
 
 
@@ -59,17 +62,15 @@ def test_all_is_well(watched: Watched) -> None:
 @pytest.mark.parametrize(
     ("state", "level", "text"),
     [
-        (1, ERROR, "Reset"),
-        (2, ERROR, "Session"),
-        (4, ERROR, "Parameter"),
-        (5, WARN, "Data · FailSafeData"),
+        (1, ERROR, "Reset; not in Data"),
+        (2, ERROR, "Session; not in Data"),
+        (4, ERROR, "Parameter; not in Data"),
+        (5, WARN, "Data · FailSafeData; not ProcessData in both directions"),
         (6, OK, "Data · ProcessData"),
-        (0, ERROR, "Silent"),
+        (0, ERROR, "Silent; not in Data"),
     ],
 )
-def test_each_state_has_its_level(
-    watched: Watched, state: int, level: HealthLevel, text: str
-) -> None:
+def test_each_state_has_its_level(watched: Watched, state: int, level: RosLevel, text: str) -> None:
     watched.master.connection_state = state
     row = watched.at(0.0)["connection c1"]
     assert (row.level, row.message) == (level, text)
@@ -96,8 +97,12 @@ def test_a_reset_that_is_over_already_is_an_error_for_a_time(
 @pytest.mark.parametrize(
     ("change", "level", "text"),
     [
-        ({"al": "SAFEOP+ERROR", "al_code": 0x1B}, ERROR, "SAFEOP+ERROR, AL status code 0x001b"),
-        ({"detail": "port 1 is open"}, WARN, "OP: port 1 is open"),
+        (
+            {"al": "SAFEOP+ERROR", "al_code": 0x1B},
+            ERROR,
+            "SAFEOP+ERROR, AL status code 0x001b: the SubDevice of the plan",
+        ),
+        ({"detail": "port 1 is open"}, WARN, "port 1 is open"),
         ({"known": False}, STALE, "not known now"),
         ({"al": "none", "found": 9}, OK, "absent, as it may be"),
     ],
@@ -106,7 +111,7 @@ def test_a_subdevice(
     watched: Watched,
     monkeypatch: pytest.MonkeyPatch,
     change: dict[str, object],
-    level: HealthLevel,
+    level: RosLevel,
     text: str,
 ) -> None:
     for key, value in change.items():
@@ -115,18 +120,19 @@ def test_a_subdevice(
     row = found["SubDevice drive_1"]
     assert (row.level, row.message) == (level, text)
     if level is OK:
-        assert found["connection c1"].message == "a SubDevice of it is absent, as it may be"
+        assert found["connection c1"].level is OK
+        assert "a SubDevice of it is absent, as it may be" in found["connection c1"].message
 
 
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("overruns", "the cycle was late"),
-        ("wkc_errors", "working counter was incomplete"),
-        ("lost_frames", "frames were lost"),
+        ("overruns", "late cycles in the last 5 s"),
+        ("wkc_errors", "working counter incomplete in the last 5 s"),
+        ("lost_frames", "frames lost in the last 5 s"),
     ],
 )
-def test_the_cycle_is_a_warning_while_a_counter_grows(
+def test_the_cycle_is_a_warning_for_a_time_after_a_counter_rose(
     watched: Watched, monkeypatch: pytest.MonkeyPatch, name: str, text: str
 ) -> None:
     monkeypatch.setitem(fake_master.STATISTICS, name, 7)
@@ -134,19 +140,19 @@ def test_the_cycle_is_a_warning_while_a_counter_grows(
     monkeypatch.setitem(fake_master.STATISTICS, name, 8)
     row = watched.at(0.1)["bus"]
     assert (row.level, row.message) == (WARN, text)
-    assert watched.levels(0.2)["bus"] is OK
+    assert watched.levels(0.1 + HOLD_S)["bus"] is OK
 
 
 @pytest.mark.parametrize(
     ("part", "state", "text"),
     [
         ("ring", "closed", ""),
-        ("ring", "open", "the ring is not closed"),
-        ("ring", "one way", "the ring is not closed"),
+        ("ring", "open", "ring open"),
+        ("ring", "one way", "ring one way"),
         ("clocks", "synchronous", ""),
         ("clocks", "unknown", ""),
-        ("clocks", "apart", "distributed clocks are apart"),
-        ("clocks", "no reference", "distributed clocks have no reference"),
+        ("clocks", "apart", "distributed clocks apart"),
+        ("clocks", "no reference", "distributed clocks no reference"),
     ],
 )
 def test_ring_and_clocks_are_a_warning_while_they_are_not_as_they_should_be(
@@ -177,7 +183,7 @@ def test_a_stopped_bus_makes_everything_stale(watched: Watched) -> None:
     found = watched.at(1.0)
     assert (found["bus"].level, found["bus"].message) == (WARN, "the bus does not run (stopped)")
     assert found["connection c1"].level is found["SubDevice drive_1"].level is STALE
-    assert found["connection c1"].message == "not known now; last: Data · ProcessData"
+    assert found["connection c1"].message == "Data · ProcessData; not current, last known values"
     watched.master.state = "failed"
     assert watched.levels(2.0)["bus"] is ERROR
 

@@ -467,5 +467,5 @@ def test_what_is_not_well_is_shown_with_the_state(monkeypatch):
         first, fault, *rows = rig.do("state")
         rig.keeper.close()
     assert first.startswith("running, cycle 1 ms, 5 cycles, working counter 9 of 9")
-    assert fault == "the bus is lost"
+    assert fault == "error: the bus did not open: the bus is lost"
     assert all("SAFEOP" in row for row in rows)

@@ -151,10 +151,11 @@ def test_a_bus_that_does_not_come_up(master, rig, monkeypatch):
     with pytest.raises(ConsoleError) as caught:
         rig.do("start")
     assert str(caught.value).endswith("start: fsn-master is failed: drive_1 is gone")
-    assert rig.do("state") == ["failed", "drive_1 is gone"]
+    assert rig.do("state") == ["failed", "error: the bus did not open: drive_1 is gone"]
     row = {"entry": 7, "hash": None, "error": "No space left on device"}
     monkeypatch.setitem(STATUS, "interventions", row)
-    assert rig.do("state")[2:] == ["the intervention log is not written: No space left on device"]
+    text = "warning: the intervention log is not written: No space left on device"
+    assert rig.do("state")[2:] == [text]
     monkeypatch.setitem(STATUS, "interventions", None)
     assert len(rig.do("state")) == 2
     counts = {"on_time": 9, "late": 1, "missed": 2, "torn": 0}
@@ -187,13 +188,13 @@ CLOCKS = {
     ("part", "row", "text"),
     [
         ("ring", {"state": "closed", "place": ""}, "ring closed"),
-        ("ring", {"state": "open", "place": "behind a"}, "ring open: behind a"),
+        ("ring", {"state": "open", "place": "behind a"}, "warning: ring open: behind a"),
         ("clocks", {}, "distributed clocks synchronous: all within 38 ns of el6910"),
         ("clocks", {"state": "unknown", "subdevices": 0}, "distributed clocks unknown"),
         (
             "clocks",
             {"state": "apart", "place": "b is 2000 ns from a"},
-            "distributed clocks apart: b is 2000 ns from a",
+            "warning: distributed clocks apart: b is 2000 ns from a",
         ),
     ],
 )
@@ -208,13 +209,11 @@ def test_the_state_names_who_is_not_in_op(master, rig, monkeypatch):
     device = master._device
 
     def lacking(name, position):
-        al = "OP" if name == "drive_1" else "PREOP"
-        return device(name, position) | {"al": al, "found": 2, "detail": "why"}
+        row = device(name, position)
+        return row if name == "drive_1" else row | {"al": "PREOP", "detail": "why"}
 
     monkeypatch.setattr(master, "_device", lacking)
-    assert rig.do("state")[1:] == [
-        "drive_2  PREOP  alias 0 position 1  the SubDevice of the plan; why"
-    ]
+    assert rig.do("state")[1:] == ["drive_2  PREOP  alias 0 position 1  error: PREOP: why"]
 
 
 def test_an_output_that_a_copy_writes(master, rig):

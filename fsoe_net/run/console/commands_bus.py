@@ -10,7 +10,18 @@ from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.live.control_values import BusState, Status
-from fsoe_net.observe.bus_documents import SubDeviceSnapshot
+from fsoe_net.live.health import (
+    Health,
+    HealthLevel,
+    HealthReason,
+    SubDeviceHealth,
+    bus_health,
+    health_texts,
+    reason_text,
+    snapshot_health,
+    subdevice_health,
+)
+from fsoe_net.observe.bus_documents import BusSnapshot, SubDeviceSnapshot
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage
 from fsoe_net.run.console.names import seconds
@@ -21,6 +32,7 @@ _CHANGE_S = 60.0
 _POLL_S = 0.05
 _UP = (BusState.RUNNING, BusState.FAILED)
 _DOWN = (BusState.STOPPED, BusState.FAILED)
+_CLOCKS = {HealthReason.CLOCKS_APART, HealthReason.CLOCKS_WITHOUT_REFERENCE}
 
 
 def _for(name: str, words: Sequence[str], default: float | None) -> float | None:
@@ -92,21 +104,32 @@ def _state(room: Room, words: Sequence[str]) -> None:
 
 
 def _state_of_bus(room: Room) -> None:
-    """Show the status, ring and clocks where there are any, and SubDevices that are not in OP."""
-    status, rows, connections = room.keeper.call(
-        lambda client: (client.status(), client.subdevices(), _connections(client))
+    """Show the status, ring and clocks where there are any, and what is not well."""
+    status, rows, seen = room.keeper.call(
+        lambda client: (client.status(), client.subdevices(), _seen(client))
     )
-    room.out(_status_line(status, connections))
-    if status.fault:
-        room.out(status.fault)
-    if status.interventions is not None and status.interventions.fault:
-        room.out(f"the intervention log is not written: {status.interventions.fault}")
-    for part in (status.ring, status.clocks, *status.in_cycle):
+    room.out(_status_line(status, () if seen is None else seen.cycle.connections))
+    statistics = None if seen is None else seen.cycle.statistics
+    bus = bus_health(status, statistics, current=seen is not None)
+    for reason in bus.reasons:
+        room.out(f"{reason.level.name.lower()}: {reason_text(reason, bus)}")
+    ring = None if HealthReason.RING_OPEN in bus.reasons else status.ring
+    clocks = None if _CLOCKS.intersection(bus.reasons) else status.clocks
+    for part in (ring, clocks, *status.in_cycle):
         if part is not None:
             room.out(part.text)
-    for row in rows:
-        if row.known and not row.in_op:
-            room.out("  ".join(part for part in _device(row) if part))
+    for health in map(subdevice_health, rows):
+        if health.level > HealthLevel.UNKNOWN:
+            room.out("  ".join(part for part in _device(health) if part))
+
+
+def _seen(client: Client) -> BusSnapshot | None:
+    try:
+        return client.snapshot()
+    except ControlRefused as refused:
+        if not refused.bus_stopped:
+            raise
+        return None
 
 
 def _state_of(room: Room, name: str) -> None:
@@ -116,11 +139,12 @@ def _state_of(room: Room, name: str) -> None:
     if not chosen:
         known = ", ".join(row.name for row in found)
         raise ConsoleError(f"no SubDevice is called {name}; there are: {known}")
-    for line in table([_device(row) for row in chosen]):
+    for line in table([_device(subdevice_health(row)) for row in chosen]):
         room.out(line)
     if name != "all":
-        seen = room.keeper.call(_connections)
-        for line in table([_connection(c) for c in seen if name in (c.main, c.sub)]):
+        seen = room.keeper.call(_seen)
+        rows = () if seen is None else seen.cycle.connections
+        for line in table([_connection(c, found) for c in rows if name in (c.main, c.sub)]):
             room.out(line)
 
 
@@ -138,55 +162,50 @@ def _status_line(status: Status, connections: Sequence[ConnectionSnapshot]) -> s
     return ", ".join(parts)
 
 
-def _connections(client: Client) -> tuple[ConnectionSnapshot, ...]:
-    try:
-        return client.connections()
-    except ControlRefused as refused:
-        if not refused.bus_stopped:
-            raise
-        return ()
-
-
-def _device(row: SubDeviceSnapshot) -> tuple[str, ...]:
-    place = f"alias {row.alias} position {row.position}"
+def _device(health: SubDeviceHealth) -> tuple[str, ...]:
+    row = health.seen
     al = row.al if row.known else "state unknown"
-    code = f"AL status code {row.al_code:#06x}" if row.al_code else ""
-    found = "" if row.in_op else row.found_text  # in OP it is the one of the plan
-    detail = "; ".join(part for part in (found, row.detail) if part)
-    return row.name, al, place, code, detail
+    return row.name, al, f"alias {row.alias} position {row.position}", _reasons(health)
 
 
-def _connection(row: ConnectionSnapshot) -> tuple[str, ...]:
+def _connection(
+    row: ConnectionSnapshot, subdevices: Sequence[SubDeviceSnapshot]
+) -> tuple[str, ...]:
     frames = f"{row.to_sub.frames} / {counted(row.to_main.frames, 'frame')}"
     wrong = row.to_sub.wrong + row.to_main.wrong
     counts = [counted(n, what) for n, what in ((row.resets, "reset"), (wrong, "wrong CRC")) if n]
-    return row.name, f"{row.main} - {row.sub}", row.state.word, frames, ", ".join(counts)
+    health = _reasons(snapshot_health(row, subdevices))
+    return row.name, f"{row.main} - {row.sub}", row.state.word, frames, ", ".join(counts), health
+
+
+def _reasons(health: Health) -> str:
+    """Return level and reasons; empty where there is nothing to report."""
+    texts = "; ".join(health_texts(health))
+    return texts and f"{health.level.name.lower()}: {texts}"
 
 
 def _show_connections(room: Room, words: Sequence[str]) -> None:
     if words:
         raise usage("connections", "")
-    rows = room.keeper.call(lambda client: client.connections())
-    for line in table([_connection(row) for row in rows]):
+    seen = room.keeper.call(lambda client: client.snapshot())
+    for line in table([_connection(row, seen.subdevices) for row in seen.cycle.connections]):
         room.out(line)
 
 
 def _snapshot(room: Room, words: Sequence[str]) -> None:
     if words:
         raise usage("snapshot", "")
-    status, seen, rows = room.keeper.call(
-        lambda client: (client.status(), client.snapshot(), client.connections())
-    )
-    s = seen.cycle.statistics
+    status, seen = room.keeper.call(lambda client: (client.status(), client.snapshot()))
+    s, rows = seen.cycle.statistics, seen.cycle.connections
     room.out(_status_line(status, rows))
     room.out(
         f"overruns {s.overruns}, incomplete cycles {s.wkc_errors}, lost frames {s.lost_frames}, "
         f"late {s.latency.p50_ns / 1e3:g} us (half), {s.latency.p99_ns / 1e3:g} us (99 %), "
         f"{s.latency.max_ns / 1e3:g} us (most)"
     )
-    for line in table([_connection(row) for row in rows]):
+    for line in table([_connection(row, seen.subdevices) for row in rows]):
         room.out(line)
-    for line in table([_device(row) for row in seen.subdevices]):
+    for line in table([_device(subdevice_health(row)) for row in seen.subdevices]):
         room.out(line)
 
 

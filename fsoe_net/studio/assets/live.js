@@ -131,6 +131,7 @@ function Shown({ past, source, state, sources, end }) {
     </div>
     ${view.away && html`<p class="error" role="alert">${view.away}${view.ended ? "" : "; what is shown was seen last"}</p>`}
     ${source === "emulated" && view.version !== state.version && html`<p class="stale">This is a run of an earlier text; start it anew to see the present one.</p>`}
+    ${!view.away && view.bus?.reasons.map((text) => html`<p class=${view.bus?.level} key=${text}>${text}</p>`)}
     ${view.notes.map((note) => html`<p class="note" key=${note}>${note}</p>`)}
     <div class="columns">
       <div>

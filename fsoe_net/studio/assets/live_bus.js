@@ -2,6 +2,7 @@
 import { useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
 import { clock, lastBefore } from "./live_past.js";
+import { MARKS } from "./live_strips.js";
 
 /** @typedef {import("./types").LiveSubDevice} LiveSubDevice */
 /** @typedef {import("./types").LiveStatistics} LiveStatistics */
@@ -13,7 +14,7 @@ const SHOWN = 200;
 export function SubDevices({ subdevices }) {
   if (!subdevices.length) return null;
   const known = subdevices.filter((s) => s.known);
-  const bad = known.filter((s) => !s.in_op && !s.absent).length;
+  const bad = known.filter((s) => s.level === "error").length;
   return html`<section aria-label="SubDevices">
     <h2>SubDevices</h2>
     <p role="status">${bad
@@ -23,13 +24,12 @@ export function SubDevices({ subdevices }) {
         : "– nobody reads their states on this bus"}</p>
     <ol class="subdevices">
       ${subdevices.map((s) => {
-        const [shape, colour] = s.absent || !s.known ? ["–", "dim"] : s.in_op ? ["✔", "good"] : ["✖", "error"];
+        const [shape, colour] = MARKS[s.level];
         const worn = [
           s.returns && `lost and back ${s.returns === 1 ? "once" : `${s.returns} times`}`,
           s.held && `${s.held} cycles held`,
           s.rx_errors && `${s.rx_errors} receive errors`,
-          s.al_code && `AL status code 0x${s.al_code.toString(16).padStart(4, "0")}`,
-          s.detail,
+          ...s.reasons,
         ].filter(Boolean);
         return html`<li key=${s.name}>
           <b>${s.name}</b>
@@ -58,12 +58,10 @@ export function Cycle({ statistics }) {
   const s = statistics;
   const names = Object.keys(s.histograms);
   const shown = names.includes(name) ? name : names[0];
-  const whole = s.actual_wkc >= s.expected_wkc;
   return html`<section aria-label="Bus cycle">
     <h2>Bus cycle</h2>
     <p>
-      <span class="state ${whole ? "good" : "error"}">${whole ? "✔" : "✖"} working counter ${s.actual_wkc} of ${s.expected_wkc}</span>,
-      ${" "}${s.cycles} cycles, ${s.wkc_errors} incomplete, ${s.lost_frames} frames lost, ${s.overruns} overruns
+      working counter ${s.actual_wkc} of ${s.expected_wkc}, ${s.cycles} cycles, ${s.wkc_errors} incomplete, ${s.lost_frames} frames lost, ${s.overruns} overruns
     </p>
     ${shown &&
     html`<label>Time <select value=${shown} onChange=${(/** @type {any} */ e) => setName(e.target.value)}>

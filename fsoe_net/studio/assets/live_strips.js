@@ -11,12 +11,13 @@ import { LEVELS, clock, lastBefore } from "./live_past.js";
 const HEIGHT = 30;
 const TOP = 9; // above the states: the marks
 
-/** @param {LiveConnection} c @returns {[string, string]} */
-function markOf(c) {
-  if (c.absent) return ["–", "dim"];
-  if (c.process) return ["✔", "good"];
-  return c.in_data ? ["◐", "warning"] : ["✖", "error"];
-}
+/** A mark and a colour for each level of health. @type {Record<import("./types").HealthLevel, [string, string]>} */
+export const MARKS = {
+  good: ["✔", "good"],
+  unknown: ["–", "dim"],
+  warning: ["◐", "warning"],
+  error: ["✖", "error"],
+};
 
 /**
  * @param {{ past: Past, from: number, to: number, chosen: string, choose: (name: string) => void }} props
@@ -34,7 +35,7 @@ export function Strips({ past, from, to, chosen, choose }) {
     </p>
     <ol ref=${list}>
       ${connections.map((c) => {
-        const [shape, colour] = markOf(c);
+        const [shape, colour] = c.absent ? MARKS.unknown : MARKS[c.level];
         return html`<li key=${c.name} class=${chosen === c.name ? "chosen" : ""}>
           <button class="name" aria-pressed=${chosen === c.name}
             onClick=${() => choose(chosen === c.name ? "" : c.name)}>${c.name}</button>
@@ -42,7 +43,7 @@ export function Strips({ past, from, to, chosen, choose }) {
           <canvas role="img" aria-label=${`States of ${c.name} from ${clock(from)} to ${clock(to)}`}></canvas>
           <small class="figures">${figures(c)}</small>
           ${c.cause && html`<small class="cause">last Reset: ${c.cause}</small>`}
-          ${c.differences.map((text) => html`<small class="cause warning">▲ observed: ${text}</small>`)}
+          ${c.reasons.length > 0 && html`<small class="cause ${colour}">${c.reasons.join(", ")}</small>`}
         </li>`;
       })}
     </ol>

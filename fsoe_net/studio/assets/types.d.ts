@@ -280,15 +280,19 @@ export interface Export {
 
 // -- the live page, see fsoe_net/studio/live_rows.py ----------------------------------------------
 
+/** See fsoe_net/live/health.py. */
+export type HealthLevel = "good" | "unknown" | "warning" | "error";
+
 export interface LiveConnection {
   name: string;
   main: string;
   sub: string;
   state: string;
   in_data: boolean;
-  /** ProcessData both ways. */
-  process: boolean;
   absent: boolean;
+  level: HealthLevel;
+  /** Why it has this level. */
+  reasons: string[];
   connection_id: number | null;
   address: number | null;
   watchdog_ms: number | null;
@@ -312,9 +316,8 @@ export interface LiveSubDevice {
   known: boolean;
   al: string;
   al_code: number | null;
-  in_op: boolean;
-  absent: boolean;
-  detail: string;
+  level: HealthLevel;
+  reasons: string[];
   returns: number;
   held: number;
   links: { port: number; up: boolean; lost: number }[];
@@ -369,6 +372,8 @@ export interface LiveView {
   notes: string[];
   connections: LiveConnection[];
   subdevices: LiveSubDevice[];
+  /** Health of the bus; null of a recorded run. */
+  bus: { level: HealthLevel; reasons: string[] } | null;
   statistics: LiveStatistics | null;
   /** Number of the page that has control of the bus, 0: none has; null or absent: none may. */
   control?: number | null;
