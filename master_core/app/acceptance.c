@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "acceptance.h"
+#include "app/acceptance.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -13,8 +13,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "entries.h"
-#include "log.h"
+#include "app/log/entries.h"
+#include "app/log/log.h"
 
 enum { MOST_TEXT = 16384, NOT_STARTED = 127 };
 

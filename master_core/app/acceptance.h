@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "options.h"
+#include "app/base/options.h"
 
 /** Has `fsoe-net verify` compare a plan with `options->acceptance`, and check its signatures. It is
  *  run without a shell, from the folder of this program or from PATH, and gets the very bytes that

@@ -1,10 +1,10 @@
-#include "buses.h"
+#include "app/buses.h"
 
 #include <stdio.h>
 #include <string.h>
 
+#include "app/log/log.h"
 #include "fsn/several.h"
-#include "log.h"
 
 /** The one set of buses of this program. */
 static struct {

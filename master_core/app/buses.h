@@ -2,8 +2,8 @@
 #ifndef FSN_APP_BUSES_H
 #define FSN_APP_BUSES_H
 
-#include "backends.h"
-#include "options.h"
+#include "app/base/backends.h"
+#include "app/base/options.h"
 
 /** Gives every bus of the plan its interface; of several buses the backend is one for all of them.
  *  @param[in,out] backend  what drives one bus; then what drives the plan.

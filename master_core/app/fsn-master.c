@@ -11,17 +11,17 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
-#include "acceptance.h"
-#include "buses.h"
-#include "confine.h"
+#include "app/acceptance.h"
+#include "app/base/confine.h"
+#include "app/base/explain.h"
+#include "app/base/notify.h"
+#include "app/buses.h"
+#include "app/log/entries.h"
+#include "app/log/log.h"
+#include "app/master.h"
+#include "app/scan.h"
+#include "app/takeover/former.h"
 #include "control/base/words.h"
-#include "entries.h"
-#include "explain.h"
-#include "former.h"
-#include "log.h"
-#include "master.h"
-#include "notify.h"
-#include "scan.h"
 
 enum { MAX_PLAN_BYTES = 64 << 20 };
 

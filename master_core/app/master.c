@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "master.h"
+#include "app/master.h"
 
 #include <errno.h>
 #include <stdio.h>
@@ -11,17 +11,17 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "confine.h"
+#include "app/base/confine.h"
+#include "app/base/explain.h"
+#include "app/base/holder.h"
+#include "app/base/notify.h"
+#include "app/log/log.h"
+#include "app/runner.h"
+#include "app/takeover/door.h"
+#include "app/takeover/former.h"
 #include "control/base/clock.h"
 #include "control/base/peer.h"
-#include "door.h"
-#include "explain.h"
-#include "former.h"
 #include "fsn/handover.h"
-#include "holder.h"
-#include "log.h"
-#include "notify.h"
-#include "runner.h"
 
 enum { END_MS = 10000 }; /**< how long the end may take when the bus does not even open */
 

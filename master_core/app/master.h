@@ -2,8 +2,8 @@
 #ifndef FSN_APP_MASTER_H
 #define FSN_APP_MASTER_H
 
-#include "backends.h"
-#include "options.h"
+#include "app/base/backends.h"
+#include "app/base/options.h"
 
 struct former;
 

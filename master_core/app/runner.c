@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "runner.h"
+#include "app/runner.h"
 
 #include <errno.h>
 #include <pthread.h>
@@ -13,11 +13,11 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "app/base/schedule.h"
+#include "app/log/log.h"
+#include "app/takeover/former.h"
 #include "control/base/clock.h"
-#include "former.h"
-#include "log.h"
 #include "plan/plan_internal.h"
-#include "schedule.h"
 
 enum {
     TEND_NS = 2000000,      /**< between two steps of the acyclic work */

@@ -3,10 +3,10 @@
 #ifndef FSN_APP_RUNNER_H
 #define FSN_APP_RUNNER_H
 
-#include "backends.h"
+#include "app/base/backends.h"
+#include "app/base/options.h"
 #include "control/jobs/job.h"
 #include "fsn/core.h"
-#include "options.h"
 
 struct runner;
 struct former;

@@ -1,11 +1,11 @@
-#include "scan.h"
+#include "app/scan.h"
 
 #include <errno.h>
 #include <stdio.h>
 
+#include "app/base/explain.h"
+#include "app/log/log.h"
 #include "control/survey/survey.h"
-#include "explain.h"
-#include "log.h"
 
 static int refused(const struct fsn_fault *fault, const struct options *options) {
     char text[1200];

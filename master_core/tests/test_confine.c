@@ -1,7 +1,7 @@
 /** What a confined process and thread can still do. Each case runs in a process of its own. */
 #define _GNU_SOURCE
 
-#include "confine.h"
+#include "app/base/confine.h"
 
 #include <errno.h>
 #include <linux/capability.h>

@@ -1,7 +1,7 @@
 /** The side of a process that drives the bus: whom it lets follow, whatever the other end says. */
 #define _GNU_SOURCE
 
-#include "door.h"
+#include "app/takeover/door.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,11 +12,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "app/log/log.h"
+#include "app/takeover/handover.h"
 #include "builder.h"
 #include "control/base/clock.h"
 #include "door_rig.h"
-#include "handover.h"
-#include "log.h"
 
 static struct fsn_plan *plan;
 static struct options options = {.cycle_ns = 1000000, .dc_every = 10};

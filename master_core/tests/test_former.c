@@ -2,7 +2,7 @@
  *  goes on. The process before is a child that plays a part with messages of its own. */
 #define _GNU_SOURCE
 
-#include "former.h"
+#include "app/takeover/former.h"
 
 #include <signal.h>
 #include <stdlib.h>
@@ -13,11 +13,11 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "app/log/log.h"
+#include "app/takeover/handover.h"
 #include "builder.h"
 #include "door_rig.h"
 #include "emulated_rig.h"
-#include "handover.h"
-#include "log.h"
 
 enum { ROOM_BYTES = 1 << 18 }; /**< enough for the e-stop pair */
 

@@ -2,7 +2,7 @@
  * that has only been given a descriptor. */
 #define _GNU_SOURCE
 
-#include "holder.h"
+#include "app/base/holder.h"
 
 #include <signal.h>
 #include <stddef.h>

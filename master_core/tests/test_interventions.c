@@ -14,9 +14,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "app/log/interventions.h"
 #include "builder.h"
 #include "control/base/words.h"
-#include "interventions.h"
 #include "plan/plan_internal.h"
 
 enum { MIB = 1 << 20, PATIENCE_MS = 600000 };

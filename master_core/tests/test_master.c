@@ -10,10 +10,10 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "app/base/explain.h"
+#include "app/master.h"
 #include "builder.h"
-#include "explain.h"
 #include "fsn/emulated.h"
-#include "master.h"
 
 /** A bus that behaves as set, and remembers in which order it was used. */
 static struct bus {

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "handover.h"
+#include "app/takeover/handover.h"
 
 #include <errno.h>
 #include <poll.h>

@@ -1,17 +1,17 @@
 #define _GNU_SOURCE
 
-#include "entries.h"
+#include "app/log/entries.h"
 
 #include <fcntl.h>
 #include <stdio.h>
 #include <unistd.h>
 
+#include "app/log/log.h"
 #include "control/base/clock.h"
 #include "control/base/json.h"
 #include "control/base/peer.h"
 #include "control/base/words.h"
 #include "fsn/version.h"
-#include "log.h"
 #include "plan/plan_internal.h"
 
 enum { MOST_BYTES = 256 << 10 };

@@ -1,4 +1,4 @@
-#include "options.h"
+#include "app/base/options.h"
 
 #include <ctype.h>
 #include <getopt.h>
@@ -9,9 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "backends.h"
+#include "app/base/backends.h"
 #include "control/base/words.h"
-#include "interventions.h"
 
 static const char usage_text[] =
     "usage: fsn-master PLAN --interface IF [options]\n"

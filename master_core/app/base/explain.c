@@ -1,13 +1,13 @@
 #define _POSIX_C_SOURCE 200809L /* readlink() */
-#include "explain.h"
+#include "app/base/explain.h"
 
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "app/base/holder.h"
 #include "fsn/bus.h"
-#include "holder.h"
 
 const char *explain_permission(void) {
     static char text[640];

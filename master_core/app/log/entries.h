@@ -2,8 +2,8 @@
 #ifndef FSN_APP_ENTRIES_H
 #define FSN_APP_ENTRIES_H
 
+#include "app/base/options.h"
 #include "fsn/plan.h"
-#include "options.h"
 
 /** This program starts: version, hash of its file, host, process, user, words of its command line.
  */

@@ -2,9 +2,9 @@
 #ifndef FSN_APP_FORMER_H
 #define FSN_APP_FORMER_H
 
-#include "backends.h"
+#include "app/base/backends.h"
+#include "app/base/options.h"
 #include "fsn/handover.h"
-#include "options.h"
 
 /** So many bus cycles, as counted in wake-ups of the standby that came in time, and at least
  *  FORMER_STILL_MS: the former has stopped. A machine that stands still stops both, and counts

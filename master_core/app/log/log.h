@@ -5,9 +5,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "app/log/interventions.h"
 #include "control/base/json.h"
 #include "control/server/control.h"
-#include "interventions.h"
 
 /** Chooses between text and JSON lines. */
 void log_as_json(bool json);

@@ -1,6 +1,6 @@
 #define _POSIX_C_SOURCE 200809L
 
-#include "log.h"
+#include "app/log/log.h"
 
 #include <errno.h>
 #include <fcntl.h>

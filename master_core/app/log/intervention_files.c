@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "intervention_files.h"
+#include "app/log/intervention_files.h"
 
 #include <dirent.h>
 #include <errno.h>

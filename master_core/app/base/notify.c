@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "notify.h"
+#include "app/base/notify.h"
 
 #include <stddef.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "door.h"
+#include "app/takeover/door.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -12,10 +12,10 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include "app/log/log.h"
 #include "control/base/clock.h"
 #include "control/base/words.h"
 #include "fsn/version.h"
-#include "log.h"
 
 static const uint64_t rest_ns =
     10000000000u; /**< how long the acyclic work rests for a successor */

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "holder.h"
+#include "app/base/holder.h"
 
 #include <dirent.h>
 #include <stdbool.h>

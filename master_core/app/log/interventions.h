@@ -6,13 +6,12 @@
 #ifndef FSN_APP_INTERVENTIONS_H
 #define FSN_APP_INTERVENTIONS_H
 
+#include "app/log/intervention_files.h"
 #include "control/base/host.h"
-#include "intervention_files.h"
 
 struct interventions;
 
 enum {
-    INTERVENTIONS_MIB = 16,        /**< of a file, before the next one begins */
     INTERVENTIONS_ENTRIES = 1000,  /**< that wait for the disk */
     INTERVENTIONS_BYTES = 4 << 20, /**< of all of them */
 };

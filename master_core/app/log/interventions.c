@@ -1,8 +1,8 @@
 #define _GNU_SOURCE
 
-#include "interventions.h"
+#include "app/log/interventions.h"
 
-#include "confine.h"
+#include "app/base/confine.h"
 
 #include <errno.h>
 #include <pthread.h>

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "schedule.h"
+#include "app/base/schedule.h"
 
 #include <dirent.h>
 #include <errno.h>

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "confine.h"
+#include "app/base/confine.h"
 
 #include <errno.h>
 #include <linux/audit.h>

@@ -9,7 +9,11 @@
 
 enum { EXIT_FINE = 0, EXIT_REFUSED = 1, EXIT_USAGE = 2, EXIT_ENVIRONMENT = 3, EXIT_DIFFERS = 4 };
 
-enum { MOST_BUSES = 16, DEFAULT_PRIORITY = 80 /**< of fifo */ };
+enum {
+    MOST_BUSES = 16,
+    DEFAULT_PRIORITY = 80,  /**< of fifo */
+    INTERVENTIONS_MIB = 16, /**< default size of a file of the intervention log */
+};
 
 enum policy { POLICY_FIFO, POLICY_DEADLINE, POLICY_OTHER };
 

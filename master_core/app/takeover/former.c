@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "former.h"
+#include "app/takeover/former.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -16,10 +16,10 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "app/log/log.h"
+#include "app/takeover/handover.h"
 #include "control/base/clock.h"
 #include "fsn/version.h"
-#include "handover.h"
-#include "log.h"
 #include "plan/plan_internal.h"
 
 enum {

@@ -4,9 +4,9 @@
 
 #include <poll.h>
 
+#include "app/base/options.h"
+#include "app/takeover/handover.h"
 #include "fsn/bus.h"
-#include "handover.h"
-#include "options.h"
 
 enum { DOOR_FDS = 2 };
 

@@ -1,4 +1,4 @@
-#include "backends.h"
+#include "app/base/backends.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -4,8 +4,8 @@
 
 #include <stddef.h>
 
+#include "app/base/options.h"
 #include "fsn/plan.h"
-#include "options.h"
 
 /** Writes "FSN_E_…: record: rule: what was found; what to do". `plan` may be NULL. */
 void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
