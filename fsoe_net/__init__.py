@@ -18,6 +18,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
+from fsoe_net.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from fsoe_net.diag.diagnostic import Diagnostic, Severity
     from fsoe_net.errors import ControlRefused, EnvironmentFault, FsnError, InputError
@@ -30,8 +32,6 @@ if TYPE_CHECKING:
     from fsoe_net.project.report import Report
     from fsoe_net.run.client import Client
     from fsoe_net.run.result import Run
-
-__version__ = "0.1.0"
 
 __all__ = [
     "Client",

@@ -45,7 +45,7 @@ def test_it_is_imported_without_a_command_line_or_anything_else():
     )
     words = [sys.executable, "-c", loaded]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert done.stdout == "['fsoe_net']\n"
+    assert done.stdout == "['fsoe_net', 'fsoe_net.version']\n"
     used = (
         "import sys, fsoe_net\n"
         "fsoe_net.load(sys.argv[1]).check()\n"

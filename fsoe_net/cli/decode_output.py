@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core.scan import FoundConnection, FoundPlace, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
@@ -17,6 +16,7 @@ from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
 from fsoe_net.fsoe.pdu import Command, command_text, reset_code_text, safe_data_length, safe_data_of
 from fsoe_net.observe.names import ConnectionNames
 from fsoe_net.project.decode import CaptureFacts, DecodedFrame, Found
+from fsoe_net.version import __version__
 
 __all__ = ["JsonOutput", "Output", "TextOutput"]
 

@@ -6,7 +6,6 @@ import json
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.options import INTERFACE, format_option
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
@@ -25,6 +24,7 @@ from fsoe_net.errors import EnvironmentFault
 from fsoe_net.host.doctor import Examination, examine
 from fsoe_net.host.finding import MachineFinding, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
+from fsoe_net.version import __version__
 
 __all__ = ["command"]
 

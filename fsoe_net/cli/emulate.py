@@ -7,7 +7,6 @@ from dataclasses import asdict
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.command_lines import CommandLines
 from fsoe_net.cli.emulate_output import check_rig, print_emulation
 from fsoe_net.cli.inputs import input_options
@@ -28,6 +27,7 @@ from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import with_scenario
 from fsoe_net.run.emulate import SegmentSession, serve
 from fsoe_net.run.session import random_session_ids
+from fsoe_net.version import __version__
 
 __all__ = ["command"]
 

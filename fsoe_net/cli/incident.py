@@ -6,7 +6,6 @@ import json
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.options import FILE, output_option
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
@@ -18,6 +17,7 @@ from fsoe_net.observe.evidence import gather
 from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.report.incident_document import incident_document
 from fsoe_net.report.incident_facts import facts_json, facts_of
+from fsoe_net.version import __version__
 
 __all__ = ["command"]
 

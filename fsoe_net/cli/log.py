@@ -8,7 +8,6 @@ from datetime import datetime
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.options import (
     FILE,
     format_option,
@@ -28,6 +27,7 @@ from fsoe_net.report.intervention_document import (
     log_document,
     selection_json,
 )
+from fsoe_net.version import __version__
 
 __all__ = ["command"]
 

@@ -10,9 +10,9 @@ import sys
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import FsnError, InputError
+from fsoe_net.version import __version__
 
 __all__ = ["main"]
 

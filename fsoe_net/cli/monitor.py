@@ -6,7 +6,6 @@ import json
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.monitor_output import bus_document, capture_text
 from fsoe_net.cli.monitor_watch import begin_capture, watch
 from fsoe_net.cli.options import (
@@ -21,6 +20,7 @@ from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
 from fsoe_net.run.attachment import Attachment
+from fsoe_net.version import __version__
 
 __all__ = ["command"]
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.live_bus import LiveBus, live_bus_options, run_live_bus
 from fsoe_net.cli.options import (
@@ -27,6 +26,7 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import make_folder
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import simulate
+from fsoe_net.version import __version__
 
 __all__ = ["command"]
 

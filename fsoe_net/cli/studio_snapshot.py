@@ -10,7 +10,6 @@ from pathlib import Path
 
 import click
 
-from fsoe_net import __version__
 from fsoe_net.cli.monitor_output import bus_document
 from fsoe_net.cli.run_output import health_verdict
 from fsoe_net.cli.terminal import echo
@@ -38,6 +37,7 @@ from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.project.check import check_files
 from fsoe_net.project.snapshot import snapshot
 from fsoe_net.run.attachment import Attachment, BusView
+from fsoe_net.version import __version__
 
 __all__ = ["write_snapshot"]
 

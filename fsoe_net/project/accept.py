@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
-from fsoe_net import __version__
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import parse_acceptance
 from fsoe_net.formats.own.options import LoadOptions
@@ -24,6 +23,7 @@ from fsoe_net.project.report import since
 from fsoe_net.report.sign_off import Grounds, Reason, Refusal, sign_off
 from fsoe_net.report.signed_report import read_signed_report
 from fsoe_net.timing.budget import make_budget
+from fsoe_net.version import __version__
 
 __all__ = ["accept", "attachments", "intervention_rows", "reason_rows", "record_bytes"]
 

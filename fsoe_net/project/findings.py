@@ -6,13 +6,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import overload
 from urllib.parse import quote
 
-from fsoe_net import __version__
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.printable import printable
 from fsoe_net.diag.words import summary
 from fsoe_net.rules.effects import effect_today
 from fsoe_net.rules.runtime import Runtime
+from fsoe_net.version import __version__
 
 __all__ = ["Findings", "finding_text", "github_line", "json_document", "sarif_document"]
 

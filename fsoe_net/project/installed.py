@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from fsoe_net import __version__
+from fsoe_net.version import __version__
 
 __all__ = ["InstalledFiles", "installed_files", "shipped", "versions"]
 

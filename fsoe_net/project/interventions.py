@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import IO
 
-from fsoe_net import __version__
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.formats.shared.files import open_file
@@ -26,6 +25,7 @@ from fsoe_net.observe.interventions import (
     log_lines,
 )
 from fsoe_net.report.intervention_document import check_json, log_check_document
+from fsoe_net.version import __version__
 
 __all__ = ["export_log", "log_files", "read_log", "select_entries"]
 

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fsoe_net import __version__
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.diag.words import summary
 from fsoe_net.document.write_html import document_html
@@ -29,6 +28,7 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.protocol import compare_protocol, keep_machine, make_protocol
 from fsoe_net.run.protocol_live import Person, run_protocol_live
 from fsoe_net.run.protocol_virtual import run_protocol_virtual
+from fsoe_net.version import __version__
 
 __all__ = ["ProtocolTrial", "read_protocol"]
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fsoe_net import __version__
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.document.write_pdf import document_pdf
 from fsoe_net.errors import InputError
@@ -50,6 +49,7 @@ from fsoe_net.report.steps_to_repeat import steps_to_repeat
 from fsoe_net.rules.scan import check_scan
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import Budget, make_budget
+from fsoe_net.version import __version__
 
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run

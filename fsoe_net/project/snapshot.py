@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fsoe_net import __version__
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.diag.words import counted, summary
 from fsoe_net.document.model import (
@@ -26,6 +25,7 @@ from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.project.check import Checked
 from fsoe_net.report.model import LEVELS
 from fsoe_net.report.network_picture import network_picture
+from fsoe_net.version import __version__
 
 __all__ = ["snapshot"]
 

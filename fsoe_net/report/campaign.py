@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from fsoe_net import __version__
 from fsoe_net.document.model import (
     Bullets,
     Column,
@@ -22,6 +21,7 @@ from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, ClassResult
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.run.campaign import CampaignResult
+from fsoe_net.version import __version__
 
 __all__ = ["Saved", "campaign_document", "to_json"]
 

@@ -10,7 +10,6 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fsoe_net import __version__
 from fsoe_net.core.snapshot import CoreEvent, CycleImage
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.fsoe.parameters import differences
@@ -23,6 +22,7 @@ from fsoe_net.run.emulated_documents import (
     snapshot_json,
     subdevices_json,
 )
+from fsoe_net.version import __version__
 
 if TYPE_CHECKING:
     from fsoe_net.run.session import Session

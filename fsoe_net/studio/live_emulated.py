@@ -14,7 +14,6 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import TypeVar
 
-from fsoe_net import __version__
 from fsoe_net.emul.bus import EmulatedDevices
 from fsoe_net.emul.port import Port
 from fsoe_net.errors import FsnError, InputError
@@ -37,6 +36,7 @@ from fsoe_net.studio.live_rows import (
     statistics_row,
     subdevice_row,
 )
+from fsoe_net.version import __version__
 
 __all__ = ["FORGOTTEN_S", "MOST_HELD_MS", "EmulatedFeed"]
 

@@ -6,7 +6,6 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 
-from fsoe_net import __version__
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.live.control_values import Status, Symbol, WatchedCycle
 from fsoe_net.live.health import bus_health
@@ -22,6 +21,7 @@ from fsoe_net.studio.live_rows import (
     statistics_row,
     subdevice_row,
 )
+from fsoe_net.version import __version__
 
 __all__ = ["MasterFeed"]
 

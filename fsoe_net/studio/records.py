@@ -21,7 +21,6 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from fsoe_net import __version__
 from fsoe_net.diag.printable import printable
 from fsoe_net.document.model import Bullets, Document, Level, Part, Section, Verdict, cell, words
 from fsoe_net.document.write_html import document_html
@@ -45,6 +44,7 @@ from fsoe_net.report.incident_facts import facts_of
 from fsoe_net.report.intervention_document import log_document
 from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.workspace import Workspace
+from fsoe_net.version import __version__
 
 __all__ = ["Records", "document_response"]
 

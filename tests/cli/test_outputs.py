@@ -19,7 +19,7 @@ import yaml
 from cases_file import write_cases
 from cli.tool import fsn
 
-from fsoe_net import __version__
+from fsoe_net.version import __version__
 
 HERE = Path(__file__).parent
 BASE = HERE.parent / "diagnostics" / "base"

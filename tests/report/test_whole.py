@@ -31,7 +31,6 @@ from run.protocols import protocol_of, timed
 from run.watched_master import WatchedMaster
 from scans import scan_of
 
-from fsoe_net import __version__
 from fsoe_net.core.snapshot import Histogram
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.formats.own.library import builtin_library
@@ -83,6 +82,7 @@ from fsoe_net.report.svg import copy_picture, topology_picture
 from fsoe_net.run.campaign import campaign_links, run_campaign
 from fsoe_net.run.result import ExpectationResult
 from fsoe_net.run.session import Session, counted_session_ids, run_virtual
+from fsoe_net.version import __version__
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from run.support import ESTOP, ROBOT, needs_core
 
-from fsoe_net import __version__
 from fsoe_net.cli.main import main
 from fsoe_net.plan.compile import compile_plan
+from fsoe_net.version import __version__
 
 NETWORK = str(ESTOP / "network.yaml")
 

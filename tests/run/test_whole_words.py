@@ -22,7 +22,6 @@ from run.test_console import Rig as ConsoleRig
 from run.test_edges import session
 from scans import scan_of, subdevice
 
-from fsoe_net import __version__
 from fsoe_net.errors import ConsoleError, ControlRefused, FsnError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.shared.files import Collector
@@ -40,6 +39,7 @@ from fsoe_net.run.protocol import (
 from fsoe_net.run.result import RunEvent, RunEventKind
 from fsoe_net.run.scan_files import scan_files
 from fsoe_net.testing.fake_master import FakeMaster
+from fsoe_net.version import __version__
 
 WHOLE = Path(__file__).parent / "incident.txt"
 

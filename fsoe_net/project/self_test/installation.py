@@ -7,9 +7,9 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from fsoe_net import __version__
 from fsoe_net.project.installed import installed_files, shipped
 from fsoe_net.project.self_test.model import NotTried, TriedValue, reference
+from fsoe_net.version import __version__
 
 __all__ = ["master", "master_version", "recorded_files"]
 
