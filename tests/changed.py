@@ -1,14 +1,16 @@
 """Whole results of files that are changed in one place: what a reader or a check makes of each.
 
-A test gives the result of each change as a text. How many changes there are, how many findings they
-make and the digest of all results stand in one line of `changed.txt` beside the test. What differs
-is seen by running the test before and after a change of the code:
+A test gives the result of each change as a text without sentences: of findings the codes, levels,
+places and edits, of other texts the figures. How many results there are, how many findings they
+have and the digest of all of them are one line of `changed.txt` next to the test; a message may be
+reworded without a change there. To see what differs, run the test before and after a change of the
+code:
 
     FSN_CHANGED=/tmp/before python -m pytest -k each_change tests     # with the code as it was
     FSN_CHANGED=/tmp/after python -m pytest -k each_change tests
     diff -r /tmp/before /tmp/after
 
-Where the difference is wanted, `FSN_RECORD=1` writes the lines anew.
+After an intended change, `FSN_RECORD=1` writes the lines again.
 """
 
 from __future__ import annotations
@@ -22,12 +24,17 @@ from fcntl import LOCK_EX, flock
 from functools import cache
 from pathlib import Path
 
+from fsoe_net.diag.diagnostic import Diagnostic
+
 _NUMBER = re.compile(r"(?<![\w.])(0x|#x)?([0-9a-fA-F]+)(?![\w.])")
 _WORD = re.compile(r"(?<![\w</:&#])[A-Za-z_]\w+")
 _TAG = re.compile(r"<(/?)([A-Za-z][\w:.-]*)((?:\"[^\"]*\"|[^\">])*?)(/?)>")
 _ATTRIBUTE = re.compile(r"\s[A-Za-z][\w:]*=\"[^\"]*\"")
 _VALUE = re.compile(r"(\w+): ([^,}\s]+)")
-_FINDING = re.compile(r"\[FSN\d{3}\]: ")
+_FINDING = re.compile(r"^FSN\d{3} ", re.MULTILINE)
+_FIGURE = re.compile(r"[\w.:+-]*\d[\w.:+-]*")
+_SENTENCE = re.compile(r"([^\W\d_]{2,}\W+){2}[^\W\d_]{2,}")
+_COMMENT = re.compile(r"# [^\n]*|<!--.*?-->|/\*.*?\*/|// [^\n]*", re.DOTALL)
 
 Changes = Iterator[tuple[str, str]]
 
@@ -89,9 +96,33 @@ def bits(data: bytes, step: int = 1) -> Iterator[tuple[str, bytes]]:
         yield f"byte {n}", data[:n] + bytes([data[n] ^ 1 << n // step % 8]) + data[n + 1 :]
 
 
+def figures(text: str) -> str:
+    """Return what of a sentence is no wording: each part of it that has a digit."""
+    return " ".join(part.strip(".:") for part in _FIGURE.findall(text))
+
+
+def findings(rows: Iterable[Diagnostic]) -> str:
+    """Return code, level, places and edits of each finding, a line each, sorted by them."""
+    lines = []
+    for one in rows:
+        parts = [one.code, one.level.value, str(one.span), *(f"see {r.span}" for r in one.related)]
+        parts += [f"edit {e.span} {e.key} {e.renames} {e.text}" for e in one.edits]
+        lines.append(" ".join(parts))
+    return "\n".join(sorted(lines))
+
+
+def _text(text: str) -> str:
+    """Return a text; of a sentence, and of the comments of a document, the figures only."""
+    if "\n" in text:
+        return repr(_COMMENT.sub(lambda match: figures(match[0]), text))
+    return figures(text) if _SENTENCE.search(text) else repr(text)
+
+
 def whole(value: object, seen: dict[int, tuple[int, object]] | None = None) -> str:
-    """Return all that a value holds, the same in each process; what comes again by its number."""
+    """Return what a value holds, without sentences; an object that comes again by its number."""
     kind = type(value)
+    if isinstance(value, str) and kind is str:
+        return _text(value)
     if kind in _PLAIN:  # most values, by far
         return repr(value)
     seen = {} if seen is None else seen
@@ -112,7 +143,7 @@ def whole(value: object, seen: dict[int, tuple[int, object]] | None = None) -> s
     return repr(value)
 
 
-_PLAIN = {str, int, bool, float, bytes, type(None)}
+_PLAIN = {int, bool, float, bytes, type(None)}
 
 
 @cache
@@ -127,7 +158,7 @@ def compare(test: str, name: str, results: Iterable[tuple[str, str]]) -> None:
     text = "".join(f"== {change}\n{said}\n" for change, said in whole.items())
     text = text.replace(f"{Path.cwd()}/", "")
     digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-    row = f"{name}: {len(whole)} changes, {len(_FINDING.findall(text))} findings, {digest}"
+    row = f"{name}: {len(whole)} results, {len(_FINDING.findall(text))} findings, {digest}"
     if "FSN_CHANGED" in os.environ:
         shown = Path(os.environ["FSN_CHANGED"]) / path.parent.name / f"{name}.txt"
         shown.parent.mkdir(parents=True, exist_ok=True)

@@ -8,7 +8,6 @@ import signal
 from count_child import count_confined_children
 from hypothesis import HealthCheck, settings
 from repeat import pytest_cmdline_main, pytest_runtest_makereport  # noqa: F401 - hooks
-from said import pytest_sessionfinish, said  # noqa: F401 - a hook, a fixture
 from stuck import pytest_configure, pytest_timeout_set_timer  # noqa: F401 - hooks
 from uncounted import pytest_runtest_call  # noqa: F401 - a hook
 

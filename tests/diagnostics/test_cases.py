@@ -22,8 +22,6 @@ from fsoe_net.project.draft import Inputs, make_draft, question_findings
 from fsoe_net.project.gather import gather
 from fsoe_net.rules.runtime import Runtime
 
-pytestmark = pytest.mark.usefixtures("said")
-
 HERE = Path(__file__).parent
 CASES = yaml.safe_load((HERE / "cases.yaml").read_text("utf-8"))
 PAD = "      - {index: 0x0000, sub_index: 0, type: bit240}\n"

@@ -12,7 +12,6 @@ from diagnostics.test_cases import HERE
 from formats.test_answers import GOOD as ANSWERS
 from formats.test_cases import KINDS
 from formats.texts import DOMAINS, SLAVES_V
-from said import Said
 
 from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.igh.read import load_igh_text
@@ -78,9 +77,7 @@ BINARIES = {
 
 
 def _whole(found: Found) -> str:
-    heard = Said()
-    heard.findings = found[1]
-    return "\n".join([changed.whole(found[0]), *heard.whole()])
+    return f"{changed.whole(found[0])}\n{changed.findings(found[1])}"
 
 
 @pytest.fixture

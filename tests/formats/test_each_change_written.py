@@ -52,7 +52,7 @@ def _all_of(description: Description | None) -> list[str]:
         try:
             made.append(changed.whole(write(description)))
         except InputError as error:
-            made.append(str(error))
+            made.append(changed.figures(str(error)))
     return made
 
 
@@ -61,7 +61,7 @@ def _of_network(path: str) -> object:
     try:
         return network and _all_of(describe(network))
     except InputError as error:
-        return str(error)
+        return changed.figures(str(error))
 
 
 # Name: the text or the file, what is read then, what is written of it.

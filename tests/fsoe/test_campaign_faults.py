@@ -6,6 +6,7 @@ from collections import Counter
 from itertools import combinations
 
 import pytest
+from changed import compare
 from fsoe.devices import watches_changes
 from fsoe.lossy_links import DRAWN, make_config, make_link
 
@@ -30,8 +31,6 @@ from fsoe_net.fsoe.campaign.judge import FAILURES, TrialOutcome
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials, trial_count
 from fsoe_net.fsoe.campaign.walk import Walker
 from fsoe_net.fsoe.pdu import Command, decode_pdu, frame_length
-
-pytestmark = pytest.mark.usefixtures("said")
 
 
 def _channel(cycles=40):
@@ -240,13 +239,16 @@ def test_bit_errors_are_all_different_and_complete():
     assert all(mask < 1 << 8 * frame_length(link.sizes[way]) for way, mask in rows)
 
 
-def test_the_first_and_last_bit_errors_of_each_kind(said):
+def test_the_first_and_last_bit_errors_of_each_kind():
     """Patterns within a block first, then those of one and two bits anywhere."""
+    rows = []
     for sizes in ((1, 1), (1, 4), (4, 6)):
         for row in error_sets((make_link(*sizes),)):
-            said.add(f"{row.count} of {row.bits} bits, {row.blocks} blocks, {row.way.name}")
+            what = f"{sizes} {row.way.name}"
+            rows.append((what, f"{row.count} {row.bits} {row.blocks}"))
             for number in (0, 1, 2, row.count - 2, row.count - 1):
-                said.add(f"bit error {number} of {sizes}: {row.way.name} {row.mask(number):x}")
+                rows.append((f"{what} {number}", f"{row.mask(number):x}"))
+    compare(__file__, "bit errors", rows)
 
 
 def test_bit_errors_of_frames_that_share_a_code_are_tried_once():

@@ -6,10 +6,9 @@ A trial depends on connections, class, seed and number only, so what was read on
 from __future__ import annotations
 
 import pytest
-from changed import compare
+from changed import compare, whole
 from fsoe.devices import strange_sub
 from fsoe.lossy_links import make_link
-from said import Said
 
 from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
 from fsoe_net.fsoe.campaign.trials import CampaignConfig, Case, Trials, run_trials
@@ -29,12 +28,13 @@ def drawn(case: Case) -> str:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_fault_and_what_becomes_of_it(name: str, said: Said) -> None:
+def test_each_fault_and_what_becomes_of_it(name: str) -> None:
     work = Trials(CONFIG, name)
+    rows = []
     for number in range(8):
         case, found = work.run(number)
-        said.add(f"{name} {number}: {drawn(case)}")
-        said.add(f"{name} {number}: {found}")
+        rows.append((f"{number}", f"{drawn(case)}\n{whole(found)}"))
+    compare(__file__, f"tried {name}", rows)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -54,19 +54,11 @@ def test_each_change_that_is_drawn(name: str) -> None:
     compare(__file__, f"drawn {name}", rows)
 
 
-def test_the_catalogue_for_people(said: Said) -> None:
-    for row in CATALOGUE.values():
-        said.add(f"{row.name}: {row.kind}; {row.text}; {row.tolerable} {row.startup_share}")
-
-
 @pytest.mark.uncounted
 @pytest.mark.parametrize("name", NAMES)
-def test_all_that_is_counted(name: str, said: Said) -> None:
+def test_all_that_is_counted(name: str) -> None:
     done: list[int] = []
     result = run_trials(CONFIG, name, range(150), done.append)
     assert done == list(range(150))
-    said.add(f"150 of {name}: {result}")
-    said.add(
-        f"150 of {name}: {result.interval} {result.rate_ok} {result.most_tolerated} "
-        f"{result.failed} {result.passed}"
-    )
+    judged = (result.interval, result.rate_ok, result.most_tolerated, result.failed, result.passed)
+    compare(__file__, f"counted {name}", [("result", whole(result)), ("judged", whole(judged))])

@@ -10,8 +10,6 @@ from fsoe_net.fsoe.chain import Chain, advance, before, is_whole
 from fsoe_net.fsoe.crc import frame_crcs
 from fsoe_net.fsoe.pdu import decode_pdu
 
-pytestmark = pytest.mark.usefixtures("said")
-
 
 def _colliding(chain: Chain, connection_id: int = 10) -> bytes:
     """Safe data whose CRC_0 would equal that of the frame this end sent last."""

@@ -15,8 +15,6 @@ from fsoe_net.fsoe.campaign.faults import Freeze
 from fsoe_net.fsoe.campaign.walk import Walker
 from fsoe_net.fsoe.event import State
 
-pytestmark = pytest.mark.usefixtures("said")
-
 SIZES = [(1, 1), (1, 6), (2, 2), (6, 4), (14, 2), (126, 126)]
 
 

@@ -23,8 +23,6 @@ from fsoe_net.fsoe.chain import Chain, reset_frame
 from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.pdu import Command
 
-pytestmark = pytest.mark.usefixtures("said")
-
 UNKNOWN = (0x00, 0x01, 0xFF, 0x2B)
 EVERY = (State.RESET, *RUNNING)
 ALLOWED = {state: {COMMAND_OF[state]} for state in RUNNING}

@@ -15,8 +15,6 @@ from fsoe_net.fsoe.crc import frame_crcs
 from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.pdu import SAFE_SIZES, Command, decode_pdu
 
-pytestmark = pytest.mark.usefixtures("said")
-
 SIZES = sorted(SAFE_SIZES)
 
 

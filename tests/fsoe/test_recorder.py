@@ -34,8 +34,6 @@ from fsoe_net.fsoe.campaign.trials import CampaignConfig, Trials, run_trials
 from fsoe_net.fsoe.campaign.walk import Scene
 from fsoe_net.fsoe.recording.replay import replay
 
-pytestmark = pytest.mark.usefixtures("said")
-
 DRAWN = [name for name in CATALOGUE if name != "bit_errors"]
 
 
@@ -164,7 +162,7 @@ FORGOTTEN = [
 
 
 @pytest.mark.parametrize(("device", "name", "kind", "ours"), FORGOTTEN)
-def test_a_failing_case_is_made_small_and_replays_as_different(device, name, kind, ours, said):
+def test_a_failing_case_is_made_small_and_replays_as_different(device, name, kind, ours):
     config = CampaignConfig(links=(make_link(sub_factory=device),), seed=1)
     failures = run_trials(config, name, range(200)).failures
     small = shrink(Trials(config, name).case(failures[0].trial))
@@ -177,7 +175,6 @@ def test_a_failing_case_is_made_small_and_replays_as_different(device, name, kin
     first = replay(small.lines).differences[0]
     assert (first.side, first.field) == ("sub", "frame")
     assert first.got.startswith(ours)
-    said.add(f"{device.__name__}, {name}: {small.faults} {small.reason}")
     compare(__file__, f"shrunk {device.__name__} {name}", enumerate(small.lines))
 
 

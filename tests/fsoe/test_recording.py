@@ -9,31 +9,13 @@ import pytest
 from fsoe.recorded import CONFIG, own_run, recording_text
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from said import Said
 
 from fsoe_net.errors import RecordingError
-from fsoe_net.fsoe.recording.difference import explain
+from fsoe_net.fsoe.recording.difference import Compared, RecordingDifference, explain
+from fsoe_net.fsoe.recording.model import Answer
 from fsoe_net.fsoe.recording.reader import read_recording
 from fsoe_net.fsoe.recording.replay import replay, replay_file
 from fsoe_net.fsoe.recording.rows import file_lines
-
-pytestmark = pytest.mark.usefixtures("said", "differences_said")
-
-
-@pytest.fixture
-def differences_said(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Hold what a replay found different against what was read, as people see it."""
-
-    whole = replay
-
-    def kept(*args, **more):
-        result = whole(*args, **more)
-        for one in result.differences[:3]:
-            said.add("\n".join([str(one), *explain(one)]))
-        return result
-
-    monkeypatch.setitem(globals(), "replay", kept)
-
 
 ROWS = own_run(10)[1]
 KEYS = sorted(CONFIG)
@@ -282,3 +264,42 @@ def test_mutated_bytes(data):
         else:
             del raw[at : at + data.draw(st.integers(1, 40))]
     _answers_or_refuses(replay, file_lines(io.BytesIO(raw)))
+
+
+def test_a_difference_is_explained_value_by_value():
+    sent, received = bytes.fromhex("0800009d87cdab"), bytes.fromhex("0800007ca2cdab")
+    reset = bytes.fromhex("2a0000c42d0000")
+    expected = Answer(
+        frame=sent, state="Data", reset_by="none", reset_code=None, valid=True, data=b"\1\2"
+    )
+    got = Answer(
+        frame=reset, state="Reset", reset_by="this end", reset_code=3, valid=False, data=b"\0\0"
+    )
+    call = Compared(
+        time_us=9500, received=received, state_before="Parameter", expected=expected, got=got
+    )
+    one = RecordingDifference(
+        line=7, step=4, side="main", field="frame", expected=sent.hex(), got=reset.hex(), call=call
+    )
+    assert str(one) == f"step 4 main frame: expected {sent.hex()}, got {reset.hex()}"
+    assert explain(one) == [
+        "step 4, 9.5 ms, main: frame differs",
+        "  received        0800007ca2cdab (FailSafeData 00 00 ConnID 43981 CRC a27c)",
+        "  expected frame  0800009d87cdab (FailSafeData 00 00 ConnID 43981 CRC 879d)",
+        "  got frame       2a0000c42d0000 (Reset(0: local reset or acknowledgement) 00 00 ConnID 0 "
+        "CRC 2dc4)",
+        "  bytes           0 (command): 08, got 2a; 3 (CRC 0 low): 9d, got c4; "
+        "4 (CRC 0 high): 87, got 2d; 5 (ConnID low): cd, got 00; 6 (ConnID high): ab, got 00",
+        "  state before    Parameter",
+        "  expected after  Data, no reset, data 01 02 valid",
+        "  got after       Reset, reset by this end, code 3: wrong connection ID, "
+        "data 00 00 not valid",
+    ]
+    hashes = RecordingDifference(
+        line=7, step=4, side="both", field="hash", expected="a" * 64, got="b" * 64
+    )
+    assert explain(hashes) == [
+        "step 4: the cycles in lockstep after it give other frames",
+        f"  expected SHA-256  {'a' * 64}",
+        f"  got SHA-256       {'b' * 64}",
+    ]

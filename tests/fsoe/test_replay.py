@@ -7,30 +7,10 @@ import pytest
 from data_files import listed, need
 from fsoe.pair import Bench
 from fsoe.recorded import CONFIG, own_run, row_of
-from said import Said
 
 from fsoe_net.errors import RecordingError
 from fsoe_net.fsoe.pdu import decode_pdu
-from fsoe_net.fsoe.recording.difference import explain
 from fsoe_net.fsoe.recording.replay import replay, replay_file
-
-pytestmark = pytest.mark.usefixtures("said", "differences_said")
-
-
-@pytest.fixture
-def differences_said(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Hold what a replay found different against what was read, as people see it."""
-
-    whole = replay
-
-    def kept(*args, **more):
-        result = whole(*args, **more)
-        for one in result.differences[:3]:
-            said.add("\n".join([str(one), *explain(one)]))
-        return result
-
-    monkeypatch.setitem(globals(), "replay", kept)
-
 
 RUNS = listed("traces", "p*.jsonl")
 STEPS_OF_B = {"p10_ba_6x6_good.jsonl": 15, "p11_ba_1x2_good.jsonl": 15}

@@ -25,8 +25,6 @@ from fsoe_net.fsoe.config import Parameters
 from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.pdu import Command
 
-pytestmark = pytest.mark.usefixtures("said")
-
 UNKNOWN = (0x00, 0x01, 0xFF, 0x2B)
 EVERY = (State.RESET, *RUNNING)
 CONNECTION_TEXT = CONNECTION_ID.to_bytes(2, "little") + ADDRESS.to_bytes(2, "little")

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from changed import compare
+from changed import compare, whole
 from fsoe.lossy_links import make_link
-from said import Said
 
 from fsoe_net.fsoe.campaign.channel import Way
 from fsoe_net.fsoe.campaign.departure import frame_text
@@ -15,8 +14,6 @@ from fsoe_net.fsoe.campaign.tables import StateTable
 from fsoe_net.fsoe.campaign.witness import block_crcs
 from fsoe_net.fsoe.chain import reset_frame
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
-
-pytestmark = pytest.mark.usefixtures("said")
 
 MS = 1_000_000
 
@@ -103,7 +100,8 @@ def test_each_change_of_what_an_end_does(sizes: tuple[int, int], foreign: bool) 
 
 
 @pytest.mark.parametrize("way", list(Way))
-def test_what_the_application_is_given(way: Way, said: Said) -> None:
+def test_what_the_application_is_given(way: Way) -> None:
+    rows = []
     channel = make_link().channel(3)
     for turns in (3, 60):
         for _ in range(turns):
@@ -114,8 +112,9 @@ def test_what_the_application_is_given(way: Way, said: Said) -> None:
             for valid in (False, True):
                 for data in (b"\0\0", b"\1\0", table.data):
                     found = table.shows(valid=valid, data=data)
-                    said.add(f"{way.name} {turns} {blind} {valid} {data.hex()}: {found}")
+                    rows.append((f"{turns} {blind} {valid} {data.hex()}", whole(found)))
         table.blind = False
+    compare(__file__, f"application {way.name}", rows)
 
 
 def _session(data: bytes, last: int) -> Pdu:
@@ -125,13 +124,15 @@ def _session(data: bytes, last: int) -> Pdu:
 
 
 @pytest.mark.parametrize("size", [1, 2])
-def test_session_ids_that_repeat(size: int, said: Said) -> None:
+def test_session_ids_that_repeat(size: int) -> None:
+    rows = []
     table = make_link(size, size).channel(1).tables[Way.TO_SUB]
     for n in range(7):
         opening = _session(bytes((n, *bytes(size - 1))), 0)
         answer = _session(b"\7" + bytes(size - 1), opening.crcs[0])
         found = table.call(0, opening.encode(), answer.encode())
-        said.add(f"the same id of {size} bytes, {n}: {found}, {table.same_ids}")
+        rows.append((f"{n}", f"{whole(found)} {table.same_ids}"))
+    compare(__file__, f"same ids of {size} bytes", rows)
 
 
 def test_frames_in_messages() -> None:

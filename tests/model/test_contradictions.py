@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from changed import compare
+from changed import compare, figures
 
 from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.model.library import LibraryDevice, LibraryMapping, contradictions
@@ -55,7 +55,12 @@ def _devices(device: LibraryDevice) -> Iterator[tuple[str, LibraryDevice]]:
 @pytest.mark.parametrize("name", CHOSEN)
 def test_each_change_of_a_device_of_the_library(name: str) -> None:
     rows = [
-        (what, "\n".join(f"{type(one).__name__}: {text}" for one, text in contradictions(device)))
+        (
+            what,
+            "\n".join(
+                f"{type(one).__name__}: {figures(text)}" for one, text in contradictions(device)
+            ),
+        )
         for what, device in _devices(DEVICES[name])
     ]
     assert rows[0] == ("as it is", "")

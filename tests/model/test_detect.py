@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from operator import attrgetter
 
 import pytest
-from changed import compare
+from changed import compare, figures
 from model.fsoe_table import pdo, rows
 
 from fsoe_net.model.bus import Direction, SyncManager
@@ -192,7 +192,7 @@ def test_each_change_of_what_is_weighed(name):
         rows = [
             (GUESS(g), g.block.command.address, g.sure) for g in guess_pdo(made, Direction.INPUT)
         ]
-        missed = [miss.why for miss in near_misses(place_entries((made,)), SM3)]
+        missed = [figures(miss.why) for miss in near_misses(place_entries((made,)), SM3)]
         results.append((change, f"{rows} {missed}"))
     compare(__file__, f"weighed {name}", results)
 

@@ -57,7 +57,7 @@ def _proposed(files: tuple[str, ...]) -> str:
     try:
         made = make_draft(Inputs.of(gather(list(files), LoadOptions())), answers or Answers())
     except InputError as error:
-        return str(error)
+        return changed.figures(str(error))
     return changed.whole((made, made.open))
 
 

@@ -21,8 +21,6 @@ from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files
 
-pytestmark = pytest.mark.usefixtures("said")
-
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"
 
 

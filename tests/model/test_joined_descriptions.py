@@ -8,7 +8,7 @@ from itertools import product
 from operator import attrgetter
 
 import pytest
-from changed import compare
+from changed import compare, figures, whole
 from described import bus, device
 
 from fsoe_net.errors import InputError
@@ -157,16 +157,16 @@ def test_each_change_of_what_two_descriptions_know() -> None:
             try:
                 text = _text(join_buses([lead, changed], notes))
             except (InputError, IndexError) as error:
-                text = f"{type(error).__name__} {error}"
-            rows.append((f"{one} and {two}{what}", f"{text} {notes}"))
+                text = f"{type(error).__name__} {figures(str(error))}"
+            rows.append((f"{one} and {two}{what}", f"{text} {whole(notes)}"))
         notes = []
         ring, kinds = a, [replace(b, path="esi.xml"), replace(other, path="sii.bin")]
         try:
             text = _text(fill_devices(ring, kinds, notes))
             notes += idle_types(ring, kinds)
         except InputError as error:
-            text = str(error)
-        rows.append((f"{one} of type {two}", f"{text} {notes}"))
+            text = figures(str(error))
+        rows.append((f"{one} of type {two}", f"{text} {whole(notes)}"))
     compare(__file__, "joined", rows)
 
 

@@ -8,7 +8,7 @@ from itertools import product
 from operator import attrgetter
 
 import pytest
-from changed import compare
+from changed import compare, findings, whole
 from model.fsoe_table import pdo
 from model.test_proposal import EL1904, EL2904, LIBRARY, LOGIC, SEVEN, SIX, device, sub
 
@@ -88,9 +88,9 @@ def text_of(made: Proposal) -> str:
         for c in made.bus.copies
     ]
     asked = [(q.ask, q.text, q.subject, q.sub_slot, q.facts, q.choices) for q in made.questions]
-    found = [(d.code, str(d.span), d.message, d.hint) for d in made.findings]
-    texts = [rows, copies, asked, found, made.mains, dict(made.remarks), dict(made.notes)]
-    return "\n".join(map(str, [*texts, made.reasons, made.open]))
+    texts = [rows, copies, asked, made.mains, dict(made.remarks), dict(made.notes)]
+    texts += [made.reasons, made.open]
+    return "\n".join([*map(whole, texts), findings(made.findings)])
 
 
 def proposed(ring: str, answers: Answers | None = None, connections=(), copies=()) -> str:

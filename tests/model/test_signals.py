@@ -82,10 +82,19 @@ def test_a_bit_without_a_name_has_that_of_the_drive_profile(index: int, label: s
     assert [s.label for s in signals_of("drive", frame, 0, 6).values()] == [label, "own"]
 
 
-def test_signals_of_an_example(said):
-    for connection in example("estop").connections:
-        for signals in connection_signals(connection):
-            said.add("\n".join(str(signal) for signal in signals.values()))
+def test_signals_of_an_example():
+    (connection,) = example("estop").connections
+    rows = sorted(
+        (s.name, s.index, s.subindex, s.bit, s.bits, s.label)
+        for signals in connection_signals(connection)
+        for s in signals.values()
+    )
+    assert rows == [
+        ("ek1914.0x6001:01", 0x6001, 1, 0, 1, "e-stop channel A"),
+        ("ek1914.0x6001:02", 0x6001, 2, 1, 1, "e-stop channel B"),
+        ("ek1914.0x7001:01", 0x7001, 1, 0, 1, "safe output 1"),
+        ("ek1914.0x7001:02", 0x7001, 2, 1, 1, "safe output 2"),
+    ]
 
 
 @pytest.mark.parametrize(

@@ -31,8 +31,6 @@ from fsoe_net.plan.fingerprint import (
 )
 from fsoe_net.plan.model import Plan, PlanSdo
 
-pytestmark = pytest.mark.usefixtures("said")
-
 # A change of these means that every accepted fingerprint is void: raise FORM and say so.
 GOLDEN = {
     "estop": "7ea038e0ba8386e10bfe0baf9340f93a9e2bde5ef0e015909f8acabb4b3f3c6d",

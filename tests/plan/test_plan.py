@@ -24,8 +24,6 @@ from fsoe_net.plan.model import NONE, Plan, PlanBus, PlanGroup, PlanSdo
 from fsoe_net.plan.show import plan_json, plan_text
 from fsoe_net.project.check import check_files
 
-pytestmark = pytest.mark.usefixtures("said")
-
 # Changes of these are changes of the file format or of the examples: both belong in the changelog.
 GOLDEN = {
     "estop": "5746e47d95c1cb84844d2928e84bcd43a7499d4f9f89371b5159d3db84f1aa6d",

@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from changed import compare, figures
 from core.plan_builder import estop, fix_crc, section
 from networks import EXAMPLES, PLAIN, example, resolved
-from said import Said
 
 from fsoe_net.diag.diagnostic import FindingList
 from fsoe_net.errors import InputError, PlanFormatError
@@ -34,8 +34,6 @@ from fsoe_net.plan.fingerprint import (
 from fsoe_net.plan.image import MAX_DATAGRAM_BYTES, igh_image, igh_text
 from fsoe_net.plan.model import Plan
 from fsoe_net.plan.show import copy_end, plan_json, plan_text
-
-pytestmark = pytest.mark.usefixtures("said")
 
 # -- what is said of a plan -----------------------------------------------------------------------
 
@@ -72,11 +70,9 @@ def rich(tmp_path: Path) -> Plan:
     return compile_plan(resolved(tmp_path / "network.yaml"))
 
 
-def tell(said: Said, name: str, plan: Plan) -> None:
-    """Add both texts of a plan, and its records line by line, of a large one the copies alone."""
-    said.add(f"{name}: {plan_text(plan)}")
-    said.add(f"{name}: {igh_text(plan)}")
-    lines: list[str] = []
+def compare_plan(name: str, plan: Plan) -> None:
+    """Compare the figures of a plan's texts, and its records; of a large one the copies alone."""
+    lines = [*map(figures, plan_text(plan).splitlines()), *igh_text(plan).splitlines()]
     document = plan_json(plan)
     rows = [
         (k, v) for k, many in document.items() for v in (many if type(many) is list else [many])
@@ -86,23 +82,21 @@ def tell(said: Said, name: str, plan: Plan) -> None:
     if not large:
         for part in SECTIONS:
             lines += canonical_section(plan, part).splitlines()
-    for line in lines:
-        said.add(f"{name}: {line}")
+    compare(__file__, name, ((str(n), line) for n, line in enumerate(lines)))
 
 
 @pytest.mark.parametrize("name", ["estop", "el6910"])
-def test_all_that_is_said_of_an_example(name: str, said: Said) -> None:
-    tell(said, name, compile_plan(example(name)))
+def test_texts_and_records_of_an_example(name: str) -> None:
+    compare_plan(name, compile_plan(example(name)))
 
 
-def test_all_that_is_said_of_a_plan_with_everything_in_it(rich: Plan, said: Said) -> None:
-    tell(said, "rich", rich)
+def test_texts_and_records_of_a_plan_with_everything_in_it(rich: Plan) -> None:
+    compare_plan("rich", rich)
     assert decode_plan(encode_plan(rich)) == rich
     assert {s.registered for s in rich.entries} == {True, False}
     assert rich.sdos[0].value == -2
     bare = replace(rich, connections=(), copies=(), cycle_ns=0)
-    for line in plan_text(bare).splitlines():
-        said.add(f"bare: {line}")
+    compare_plan("bare", bare)
     assert cycle_sha256(0) == fingerprint_of(bare).sections["cycle"]
     assert cycle_sha256(1_500_000) == fingerprint_of(rich).sections["cycle"]
 
@@ -344,7 +338,7 @@ def test_each_refusal_of_a_fingerprint_says_why() -> None:
     assert fingerprint_from_json(again) == fingerprint_from_json(document)
 
 
-def test_the_plan_in_a_record_is_worked_out_anew(said: Said) -> None:
+def test_the_plan_in_a_record_is_compiled_again() -> None:
     functions = (
         SafetyFunction(
             name="e-stop",

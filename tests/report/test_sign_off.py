@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from report.made import BASE, TIMED
 from report.signed import DAY, done, grounds_of, record_of, report_with, signed_report, source
-from said import Said
 
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import InputError
@@ -16,27 +16,18 @@ from fsoe_net.model.acceptance import Intervention, SignedBy
 from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome, StepResult
 from fsoe_net.model.written import names_a_person, same_person
 from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.report import sign_off as product
 from fsoe_net.report.sign_off import Grounds, Reason, sign_off
 from fsoe_net.report.signed_report import read_signed_report
-
-
-@pytest.fixture(autouse=True)
-def texts(said: Said, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Hold every refusal, what is wrong and what to do, to the recorded ones."""
-    refuse = product._Gathered.refuse
-
-    def kept(self: product._Gathered, what: str, fix: str) -> None:
-        refuse(self, what, fix)
-        said.add(f"{what}\n  fix: {fix}")
-
-    monkeypatch.setattr(product._Gathered, "refuse", kept)
 
 
 def refused(grounds: Grounds) -> list[str]:
     record, refusals = sign_off(grounds)
     assert (record is None) == bool(refusals)
-    assert all(r.fix for r in refusals)
+    for one in refusals:
+        assert one.fix
+        # What is to be justified is named as in the refusal.
+        for subject in re.findall(r'--justify "(?:\S+ )*(\w+).*?=reason', one.fix):
+            assert subject in one.what
     return [r.what for r in refusals]
 
 

@@ -1,7 +1,8 @@
-"""Whole documents: every word, number, source and picture of reports and other pages.
+"""Whole documents: the report of one network word by word, of all others each figure.
 
-Below `whole` is what each of them says, by its name here. Run this file to write it anew, and read
-the difference: ``PYTHONPATH=tests python tests/report/test_whole.py``.
+`report.txt` is the report of one network with everything that it can be given. Run this file to
+write it again, and read the difference: ``PYTHONPATH=tests python tests/report/test_whole.py``. Of
+the other documents `changed.txt` has a digest of the figures in their order (`tests/changed.py`).
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from changed import compare as compare_results
+from changed import figures
 from described import bus
 from incidents.rig import Rig, network, read
 from incidents.seeds import NOTHING
@@ -86,7 +89,7 @@ from fsoe_net.version import __version__
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-WHOLE = HERE / "whole"
+REPORT = HERE / "report.txt"
 VERSION = re.compile(r'(fsoe-net |version: |"version": ")\d+\.\d+\.\d+')
 
 
@@ -156,7 +159,8 @@ def with_everything(folder: Path) -> str:
     before = replace(plan, cycle_ns=2 * plan.cycle_ns)
     difference = compare(side_of_plan(before, "old"), side_of_network(resolution, "now"))
     protocol, _ = protocol_of(resolution)
-    return changed(
+    return report(
+        TIMED,
         diagnostics=(warned,),
         references=(source("bus.eni.xml"),),
         evidence=(read_evidence(str(scan)),),
@@ -435,13 +439,11 @@ def self_tests(folder: Path) -> str:
 
 SHOWN = ("architecture", "connections", "copies", "bus_evidence")
 TOLD: dict[str, Callable[[Path], str]] = {
-    "timed": lambda _: report(TIMED),
     "four connections": lambda _: report(EXAMPLES / "el6910" / "network.yaml", *SHOWN),
     "sparse": sparse,
     "nothing read": nothing_read,
     "mistakes": mistakes,
     "many findings": many_findings,
-    "with everything": with_everything,
     "another configuration": of_another_configuration,
     "incident": incident,
     "incidents": incidents,
@@ -458,23 +460,27 @@ TOLD: dict[str, Callable[[Path], str]] = {
 }
 
 
-def whole(name: str, folder: Path) -> str:
-    """Return what is told, without folders and versions."""
-    text = TOLD[name](folder)
+def whole(document: Callable[[Path], str], folder: Path) -> str:
+    """Return a document without folders and versions."""
+    text = document(folder)
     for path in (folder, BASE, ROOT):
         text = text.replace(f"{path}/", "")
     return VERSION.sub(r"\1VERSION", text)
 
 
 @pytest.mark.parametrize("name", TOLD)
-def test_every_word_number_and_picture(name: str, tmp_path: Path) -> None:
-    assert whole(name, tmp_path) == (WHOLE / f"{name}.txt").read_text("utf-8")
+def test_every_figure_of_a_document(name: str, tmp_path: Path) -> None:
+    found = figures(whole(TOLD[name], tmp_path)).split()
+    compare_results(__file__, name, ((str(n), figure) for n, figure in enumerate(found)))
+
+
+def test_every_word_of_the_report_of_a_network(tmp_path: Path) -> None:
+    assert whole(with_everything, tmp_path) == REPORT.read_text("utf-8")
 
 
 def _write() -> None:
-    for name in TOLD:
-        with tempfile.TemporaryDirectory() as folder:
-            (WHOLE / f"{name}.txt").write_text(whole(name, Path(folder)), "utf-8")
+    with tempfile.TemporaryDirectory() as folder:
+        REPORT.write_text(whole(with_everything, Path(folder)), "utf-8")
 
 
 if __name__ == "__main__":

@@ -10,8 +10,6 @@ from diagnostics import test_cases as cases
 
 from fsoe_net.diag.diagnostic import Severity
 
-pytestmark = pytest.mark.usefixtures("said")
-
 DRIVE = "devices/drive.yaml"
 TARGET = "type: int32, command_interface: position}"
 STATE = "type: int32, state_interface: position}"

@@ -10,7 +10,6 @@ import changed
 import pytest
 from diagnostics.test_cases import HERE
 from networks import PLAIN
-from said import Said
 
 from fsoe_net.formats.own.scan import load_scan
 from fsoe_net.project.check import check_files
@@ -62,7 +61,7 @@ def _found(network: str, others: tuple[str, ...], runtime: Runtime) -> str:
     if "scan.json" in others:
         scan, damage = load_scan("scan.json")
         if scan is None:
-            return str(damage)
-    heard = Said()
-    heard.findings = check_files(files, runtime=runtime, scan=scan, compared=True).diagnostics
-    return "\n".join(heard.whole())
+            return changed.findings(damage)
+    return changed.findings(
+        check_files(files, runtime=runtime, scan=scan, compared=True).diagnostics
+    )

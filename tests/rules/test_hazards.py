@@ -15,8 +15,6 @@ from diagnostics import test_cases as cases
 
 from fsoe_net.diag.diagnostic import Severity
 
-pytestmark = pytest.mark.usefixtures("said")
-
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "reference" / "hazards.md"
 TABLE = yaml.safe_load(Path(__file__).with_name("hazards.yaml").read_text("utf-8"))

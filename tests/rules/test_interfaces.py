@@ -82,7 +82,12 @@ def component(
     return f'<{kind} name="{name}">\n' + "\n".join([*rows, inside]) + f"</{kind}>"
 
 
-def found(tmp_path: Path, components: str) -> list[tuple[int, str, str, list[str]]]:
+# Interfaces that a hint may name.
+NAMES = ("position", "effort", "low", "high", "speed")
+
+
+def found(tmp_path: Path, components: str) -> list[tuple[int, list[str], list[str]]]:
+    """Return line, names in the hint and further files of each finding."""
     for name, text in FILES.items():
         (tmp_path / name).write_text(text, "utf-8")
     path = tmp_path / "r.urdf"
@@ -90,9 +95,8 @@ def found(tmp_path: Path, components: str) -> list[tuple[int, str, str, list[str
     return [
         (
             d.span.line,
-            d.message,
-            d.hint,
-            [f"{Path(r.span.file).name} {r.message}" for r in d.related],
+            [word for word in NAMES if word in (d.hint or "").split()],
+            [Path(r.span.file).name for r in d.related],
         )
         for d in check_files([str(path)]).diagnostics
         if d.code == "FSN476"
@@ -126,33 +130,18 @@ def test_interfaces_that_are_provided_or_not_known_are_accepted(name: str, tmp_p
 def test_a_misspelt_interface_is_named_at_both_ends(tmp_path: Path):
     row = component(module("axis.yaml"), states="position", commands="positon")
     assert found(tmp_path, row) == [
-        (
-            5,
-            "no channel of m0 provides the command_interface 'positon' of joint a: commands to it "
-            "have no effect",
-            "write position",
-            ["axis.yaml provides position"],
-        )
+        (5, ["position"], ["axis.yaml"]),
     ]
 
 
 def test_an_interface_without_a_similar_one_is_named_with_those_that_are_free(tmp_path: Path):
     rows = found(tmp_path, component(module("bits.yaml"), states="low effort", kind="gpio"))
-    assert [(line, hint, other) for line, _, hint, other in rows] == [
-        (
-            5,
-            "write state_interface: effort at a channel of the tpdo, or delete it here",
-            ["bits.yaml provides high"],
-        )
-    ]
-    assert rows[0][1].endswith("its value is never updated")
+    assert rows == [(5, ["effort"], ["bits.yaml"])]
 
 
 def test_a_command_is_not_provided_by_a_state(tmp_path: Path):
     rows = found(tmp_path, component(module("bits.yaml"), commands="low"))
-    assert [(line, hint) for line, _, hint, _ in rows] == [
-        (4, "write command_interface: low at a channel of the rpdo, or delete it here")
-    ]
+    assert [row[:2] for row in rows] == [(4, ["low"])]
 
 
 def test_reset_fault_of_another_plugin_is_a_name_like_others(tmp_path: Path):

