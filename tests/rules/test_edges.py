@@ -1,7 +1,6 @@
 """What lies beside the seeded mistake of each code: other values, other ends, several at once.
 
-Each changes the clean files of tests/diagnostics; all that is found is listed by code, and its
-whole texts are those recorded.
+Each changes the clean files of tests/diagnostics; the codes of its findings are listed.
 """
 
 from __future__ import annotations
