@@ -22,7 +22,7 @@ from fsoe_net.report.diff_side import (
     SideEnd,
     SideSubDevice,
 )
-from fsoe_net.report.diff_types import Change, Fact
+from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind, Fact
 
 __all__ = ["Difference", "compare"]
 
@@ -49,7 +49,7 @@ def compare(a: Side, b: Side) -> Difference:
     pairs = _pair_subdevices(a.subdevices, b.subdevices)
     changes: list[Change] = []
     if a.cycle_ns != b.cycle_ns and _told(a.cycle_ns, b.cycle_ns, a, b):
-        changes.append(_changed("network", "", "cycle_ns", a.cycle_ns, b.cycle_ns))
+        changes.append(_changed(ChangeArea.NETWORK, "", "cycle_ns", a.cycle_ns, b.cycle_ns))
     for left, right in pairs:
         changes += _subdevice(a, b, left, right)
     # From here on, SubDevices of B have the numbers of their partners in A.
@@ -76,7 +76,9 @@ def _functions(a: Side, b: Side) -> list[Change]:
     before, after = a.functions_sha256, b.functions_sha256
     if before is None or after is None or before == after:
         return []
-    return [_changed("safety_function", "", "SHA-256 of all", before or None, after or None)]
+    return [
+        _changed(ChangeArea.SAFETY_FUNCTION, "", "SHA-256 of all", before or None, after or None)
+    ]
 
 
 def _pair_subdevices(a: tuple[SideSubDevice, ...], b: tuple[SideSubDevice, ...]) -> _Pairs:
@@ -133,8 +135,10 @@ def _identity(sub: SideSubDevice) -> str | None:
     return f"vendor 0x{sub.identity[0]:08x}, product 0x{sub.identity[1]:08x}"
 
 
-def _changed(area: str, where: str, what: str, before: Fact, after: Fact) -> Change:
-    return Change(kind="changed", area=area, where=where, what=what, before=before, after=after)
+def _changed(area: ChangeArea, where: str, what: str, before: Fact, after: Fact) -> Change:
+    return Change(
+        kind=ChangeKind.CHANGED, area=area, where=where, what=what, before=before, after=after
+    )
 
 
 def _differ(before: object, after: object) -> bool:
@@ -156,17 +160,19 @@ def _subdevice(a: Side, b: Side, left: int | None, right: int | None) -> list[Ch
     if _differ(old.identity, new.identity):
         changes.append(
             Change(
-                kind="exchanged",
-                area="subdevice",
+                kind=ChangeKind.EXCHANGED,
+                area=ChangeArea.SUBDEVICE,
                 where=where,
                 before=_identity(old),
                 after=_identity(new),
             )
         )
     if old.name != new.name and a.whole and b.whole:
-        changes.append(_changed("subdevice", where, "name", old.name, new.name))
+        changes.append(_changed(ChangeArea.SUBDEVICE, where, "name", old.name, new.name))
     if old.revision != new.revision and _told(old.revision, new.revision, a, b):
-        changes.append(_changed("subdevice", where, "revision", old.revision, new.revision))
+        changes.append(
+            _changed(ChangeArea.SUBDEVICE, where, "revision", old.revision, new.revision)
+        )
     changes += _moved(where, old, new)
     if old.managers is not None and new.managers is not None:
         changes += compare_managers(where, old.managers, new.managers)
@@ -180,9 +186,16 @@ def _lone(a: Side, b: Side, left: int | None, right: int | None) -> Change:
     """Return the change of a SubDevice that one side has alone."""
     if left is not None:
         sub = a.subdevices[left]
-        return Change(kind="removed", area="subdevice", where=_title(sub), before=_identity(sub))
+        return Change(
+            kind=ChangeKind.REMOVED,
+            area=ChangeArea.SUBDEVICE,
+            where=_title(sub),
+            before=_identity(sub),
+        )
     sub = b.subdevices[right or 0]
-    return Change(kind="added", area="subdevice", where=_title(sub), after=_identity(sub))
+    return Change(
+        kind=ChangeKind.ADDED, area=ChangeArea.SUBDEVICE, where=_title(sub), after=_identity(sub)
+    )
 
 
 def _addresses(
@@ -191,19 +204,19 @@ def _addresses(
     if old is None or new is None or set(old) == set(new):
         return []
     before, after = (", ".join(map(str, sorted(numbers))) for numbers in (old, new))
-    return [_changed("subdevice", where, "fsoe_addresses", before, after)]
+    return [_changed(ChangeArea.SUBDEVICE, where, "fsoe_addresses", before, after)]
 
 
 def _moved(where: str, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
     changes = []
     if _differ(old.alias, new.alias):
-        changes.append(_changed("subdevice", where, "alias", old.alias, new.alias))
+        changes.append(_changed(ChangeArea.SUBDEVICE, where, "alias", old.alias, new.alias))
     comparable = (old.alias or 0) == (new.alias or 0)
     if comparable and _differ(old.position, new.position):
         changes.append(
             Change(
-                kind="moved",
-                area="subdevice",
+                kind=ChangeKind.MOVED,
+                area=ChangeArea.SUBDEVICE,
                 where=where,
                 what="position",
                 before=old.position,
@@ -221,12 +234,16 @@ def _sdos(where: str, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
         before, after = old.sdos.get(key), new.sdos.get(key)
         if before == after:
             continue
-        kind = "added" if before is None else "removed" if after is None else "changed"
+        kind = ChangeKind.CHANGED
+        if before is None:
+            kind = ChangeKind.ADDED
+        elif after is None:
+            kind = ChangeKind.REMOVED
         texts = [None if v is None else f"{v[1]} ({v[0]} bytes)" for v in (before, after)]
         changes.append(
             Change(
                 kind=kind,
-                area="sdo",
+                area=ChangeArea.SDO,
                 where=where,
                 what=f"0x{key[0]:04x}:{key[1]:02x}",
                 before=texts[0],
@@ -282,15 +299,17 @@ def _copies(a: Iterable[SideCopy], b: Iterable[SideCopy], label: _Labels) -> lis
                 changes += _copy(before, after, label)
                 old.remove(before)
                 new.remove(after)
-        changes += [_copy_row("removed", c, label) for c in old]
-        changes += [_copy_row("added", c, label) for c in new]
+        changes += [_copy_row(ChangeKind.REMOVED, c, label) for c in old]
+        changes += [_copy_row(ChangeKind.ADDED, c, label) for c in new]
     return changes
 
 
-def _copy_row(kind: str, copy: SideCopy, label: _Labels) -> Change:
+def _copy_row(kind: ChangeKind, copy: SideCopy, label: _Labels) -> Change:
     size = _size(copy.bits)
-    before, after = (size, None) if kind == "removed" else (None, size)
-    return Change(kind=kind, area="copy", where=_arrow(copy, label), before=before, after=after)
+    before, after = (size, None) if kind is ChangeKind.REMOVED else (None, size)
+    return Change(
+        kind=kind, area=ChangeArea.COPY, where=_arrow(copy, label), before=before, after=after
+    )
 
 
 def _arrow(copy: SideCopy, label: _Labels) -> str:
@@ -306,13 +325,13 @@ def _copy(old: SideCopy, new: SideCopy, label: _Labels) -> list[Change]:
     changes = []
     if old.source.place != new.source.place:
         texts = label.end(old.source), label.end(new.source)
-        changes.append(_changed("copy", where, "source", *texts))
+        changes.append(_changed(ChangeArea.COPY, where, "source", *texts))
     if old.bits != new.bits:
-        changes.append(_changed("copy", where, "size", _size(old.bits), _size(new.bits)))
+        changes.append(_changed(ChangeArea.COPY, where, "size", _size(old.bits), _size(new.bits)))
     if _differ(old.kind, new.kind):
-        changes.append(_changed("copy", where, "kind", old.kind, new.kind))
+        changes.append(_changed(ChangeArea.COPY, where, "kind", old.kind, new.kind))
     if _differ(old.net, new.net):
-        changes.append(_changed("copy", where, "net", old.net, new.net))
+        changes.append(_changed(ChangeArea.COPY, where, "net", old.net, new.net))
     return changes
 
 
@@ -338,8 +357,8 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
             new = right.pop(partner)
             del left[n]
             changes += _connection(a, b, old, new, label)
-    changes += [_connection_row("removed", c, label) for c in left.values()]
-    changes += [_connection_row("added", c, label) for c in right.values()]
+    changes += [_connection_row(ChangeKind.REMOVED, c, label) for c in left.values()]
+    changes += [_connection_row(ChangeKind.ADDED, c, label) for c in right.values()]
     return changes
 
 
@@ -374,8 +393,8 @@ def _connection_name(c: DescribedConnection, label: _Labels) -> str:
     return f"{label.of(c.main)} - {label.of(c.sub)}{slot}"
 
 
-def _connection_row(kind: str, c: DescribedConnection, label: _Labels) -> Change:
-    return Change(kind=kind, area="connection", where=_connection_name(c, label))
+def _connection_row(kind: ChangeKind, c: DescribedConnection, label: _Labels) -> Change:
+    return Change(kind=kind, area=ChangeArea.CONNECTION, where=_connection_name(c, label))
 
 
 def _connection(
@@ -387,13 +406,13 @@ def _connection(
         before, after = getattr(old, role), getattr(new, role)
         if None not in (before, after) and before != after:
             texts = label.of(before), label.of(after)
-            changes.append(_changed("connection", where, role, *texts))
+            changes.append(_changed(ChangeArea.CONNECTION, where, role, *texts))
     facts = [(key, getattr(old, key), getattr(new, key)) for key in _FACTS]
     if "plan" not in (a.format, b.format):  # which has no parameters
         facts.append(("app_parameters", _parameters(a, old), _parameters(b, new)))
     for fact, first, second in facts:
         if first != second and _told(first, second, a, b):
-            changes.append(_changed("connection", where, fact, first, second))
+            changes.append(_changed(ChangeArea.CONNECTION, where, fact, first, second))
     return changes
 
 

@@ -6,10 +6,11 @@ from fsoe_net.diag.words import counted
 from fsoe_net.document.model import Document, Level, Verdict, words
 from fsoe_net.report.diff import Difference
 from fsoe_net.report.diff_side import Side
+from fsoe_net.report.diff_types import ChangeKind
 
 __all__ = ["diff_document"]
 
-_LEVELS = {"added": Level.CLEAR, "removed": Level.ERROR}
+_LEVELS = {ChangeKind.ADDED: Level.CLEAR, ChangeKind.REMOVED: Level.ERROR}
 
 
 def diff_document(a: Side, b: Side, difference: Difference) -> Document:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from fsoe_net.report.diff_side import SideEntry, SideFrame, SideManager
-from fsoe_net.report.diff_types import Change, Fact
+from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind, Fact
 
 __all__ = ["compare_managers"]
 
@@ -27,10 +27,16 @@ def compare_managers(
         name = f"{where} SM{index}"
         old, new = a.get(index), b.get(index)
         if old is None or new is None:
-            kind = "added" if old is None else "removed"
+            kind = ChangeKind.ADDED if old is None else ChangeKind.REMOVED
             sizes = [None if m is None or m.bits is None else _size(m.bits) for m in (old, new)]
             changes.append(
-                Change(kind=kind, area="sync_manager", where=name, before=sizes[0], after=sizes[1])
+                Change(
+                    kind=kind,
+                    area=ChangeArea.SYNC_MANAGER,
+                    where=name,
+                    before=sizes[0],
+                    after=sizes[1],
+                )
             )
         else:
             changes += _manager(name, old, new)
@@ -47,8 +53,8 @@ def _manager(where: str, old: SideManager, new: SideManager) -> list[Change]:
     def changed(what: str, before: Fact, after: Fact) -> None:
         changes.append(
             Change(
-                kind="changed",
-                area="sync_manager",
+                kind=ChangeKind.CHANGED,
+                area=ChangeArea.SYNC_MANAGER,
                 where=where,
                 what=what,
                 before=before,
@@ -79,21 +85,28 @@ def _frames(
         old, new = left.get(address), right.get(address)
         name = f"{where} {address}"
         if old is None or new is None:
-            kind = "added" if old is None else "removed"
+            kind = ChangeKind.ADDED if old is None else ChangeKind.REMOVED
             sizes = [None if f is None else f"{f.size_bytes} bytes" for f in (old, new)]
             changes.append(
-                Change(kind=kind, area="frame", where=name, before=sizes[0], after=sizes[1])
+                Change(
+                    kind=kind, area=ChangeArea.FRAME, where=name, before=sizes[0], after=sizes[1]
+                )
             )
             continue
         kept.append((old, new))
         for kind, what, before, after in (
-            ("moved", "byte", old.byte, new.byte),
-            ("changed", "frame_bytes", old.size_bytes, new.size_bytes),
+            (ChangeKind.MOVED, "byte", old.byte, new.byte),
+            (ChangeKind.CHANGED, "frame_bytes", old.size_bytes, new.size_bytes),
         ):
             if before != after:
                 changes.append(
                     Change(
-                        kind=kind, area="frame", where=name, what=what, before=before, after=after
+                        kind=kind,
+                        area=ChangeArea.FRAME,
+                        where=name,
+                        what=what,
+                        before=before,
+                        after=after,
                     )
                 )
     return changes, kept
@@ -124,8 +137,8 @@ def _entries(
     def changed(address: str, what: str, before: Fact, after: Fact) -> None:
         changes.append(
             Change(
-                kind="changed",
-                area="entries",
+                kind=ChangeKind.CHANGED,
+                area=ChangeArea.ENTRIES,
                 where=where,
                 what=what,
                 before=before,
@@ -154,19 +167,20 @@ def _entries(
     for distance, addresses in moved.items():
         changes.append(
             Change(
-                kind="moved",
-                area="entries",
+                kind=ChangeKind.MOVED,
+                area=ChangeArea.ENTRIES,
                 where=where,
                 what="bit",
                 after=f"{distance:+d} bits",
                 entries=tuple(addresses),
             )
         )
-    for kind, gone in (("removed", left.keys() - right.keys()), ("added", right.keys() - left)):
-        if gone:
-            order = left if kind == "removed" else right
-            found = tuple(key[0] for key in order if key in gone)
-            changes.append(Change(kind=kind, area="entries", where=where, entries=found))
+    for kind, order, other in (
+        (ChangeKind.REMOVED, left, right),
+        (ChangeKind.ADDED, right, left),
+    ):
+        if found := tuple(key[0] for key in order if key not in other):
+            changes.append(Change(kind=kind, area=ChangeArea.ENTRIES, where=where, entries=found))
     return changes
 
 

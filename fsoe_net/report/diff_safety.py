@@ -6,19 +6,24 @@ from collections.abc import Iterator, Sequence
 
 from fsoe_net.model.names import Names
 from fsoe_net.model.safety import SafetyElement, SafetyFunction
-from fsoe_net.report.diff_types import Change, Fact
+from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind, Fact
 
 __all__ = ["compare_functions"]
-
-_AREA = "safety_function"
 
 
 def compare_functions(a: Sequence[SafetyFunction], b: Sequence[SafetyFunction]) -> list[Change]:
     """Compare safety functions by name, and their elements in the order of the signal."""
     left = {f.name: f for f in a}
     right = {f.name: f for f in b}
-    changes = [Change(kind="removed", area=_AREA, where=n) for n in left if n not in right]
-    changes += [Change(kind="added", area=_AREA, where=n) for n in right if n not in left]
+    changes = [
+        Change(kind=kind, area=ChangeArea.SAFETY_FUNCTION, where=name)
+        for kind, names, others in (
+            (ChangeKind.REMOVED, left, right),
+            (ChangeKind.ADDED, right, left),
+        )
+        for name in names
+        if name not in others
+    ]
     for name, old in left.items():
         if name in right:
             changes += _function(old, right[name])
@@ -80,7 +85,12 @@ def _bits(element: SafetyElement) -> Fact:
 
 def _changed(where: str, what: str, before: Fact | float, after: Fact | float) -> Change:
     return Change(
-        kind="changed", area=_AREA, where=where, what=what, before=_fact(before), after=_fact(after)
+        kind=ChangeKind.CHANGED,
+        area=ChangeArea.SAFETY_FUNCTION,
+        where=where,
+        what=what,
+        before=_fact(before),
+        after=_fact(after),
     )
 
 

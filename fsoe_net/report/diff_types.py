@@ -2,14 +2,41 @@
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass
 
-__all__ = ["Change", "Fact"]
+__all__ = ["Change", "ChangeArea", "ChangeKind", "Fact"]
 
 Fact = int | str | None
 
 _SHOWN_ENTRIES = 6
-_MARK = {"added": "+", "removed": "-"}
+
+
+class ChangeKind(enum.StrEnum):
+    """What has become of it."""
+
+    ADDED = "added"
+    REMOVED = "removed"
+    EXCHANGED = "exchanged"
+    MOVED = "moved"
+    CHANGED = "changed"
+
+
+class ChangeArea(enum.StrEnum):
+    """What the change is about; the value is the word in documents."""
+
+    NETWORK = "network"
+    SUBDEVICE = "subdevice"
+    SYNC_MANAGER = "sync_manager"
+    FRAME = "frame"
+    ENTRIES = "entries"
+    SDO = "sdo"
+    COPY = "copy"
+    CONNECTION = "connection"
+    SAFETY_FUNCTION = "safety_function"
+
+
+_MARK = {ChangeKind.ADDED: "+", ChangeKind.REMOVED: "-"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,9 +44,8 @@ class Change:
     """One difference.
 
     Attributes:
-        kind: ``added``, ``removed``, ``exchanged``, ``moved`` or ``changed``.
-        area: ``network``, ``subdevice``, ``sync_manager``, ``frame``, ``entries``, ``sdo``,
-            ``copy``, ``connection`` or ``safety_function``.
+        kind: What has become of it.
+        area: What it is about.
         where: SubDevice, sync manager, copy or connection, as A calls it.
         what: The fact that changed; empty for something that came or went as a whole.
         before: In A.
@@ -27,8 +53,8 @@ class Change:
         entries: Addresses of the entries that changed together.
     """
 
-    kind: str
-    area: str
+    kind: ChangeKind
+    area: ChangeArea
     where: str
     what: str = ""
     before: Fact = None
@@ -51,10 +77,10 @@ class Change:
 
     def _value(self) -> str:
         both = (self.before, self.after)
-        if self.kind in ("added", "removed"):
+        if self.kind in _MARK:
             stated = self.after if self.before is None else self.before
             return "" if both == (None, None) else str(stated)
-        if self.kind == "moved" and self.before is None:
+        if self.kind is ChangeKind.MOVED and self.before is None:
             return str(self.after)
         return " -> ".join(_fact_text(fact) for fact in both)
 

@@ -27,7 +27,7 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.plan.fingerprint import short_code
-from fsoe_net.report.diff_types import Change
+from fsoe_net.report.diff_types import Change, ChangeArea
 from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs, Signatures
 from fsoe_net.report.model import LEVELS, Point, PointKind, ReportSection
 
@@ -39,15 +39,17 @@ _MADE_FROM = (
     "Paths and dates are not in it."
 )
 _CALLS_FOR = {
-    "network": "reaction times and watchdogs",
-    "subdevice": "identity at the machine, its address, each safety function that uses it",
-    "sync_manager": "process data read back, each connection of that SubDevice",
-    "frame": "each connection of that SubDevice",
-    "entries": "process data read back, signals of that SubDevice",
-    "sdo": "start-up of that SubDevice",
-    "copy": "each safety function over that connection",
-    "connection": "start-up of that connection, loss of its ends, each safety function over it",
-    "safety_function": "that safety function, with its reaction time",
+    ChangeArea.NETWORK: "reaction times and watchdogs",
+    ChangeArea.SUBDEVICE: "identity at the machine, its address, each safety function that uses it",
+    ChangeArea.SYNC_MANAGER: "process data read back, each connection of that SubDevice",
+    ChangeArea.FRAME: "each connection of that SubDevice",
+    ChangeArea.ENTRIES: "process data read back, signals of that SubDevice",
+    ChangeArea.SDO: "start-up of that SubDevice",
+    ChangeArea.COPY: "each safety function over that connection",
+    ChangeArea.CONNECTION: (
+        "start-up of that connection, loss of its ends, each safety function over it"
+    ),
+    ChangeArea.SAFETY_FUNCTION: "that safety function, with its reaction time",
 }
 
 
@@ -184,7 +186,7 @@ def _change(c: Change) -> tuple[Cell, ...]:
         tuple(Text(w) if n == 0 else muted(w) for n, w in enumerate(where)),
         cell("" if c.before is None else str(c.before)),
         cell("" if c.after is None else str(c.after)),
-        cell(_CALLS_FOR.get(c.area, "everything")),
+        cell(_CALLS_FOR[c.area]),
     )
 
 

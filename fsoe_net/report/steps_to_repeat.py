@@ -12,11 +12,11 @@ from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.plan.fingerprint import safety_text
 from fsoe_net.plan.model import Plan
 from fsoe_net.report.changed_subdevices import changed_subdevices
-from fsoe_net.report.diff_types import Change
+from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 
 __all__ = ["steps_to_repeat"]
 
-_ENDS = {"copy": 2, "connection": 2}
+_ENDS = {ChangeArea.COPY: 2, ChangeArea.CONNECTION: 2}
 
 
 def steps_to_repeat(
@@ -69,17 +69,17 @@ def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str],
     functions: set[str] = set()
     subdevices: set[str] = set()
     for change in changes:
-        if change.area == "safety_function":
+        if change.area is ChangeArea.SAFETY_FUNCTION:
             functions.add(change.where)  # one that is no more has no step
             if not change.where:
                 return None
             continue
         here = {name for name, word in words.items() if word.search(change.where)}
         # With a name that is no more, others in its place may look like it: io, io-2.
-        other_name = change.area == "subdevice" and (
+        other_name = change.area is ChangeArea.SUBDEVICE and (
             change.what == "name" or change.where not in words
         )
-        if other_name or change.kind == "removed" or len(here) < _ENDS.get(change.area, 1):
+        if other_name or change.kind is ChangeKind.REMOVED or len(here) < _ENDS.get(change.area, 1):
             return None
         if change.area in _ENDS:
             both = f"{change.before} {change.after}"  # an end that is another one now

@@ -18,7 +18,7 @@ from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.monitor import OutsideState
 from fsoe_net.project import fix, verify
-from fsoe_net.report.diff_types import Change
+from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.run.attachment import BusView
 
 MS = 1_000_000
@@ -130,15 +130,29 @@ def test_texts_of_frames_are_forgotten_when_they_are_too_many(monkeypatch: pytes
     ("change", "line"),
     [
         (
-            Change(kind="moved", area="entry", where="io 0x6000:01", after="bit 8"),
-            "~ entry io 0x6000:01 moved: bit 8",
+            Change(
+                kind=ChangeKind.MOVED, area=ChangeArea.ENTRIES, where="io 0x6000:01", after="bit 8"
+            ),
+            "~ entries io 0x6000:01 moved: bit 8",
         ),
         (
-            Change(kind="added", area="entries", where="io", entries=tuple("abcdefgh")),
+            Change(
+                kind=ChangeKind.ADDED,
+                area=ChangeArea.ENTRIES,
+                where="io",
+                entries=tuple("abcdefgh"),
+            ),
             "+ entries io added: a, b, c, d, e, f and 2 more",
         ),
         (
-            Change(kind="changed", area="connection", where="a", what="net", before="", after=None),
+            Change(
+                kind=ChangeKind.CHANGED,
+                area=ChangeArea.CONNECTION,
+                where="a",
+                what="net",
+                before="",
+                after=None,
+            ),
             "~ connection a changed: net empty -> not stated",
         ),
     ],

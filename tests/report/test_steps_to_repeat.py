@@ -14,7 +14,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_network, side_of_plan
-from fsoe_net.report.diff_types import Change
+from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.report.steps_to_repeat import steps_to_repeat
 from fsoe_net.run.protocol import make_protocol
 
@@ -102,10 +102,10 @@ def test_what_all_share_or_lost_its_name_touches_all(tmp_path: Path, find: str, 
 @pytest.mark.parametrize(
     "change",
     [
-        Change(kind="removed", area="subdevice", where="io"),
-        Change(kind="changed", area="connection", where="io - somebody"),
-        Change(kind="changed", area="subdevice", where="radio"),
-        Change(kind="changed", area="safety_function", where=""),
+        Change(kind=ChangeKind.REMOVED, area=ChangeArea.SUBDEVICE, where="io"),
+        Change(kind=ChangeKind.CHANGED, area=ChangeArea.CONNECTION, where="io - somebody"),
+        Change(kind=ChangeKind.CHANGED, area=ChangeArea.SUBDEVICE, where="radio"),
+        Change(kind=ChangeKind.CHANGED, area=ChangeArea.SAFETY_FUNCTION, where=""),
     ],
     ids=lambda c: f"{c.kind} {c.where}",
 )
@@ -203,8 +203,8 @@ def test_the_new_end_of_a_copy_is_touched_too() -> None:
     resolution = _resolution()
     steps = make_protocol(resolution, b"").steps
     change = Change(
-        kind="changed",
-        area="copy",
+        kind=ChangeKind.CHANGED,
+        area=ChangeArea.COPY,
         where="io 0x6010:01 -> logic 0xf200:01",
         what="source",
         before="io 0x6010:01",

@@ -67,7 +67,7 @@ from fsoe_net.report.diff_read import (
     side_of_plan,
     side_of_scan,
 )
-from fsoe_net.report.diff_types import Change
+from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.report.evidence import ask_live, read_evidence
 from fsoe_net.report.incident_document import incident_document
 from fsoe_net.report.incident_facts import facts_json, facts_of
@@ -359,10 +359,19 @@ def differences(folder: Path) -> str:
     lines = []
     for pair in pairs:
         found = compare(*pair)
-        lines += [*map(str, found.changes), *map(repr, found.changes), *found.not_compared, ""]
-    six = Change(kind="moved", area="entries", where="io SM2", entries=tuple("abcdef"))
-    seven = replace(six, kind="added", what="bits", before=1, after=None, entries=tuple("abcdefg"))
-    rows = (six, seven, replace(seven, kind="changed", after=""), replace(six, area="odd"))
+        lines += [*map(str, found.changes), *map(_repr, found.changes), *found.not_compared, ""]
+    six = Change(
+        kind=ChangeKind.MOVED, area=ChangeArea.ENTRIES, where="io SM2", entries=tuple("abcdef")
+    )
+    seven = replace(
+        six,
+        kind=ChangeKind.ADDED,
+        what="bits",
+        before=1,
+        after=None,
+        entries=tuple("abcdefg"),
+    )
+    rows = (six, seven, replace(seven, kind=ChangeKind.CHANGED, after=""))
     parts = change_log(
         inputs_of(
             TIMED,
@@ -372,6 +381,10 @@ def differences(folder: Path) -> str:
         )
     ).parts
     return told(*lines, *map(str, rows), *parts)
+
+
+def _repr(change: Change) -> str:
+    return repr(replace(change, kind=str(change.kind), area=str(change.area)))
 
 
 OTHERWISE = (
