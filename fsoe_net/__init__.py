@@ -23,6 +23,7 @@ from fsoe_net.version import __version__ as __version__
 if TYPE_CHECKING:
     from fsoe_net.diag.diagnostic import Diagnostic, Severity
     from fsoe_net.errors import ControlRefused, EnvironmentFault, FsnError, InputError
+    from fsoe_net.fsoe.observed import ConnectionState
     from fsoe_net.plan.model import Plan
     from fsoe_net.project.convert import Conversion
     from fsoe_net.project.decode import DecodedFrame
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Client",
+    "ConnectionState",
     "ControlRefused",
     "Conversion",
     "DecodedFrame",
@@ -59,6 +61,7 @@ __all__ = [
 # Imported when they are used: a command loads what it needs, and nothing else.
 _PLACES = {
     "Client": "run.client",
+    "ConnectionState": "fsoe.observed",
     "ControlRefused": "errors",
     "Conversion": "project.convert",
     "DecodedFrame": "project.decode",

@@ -72,9 +72,12 @@ def test_parts_of_a_network_are_known_by_their_number():
 
 
 def test_types_of_connections_only_get_fewer():
+    """An enum of their states is not one of them."""
     texts = [p.read_text("utf-8") for p in MODULES]
     names = [
-        name for text in texts for name in re.findall(r"^class (\w*Connection\w*)", text, re.M)
+        name
+        for text in texts
+        for name in re.findall(r"^class (\w*Connection\w*)\b(?!\(enum)", text, re.M)
     ]
     assert len(names) <= 12, names
 

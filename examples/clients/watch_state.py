@@ -14,7 +14,7 @@ def main(path: str, output: str | None) -> None:
         status = client.status()
         print(f"{status.state}: {status.cycles} cycles of {status.cycle_ns / 1e6:g} ms")
         for connection in client.connections():
-            print(f"{connection.name}: {connection.state.word}")
+            print(f"{connection.name}: {connection.state}")
         if output is None:
             return
         client.set({output: 1})  # ours until we leave, or say nothing for longer than the lease

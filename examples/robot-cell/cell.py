@@ -77,7 +77,7 @@ class Cell:
     def __init__(self, folder: Path, work: Path) -> None:
         self.record = folder / "motion.csv"
         self.marks: list[tuple[float, str]] = []
-        self.states: list[tuple[float, dict[str, str]]] = []
+        self.states: list[tuple[float, dict[str, fsoe_net.ConnectionState]]] = []
         self.said = ""
         self._started: list[subprocess.Popen] = []
         self._work, self._end = work, threading.Event()
@@ -169,14 +169,15 @@ class Cell:
         with fsoe_net.connect(self._socket) as client:
             while not self._end.wait(0.005):
                 try:
-                    rows = {c.name: c.state.word for c in client.connections()}
+                    rows = {c.name: c.state for c in client.connections()}
                 except fsoe_net.FsnError:
                     return
                 self.states.append((time.monotonic(), rows))
 
-    def all_in(self, word: str) -> bool:
-        """Return whether every FSoE connection is in a state."""
-        return bool(self.states) and all(w == word for w in self.states[-1][1].values())
+    def has_process_data(self) -> bool:
+        """Return whether every FSoE connection carries ProcessData."""
+        process = fsoe_net.ConnectionState.DATA_PROCESS
+        return bool(self.states) and all(s is process for s in self.states[-1][1].values())
 
     def drives_in(self, state: str) -> bool:
         """Return whether both drives are in a state."""
@@ -215,9 +216,9 @@ def play(cell: Cell) -> None:
         cell.do("release")
 
     print("all SubDevices in OP; the safety logic is acknowledged")
-    wait_for("Data", lambda: cell.states and all("data" in w for w in cell.states[-1][1].values()))
+    wait_for("Data", lambda: cell.states and all(s.in_data for s in cell.states[-1][1].values()))
     cell.move()
-    wait_for("the reset of the safety logic", lambda: press_reset() or cell.all_in("data_process"))
+    wait_for("the reset of the safety logic", lambda: press_reset() or cell.has_process_data())
     wait_for("the motion program", lambda: cell.client.status().clients >= 3)
     time.sleep(0.3)
     for _ in range(STARTS):
@@ -227,7 +228,7 @@ def play(cell: Cell) -> None:
             break
         print("the axes did not come up; acknowledge, and start again")
         cell.marks.clear()
-        wait_for("the reset", lambda: press_reset() or cell.all_in("data_process"))
+        wait_for("the reset", lambda: press_reset() or cell.has_process_data())
     else:
         sys.exit(f"the axes did not come up. {BUSY}")
     wait_for("motion", lambda: cell.moving(4.0))
@@ -245,7 +246,7 @@ def play(cell: Cell) -> None:
         cell.do(f"set {name} 1")
     time.sleep(0.5)
     cell.mark("reset")
-    wait_for("the reset of the safety logic", lambda: press_reset() or cell.all_in("data_process"))
+    wait_for("the reset of the safety logic", lambda: press_reset() or cell.has_process_data())
     time.sleep(0.7)
     print("start pressed again")
     press_start()

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Sequence
 from html import escape
 
+from fsoe_net import ConnectionState
+
 WIDTH, LEFT, RIGHT, PANEL, GAP, BAND = 960, 84, 128, 118, 26, 18
 COLOURS = ("#0550ae", "#953800")
 STATES = {  # of the statusword: mask, value, words, colour
@@ -29,11 +31,11 @@ def state_of(statusword: int) -> str:
     return "Not ready to switch on"
 
 
-def fsoe_word(state: str) -> str:
+def fsoe_word(state: ConnectionState) -> str:
     """Return what an FSoE connection carries."""
-    return {"data_process": "ProcessData", "data_failsafe": "FailSafeData"}.get(
-        state, "not in Data"
-    )
+    if not state.in_data:
+        return "not in Data"
+    return "ProcessData" if state is ConnectionState.DATA_PROCESS else "FailSafeData"
 
 
 def spans(points: Sequence[tuple[float, str]], end: float) -> Iterator[tuple[float, float, str]]:

@@ -15,7 +15,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.core.scan import Sighting
 from fsoe_net.errors import InputError
 from fsoe_net.formats.capture.packets import buffered
-from fsoe_net.fsoe.monitor import CrcVerdict
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict, FrameDirection
 from fsoe_net.fsoe.pdu import safe_data_of
 from fsoe_net.observe.hexframes import follow_frames, parse_frames
 from fsoe_net.observe.names import Naming
@@ -57,7 +57,7 @@ def decode_hex(texts: Iterable[tuple[str, str]], naming: Naming, out: Output) ->
                 time_ms=None,
                 names=naming.find(seen.pdu.connection_id, seen.lengths),
                 number=0,
-                direction=seen.direction,
+                direction=FrameDirection(seen.direction),
                 frame=seen.frame.data,
                 verdict=seen.verdict,
                 state=seen.state,
@@ -80,7 +80,7 @@ class _Said:
     """What every direction has said last, to leave out what is not new."""
 
     def __init__(self) -> None:
-        self._last: dict[tuple[int, int], tuple[int, bytes, CrcVerdict, int]] = {}
+        self._last: dict[tuple[int, int], tuple[int, bytes, CrcVerdict, ConnectionState]] = {}
 
     def is_news(self, s: Sighting) -> bool:
         news = s.frame[0], safe_data_of(s.frame), s.verdict, s.state

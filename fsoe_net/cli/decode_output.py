@@ -12,7 +12,7 @@ from fsoe_net.core.scan import FoundConnection, FoundPlace, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.diag.printable import printable
 from fsoe_net.diag.words import counted
-from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
+from fsoe_net.fsoe.observed import CrcVerdict, FrameDirection
 from fsoe_net.fsoe.pdu import Command, command_text, reset_code_text, safe_data_length, safe_data_of
 from fsoe_net.observe.names import ConnectionNames
 from fsoe_net.project.decode import CaptureFacts, DecodedFrame, Found
@@ -20,14 +20,10 @@ from fsoe_net.version import __version__
 
 __all__ = ["JsonOutput", "Output", "TextOutput"]
 
-_WAYS = ("main_to_sub", "sub_to_main")
 _ARROWS = ("main > sub", "sub > main")
 _COLOUR = {CrcVerdict.WRONG: "red", CrcVerdict.UNCHECKED: "yellow", CrcVerdict.SAME: None}
-_WORD = {v: v.name.lower() for v in CrcVerdict}
-_CRC_TEXT = _WORD | {CrcVerdict.SAME: "same frame"}
 _LINES_AT_ONCE = 500
 _MOST_PARTS = 10_000
-_STATE_TEXT = {state: state.word.replace("_", " ") for state in OutsideState}
 
 
 class _Parts:
@@ -103,7 +99,7 @@ class TextOutput:
             )
         if typed:
             self.wrong += row.verdict is CrcVerdict.WRONG
-        crc = _CRC_TEXT[row.verdict]
+        crc = "same frame" if row.verdict is CrcVerdict.SAME else row.verdict.value
         if row.sequence:
             crc = f"{crc} #{row.sequence}"
         crc = f"{crc:16}"
@@ -123,7 +119,7 @@ class TextOutput:
         place = "" if row.time_ms is None else f"{name:20} "
         left = f"{place}{way:11} {command_text(row.frame[0]):14} {connection_id:>6}  "
         meaning = _meaning(row, data)
-        right = f"{_STATE_TEXT[row.state]:14} {data.hex(' ')}"
+        right = f"{row.state.replace('_', ' '):14} {data.hex(' ')}"
         return left, f"{right}  {meaning}" if meaning else right
 
     def damaged(self, message: str) -> None:
@@ -169,7 +165,7 @@ def _connection_lines(
 ) -> Iterator[str]:
     yield (
         f"{names.name if names else f'#{number}'}: "
-        f"ConnID {c.connection_id}, now {_STATE_TEXT[c.state]}"
+        f"ConnID {c.connection_id}, now {c.state.replace('_', ' ')}"
     )
     ways = (c.to_sub, c.to_main)[:: -1 if swapped else 1]
     for way, direction in zip(_ARROWS, ways, strict=True):
@@ -267,7 +263,7 @@ class JsonOutput:
         note = f', "note": {json.dumps(row.note)}' if row.note else ""
         self._lines.add(
             f"{',' if self._rows else ''}\n{{{where}{self._parts.of(row)[0]}, "
-            f'"crc": "{_WORD[row.verdict]}", "sequence": {row.sequence or "null"}, '
+            f'"crc": "{row.verdict}", "sequence": {row.sequence or "null"}, '
             f'"frame": "{row.frame.hex()}"{note}}}'
         )
         self._rows += 1
@@ -279,11 +275,11 @@ class JsonOutput:
             "connection": row.names.name if row.names else None,
             "connection_number": row.number + 1,
             "connection_id": int.from_bytes(row.frame[-2:], "little"),
-            "direction": _WAYS[row.direction],
+            "direction": str(row.direction),
             "command": command_text(row.frame[0]),
             "command_byte": row.frame[0],
             "safe_data": data.hex(),
-            "state": row.state.word,
+            "state": row.state,
         }
         if row.frame[0] == Command.RESET:
             item["reset_code"] = data[0]
@@ -314,7 +310,7 @@ class JsonOutput:
                     "number": number,
                     "connection": names.name if names else None,
                     "connection_id": c.connection_id,
-                    "state": c.state.word,
+                    "state": c.state,
                     "gaps": c.gaps,
                     "roles": "certain" if c.roles_certain else "by numbers",
                     "main_to_sub": _counts_json(ways[0]),
@@ -323,7 +319,7 @@ class JsonOutput:
                         {
                             "command": p.command,
                             "address": p.address,
-                            "direction": _WAYS[p.direction ^ swapped],
+                            "direction": str(FrameDirection(p.direction ^ swapped)),
                             "size_bytes": p.size_bytes,
                         }
                         for p in c.places

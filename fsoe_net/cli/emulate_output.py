@@ -10,7 +10,6 @@ from fsoe_net.core.segment import is_test_rig
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.emulate import EmulateResult
-from fsoe_net.run.result import state_text
 
 __all__ = ["check_rig", "print_emulation"]
 
@@ -51,8 +50,8 @@ def print_emulation(result: EmulateResult) -> None:
     for name, status in result.states.items():
         error = f", error 0x{status.code:04x}" if status.error else ""
         echo(f"{name:24} {status.state}{error}")
-    for name, word in result.connections.items():
-        echo(f"{name:24} {state_text(word)}")
+    for name, state in result.connections.items():
+        echo(f"{name:24} {state.text}")
     c = result.counts
     if c.frames:
         own = f", {c.work_ns / c.frames / 1000:.1f} us each"

@@ -41,7 +41,6 @@ from fsoe_net.run.result import (
     RunEventKind,
     RunUpdate,
     result_health,
-    state_text,
 )
 
 __all__ = [
@@ -128,7 +127,7 @@ def health_verdict(text: str, level: HealthLevel) -> Verdict:
 def state_cell(result: ConnectionResult, health: FsoeHealth) -> Cell:
     """Return the state of a connection with the level of its health."""
     is_absent = HealthReason.END_ABSENT in health.reasons
-    text = "absent" if is_absent else state_text(result.state)
+    text = "absent" if is_absent else result.state.text
     return cell(health_verdict(text, health.level))
 
 

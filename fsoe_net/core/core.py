@@ -19,14 +19,14 @@ from fsoe_net.core.snapshot import (
     Statistics,
 )
 from fsoe_net.errors import CoreError, PlanFormatError
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import STATED_PARAMETERS
 from fsoe_net.plan.fingerprint import Fingerprint
 
 __all__ = ["Core", "CorePlan", "EmulatedBus"]
 
 _MASK = (1 << 64) - 1
-_STATES = {state.value: state for state in OutsideState}
+_STATES = tuple(ConnectionState)
 
 
 class CorePlan:

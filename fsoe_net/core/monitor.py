@@ -7,13 +7,15 @@ from typing import Any
 
 from fsoe_net.core.module import compiled
 from fsoe_net.errors import PduSizeError
-from fsoe_net.fsoe.monitor import CrcVerdict, DirectionCounts, OutsideState
+from fsoe_net.fsoe.monitor import DirectionCounts
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import frame_length
 
 __all__ = ["CoreMonitor", "frame_fits", "frame_sequence", "parameters_of"]
 
 _VERDICTS = tuple(CrcVerdict)
+_STATES = tuple(ConnectionState)
 
 
 class CoreMonitor:
@@ -34,9 +36,10 @@ class CoreMonitor:
         self._lib.fsn_monitor_init(self._monitor, *self._sizes)
 
     @property
-    def state(self) -> OutsideState:
+    def state(self) -> ConnectionState:
         """State of the connection as seen from outside."""
-        return OutsideState(self._monitor.status.observed)
+        observed: int = self._monitor.status.observed
+        return _STATES[observed]
 
     @property
     def gaps(self) -> int:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from fsoe_net.core.core import direction_snapshot
 from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.core.snapshot import DirectionSnapshot
-from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 
 __all__ = ["FoundConnection", "FoundPlace", "ScanCounts", "Scanner", "Sighting"]
 
@@ -24,7 +24,7 @@ _COMMANDS = {
     12: "LRW",
 }
 _VERDICTS = tuple(CrcVerdict)
-_STATES = tuple(OutsideState)
+_STATES = tuple(ConnectionState)
 
 
 class Sighting(NamedTuple):
@@ -39,7 +39,7 @@ class Sighting(NamedTuple):
     connection: int
     direction: int
     verdict: CrcVerdict
-    state: OutsideState
+    state: ConnectionState
     sequence: int
     frame: bytes
 
@@ -74,7 +74,7 @@ class FoundConnection:
     connection_id: int
     places: tuple[FoundPlace, ...]
     roles_certain: bool
-    state: OutsideState
+    state: ConnectionState
     gaps: int
     to_sub: DirectionSnapshot
     to_main: DirectionSnapshot

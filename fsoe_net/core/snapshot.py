@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters
 
 __all__ = [
@@ -174,7 +174,7 @@ class ConnectionSnapshot:
     net: str = ""
     main: str = ""
     sub: str = ""
-    state: OutsideState
+    state: ConnectionState
     to_sub: DirectionSnapshot
     to_main: DirectionSnapshot
     gaps: int
@@ -214,8 +214,8 @@ class CoreEvent:
 
     now_ns: int
     connection: int
-    before: OutsideState
-    after: OutsideState
+    before: ConnectionState
+    after: ConnectionState
     reset_code: int
     by: str
     differs: tuple[str, ...] = ()

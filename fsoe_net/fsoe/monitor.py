@@ -8,70 +8,28 @@ number makes CRC_0 right, so two successive numbers of one direction show that t
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass, field
 
 from fsoe_net.errors import PduSizeError
 from fsoe_net.fsoe.chain import advance, fits_start
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import FsoeParameters, ParameterList
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
 
-__all__ = ["CrcVerdict", "DirectionCounts", "Monitor", "OutsideState", "outside_state"]
+__all__ = ["DirectionCounts", "Monitor", "observed_state"]
 
 
-class CrcVerdict(enum.IntEnum):
-    """What was found out about one frame; values are those of the C core."""
-
-    SAME = 0
-    """The bytes seen last, so no event (§10)."""
-    RIGHT = 1
-    """Every CRC fits the chain."""
-    WRONG = 2
-    """A CRC does not fit."""
-    UNCHECKED = 3
-    """The chain is not known yet, or frames were missed."""
-
-
-class OutsideState(enum.IntEnum):
-    """State of a connection as the commands on the wire show it; values are those of the core."""
-
-    SILENT = 0
-    RESET = 1
-    SESSION = 2
-    CONNECTION = 3
-    PARAMETER = 4
-    DATA_FAILSAFE = 5
-    DATA_PROCESS = 6
-    UNKNOWN = 7
-
-    @property
-    def word(self) -> str:
-        """Lower-case word for files and tables, e.g. ``data_process``."""
-        return self.name.lower()
-
-    @property
-    def text(self) -> str:
-        """The words of `fsn-master` in replies, events and incident files: ``process data``."""
-        return _TEXTS.get(self.name, self.word)
-
-    @property
-    def in_data(self) -> bool:
-        """Whether it is Data, with ProcessData or FailSafeData."""
-        return self in (OutsideState.DATA_FAILSAFE, OutsideState.DATA_PROCESS)
-
-
-_TEXTS = {"DATA_FAILSAFE": "failsafe data", "DATA_PROCESS": "process data"}
 _DATA = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _LAGGING = (
-    (Command.RESET, OutsideState.RESET),
-    (Command.SESSION, OutsideState.SESSION),
-    (Command.CONNECTION, OutsideState.CONNECTION),
-    (Command.PARAMETER, OutsideState.PARAMETER),
+    (Command.RESET, ConnectionState.RESET),
+    (Command.SESSION, ConnectionState.SESSION),
+    (Command.CONNECTION, ConnectionState.CONNECTION),
+    (Command.PARAMETER, ConnectionState.PARAMETER),
 )
 
 
-def outside_state(to_sub: int, to_main: int) -> OutsideState:
+def observed_state(to_sub: int, to_main: int) -> ConnectionState:
     """Return the state which the last commands of both directions show; the end behind decides.
 
     Args:
@@ -79,15 +37,15 @@ def outside_state(to_sub: int, to_main: int) -> OutsideState:
         to_main: Last command of the sub, 0 before any.
     """
     if to_sub == 0 or to_main == 0:
-        return OutsideState.SILENT
+        return ConnectionState.SILENT
     for command, state in _LAGGING:
         if command in (to_sub, to_main):
             return state
     if to_sub == to_main == Command.PROCESS_DATA:
-        return OutsideState.DATA_PROCESS
+        return ConnectionState.DATA_PROCESS
     if to_sub in _DATA and to_main in _DATA:
-        return OutsideState.DATA_FAILSAFE
-    return OutsideState.UNKNOWN
+        return ConnectionState.DATA_FAILSAFE
+    return ConnectionState.UNKNOWN
 
 
 @dataclass(slots=True, kw_only=True)
@@ -152,9 +110,9 @@ class Monitor:
         self._lost = False  # the chain was known, and no Reset has come since
 
     @property
-    def state(self) -> OutsideState:
+    def state(self) -> ConnectionState:
         """State of the connection as seen from outside."""
-        return outside_state(*(side.counts.command for side in self._sides))
+        return observed_state(*(side.counts.command for side in self._sides))
 
     @property
     def parameters(self) -> FsoeParameters:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from fsoe_net.core.snapshot import ConnectionSnapshot, Statistics
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import FsoeParameters, differences
 from fsoe_net.live.control_values import BusState, Status
 from fsoe_net.observe.bus_documents import BusSnapshot, SubDeviceSnapshot
@@ -132,6 +132,8 @@ class SeenOnBus(Protocol):
     @property
     def sub(self) -> str: ...
     @property
+    def state(self) -> ConnectionState: ...
+    @property
     def configured(self) -> FsoeParameters: ...
     @property
     def observed(self) -> FsoeParameters: ...
@@ -203,7 +205,6 @@ def watchdog_share(longest_ms: float, watchdog_ms: int | None) -> float | None:
 
 def connection_health(
     seen: SeenOnBus,
-    state: OutsideState,
     subdevices: Iterable[SubDeviceSnapshot],
     *,
     share: float | None,
@@ -214,7 +215,6 @@ def connection_health(
 
     Args:
         seen: The connection.
-        state: Its state.
         subdevices: Those of the bus; empty where nobody reads them.
         share: See `watchdog_share`.
         changes: See `RecentChanges`.
@@ -225,20 +225,19 @@ def connection_health(
     if any(s.is_absent for s in ends):
         reasons.append(HealthReason.END_ABSENT)
     else:
-        reasons += _of_connection(seen, state, ends, share, changes)
+        reasons += _of_connection(seen, ends, share, changes)
     return FsoeHealth(name=seen.name, reasons=tuple(reasons), seen=seen, share=share)
 
 
 def _of_connection(
     seen: SeenOnBus,
-    state: OutsideState,
     ends: Iterable[SubDeviceSnapshot],
     share: float | None,
     changes: Changes,
 ) -> Iterator[HealthReason]:
-    if not state.in_data:
+    if not seen.state.in_data:
         yield HealthReason.NOT_IN_DATA
-    if state is OutsideState.DATA_FAILSAFE:
+    if seen.state is ConnectionState.DATA_FAILSAFE:
         yield HealthReason.FAILSAFE_DATA
     if any(s.known and not s.in_op for s in ends):
         yield HealthReason.END_NOT_IN_OP
@@ -256,7 +255,7 @@ def snapshot_health(
     """Return the health of a connection that was asked for once."""
     longest_ns = max(seen.to_sub.interval_max_ns, seen.to_main.interval_max_ns)
     share = watchdog_share(longest_ns / 1e6, seen.configured.watchdog_ms)
-    return connection_health(seen, seen.state, subdevices, share=share)
+    return connection_health(seen, subdevices, share=share)
 
 
 def subdevice_health(

@@ -18,10 +18,12 @@ from fsoe_net.core.snapshot import (
     Snapshot,
     Statistics,
 )
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, STATED_PARAMETERS, FsoeParameters
 from fsoe_net.fsoe.pdu import is_frame_length
 from fsoe_net.observe.json_object import JsonObject
+
+_STATES = tuple(ConnectionState)
 
 __all__ = [
     "BusSnapshot",
@@ -262,12 +264,11 @@ def _parameters(row: JsonObject, key: str) -> FsoeParameters:
     return FsoeParameters(**{f.name: stated.optional(f.name) for f in fields(FsoeParameters)})
 
 
-def _state(row: JsonObject) -> OutsideState:
+def _state(row: JsonObject) -> ConnectionState:
     number = row.whole("outside")
-    try:
-        return OutsideState(number)
-    except ValueError as exc:
-        raise row.bad("outside", f"is {number}, not a state") from exc
+    if number >= len(_STATES):
+        raise row.bad("outside", f"is {number}, not a state")
+    return _STATES[number]
 
 
 _T = TypeVar("_T", Statistics, DirectionSnapshot)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from fsoe_net.diag.words import counted
-from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.pdu import Command, ResetCode, command_text
 from fsoe_net.observe.bus_documents import PlannedConnection
 from fsoe_net.observe.candidate import Candidate, candidate, code_text, ms
@@ -263,7 +263,7 @@ def _fell_silent(
 def _failsafe(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     """In Data, but one end sends FailSafeData only."""
     plan = e.plan
-    if plan is None or link.state is not OutsideState.DATA_FAILSAFE or e.left_data:
+    if plan is None or link.state is not ConnectionState.DATA_FAILSAFE or e.left_data:
         return
     length = max(e.bus.last_ns - e.bus.first_ns, 1)
     ends = ((_MAIN, plan.main), (_SUB, plan.sub))

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.observe.bus_documents import (
     Found,
     LayoutCopy,
@@ -312,7 +312,7 @@ def _first_bad(links: dict[str, LinkFacts]) -> str:
         if not link.state.in_data:
             return name
     for name, link in links.items():
-        if link.state is not OutsideState.DATA_PROCESS:
+        if link.state is not ConnectionState.DATA_PROCESS:
             return name
     return next(iter(links), "")
 

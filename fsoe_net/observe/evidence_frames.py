@@ -6,7 +6,8 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 
 from fsoe_net.fsoe.chain import fits_start
-from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
+from fsoe_net.fsoe.monitor import Monitor
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import NOT_OBSERVED
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_length
 from fsoe_net.observe.bus_documents import LayoutCopy, PlannedConnection
@@ -22,7 +23,6 @@ __all__ = [
 ]
 
 _LEGAL = frozenset(int(c) for c in Command)
-_DATA = (OutsideState.DATA_PROCESS, OutsideState.DATA_FAILSAFE)
 _DATA_COMMANDS = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _START_COMMANDS = (Command.CONNECTION, Command.PARAMETER)
 _BEGINS = (Command.RESET, Command.SESSION)
@@ -42,7 +42,7 @@ class FrameSeen:
     direction: int
     data: bytes
     verdict: CrcVerdict
-    state: OutsideState
+    state: ConnectionState
     changed: tuple[int, ...]
 
 
@@ -59,7 +59,7 @@ class ResetSeen:
     cycle: int
     by: str
     code: int
-    state: OutsideState
+    state: ConnectionState
     silent_ns: tuple[int, int]
     waiting_for: str
     last_verdict: CrcVerdict
@@ -122,9 +122,9 @@ class LinkFacts:
     sides: tuple[WireSide, WireSide]
     resets: tuple[ResetSeen, ...]
     frames: tuple[FrameSeen, ...]
-    state: OutsideState
-    state_at_moment: OutsideState
-    states: frozenset[OutsideState]
+    state: ConnectionState
+    state_at_moment: ConnectionState
+    states: frozenset[ConnectionState]
     sent_address: int | None
     sent_watchdog_ms: int | None
     sent_app_bytes: int | None
@@ -172,14 +172,14 @@ class LinkWatch:
         self._resets: list[ResetSeen] = []
         self._before: deque[FrameSeen] = deque(maxlen=_KEEP)
         self._after: list[FrameSeen] = []
-        self._states: set[OutsideState] = set()
+        self._states: set[ConnectionState] = set()
         self._sent = NOT_OBSERVED
         self._searched = [0, 0]
         self._found: tuple[Counter[tuple[int, int]], Counter[tuple[int, int]]] = (
             Counter(),
             Counter(),
         )
-        self._at_moment: OutsideState | None = None
+        self._at_moment: ConnectionState | None = None
         self._failsafe_ns = [0, 0]
         self._now_ns = -1
         self.new: list[bytes | None] = [None, None]
@@ -219,7 +219,7 @@ class LinkWatch:
         self.new = [None, None]
 
     def _count_failsafe(self, now_ns: int) -> None:
-        if self._now_ns >= 0 and self._monitor.state is OutsideState.DATA_FAILSAFE:
+        if self._now_ns >= 0 and self._monitor.state is ConnectionState.DATA_FAILSAFE:
             for direction in (0, 1):
                 if self._last[direction][0] == Command.FAIL_SAFE_DATA:
                     self._failsafe_ns[direction] += now_ns - self._now_ns
@@ -236,9 +236,10 @@ class LinkWatch:
         self._begun[direction] += pdu.command == Command.SESSION and fits_start(pdu)
         self._count(side, pdu.command, pdu.connection_id, verdict, legal=legal)
         side.not_zero |= any(data)
-        if verdict is CrcVerdict.WRONG and before in _DATA:
+        if verdict is CrcVerdict.WRONG and before.in_data:
             side.wrong_in_data += 1
-        if before in _DATA and pdu.command in _DATA_COMMANDS and other.last_ns > side.last_ns >= 0:
+        answers = pdu.command in _DATA_COMMANDS and other.last_ns > side.last_ns >= 0
+        if before.in_data and answers:
             wait = now_ns - other.last_ns
             side.waits += 1
             side.waits_sum_ns += wait
@@ -284,7 +285,7 @@ class LinkWatch:
             self._after.append(seen)
 
     def _reset(
-        self, direction: int, code: int, before: OutsideState, cycle: int, now_ns: int
+        self, direction: int, code: int, before: ConnectionState, cycle: int, now_ns: int
     ) -> None:
         if len(self._resets) >= _MOST_RESETS:
             return

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.chain import before, is_whole
-from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
+from fsoe_net.fsoe.monitor import Monitor
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.pdu import (
     Command,
     Pdu,
@@ -54,7 +55,7 @@ class FollowedFrame:
     pdu: Pdu
     direction: int
     verdict: CrcVerdict
-    state: OutsideState
+    state: ConnectionState
     sequence: int
     lengths: tuple[int, int]
     note: str

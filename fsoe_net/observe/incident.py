@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from fsoe_net.core.snapshot import ConnectionSnapshot, Statistics
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.observe.bus_documents import Layout, SubDeviceSnapshot
 from fsoe_net.plan.model import Plan
 
@@ -56,17 +57,17 @@ class BusFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trigger:
-    """The moment. ``before`` and ``after`` are state words; ``reset_by`` is ``main`` or ``sub``.
+    """The moment. ``before`` and ``after`` are ``None`` where no connection is the cause.
 
-    ``subdevice`` is the one that refuses; empty with every other kind. ``fault`` is that of
-    `TriggerKind.BUS_FAILED`, ``None`` with every other kind.
+    ``reset_by`` is ``main`` or ``sub``. ``subdevice`` is the one that refuses; empty with every
+    other kind. ``fault`` is that of `TriggerKind.BUS_FAILED`, ``None`` with every other kind.
     """
 
     kind: TriggerKind
     connection: str = ""
     subdevice: str = ""
-    before: str = ""
-    after: str = ""
+    before: ConnectionState | None = None
+    after: ConnectionState | None = None
     reset_by: str = ""
     reset_code: int | None = None
     cycle: int = 0

@@ -7,7 +7,7 @@ import binascii
 import hashlib
 
 from fsoe_net.errors import PlanFormatError
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.observe.bus_documents import (
     read_connections,
     read_layout,
@@ -119,9 +119,8 @@ def _fault(row: JsonObject) -> BusFault:
     )
 
 
-def _state(word: str) -> str:
-    """Return a state word of ours for one of `fsn-master`."""
-    return {state.text: state.word for state in OutsideState}.get(word, word)
+def _state(word: str) -> ConnectionState | None:
+    return ConnectionState.from_event(word) if word else None
 
 
 def _event(row: JsonObject) -> IncidentEvent:

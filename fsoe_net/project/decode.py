@@ -7,7 +7,7 @@ from typing import BinaryIO, NamedTuple
 
 from fsoe_net.core.scan import FoundConnection, ScanCounts, Scanner, Sighting
 from fsoe_net.formats.capture.packets import CaptureReader
-from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict, FrameDirection
 from fsoe_net.fsoe.pdu import Command
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.observe.names import ConnectionNames, Naming
@@ -15,6 +15,8 @@ from fsoe_net.observe.wire import LogicalImage
 from fsoe_net.plan.compile import compile_plan
 
 __all__ = ["CaptureDecoder", "CaptureFacts", "DecodedFrame", "Found", "naming_of"]
+
+_DIRECTIONS = tuple(FrameDirection)
 
 Found = tuple[FoundConnection, ConnectionNames | None, bool]
 
@@ -27,7 +29,7 @@ class DecodedFrame(NamedTuple):
         time_ms: Since the first packet of the capture.
         names: The connection of the network that it belongs to, where that is known.
         number: Of the connection in this capture, from 0.
-        direction: 0 main to sub, 1 sub to main.
+        direction: Which end has sent it.
         frame: Its bytes.
         verdict: Whether its CRCs are right.
         state: Of the connection, as these frames show it.
@@ -39,10 +41,10 @@ class DecodedFrame(NamedTuple):
     time_ms: float | None
     names: ConnectionNames | None
     number: int
-    direction: int
+    direction: FrameDirection
     frame: bytes
     verdict: CrcVerdict
-    state: OutsideState
+    state: ConnectionState
     sequence: int
     note: str
 
@@ -116,7 +118,7 @@ class CaptureDecoder:
             (s.time_ns - self._start_ns) / 1e6,
             names,
             s.connection,
-            s.direction ^ swapped,
+            _DIRECTIONS[s.direction ^ swapped],
             s.frame,
             s.verdict,
             s.state,

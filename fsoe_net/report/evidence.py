@@ -14,6 +14,7 @@ from fsoe_net.core.snapshot import Histogram
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.shared.files import open_file
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, STATED_PARAMETERS, FsoeParameters
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.scan import Scan
@@ -42,7 +43,7 @@ class RunRow:
     """One connection of a run; times in ms."""
 
     name: str
-    state: str
+    state: ConnectionState
     cycle_mean: float | None
     cycle_max: float | None
     watchdog: float | None
@@ -146,7 +147,7 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
         rows=tuple(
             RunRow(
                 name=str(c["name"]),
-                state=str(c["state"]),
+                state=ConnectionState(c["state"]),
                 cycle_mean=measured_ms(c["fsoe_cycle_ms"].get("mean")),
                 cycle_max=measured_ms(c["fsoe_cycle_ms"].get("max")),
                 watchdog=measured_ms(c["watchdog_ms"]),

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 
 from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import differences
 from fsoe_net.fsoe.pdu import decode_pdu, describe_data, reset_code_text
 from fsoe_net.observe.causes import Verdicts, judge
 from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import FrameSeen
 from fsoe_net.observe.incident import TriggerKind
-from fsoe_net.run.result import state_text
 
 __all__ = [
     "NO_STATEMENT",
@@ -29,8 +29,12 @@ NO_STATEMENT = (
 _EVENTS = 12
 _BEFORE, _AFTER = 8, 4
 _MOST_LINKS = 24
-_VERDICTS = ("", "right", "WRONG CRC", "not checked")
-_WRONG = 2
+_VERDICTS = {
+    CrcVerdict.SAME: "",
+    CrcVerdict.RIGHT: "right",
+    CrcVerdict.WRONG: "WRONG CRC",
+    CrcVerdict.UNCHECKED: "not checked",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,14 +169,14 @@ def _sentence(e: IncidentEvidence) -> str:
             f"Connection {e.name} did not reach Data; at {_when(e)} it was in {_state(e)}"
             f"{_last_reset(e)}."
         )
-    before = state_text(trigger.before) if trigger.before else "Data"
-    after = state_text(trigger.after) if trigger.after else "another state"
+    before = trigger.before.text if trigger.before else "Data"
+    after = trigger.after.text if trigger.after else "another state"
     return f"Connection {e.name} left {before} for {after} at {_when(e)}{_who(e)}."
 
 
 def _state(e: IncidentEvidence) -> str:
-    word = e.head.trigger.after or (e.link.state_at_moment.word if e.link else "")
-    return state_text(word) if word else "an unknown state"
+    state = e.head.trigger.after or (e.link.state_at_moment if e.link else None)
+    return state.text if state else "an unknown state"
 
 
 def _who(e: IncidentEvidence) -> str:
@@ -250,11 +254,11 @@ def _links(e: IncidentEvidence) -> list[LinkRow]:
         seen = next((c for c in e.head.connections if c.name == name), None)
         if link is None and seen is None:
             continue
-        state = ""
+        state: ConnectionState | None = None
         if link:
-            state = link.state_at_moment.word
+            state = link.state_at_moment
         elif seen:
-            state = seen.state.word
+            state = seen.state
         rows.append(
             LinkRow(
                 name=name,
@@ -263,7 +267,7 @@ def _links(e: IncidentEvidence) -> list[LinkRow]:
                 connection_id="-" if plan.connection_id is None else str(plan.connection_id),
                 address="-" if plan.address is None else str(plan.address),
                 watchdog="-" if plan.watchdog_ms is None else f"{plan.watchdog_ms} ms",
-                state=state_text(state) if state else "-",
+                state=state.text if state else "-",
                 wrong=f"{link.sides[0].wrong} / {link.sides[1].wrong}" if link else "-",
                 resets=_resets(e, name),
                 answers=_answers(e, name),
@@ -334,7 +338,7 @@ def _frame(e: IncidentEvidence, seen: FrameSeen) -> FrameRow:
         changed=seen.changed,
         text=describe_data(decode_pdu(seen.data)),
         verdict=_VERDICTS[seen.verdict],
-        wrong=seen.verdict == _WRONG,
+        wrong=seen.verdict is CrcVerdict.WRONG,
     )
 
 

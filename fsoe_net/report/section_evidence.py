@@ -42,7 +42,7 @@ from fsoe_net.report.section_identity import files_table
 if TYPE_CHECKING:
     from fsoe_net.observe.incident import IncidentHead
 
-__all__ = ["EMULATED", "HEALTH_LEVELS", "RUN_COLUMNS", "bus_evidence", "plan_sha256", "state_words"]
+__all__ = ["EMULATED", "HEALTH_LEVELS", "RUN_COLUMNS", "bus_evidence", "plan_sha256"]
 
 HEALTH_LEVELS = {
     HealthLevel.GOOD: Level.CLEAR,
@@ -246,7 +246,7 @@ def _run_file(path: str, run: RunEvidence, inputs: ReportInputs) -> list[Part]:
     rows = tuple(
         (
             cell(strong(c.name)),
-            cell(state_words(c.state)),
+            cell(c.state.text),
             cell(stated(c.cycle_mean, "ms", path)),
             cell(stated(c.cycle_max, "ms", path)),
             cell(stated(c.watchdog, "ms", path)),
@@ -275,11 +275,11 @@ RUN_COLUMNS = (
 
 def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]:
     t = head.trigger
-    words = t.text or f"{t.connection}: {t.before} → {t.after}".strip()
+    words = t.text or f"{t.connection}: {t.before or ''} → {t.after or ''}".strip()
     rows = tuple(
         (
             cell(strong(c.name)),
-            cell(state_words(c.state.word)),
+            cell(c.state.text),
             tuple(
                 stated(d.wrong, f"{noun(d.wrong, 'wrong frame')} {to}", path)
                 for d, to in ((c.to_sub, "to sub"), (c.to_main, "to main"))
@@ -333,7 +333,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     rows = tuple(
         (
             cell(strong(name)),
-            _state_now(snapshot_health(c, live.snapshot.subdevices), state_words(c.state.word)),
+            _state_now(snapshot_health(c, live.snapshot.subdevices), c.state.text),
             cell(_seen(max(c.to_sub.interval_mean_ns, c.to_main.interval_mean_ns), source)),
             cell(_seen(max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns), source)),
             cell(number_of(c.to_sub.wrong + c.to_main.wrong, "frame", source)),
@@ -371,10 +371,3 @@ def _state_now(health: Health, state: str) -> Cell:
 
 def _seen(ns: int, source: str) -> Item:
     return stated(ns / 1e6, "ms", source) if ns else muted("none seen")
-
-
-def state_words(word: str) -> str:
-    """Return the state of a connection in words."""
-    from fsoe_net.run.result import state_text  # slow to load, and most reports have no run
-
-    return state_text(word)

@@ -27,7 +27,7 @@ from fsoe_net.document.model import (
 from fsoe_net.model.protocol import AtMachine, ProtocolStep, StepOutcome, StepResult
 from fsoe_net.report.inputs import ReportInputs, Tried
 from fsoe_net.report.model import Point, PointKind, ReportSection
-from fsoe_net.report.section_evidence import EMULATED, RUN_COLUMNS, plan_sha256, state_words
+from fsoe_net.report.section_evidence import EMULATED, RUN_COLUMNS, plan_sha256
 from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
@@ -212,7 +212,7 @@ def _emulated_run(run: Run) -> list[Part]:
             rows=tuple(
                 (
                     cell(strong(c.name)),
-                    cell(state_words(c.state)),
+                    cell(c.state.text),
                     cell(stated(c.fsoe_cycle_ms["mean"], "ms", source)),
                     cell(stated(c.fsoe_cycle_ms["max"], "ms", source)),
                     cell(stated(c.watchdog_ms, "ms", source)),

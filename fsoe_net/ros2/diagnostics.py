@@ -20,7 +20,6 @@ from fsoe_net.live.health import (
     health_texts,
 )
 from fsoe_net.run.attachment import BusView, WatchedConnection
-from fsoe_net.run.result import state_text
 
 __all__ = ["RosLevel", "RosStatus", "ros_statuses"]
 
@@ -81,7 +80,7 @@ def _bus(view: BusView, health: BusHealth) -> RosStatus:
 
 
 def _connection(connection: WatchedConnection, health: FsoeHealth) -> RosStatus:
-    parts = [state_text(connection.result.state), *health_texts(health)]
+    parts = [connection.result.state.text, *health_texts(health)]
     if connection.cause and health.level is HealthLevel.ERROR:
         parts.append(f"last Reset: {connection.cause}")
     values = _connection_values(connection)

@@ -8,16 +8,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.pdu import Command, reset_code_text
 from fsoe_net.observe.bus_documents import PlannedConnection
-from fsoe_net.run.result import ConnectionResult, RunEvent, RunEventKind, state_fields, state_text
+from fsoe_net.run.result import ConnectionResult, RunEvent, RunEventKind, state_fields
 
 __all__ = ["ENDS", "BusEvents", "connection_result"]
 
 ENDS = {"main": "MainInstance", "sub": "SubInstance"}
 _MAX_EVENTS = 20_000
-_DATA = {state.text: state.word for state in OutsideState if state.in_data}
 
 
 @dataclass(slots=True)
@@ -65,13 +64,13 @@ class BusEvents:
             self.log(source, str(event.get("text", "")), at_ns=at_ns, kind=what)
 
     def _connection(self, event: Mapping[str, Any], at_ns: int) -> None:
-        name, after = str(event["connection"]), str(event["after"])
+        name = str(event["connection"])
+        after = ConnectionState.from_event(str(event["after"]))
         if "reset_by" not in event:
-            if after in _DATA:
+            if after.in_data:
                 self.to_data_ns.setdefault(name, at_ns - self.start_ns)
-            state = state_text(_DATA.get(after, after))
-            fields = state_fields("wire", state, in_data=after in _DATA)
-            self.log(name, f"wire: {state}", at_ns=at_ns, **fields)
+            fields = state_fields("wire", after.text, in_data=after.in_data)
+            self.log(name, f"wire: {after.text}", at_ns=at_ns, **fields)
             return
         code = int(event["reset_code"])
         end = ENDS.get(str(event["reset_by"]), "one end")
@@ -109,15 +108,14 @@ def connection_result(
     down, up = wire.to_sub, wire.to_main
     code = events.last_reset.get(name)
     to_data = events.to_data_ns.get(name)
-    word = wire.state.word
     in_data = wire.state.in_data
     return ConnectionResult(
         name=name,
         net=facts.net,
         main=facts.main,
         sub=facts.sub,
-        state=word,
-        wire_state=word,
+        state=wire.state,
+        wire_state=wire.state,
         connection_id=down.connection_id or up.connection_id or facts.connection_id,
         address=facts.address,
         watchdog_ms=facts.watchdog_ms,

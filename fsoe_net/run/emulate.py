@@ -10,12 +10,13 @@ from dataclasses import dataclass
 
 from fsoe_net.core.segment import AlStatus, Segment, SegmentCounts, SegmentLink, sum_counts
 from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.model.scenario import ScenarioStep
 from fsoe_net.run.drive_objects import DriveObjects
-from fsoe_net.run.engine import state_word
+from fsoe_net.run.engine import state_of
 from fsoe_net.run.faults import apply_step
 from fsoe_net.run.live_objects import LiveObjects
-from fsoe_net.run.result import ExpectationResult, RunEvent, is_data
+from fsoe_net.run.result import ExpectationResult, RunEvent
 from fsoe_net.run.scenario_run import DeviceSide, ScenarioRun
 
 __all__ = ["EmulateResult", "SegmentSession", "serve"]
@@ -25,13 +26,13 @@ __all__ = ["EmulateResult", "SegmentSession", "serve"]
 class EmulateResult:
     """What was seen while a segment was served.
 
-    ``states`` are AL states by SubDevice, ``connections`` state words by connection. ``passed``:
+    ``states`` are AL states by SubDevice, ``connections`` the states by connection. ``passed``:
     every expectation held; without any, every connection is in Data.
     """
 
     duration_ms: float
     states: dict[str, AlStatus]
-    connections: dict[str, str]
+    connections: dict[str, ConnectionState]
     counts: SegmentCounts
     events: tuple[RunEvent, ...]
     verdicts: tuple[ExpectationResult, ...]
@@ -92,10 +93,10 @@ class SegmentSession(ScenarioRun):
         """Return what all buses have seen."""
         return sum_counts(segment.counts() for segment in self.segments)
 
-    def connections(self) -> dict[str, str]:
-        """Return the state word of every connection."""
+    def connections(self) -> dict[str, ConnectionState]:
+        """Return the state of every connection."""
         network = self.network
-        return {n: state_word(main, network.subs[n]) for n, main in network.mains.items()}
+        return {n: state_of(main, network.subs[n]) for n, main in network.mains.items()}
 
     def command(self, line: str, number: int, now_ns: int) -> str:
         """Do what a line says, as a step of a scenario at this moment.
@@ -116,7 +117,7 @@ class SegmentSession(ScenarioRun):
             f"{name} {status.state}{f' error 0x{status.code:04x}' if status.error else ''}"
             for name, status in self.states().items()
         ]
-        rows += [f"{name} {word}" for name, word in self.connections().items()]
+        rows += [f"{name} {state}" for name, state in self.connections().items()]
         counts = self.counts()
         return "\n".join([*rows, f"{counted(counts.frames, 'frame')}, {counts.lost} lost"])
 
@@ -126,7 +127,7 @@ class SegmentSession(ScenarioRun):
         engine.finish(duration_ns)
         verdicts = engine.verdicts()
         connections = self.connections()
-        in_data = all(is_data(connections[name]) for name in connections if self.is_due(name))
+        in_data = all(connections[name].in_data for name in connections if self.is_due(name))
         return EmulateResult(
             duration_ms=duration_ns / 1e6,
             states=self.states(),

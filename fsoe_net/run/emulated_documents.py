@@ -13,6 +13,7 @@ from typing import Any
 from fsoe_net.core.core import Core, CorePlan
 from fsoe_net.core.snapshot import DirectionSnapshot, Histogram, Snapshot, Statistics
 from fsoe_net.emul.bus import EmulatedDevices
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.pdu import command_text, reset_code_text
 from fsoe_net.fsoe.sub_instance import SubInstance
 from fsoe_net.observe.bus_documents import Found
@@ -33,8 +34,8 @@ def snapshot_json(snapshot: Snapshot, plan: Plan) -> dict[str, Any]:
             "net": row.net,
             "main": plan.subdevices[row.main].name,
             "sub": plan.subdevices[row.sub].name,
-            "outside": seen.state.value,
-            "state": seen.state.text,
+            "outside": list(ConnectionState).index(seen.state),
+            "state": seen.state.event_word,
             "gaps": seen.gaps,
             "configured": row.parameters.to_json(),
             "observed": seen.observed.to_json(),

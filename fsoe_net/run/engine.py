@@ -12,30 +12,26 @@ from fsoe_net.emul.drive.axis import EmulatedAxis
 from fsoe_net.emul.drive.power import PdsState
 from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import EventKind, State
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.model.scenario import Action, Expectation, Scenario, ScenarioStep
-from fsoe_net.run.result import (
-    ExpectationResult,
-    RunEvent,
-    RunEventKind,
-    is_data,
-    state_fields,
-)
+from fsoe_net.run.result import ExpectationResult, RunEvent, RunEventKind, state_fields
 
-__all__ = ["Engine", "state_word"]
+__all__ = ["Engine", "state_of"]
 
 _MAX_EVENTS = 20_000
 _AUTO_PRESS_NS = 100_000_000
 
 
-def state_word(main: Port, sub: Port) -> str:
+def state_of(main: Port, sub: Port) -> ConnectionState:
     """Return the state of a connection: of the end that is behind, and of Data the kind."""
     order = list(State)
     state = min(main.instance.state, sub.instance.state, key=order.index)
     if state is not State.DATA:
-        return str(state.value).lower()
-    valid = main.instance.data_valid and sub.instance.data_valid
-    return "data_process" if valid else "data_failsafe"
+        return ConnectionState[state.name]
+    if main.instance.data_valid and sub.instance.data_valid:
+        return ConnectionState.DATA_PROCESS
+    return ConnectionState.DATA_FAILSAFE
 
 
 class Engine:
@@ -171,7 +167,7 @@ class Engine:
             sub = self.network.subs[name]
             self._instance_events(name, main, now_ns)
             self._instance_events(name, sub, now_ns)
-            if name not in self.time_to_data_ns and is_data(state_word(main, sub)):
+            if name not in self.time_to_data_ns and state_of(main, sub).in_data:
                 self.time_to_data_ns[name] = now_ns
         for device in self.network.masters:
             if device.logic.on is not self._was_on[device.name]:
@@ -229,7 +225,7 @@ class Engine:
         due = filter(self._is_due, self.network.mains)
         names = [expectation.connection] if expectation.connection else list(due)
         for name in names:
-            state = state_word(self.network.mains[name], self.network.subs[name])
+            state = state_of(self.network.mains[name], self.network.subs[name])
             if not _agrees(expectation.state, state):
                 return f"{name} was in {state}"
             resets = self.resets[name]
@@ -323,8 +319,8 @@ def _expectation_text(e: Expectation) -> str:
     return f"{when}: {', '.join(parts)}"
 
 
-def _agrees(wanted: str, state: str) -> bool:
+def _agrees(wanted: str, state: ConnectionState) -> bool:
     """Whether a connection is in the state that is expected; any Data is ``data``."""
-    if wanted == "data" and is_data(state):
+    if wanted == "data" and state.in_data:
         return True
     return wanted in ("", state)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fsoe_net.core.snapshot import CoreEvent, CycleImage
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import differences
 from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.observe.incident import CycleRecord, TriggerKind
@@ -185,11 +185,11 @@ class IncidentRecorder:
         left = event.before.in_data and not event.after.in_data and due
         keys: dict[str, Any] = {
             "connection": name,
-            "before": event.before.text,
-            "after": event.after.text,
+            "before": event.before.event_word,
+            "after": event.after.event_word,
         }
-        reset = event.after is OutsideState.RESET and bool(event.by)
-        text = f"connection {name}: {event.before.text} -> {event.after.text}"
+        reset = event.after is ConnectionState.RESET and bool(event.by)
+        text = f"connection {name}: {event.before.event_word} -> {event.after.event_word}"
         if reset:
             code = reset_code_text(event.reset_code)
             keys |= {"reset_by": event.by, "reset_code": event.reset_code, "reset_text": code}
@@ -224,7 +224,7 @@ class IncidentRecorder:
         for number, row in enumerate(snapshot.connections):
             if row.state.in_data or number in self._had_data:
                 continue
-            text = f"connection {names[number]} is in {row.state.text}, not in Data"
+            text = f"connection {names[number]} is in {row.state.event_word}, not in Data"
             never = CoreEvent(
                 now_ns=now_ns,
                 connection=number,
@@ -261,8 +261,8 @@ class IncidentRecorder:
         }
         if event is not None:
             trigger["connection"] = session.plan.connection_names[event.connection]
-            trigger |= {"before": event.before.text, "after": event.after.text}
-            if event.by and event.after is OutsideState.RESET:
+            trigger |= {"before": event.before.event_word, "after": event.after.event_word}
+            if event.by and event.after is ConnectionState.RESET:
                 trigger |= {
                     "reset_by": event.by,
                     "reset_code": event.reset_code,

@@ -15,6 +15,7 @@ from typing import Protocol as Interface
 
 from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.live.control_values import Status
 from fsoe_net.model.protocol import (
     EMULATED_NOTE,
@@ -30,7 +31,6 @@ from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.run.in_use import check_in_use, emulated_bus
 from fsoe_net.run.protocol import connections_of
 from fsoe_net.run.protocol_times import LossTimes
-from fsoe_net.run.result import is_data
 
 __all__ = ["Observer", "Person", "run_protocol_live"]
 
@@ -158,18 +158,19 @@ class _Watch:
 
     def _idle(self, own: set[str]) -> str:
         states = self._states()
-        return ", ".join(sorted(name for name in own if states.get(name) == "data_failsafe"))
+        idle = (name for name in own if states.get(name) is ConnectionState.DATA_FAILSAFE)
+        return ", ".join(sorted(idle))
 
-    def _states(self) -> dict[str, str]:
-        return {c.name: c.state.word for c in self._observer.connections()}
+    def _states(self) -> dict[str, ConnectionState]:
+        return {c.name: c.state for c in self._observer.connections()}
 
     def _start_up(self, name: str) -> StepResult:
         if name not in self._states():
             return _not_run("fsn-master knows no connection of this name")
-        reached = self._until(lambda: is_data(self._states()[name]), self._settle_s)
+        reached = self._until(lambda: self._states()[name].in_data, self._settle_s)
         return StepResult(
             outcome=StepOutcome.AS_EXPECTED if reached else StepOutcome.NOT_AS_EXPECTED,
-            remark=f"now {_words(self._states()[name])}; outputs before a reset are not seen here",
+            remark=f"now {self._states()[name].text}; outputs before a reset are not seen here",
         )
 
     # -- loss -------------------------------------------------------------------------------------
@@ -192,8 +193,8 @@ class _Watch:
         self._person.tell(f"Take {step.subject} off the bus now.")
         if why := self._taken(step.subject, away, times):
             return _not_run(why)
-        left = self._until(lambda: not any(map(is_data, self._of(own))), self._settle_s, times)
-        stayed = sum(map(is_data, self._states().values()))
+        left = self._until(lambda: not any(s.in_data for s in self._of(own)), self._settle_s, times)
+        stayed = sum(s.in_data for s in self._states().values())
         self._person.tell(f"Put {step.subject} back.")
         back = self._back(before, away)
         return self._judged(step, before, own, times, left=left, back=back, stayed=stayed)
@@ -201,7 +202,7 @@ class _Watch:
     def _judged(
         self,
         step: ProtocolStep,
-        before: Mapping[str, str],
+        before: Mapping[str, ConnectionState],
         own: set[str],
         times: LossTimes,
         *,
@@ -210,7 +211,7 @@ class _Watch:
         stayed: int,
     ) -> StepResult:
         words = [f"{stayed} of {counted(len(before), 'connection')} in Data without it"]
-        if idle := sorted(n for n in own if before[n] == "data_failsafe"):
+        if idle := sorted(n for n in own if before[n] is ConnectionState.DATA_FAILSAFE):
             words.append(f"{', '.join(idle)} sent FailSafeData before, so outputs were off already")
         if times.silent:
             words.append(
@@ -246,8 +247,8 @@ class _Watch:
         states = self._states()
         if missing := sorted(own - states.keys()):
             return f"fsn-master knows no connection {missing[0]}"
-        if idle := sorted(n for n in own if not is_data(states[n])):
-            return f"its connections were not in Data: {idle[0]} in {_words(states[idle[0]])}"
+        if idle := sorted(n for n in own if not states[n].in_data):
+            return f"its connections were not in Data: {idle[0]} in {states[idle[0]].text}"
         return f"{name} was not in OP" if name in self._off() else ""
 
     def _taken(self, name: str, away: set[str], times: LossTimes) -> str:
@@ -267,14 +268,14 @@ class _Watch:
         wrong = f"; {', '.join(sorted(others))} left instead" if others else ""
         return f"{name} stayed on the bus{wrong}"
 
-    def _back(self, before: Mapping[str, str], away: set[str]) -> bool:
+    def _back(self, before: Mapping[str, ConnectionState], away: set[str]) -> bool:
         """Wait until all SubDevices and connections are back: those behind it are lost with it."""
-        inside = [name for name, word in before.items() if is_data(word)]
+        inside = [name for name, state in before.items() if state.in_data]
         return self._until(
-            lambda: self._off() <= away and all(map(is_data, self._of(inside))), self._person_s
+            lambda: self._off() <= away and all(s.in_data for s in self._of(inside)), self._person_s
         )
 
-    def _of(self, names: set[str] | list[str]) -> list[str]:
+    def _of(self, names: set[str] | list[str]) -> list[ConnectionState]:
         states = self._states()
         return [states[name] for name in names]
 
@@ -294,12 +295,6 @@ class _Watch:
                     times.take(event)
             if found or over:
                 return found
-
-
-def _words(state: str) -> str:
-    return {"data_process": "ProcessData", "data_failsafe": "FailSafeData"}.get(
-        state, state.capitalize()
-    )
 
 
 def _not_run(why: str) -> StepResult:

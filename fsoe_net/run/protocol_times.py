@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from fsoe_net.run.result import is_data
+from fsoe_net.fsoe.observed import ConnectionState
 
 __all__ = ["LossTimes"]
 
@@ -46,10 +46,13 @@ class LossTimes:
             self.interruptions += 1
 
     def _connection(self, event: Mapping[str, Any], now_ns: int) -> None:
-        name, after = str(event.get("connection")), event.get("after")
-        if name not in self._own or not is_data(event.get("before")) or is_data(after):
+        name = str(event.get("connection"))
+        before, after = (
+            ConnectionState.from_event(str(event.get(key))) for key in ("before", "after")
+        )
+        if name not in self._own or not before.in_data or after.in_data:
             return
-        if after == "silent":
+        if after is ConnectionState.SILENT:
             self._silent.add(name)
         else:
             self._left_ns[name] = now_ns

@@ -13,9 +13,8 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import ElementKind, SafetyFunction
 from fsoe_net.model.scenario import Action, Scenario, ScenarioStep
 from fsoe_net.run.campaign import campaign_links, run_campaign
-from fsoe_net.run.engine import state_word
+from fsoe_net.run.engine import state_of
 from fsoe_net.run.protocol import connection_is_due
-from fsoe_net.run.result import is_data
 from fsoe_net.run.session import Session, counted_session_ids
 
 __all__ = ["run_protocol_virtual"]
@@ -118,7 +117,7 @@ class _Emulation:
         for _now in _cycles(session, self._act_ns):
             pass
         ends = session.network
-        in_data = {n for n, main in ends.mains.items() if is_data(state_word(main, ends.subs[n]))}
+        in_data = {n for n, main in ends.mains.items() if state_of(main, ends.subs[n]).in_data}
         return StepResult(
             outcome=StepOutcome.AS_EXPECTED if in_data == due else StepOutcome.NOT_AS_EXPECTED,
             remark=f"{len(in_data)} of {counted(len(due), 'connection')} in Data",
@@ -276,7 +275,7 @@ class _Emulation:
             came_on = came_on or (now > self._act_ns and count > before)
             before = count
         stayed = sum(
-            is_data(state_word(main, network.subs[name])) for name, main in network.mains.items()
+            state_of(main, network.subs[name]).in_data for name, main in network.mains.items()
         )
         return StepResult(
             outcome=StepOutcome.NOT_AS_EXPECTED if came_on else StepOutcome.AS_EXPECTED,

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fsoe_net.core.snapshot import Statistics
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters, differences
 from fsoe_net.live.health import (
     NO_CHANGES,
@@ -27,26 +27,9 @@ __all__ = [
     "RunEvent",
     "RunEventKind",
     "RunUpdate",
-    "is_data",
     "result_health",
     "state_fields",
-    "state_text",
 ]
-
-_STATE_TEXT = {"data_process": "Data · ProcessData", "data_failsafe": "Data · FailSafeData"}
-
-
-_DATA = (*_STATE_TEXT, "process data", "failsafe data")
-
-
-def is_data(state: object) -> bool:
-    """Return whether a connection is in Data, in the words of states or of events."""
-    return state in _DATA
-
-
-def state_text(word: str) -> str:
-    """Return a state word for people."""
-    return _STATE_TEXT.get(word, word.capitalize())
 
 
 class RunEventKind(enum.Enum):
@@ -94,11 +77,11 @@ def state_fields(end: str, state: str, *, in_data: bool) -> dict[str, Any]:
 class ConnectionResult:
     """One connection at the end of a run, or now. Times in milliseconds.
 
-    ``state`` is a word: ``reset``, ``session``, ``connection``, ``parameter``, ``data_failsafe``
-    (in Data, FailSafeData in at least one direction) or ``data_process``. ``wire_state`` is what
-    the core saw in the copied frames, and ``wrong_…`` the frames in them with a wrong CRC; ``gaps``
-    counts when it missed some. ``chosen`` names facts that no file states. ``data_to_sub``
-    and ``data_to_main`` are what each end receives: ``process``, ``failsafe`` or ``none``.
+    ``state`` is that of the end that is behind, ``wire_state`` what the core saw in the copied
+    frames, and ``wrong_…`` the frames in them with a wrong CRC; ``gaps`` counts when it missed
+    some. ``chosen`` names facts that no file states. ``data_to_sub`` and ``data_to_main`` are what
+    each end receives: ``process``, ``failsafe`` or ``none``.
+
     ``configured`` are the parameters of the plan, ``observed`` those that the MainInstance sent in
     its last start-up, ``differs`` names what was not the same when it was last observed.
 
@@ -110,8 +93,8 @@ class ConnectionResult:
     net: str
     main: str
     sub: str
-    state: str
-    wire_state: str
+    state: ConnectionState
+    wire_state: ConnectionState
     connection_id: int | None
     address: int | None
     watchdog_ms: int | None
@@ -154,10 +137,7 @@ def result_health(
     """
     if share is None:
         share = watchdog_share(result.fsoe_cycle_ms["max"], result.watchdog_ms)
-    state = OutsideState[result.state.upper()]
-    return connection_health(
-        result, state, subdevices, share=share, changes=changes, current=current
-    )
+    return connection_health(result, subdevices, share=share, changes=changes, current=current)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,9 +17,9 @@ from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.model.scenario import ScenarioStep
 from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.run.capture import BusCapture
-from fsoe_net.run.engine import state_word
+from fsoe_net.run.engine import state_of
 from fsoe_net.run.incidents import IncidentRecorder
-from fsoe_net.run.result import ConnectionResult, Run, RunUpdate, is_data
+from fsoe_net.run.result import ConnectionResult, Run, RunUpdate
 from fsoe_net.run.scenario_run import DEFAULT_CYCLE_NS, DeviceSide, ScenarioRun
 
 __all__ = ["Session", "run_live", "run_virtual"]
@@ -82,8 +82,8 @@ class Session(ScenarioRun):
             net=connection.net.name,
             main=connection.main.name,
             sub=connection.sub.name,
-            state=state_word(main, sub),
-            wire_state=wire.state.word,
+            state=state_of(main, sub),
+            wire_state=wire.state,
             connection_id=setup.main.connection_id,
             address=setup.main.address,
             watchdog_ms=setup.main.watchdog_ms,
@@ -124,7 +124,7 @@ class Session(ScenarioRun):
         snapshot = self.core.snapshot()
         connections = self.connections(snapshot)
         verdicts = self.engine.verdicts()
-        reached = all(is_data(c.state) or {c.main, c.sub} & self.away for c in connections)
+        reached = all(c.state.in_data or {c.main, c.sub} & self.away for c in connections)
         passed = all(v.held for v in verdicts) if verdicts else reached
         return Run(
             mode=mode,

@@ -26,7 +26,7 @@ from fsoe_net.plan.model import PlanSymbol
 from fsoe_net.project.simulate import prepare
 from fsoe_net.run.commands import CommandError
 from fsoe_net.run.emulated_documents import subdevices_json
-from fsoe_net.run.result import result_health, state_fields, state_text
+from fsoe_net.run.result import result_health, state_fields
 from fsoe_net.run.session import Session
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_rows import (
@@ -235,7 +235,7 @@ class EmulatedFeed(LiveFeed):
         for event in session.core.events():
             if not event.by and event.before is not event.after:
                 name = session.plan.connection_names[event.connection]
-                state = state_text(event.after.word)
+                state = event.after.text
                 facts = state_fields("wire", state, in_data=event.after.in_data)
                 session.engine.log(event.now_ns, name, f"wire: {state}", **facts)
 

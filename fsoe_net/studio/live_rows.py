@@ -8,6 +8,7 @@ from typing import Any
 
 from fsoe_net.core.snapshot import bars_of
 from fsoe_net.errors import InputError
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.live.health import (
     FsoeHealth,
@@ -22,9 +23,7 @@ from fsoe_net.run.result import (
     ConnectionResult,
     RunEvent,
     RunEventKind,
-    is_data,
     result_health,
-    state_text,
 )
 
 __all__ = [
@@ -76,8 +75,8 @@ def connection_row(result: ConnectionResult, health: FsoeHealth, *, cause: str, 
         "name": result.name,
         "main": result.main,
         "sub": result.sub,
-        "state": state_text(result.state),
-        "in_data": is_data(result.state),
+        "state": result.state.text,
+        "in_data": result.state.in_data,
         "absent": HealthReason.END_ABSENT in health.reasons,
         **health_row(health),
         "connection_id": result.connection_id,
@@ -222,6 +221,7 @@ _MAKE: dict[str, Callable[[Any], object]] = {
     "tuple[str, ...]": lambda rows: tuple(map(str, rows)),
     "tuple[int, ...]": lambda rows: tuple(map(int, rows)),
     "Mapping[str, float]": lambda row: {str(key): float(ms) for key, ms in row.items()},
+    "ConnectionState": ConnectionState,
     "FsoeParameters": lambda row: FsoeParameters(**row),
 }
 

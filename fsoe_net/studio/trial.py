@@ -6,7 +6,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import Checked, whole_network
 from fsoe_net.project.simulate import simulate
-from fsoe_net.run.result import ConnectionResult, is_data, state_text
+from fsoe_net.run.result import ConnectionResult
 
 __all__ = ["TRIAL_MS", "try_network"]
 
@@ -60,9 +60,9 @@ def _connection(row: ConnectionResult, absent: dict[str, str]) -> Row:
     group = absent.get(row.main) or absent.get(row.sub)
     return {
         "name": row.name,
-        "state": f"absent: {group}" if group else state_text(row.state),
+        "state": f"absent: {group}" if group else row.state.text,
         "absent": bool(group),
-        "in_data": is_data(row.state),
+        "in_data": row.state.in_data,
         "time_to_data_ms": row.time_to_data_ms,
         "resets": row.resets,
         "chosen": list(row.chosen),

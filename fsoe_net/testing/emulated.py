@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import prepare
-from fsoe_net.run.result import ConnectionResult, Run, is_data
+from fsoe_net.run.result import ConnectionResult, Run
 
 __all__ = ["EmulatedNetwork"]
 
@@ -47,7 +47,7 @@ class EmulatedNetwork:
     def in_data(self) -> bool:
         """Whether every connection is in Data whose ends are there."""
         rows = self.connections
-        return all(is_data(rows[name].state) for name in rows if self._session.is_due(name))
+        return all(rows[name].state.in_data for name in rows if self._session.is_due(name))
 
     def advance(self, seconds: float) -> None:
         """Let bus cycles pass, one at least."""

@@ -35,6 +35,7 @@ from fsoe_net.cli import main as cli_main
 from fsoe_net.cli.accept_output import print_record
 from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.model.protocol import StepOutcome, StepResult
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
@@ -58,7 +59,8 @@ def served(**changes: Any) -> Any:
     counts = Facts(frames=2, work_ns=3000, unsent=0, send_errno=0)
     facts = {
         "events": (), "states": {"io": Facts(state="PREOP", error=True, code=0x1E)},
-        "connections": {"a": "reset"}, "counts": counts, "verdicts": (), "passed": False,
+        "connections": {"a": ConnectionState.RESET}, "counts": counts, "verdicts": (),
+        "passed": False,
     }  # fmt: skip
     return Facts(**facts | changes)
 

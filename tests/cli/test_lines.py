@@ -16,7 +16,7 @@ from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.diag.diagnostic import Diagnostic, Edit, Span
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, InputError
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.project import fix, verify
 from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.run.attachment import BusView
@@ -63,7 +63,7 @@ def found(**changes: Any) -> FoundConnection:
         FoundPlace(command="LRW", address=0x40, direction=1, size_bytes=7),
     )
     connection = FoundConnection(
-        connection_id=5, places=places, roles_certain=False, state=OutsideState.DATA_PROCESS,
+        connection_id=5, places=places, roles_certain=False, state=ConnectionState.DATA_PROCESS,
         gaps=0, to_sub=WAY, to_main=WAY,
     )  # fmt: skip
     return replace(connection, **changes)

@@ -9,7 +9,7 @@ from networks import example
 
 from fsoe_net.core.core import Core, CorePlan, EmulatedBus
 from fsoe_net.errors import CoreError, CoreMissing, PlanFormatError
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.plan.compile import compile_plan
 
 
@@ -39,7 +39,7 @@ def test_objects_may_die_in_any_order(plan: CorePlan):
     core.start(cycle_ns=1_000_000)
     del plan
     gc.collect()
-    assert core.snapshot().connections[0].state is OutsideState.SILENT
+    assert core.snapshot().connections[0].state is ConnectionState.SILENT
     del core
     gc.collect()
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fsoe_net.core.core import Core, EmulatedBus
 from fsoe_net.core.snapshot import bucket_end
 from fsoe_net.errors import CoreError
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 
 RESET = bytes([0x2A, 5, 1, 2, 7, 0])
 SESSION = bytes([0x4E, 1, 1, 2, 7, 0])
@@ -59,14 +59,14 @@ def test_states_events_and_cycle_time() -> None:
         rig.bus.write_inputs(SUB_IN, frame(content))
         rig.cycle(4)
     (seen,) = rig.core.snapshot().connections
-    assert seen.state is OutsideState.DATA_PROCESS
+    assert seen.state is ConnectionState.DATA_PROCESS
     assert (seen.to_sub.frames, seen.to_sub.resets, seen.to_sub.reset_code) == (5, 1, 5)
     assert (seen.to_sub.process_data, seen.to_sub.failsafe_data) == (2, 1)
     assert (seen.to_sub.command, seen.to_sub.connection_id) == (0x36, 7)
     assert seen.to_sub.interval_min_ns == seen.to_sub.interval_max_ns == 4_000_000
     assert seen.to_sub.interval_mean_ns == seen.to_sub.interval_last_ns == 4_000_000
     events = rig.core.events()
-    assert [e.after.word for e in events] == ["reset", "session", "data_failsafe", "data_process"]
+    assert [e.after for e in events] == ["reset", "session", "data_failsafe", "data_process"]
     assert [e.before for e in events[1:]] == [e.after for e in events[:-1]]
     assert events[0].now_ns == 1_000_000
     assert events[0].reset_code == 5

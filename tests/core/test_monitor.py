@@ -12,7 +12,8 @@ from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
 from fsoe_net.errors import PduSizeError
 from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
-from fsoe_net.fsoe.monitor import CrcVerdict, Monitor, OutsideState
+from fsoe_net.fsoe.monitor import Monitor
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.pdu import SAFE_SIZES, decode_pdu, frame_length
 
 sizes = st.sampled_from([1, 2, 4, 6, 14, 126])
@@ -211,7 +212,7 @@ def test_counts_resets_and_their_codes():
     both.frame(TO_SUB, reset("2a0400 a634 0000"))
     counts = both.python.counts(TO_SUB)
     assert (counts.resets, counts.reset_code, counts.right) == (1, 4, 2)
-    assert both.python.state is OutsideState.RESET
+    assert both.python.state is ConnectionState.RESET
     assert both.frame(TO_SUB, reset("2a0400 a635 0000")) is CrcVerdict.WRONG
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from fsoe_net.core.snapshot import ConnectionSnapshot, DirectionSnapshot, Statistics
-from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import Command, ResetCode
 from fsoe_net.observe import causes_bus, causes_fsoe_ends, causes_places
@@ -65,9 +65,9 @@ def link(name: str = "a", **changes: Any) -> LinkFacts:
         sides=(WireSide(right=40), WireSide(right=40)),
         resets=(),
         frames=(),
-        state=OutsideState.DATA_PROCESS,
-        state_at_moment=OutsideState.DATA_PROCESS,
-        states=frozenset({OutsideState.DATA_PROCESS}),
+        state=ConnectionState.DATA_PROCESS,
+        state_at_moment=ConnectionState.DATA_PROCESS,
+        states=frozenset({ConnectionState.DATA_PROCESS}),
         sent_address=None,
         sent_watchdog_ms=None,
         sent_app_bytes=None,
@@ -84,7 +84,7 @@ def reset(**changes: Any) -> ResetSeen:
         cycle=1000,
         by="sub",
         code=ResetCode.COMMAND,
-        state=OutsideState.DATA_PROCESS,
+        state=ConnectionState.DATA_PROCESS,
         silent_ns=(MS, MS),
         waiting_for="sub",
         last_verdict=CrcVerdict.WRONG,
@@ -182,7 +182,7 @@ def evidence(
 
 
 def failsafe(*ns: int) -> Iterator[Candidate]:
-    one = link(state=OutsideState.DATA_FAILSAFE, time_in_failsafe_ns=ns)
+    one = link(state=ConnectionState.DATA_FAILSAFE, time_in_failsafe_ns=ns)
     return causes_fsoe_ends._failsafe(evidence(one, kind=TriggerKind.REQUEST), one)
 
 
@@ -257,7 +257,7 @@ BOTH_DAMAGED = link(
             causes_bus._cycle(
                 evidence(
                     link(),
-                    link("b", state_at_moment=OutsideState.RESET),
+                    link("b", state_at_moment=ConnectionState.RESET),
                     bus=late(50),
                     counters=statistics(overruns=1),
                     backend="soem",
@@ -480,7 +480,7 @@ def test_candidates(found, said):
 def test_other_parameters_than_the_plan_are_a_remark():
     way = DirectionSnapshot(**dict.fromkeys((f.name for f in fields(DirectionSnapshot)), 0))
     seen = ConnectionSnapshot(
-        state=OutsideState.DATA_PROCESS,
+        state=ConnectionState.DATA_PROCESS,
         to_sub=way,
         to_main=way,
         gaps=0,

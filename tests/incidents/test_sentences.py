@@ -6,12 +6,13 @@ from types import SimpleNamespace as Facts
 
 import pytest
 
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.observe.evidence import TriggerKind
 from fsoe_net.report.incident_facts import _sentence
 
 
 def evidence(kind: TriggerKind, *, link: object = None, **more: object) -> Facts:
-    told = {"text": "", "before": "", "after": "", "kind": kind}
+    told = {"text": "", "before": None, "after": None, "kind": kind}
     trigger = Facts(**told | {k: v for k, v in more.items() if k in told})
     rest = {"name": "c1", "code": None, "by": "", "plan": Facts(main="logic", sub="drive")}
     rest |= {k: v for k, v in more.items() if k in rest}
@@ -21,7 +22,7 @@ def evidence(kind: TriggerKind, *, link: object = None, **more: object) -> Facts
 
 RESETS = Facts(
     resets=[Facts(code=0, by="main"), Facts(code=3, by="main"), Facts(code=5, by="sub")],
-    state_at_moment=Facts(word="session"),
+    state_at_moment=ConnectionState.SESSION,
 )
 
 
@@ -41,7 +42,7 @@ RESETS = Facts(
             "At 2026-11-21 10:00:00 UTC the bus reported: 0x1C12: refused.",
         ),
         (
-            evidence(TriggerKind.REQUEST, text="by hand", after="data_process"),
+            evidence(TriggerKind.REQUEST, text="by hand", after=ConnectionState.DATA_PROCESS),
             "At 2026-11-21 10:00:00 UTC this was recorded on request (by hand). c1 was in "
             "Data · ProcessData.",
         ),
@@ -61,7 +62,11 @@ RESETS = Facts(
             "watchdog expired.",
         ),
         (
-            evidence(TriggerKind.LEFT_DATA, before="data_process", after="reset"),
+            evidence(
+                TriggerKind.LEFT_DATA,
+                before=ConnectionState.DATA_PROCESS,
+                after=ConnectionState.RESET,
+            ),
             "Connection c1 left Data · ProcessData for Reset at 2026-11-21 10:00:00 UTC; "
             "no reset was seen.",
         ),

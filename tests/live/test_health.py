@@ -14,7 +14,7 @@ from fsoe_net.cli.monitor_output import bus_document
 from fsoe_net.cli.run_output import _live_view
 from fsoe_net.document.model import Level, Paragraph, Table, Verdict
 from fsoe_net.document.write_terminal import document_text
-from fsoe_net.fsoe.monitor import OutsideState
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.live.control_values import BusState, ClocksStatus, GroupStatus, LogStatus, RingStatus
 from fsoe_net.live.health import (
@@ -85,7 +85,7 @@ def _device(**values: Any) -> Change:
 
 
 def _link(
-    state: OutsideState = OutsideState.DATA_PROCESS,
+    state: ConnectionState = ConnectionState.DATA_PROCESS,
     *,
     longest_ms: int = 1,
     differs: tuple[str, ...] = (),
@@ -147,8 +147,8 @@ GROUP = GroupStatus(name="tools", place="", state="wrong", detail="another tool"
 CASES = {
     R.NOT_CURRENT: Case(DEVICE, _view_of(current=False), UNKNOWN, asked=False),
     R.END_ABSENT: Case(LINK, _device(al="none", found=Found.ABSENT), GOOD),
-    R.NOT_IN_DATA: Case(LINK, _link(OutsideState.PARAMETER), ERROR),
-    R.FAILSAFE_DATA: Case(LINK, _link(OutsideState.DATA_FAILSAFE), WARNING),
+    R.NOT_IN_DATA: Case(LINK, _link(ConnectionState.PARAMETER), ERROR),
+    R.FAILSAFE_DATA: Case(LINK, _link(ConnectionState.DATA_FAILSAFE), WARNING),
     R.END_NOT_IN_OP: Case(LINK, _device(al="SAFEOP"), ERROR),
     R.RESET: Case(LINK, _changed(LINK, R.RESET), ERROR, asked=False),
     R.OTHER_PARAMETERS: Case(LINK, _link(differs=("watchdog_ms",)), ERROR),
@@ -311,7 +311,7 @@ def test_the_reserve_is_a_fifth_of_the_round_trip(
 
 
 def test_values_of_an_earlier_moment_have_no_level(healthy: BusView) -> None:
-    view = replace(_link(OutsideState.RESET)(healthy), current=False)
+    view = replace(_link(ConnectionState.RESET)(healthy), current=False)
     health = view.health.connections[0]
     assert health.reasons == (R.NOT_CURRENT, R.NOT_IN_DATA)
     assert health.level is UNKNOWN

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.errors import InputError
-from fsoe_net.fsoe.monitor import CrcVerdict
+from fsoe_net.fsoe.observed import CrcVerdict
 from fsoe_net.observe.hexframes import follow_frames, parse_frames
 
 RESET = "2a0000c42d0000"

@@ -14,7 +14,8 @@ from run.support import ESTOP, ROBOT, needs_core, resolution_of, session_of
 
 from fsoe_net.core.scan import Scanner
 from fsoe_net.formats.capture.packets import read_capture
-from fsoe_net.fsoe.monitor import CrcVerdict, Monitor
+from fsoe_net.fsoe.monitor import Monitor
+from fsoe_net.fsoe.observed import CrcVerdict
 from fsoe_net.fsoe.pdu import Command, safe_data_of
 from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.observe.lua import _quoted, lua_dissector
@@ -129,8 +130,8 @@ def by_scanner(made: Made) -> list[tuple]:
             named[s.connection][0].name,
             s.direction,
             s.frame.hex(),
-            s.verdict.name.lower(),
-            s.state.word.replace("_", " "),
+            s.verdict.value,
+            s.state.replace("_", " "),
             s.sequence,
         )
         for s in found
@@ -157,8 +158,8 @@ def by_monitor(made: Made) -> list[tuple]:
                     continue
                 numbered = verdict is CrcVerdict.RIGHT and frame[0] != Command.RESET
                 sequence = (monitor.sequence(direction) - 1 or 0xFFFF) if numbered else 0
-                state = monitor.state.word.replace("_", " ")
-                word = verdict.name.lower()
+                state = monitor.state.replace("_", " ")
+                word = verdict.value
                 row = number, names.name, direction, frame.hex(), word, state, sequence
                 found.append(row)
     return sorted(found)

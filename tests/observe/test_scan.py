@@ -10,7 +10,7 @@ from observe.traffic import FPRD, LRD, LRW, LWR, MAC, Bus, datagram, packet
 
 from fsoe_net.core.scan import Scanner
 from fsoe_net.formats.capture.packets import read_capture
-from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.pdu import Command, frame_length
 
 SIZES = [(1, 1), (2, 2), (1, 6), (6, 1), (4, 14), (14, 14), (2, 1)]
@@ -34,7 +34,7 @@ def test_start_up_is_found_whole(out, inn, noise):
     (found,) = scanner.connections()
     assert found.connection_id == 7
     assert found.roles_certain
-    assert found.state is OutsideState.DATA_PROCESS
+    assert found.state is ConnectionState.DATA_PROCESS
     assert found.gaps == 0
     assert {s.verdict for s in seen} == {CrcVerdict.RIGHT}
     # The first packet only shows what was there before; from then on every frame is there once.
@@ -179,7 +179,7 @@ def test_frames_side_by_side_do_not_hide_each_other(size, before):
     found = scanner.connections()
     assert sorted(c.connection_id for c in found) == list(range(1, 41))
     assert {len(c.places) for c in found} == {2}
-    assert {c.state for c in found} == {OutsideState.DATA_PROCESS}
+    assert {c.state for c in found} == {ConnectionState.DATA_PROCESS}
 
 
 def test_a_damaged_frame_is_shown_where_it_is():
@@ -300,7 +300,7 @@ def test_same_connection_id_on_two_machines():
         one, other = (datagram(LRW, 0x1000 * n, data, 3, n == 0) for n, data in enumerate(images))
         scanner.packet(packet(one, other), cycle * 1_000_000)
     assert [c.connection_id for c in scanner.connections()] == [7, 7]
-    assert all(c.state is OutsideState.DATA_PROCESS for c in scanner.connections())
+    assert all(c.state is ConnectionState.DATA_PROCESS for c in scanner.connections())
 
 
 @pytest.mark.parametrize("by", ["source", "number"])
@@ -330,7 +330,7 @@ def test_a_damaged_first_frame_does_not_hide_the_connection(at):
             image[bus.main_at + at] ^= 0x55
             image[bus.sub_at + at] ^= 0x55
         scanner.packet(packet(datagram(LRW, 0, bytes(image), 3)), cycle * 1_000_000)
-    (found,) = [c for c in scanner.connections() if c.state is OutsideState.DATA_PROCESS]
+    (found,) = [c for c in scanner.connections() if c.state is ConnectionState.DATA_PROCESS]
     assert {p.size_bytes for p in found.places} == {15}
 
 

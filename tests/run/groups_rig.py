@@ -17,7 +17,7 @@ VALVES, SPINDLE, ALWAYS = "el6910-valves", "el6910-spindle", "el6910-el1904"
 
 
 def words(running):
-    return {c.name: c.state.word for c in running.client.connections()}
+    return {c.name: c.state for c in running.client.connections()}
 
 
 def groups(running):
@@ -43,7 +43,7 @@ class Tools(Running):
 
     def in_data(self):
         seen = self.snapshot()
-        found = {c.name: c.state.word for c in seen.cycle.connections} if seen else {}
+        found = {c.name: c.state for c in seen.cycle.connections} if seen else {}
         return all(found.get(n, "").startswith("data") for n in (ALWAYS, VALVES)) and seen
 
 

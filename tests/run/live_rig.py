@@ -113,7 +113,7 @@ class Running:
 
     def in_data(self):
         seen = self.snapshot()
-        words = [c.state.word for c in seen.cycle.connections] if seen else [""]
+        words = [c.state for c in seen.cycle.connections] if seen else [""]
         return all(word.startswith("data") for word in words) and seen
 
     def cycles(self):

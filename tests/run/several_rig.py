@@ -19,7 +19,7 @@ ACROSS = ("el6910-drive_1", "el6910-drive_2")
 
 
 def words(running):
-    return {c.name: c.state.word for c in running.client.connections()}
+    return {c.name: c.state for c in running.client.connections()}
 
 
 def resets(running):

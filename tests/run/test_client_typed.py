@@ -42,7 +42,7 @@ def test_state_and_values(master, client):
     assert (found.cycle, list(found.outputs.values()), found.inputs) == (9, [6, 15], {})
     assert client.arm("logic.ack") == 10_000
     assert client.lease(500) == 500
-    assert client.connections()[0].state.word == "data_process"
+    assert client.connections()[0].state == "data_process"
     client.set({"drive_1.position": 700})
     both = client.get("drive_1.position", typed=True)
     assert master.asked[-1] == "get --typed drive_1.position"

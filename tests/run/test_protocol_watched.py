@@ -11,6 +11,7 @@ import pytest
 from run.protocols import by_id, protocol_of, timed
 
 from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of, fingerprint_of_sections
@@ -50,17 +51,16 @@ class Bus:
             backend=self.backend,
         )
 
-    def state(self, name: str) -> str:
+    def state(self, name: str) -> ConnectionState:
         since = -(10**9) if name == self.stuck else self.lost.get(name)
-        return "data_process" if since is None or self.now_ns < since + self.react_ns else "reset"
+        if since is None or self.now_ns < since + self.react_ns:
+            return ConnectionState.DATA_PROCESS
+        return ConnectionState.RESET
 
     def connections(self) -> tuple[SimpleNamespace, ...]:
         if self.broken:
             raise EnvironmentFault("the connection broke")
-        return tuple(
-            SimpleNamespace(name=name, state=SimpleNamespace(word=self.state(name)))
-            for name in PAIRS
-        )
+        return tuple(SimpleNamespace(name=name, state=self.state(name)) for name in PAIRS)
 
     def subdevices(self) -> tuple[SimpleNamespace, ...]:
         return tuple(

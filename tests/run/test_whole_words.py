@@ -207,8 +207,8 @@ expect a
 expect state up
   'up' is no state of fsn-master: stopped opening starting standby running stopping failed
 expect connection c1 in up
-  'up' is no state of a connection: silent reset session connection parameter data data_failsafe \
-data_process
+  'up' is no state of a connection: silent reset session connection parameter data_failsafe \
+data_process unknown data
 expect connection c9 in data
   no connection is called c9; there are: c1
 get drive_1.nothing

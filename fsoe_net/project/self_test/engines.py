@@ -12,7 +12,7 @@ from fsoe_net.project.self_test.model import TriedValue, reference, reference_fi
 
 if TYPE_CHECKING:
     from fsoe_net.core.core import Core, EmulatedBus
-    from fsoe_net.fsoe.monitor import CrcVerdict, OutsideState
+    from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 
 __all__ = ["copies", "core_and_python", "known_conversations"]
 
@@ -22,7 +22,7 @@ _WRITES = 20_000
 
 class _Follower(Protocol):
     @property
-    def state(self) -> OutsideState: ...
+    def state(self) -> ConnectionState: ...
 
     def frame(self, direction: int, data: bytes, now_ns: int) -> CrcVerdict: ...
 
@@ -58,7 +58,7 @@ def _seen(monitor: _Follower, frames: Sequence[_Frame]) -> list[str]:
     for n, frame in enumerate(frames):
         verdict = monitor.frame(frame.direction, frame.data, n)
         number = monitor.sequence(frame.direction)
-        words.append(f"{verdict.name.lower()} {number} {monitor.state.word}")
+        words.append(f"{verdict} {number} {monitor.state}")
     return words
 
 
@@ -71,7 +71,7 @@ def known_conversations() -> Iterator[TriedValue]:
     lines = reference_file("estop.frames").splitlines()
     decoded = follow_frames(parse_frames(("estop.frames", line) for line in lines))
     for n, (frame, seen) in enumerate(zip_longest(recorded, decoded)):
-        got = seen and f"{seen.verdict.name.lower()} {seen.sequence} {seen.state.word}"
+        got = seen and f"{seen.verdict} {seen.sequence} {seen.state}"
         yield TriedValue(f"recorded frame {n + 1}", frame and frame.known, got)
     published = reference()["published_start_up"]
     for row in follow_frames(parse_frames([("published", " ".join(published))])):

@@ -175,7 +175,7 @@ def _connection(
     wrong = row.to_sub.wrong + row.to_main.wrong
     counts = [counted(n, what) for n, what in ((row.resets, "reset"), (wrong, "wrong CRC")) if n]
     health = _reasons(snapshot_health(row, subdevices))
-    return row.name, f"{row.main} - {row.sub}", row.state.word, frames, ", ".join(counts), health
+    return row.name, f"{row.main} - {row.sub}", row.state, frames, ", ".join(counts), health
 
 
 def _reasons(health: Health) -> str:

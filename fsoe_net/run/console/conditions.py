@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fsoe_net.errors import ConsoleError, ControlRefused
+from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.live.control_values import BusState, Symbol, Value
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.names import SymbolNames, batches, number, shown, value_of
@@ -25,8 +26,10 @@ _COMPARE: dict[str, Callable[[Any, Any], bool]] = {
     ">": operator.gt,
     ">=": operator.ge,
 }
-_STATES = ("silent", "reset", "session", "connection", "parameter", "data")
-_DATA = ("data_failsafe", "data_process")
+_STATES = {
+    **{state.value: (state,) for state in ConnectionState},
+    "data": tuple(state for state in ConnectionState if state.in_data),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +72,9 @@ def _state(text: str) -> Callable[[Client], tuple[bool, str]]:
 
 
 def _connection(name: str, state: str) -> Callable[[Client], tuple[bool, str]]:
-    wanted = state.lower().replace("-", "_")
-    if wanted not in (*_STATES, *_DATA):
-        states = " ".join((*_STATES, *_DATA))
+    wanted = _STATES.get(state.lower().replace("-", "_"))
+    if wanted is None:
+        states = " ".join(_STATES)
         raise ConsoleError(f"{state!r} is no state of a connection: {states}", is_usage=True)
 
     def look(client: Client) -> tuple[bool, str]:
@@ -85,8 +88,8 @@ def _connection(name: str, state: str) -> Callable[[Client], tuple[bool, str]]:
         if not found:
             known = ", ".join(row.name for row in rows) or "none"
             raise ConsoleError(f"no connection is called {name}; there are: {known}")
-        wrong = [r for r in found if not r.state.word.startswith(wanted)]
-        return not wrong, ", ".join(f"{r.name} is in {r.state.word}" for r in wrong)
+        wrong = [r for r in found if r.state not in wanted]
+        return not wrong, ", ".join(f"{r.name} is in {r.state}" for r in wrong)
 
     return look
 
