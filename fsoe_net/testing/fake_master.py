@@ -192,7 +192,8 @@ class FakeMaster:
                     self.asked.append(" ".join(words))
                 reply = self._reply(peer, number, words)
                 rows = [json.dumps(reply, separators=(",", ":"))]
-                rows += [json.dumps(row) for row in self._watched(words)]
+                if reply.get("watch"):
+                    rows += [json.dumps(row) for row in self._watched(words)]
                 # All at once: nothing may come between a reply and what belongs to it.
                 peer.sendall("".join(f"{row}\n" for row in rows).encode())
                 self._after(words)
@@ -208,6 +209,8 @@ class FakeMaster:
             return {"ok": False, **self.refuse[name]}
         if name == "events":
             self._peers[peer] = rest == ["on"]
+        if name == "watch":
+            return self._watch(words[1], rest[1:], image="--image" in words)
         if name == "set":
             closed = self._set(rest, number)
             if closed:
@@ -240,6 +243,24 @@ class FakeMaster:
         found: Row = answers.get(name, {})
         return {"ok": True} | found
 
+    def _watch(self, every: str, words: Sequence[str], *, image: bool) -> Row:
+        if every == "off":
+            return {"ok": True, "watch": 0}
+        for word in words:
+            if not self._chosen([word]):
+                verb = "begins with" if word.endswith("*") else "is called"
+                text = f"no input or output {verb} {word.removesuffix('*')}"
+                hint = "symbols lists the names"
+                return {"ok": False, "error": "FSN_E_ARG", "text": text, "hint": hint}
+        count = 0 if image else sum(map(len, self._values(self._chosen(words)).values()))
+        return {"ok": True, "watch": int(every), "values": count, "image": image}
+
+    def _chosen(self, words: Sequence[str]) -> list[str]:
+        """Return the names that ``watch`` shows, in the order of the symbols; no word: all."""
+        starts = tuple(word.removesuffix("*") for word in words or ["*"] if word.endswith("*"))
+        names = dict.fromkeys(str(s["name"]) for s in self.symbols)
+        return [name for name in names if name in words or name.startswith(starts)]
+
     def _values(self, names: Sequence[str]) -> Row:
         sides = {"inputs": self.inputs, "outputs": self.outputs}
         return {side: {n: v[n] for n in names if n in v} for side, v in sides.items()}
@@ -258,10 +279,8 @@ class FakeMaster:
         return ""
 
     def _watched(self, words: Sequence[str]) -> Iterator[Row]:
-        """Watched cycles, behind the reply."""
-        if words[0] != "watch" or words[1] == "off":
-            return
-        names = [w for w in words[2:] if not w.startswith("--")]
+        """Watched cycles, after the reply."""
+        names = self._chosen([w for w in words[2:] if not w.startswith("--")])
         for cycle in (10, 20, 50):
             row: Row = {"event": "values", "cycle": cycle, "now_ns": cycle, **self._values(names)}
             if "--image" in words:

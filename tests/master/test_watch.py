@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 from master.rig import Client, running
 from patience import PATIENCE_S
+
+from fsoe_net.testing.fake_master import FakeMaster
 
 MODE = "drive_1.0x6060:00"  # int8, stop value 8
 LAMP = "el2904.standard_1"
@@ -140,3 +144,34 @@ def test_events_carry_the_time_of_a_cycle() -> None:
         times = {line["now_ns"] for line in lines(client, "values", 300)}
         told = [e["now_ns"] for e in client.events if e["event"] == "wkc"]
         assert all(t in times for t in told if min(times) <= t <= max(times))
+
+
+@pytest.mark.parametrize(
+    "words", ["*", "", "drive_1.*", f"{MODE} el2904.*", f"drive_1.* {MODE}", "--typed *", "--image"]
+)
+def test_fake_master_watches_what_fsn_master_watches(words: str) -> None:
+    with both_masters() as (client, fake):
+        assert fake.ask(f"watch 1 {words}") == client.ask(f"watch 1 {words}")
+        event = "image" if words == "--image" else "values"
+        shown, expected = fake.event(event), client.event(event)
+        for side in ("inputs", "outputs"):
+            assert shown.get(side, {}).keys() == expected.get(side, {}).keys()
+
+
+@pytest.mark.parametrize("words", ["off", "1 nothing", "1 nothing*", "1 drive_1.* nothing"])
+def test_fake_master_refuses_a_watch_as_fsn_master_does(words: str) -> None:
+    with both_masters() as (client, fake):
+        assert fake.ask(f"watch {words}") == client.ask(f"watch {words}")
+
+
+@contextlib.contextmanager
+def both_masters() -> Iterator[tuple[Client, Client]]:
+    """Give a client of an ``fsn-master`` and one of a `FakeMaster` with the same symbols."""
+    with running() as master, master.client() as client, FakeMaster() as fake:
+        fake.symbols = client.good("symbols")["symbols"]
+        fake.inputs, fake.outputs = (
+            {s["name"]: 0 for s in fake.symbols if s["direction"] == side}
+            for side in ("input", "output")
+        )
+        with Client(fake.path) as other:
+            yield client, other
