@@ -79,8 +79,17 @@ def test_the_programs_of_the_page_run(tmp_path, monkeypatch, capsys):
     assert "\npassed\n" in out
     assert "no plan: 1 error" in out
     assert "NOT HELD" not in out
+    assert "100.0 ms; at least 38.4 ms\n" in out  # 1.2 x 32 ms
     written = {p.name for p in Path().iterdir()}
     assert {"machine.fsnplan", "report.html", "run.pcapng", "out", "proposed"} <= written
+
+
+@needs_core
+def test_a_plan_and_a_run_are_shown_in_one_line():
+    network = fsoe_net.load(EXAMPLES / "estop" / "network.yaml")  # 1 ms, two devices
+    assert repr(network.compile()) == "<Plan: cycle 1 ms, 2 SubDevices, 1 connection, 2 copies>"
+    run = network.simulate(EXAMPLES / "estop" / "scenario.yaml")
+    assert repr(run) == "<Run of 'estop': virtual, 3000 ms, 1 connection, passed>"
 
 
 def test_the_first_program_has_ten_lines():

@@ -11,6 +11,7 @@ import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError, PlanFormatError
 from fsoe_net.fsoe.parameters import FsoeParameters
 
@@ -235,6 +236,15 @@ class Plan:
     safety_sha256: str = ""
     buses: tuple[PlanBus, ...] = ()
     groups: tuple[PlanGroup, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return one line: the cycle and how many SubDevices, connections and copies there are."""
+        sizes = (
+            counted(len(self.subdevices), "SubDevice"),
+            counted(len(self.connections), "connection"),
+            counted(len(self.copies), "copy"),
+        )
+        return f"<Plan: cycle {self.cycle_ns / 1e6:g} ms, {', '.join(sizes)}>"
 
     @property
     def format(self) -> str:

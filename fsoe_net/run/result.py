@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fsoe_net.core.snapshot import Statistics
+from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters, differences
 from fsoe_net.live.health import (
@@ -179,6 +180,13 @@ class Run:
     bus: BusResult = BusResult()
     subdevices: tuple[SubDeviceSnapshot, ...] = ()
     stalled_ms: float = 0.0
+
+    def __repr__(self) -> str:
+        """Return one line: the network, how long it was and whether it passed."""
+        verdict = "passed" if self.passed else "failed"
+        connections = counted(len(self.connections), "connection")
+        facts = f"{self.mode}, {self.duration_ms:g} ms, {connections}, {verdict}"
+        return f"<Run of {self.network!r}: {facts}>"
 
     def to_json(self, version: str) -> dict[str, object]:
         """Return the stable JSON document (``docs/reference/run-output.md``)."""

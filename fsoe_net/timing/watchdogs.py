@@ -36,6 +36,10 @@ class Limit:
     ms: float
     why: str
 
+    def __str__(self) -> str:
+        """Return the bound with its unit: ``38.4 ms``."""
+        return f"{self.ms:g} ms"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchdogBudget:
@@ -66,6 +70,11 @@ class WatchdogBudget:
     functions: tuple[str, ...] = ()
     spdus_per_hour: float | None = None
     cycle: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the connection."""
+        return self.connection.name
 
     @property
     def greatest(self) -> Limit | None:
