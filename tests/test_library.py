@@ -7,10 +7,14 @@ import re
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
 from cli.tool import fsn
+from patience import PATIENCE_S
+from public_types import reachable_types
 from run.support import EXAMPLES, ROOT, needs_core
 
 import fsoe_net
@@ -18,6 +22,7 @@ from fsoe_net.testing.fake_master import FakeMaster
 
 PAGE = ROOT / "docs" / "tutorial" / "library.md"
 SOCKET = "/run/fsn-master-eth1.sock"
+STOP = "set drive_1.0x6040:00=0"
 BROKEN = sorted((EXAMPLES / "broken").glob("*.yaml"))
 
 
@@ -37,6 +42,26 @@ def test_every_name_and_its_public_methods_are_documented(name):
         public += [v for k, v in vars(thing).items() if not k.startswith("_") and callable(v)]
     assert all(inspect.getdoc(one) for one in public)
     assert re.search(rf":: {name}\b", (ROOT / "docs/reference/library.md").read_text("utf-8"))
+
+
+def test_every_type_that_a_user_can_meet_is_documented():
+    page = (ROOT / "docs/reference/library.md").read_text("utf-8")
+    documented = re.findall(r"^\.\. auto(?:class|exception):: ([\w.]+)", page, re.MULTILINE)
+    left_out = re.findall(r"`(\w+\.\w+)`", page.partition("not part of the library:")[2])
+    names = {n if "." in n else f"{getattr(fsoe_net, n).__module__}.{n}" for n in documented}
+    reached = reachable_types(left_out)
+    assert {f"{name} by {place}" for name, place in reached.items() if name not in names} == set()
+    # An attribute that is left out leads to a type that is not on the page.
+    for attribute in left_out:
+        others = [one for one in left_out if one != attribute]
+        assert reachable_types(others).keys() > reached.keys(), attribute
+
+
+def test_every_method_of_a_client_is_in_a_group_of_its_page():
+    page = (ROOT / "docs/reference/library.md").read_text("utf-8")
+    grouped = re.findall(r"^\.\. auto(?:method|property):: Client\.(\w+)", page, re.MULTILINE)
+    methods = [name for name, _ in inspect.getmembers(fsoe_net.Client) if not name.startswith("_")]
+    assert sorted(grouped) == sorted(methods)
 
 
 def test_it_is_imported_without_a_command_line_or_anything_else():
@@ -64,18 +89,41 @@ def test_it_is_typed():
     assert (Path(fsoe_net.__file__).parent / "py.typed").is_file()
 
 
+def _lose_the_connection(master: FakeMaster) -> None:
+    """Report a loss to the client that takes events, and stop the bus after its answer."""
+    _wait_for(master, "snapshot")  # comes after the subscription
+    master.send_event(
+        event="connection",
+        connection="c1",
+        before="process data",
+        after="reset",
+        text="c1 was lost",
+    )
+    _wait_for(master, STOP)
+    master.state = "stopped"
+
+
+def _wait_for(master: FakeMaster, request: str) -> None:
+    until = time.monotonic() + PATIENCE_S
+    while request not in master.asked and time.monotonic() < until:
+        time.sleep(0.01)
+
+
 @needs_core
 def test_the_programs_of_the_page_run(tmp_path, monkeypatch, capsys):
     shutil.copytree(EXAMPLES, tmp_path / "examples")
     monkeypatch.chdir(tmp_path / "examples" / "estop")
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
-    assert len(blocks) == 11
+    assert len(blocks) == 12
     names: dict[str, object] = {}
     with FakeMaster() as master:
+        threading.Thread(target=_lose_the_connection, args=(master,), daemon=True).start()
         for block in blocks:
             exec(compile(block.replace(SOCKET, str(master.path)), str(PAGE), "exec"), names)
         assert "set drive_1.0x6040:00=6" in master.asked
+        assert STOP in master.asked
     out = capsys.readouterr().out
+    assert "c1 is in Data · ProcessData\nc1 was lost\nc1 is in Reset and drive_1 is told" in out
     assert "\npassed\n" in out
     assert "no plan: 1 error" in out
     assert "NOT HELD" not in out

@@ -53,6 +53,17 @@ _T = TypeVar("_T")
 class Client(ControlLink):
     """A connection to one ``fsn-master``; a context manager. One thread at a time.
 
+    Its methods, by what they are for:
+
+    - State of the bus: `status`, `snapshot`, `connections`, `subdevices`, `symbols`, `layout`,
+      `scan`.
+    - Values: `get`, `set`, `arm`, `lease`, `renew`; of each cycle `watch` or, in a loop of your
+      own, `watch_on`, `watched` and `watch_off`; `realtime` for a program in the cycle.
+    - Events: `subscribe`, `events`.
+    - SDO and the memory of a SubDevice: `sdo_read`, `sdo_write`, `history`, `sii_read`,
+      `alias_write`.
+    - Control: `start`, `stop`, `restart`, `shutdown`, `hold`, `resume`, `incident`.
+
     Every method raises `ControlRefused` when the request is refused, with the reason and the next
     step, and `EnvironmentFault` when the connection breaks or no reply comes.
 
@@ -64,6 +75,8 @@ class Client(ControlLink):
         EnvironmentFault: Nobody answers there, the user may not connect, or what answers speaks
             another protocol.
     """
+
+    # -- state of the bus -------------------------------------------------------------------------
 
     def status(self) -> Status:
         """Return the state of program and bus."""
@@ -95,8 +108,14 @@ class Client(ControlLink):
         """Return where everything lies in the process image."""
         return self._document("layout", read_layout)
 
+    def scan(self) -> ScanReply:
+        """Return the SubDevices that are on the bus, whatever the plan says."""
+        return self._read(self.request("scan", timeout_s=SCAN_S), read_scan)
+
     def _document(self, request: str, read: Callable[[JsonObject], _T]) -> _T:
         return self._read(self.request_all(request), lambda reply: read(ReplyObject(reply)))
+
+    # -- values -----------------------------------------------------------------------------------
 
     def get(self, *names: str, typed: bool = False) -> Values:
         """Return values of one cycle, raw or with factor and offset."""
@@ -143,94 +162,7 @@ class Client(ControlLink):
             timeout_s=self._timeout_s,
         )
 
-    def start(self) -> BusState:
-        """Begin to open the bus; `status` and ``state`` events say how it goes on."""
-        return self._read(self.request("start"), read_state)
-
-    def stop(self) -> BusState:
-        """Begin to stop the bus; no emergency stop."""
-        return self._read(self.request("stop"), read_state)
-
-    def restart(self) -> BusState:
-        """Stop, then start with the same plan."""
-        return self._read(self.request("restart"), read_state)
-
-    def shutdown(self) -> BusState:
-        """Stop, then end the program."""
-        return self._read(self.request("shutdown"), read_state)
-
-    def hold(self) -> BusState:
-        """Begin a maintenance: no standby takes over until `resume`."""
-        return self._read(self.request("hold"), read_state)
-
-    def resume(self) -> BusState:
-        """End it."""
-        return self._read(self.request("resume"), read_state)
-
-    def sdo_read(self, subdevice: str, index: int, subindex: int, kind: str = "") -> SdoValue:
-        """Read an object; ``kind`` as in control-protocol.md, e.g. ``uint16``."""
-        words = ["sdo-read", subdevice, f"{index:#06x}", str(subindex), *([kind] if kind else [])]
-        return self._read(self.request(*words, timeout_s=ACYCLIC_S), read_sdo)
-
-    def sdo_write(
-        self, subdevice: str, index: int, subindex: int, *, kind: str, value: Value | str
-    ) -> None:
-        """Write an object of a type, e.g. ``uint16``."""
-        words = ["sdo-write", subdevice, f"{index:#06x}", str(subindex), kind, value_text(value)]
-        self.request(*words, timeout_s=ACYCLIC_S)
-
-    def sii_read(self, subdevice: str) -> bytes:
-        """Return the whole SII memory."""
-        reply = self.request("sii-read", subdevice, timeout_s=ACYCLIC_S)
-        return self._read(reply, lambda r: bytes.fromhex(r["data"]))
-
-    def alias_write(self, subdevice: str, alias: int) -> None:
-        """Write the station alias to the SII; it counts after a power cycle."""
-        self.request("alias-write", subdevice, str(alias), timeout_s=ACYCLIC_S)
-
-    def history(self, subdevice: str) -> tuple[HistoryMessage, ...]:
-        """Return the diagnosis history, object 0x10F3."""
-        return self._read(
-            self.request("history", subdevice, timeout_s=ACYCLIC_S),
-            read_history,
-        )
-
-    def scan(self) -> ScanReply:
-        """Return what stands on the bus."""
-        return self._read(self.request("scan", timeout_s=SCAN_S), read_scan)
-
-    def incident(self, text: str = "") -> str:
-        """Have an incident file written; return its name, empty while it is not known yet."""
-        reply = self.request("incident", *([text] if text else []))
-        return str(reply.get("file") or "")
-
-    def watch_on(
-        self, *names: str, every: int = 1, typed: bool = False, image: bool = False
-    ) -> None:
-        """Subscribe to every N-th cycle; `watched` returns them.
-
-        Args:
-            names: What is watched; a name may end in ``*``.
-            every: N.
-            typed: With factor and offset.
-            image: The whole image instead of values.
-        """
-        form = ["--image"] if image else _typed(typed)
-        self.request("watch", str(every), *form, *names)
-
-    def watch_off(self) -> None:
-        """Watch no longer."""
-        self.request("watch", "off")
-        self._wait_cycles(0.0)
-
-    def watched(self, wait_s: float = 0.0) -> list[WatchedCycle]:
-        """Return the watched cycles that have come, after waiting at most ``wait_s`` for one."""
-        rows, lost = self._wait_cycles(wait_s)
-        found = []
-        for row in rows:
-            dropped, lost = lost, 0
-            found.append(self._read(row, lambda r, n=dropped: read_watched(r, n)))  # type: ignore[misc]
-        return found
+    # -- values of each cycle ---------------------------------------------------------------------
 
     def watch(
         self,
@@ -268,6 +200,95 @@ class Client(ControlLink):
         finally:
             if not self.closed:
                 self.watch_off()
+
+    def watch_on(
+        self, *names: str, every: int = 1, typed: bool = False, image: bool = False
+    ) -> None:
+        """Subscribe to every N-th cycle; `watched` returns them.
+
+        Args:
+            names: What is watched; a name may end in ``*``.
+            every: N.
+            typed: With factor and offset.
+            image: The whole image instead of values.
+        """
+        form = ["--image"] if image else _typed(typed)
+        self.request("watch", str(every), *form, *names)
+
+    def watched(self, wait_s: float = 0.0) -> list[WatchedCycle]:
+        """Return the watched cycles that have come, after waiting at most ``wait_s`` for one."""
+        rows, lost = self._wait_cycles(wait_s)
+        found = []
+        for row in rows:
+            dropped, lost = lost, 0
+            found.append(self._read(row, lambda r, n=dropped: read_watched(r, n)))  # type: ignore[misc]
+        return found
+
+    def watch_off(self) -> None:
+        """End the subscription of `watch_on`."""
+        self.request("watch", "off")
+        self._wait_cycles(0.0)
+
+    # -- SDO and the memory of a SubDevice --------------------------------------------------------
+
+    def sdo_read(self, subdevice: str, index: int, subindex: int, kind: str = "") -> SdoValue:
+        """Read an object; ``kind`` as in control-protocol.md, e.g. ``uint16``."""
+        words = ["sdo-read", subdevice, f"{index:#06x}", str(subindex), *([kind] if kind else [])]
+        return self._read(self.request(*words, timeout_s=ACYCLIC_S), read_sdo)
+
+    def sdo_write(
+        self, subdevice: str, index: int, subindex: int, *, kind: str, value: Value | str
+    ) -> None:
+        """Write an object of a type, e.g. ``uint16``."""
+        words = ["sdo-write", subdevice, f"{index:#06x}", str(subindex), kind, value_text(value)]
+        self.request(*words, timeout_s=ACYCLIC_S)
+
+    def history(self, subdevice: str) -> tuple[HistoryMessage, ...]:
+        """Return the diagnosis history, object 0x10F3."""
+        return self._read(
+            self.request("history", subdevice, timeout_s=ACYCLIC_S),
+            read_history,
+        )
+
+    def sii_read(self, subdevice: str) -> bytes:
+        """Return the whole SII memory."""
+        reply = self.request("sii-read", subdevice, timeout_s=ACYCLIC_S)
+        return self._read(reply, lambda r: bytes.fromhex(r["data"]))
+
+    def alias_write(self, subdevice: str, alias: int) -> None:
+        """Write the station alias to the SII; it counts after a power cycle."""
+        self.request("alias-write", subdevice, str(alias), timeout_s=ACYCLIC_S)
+
+    # -- control ----------------------------------------------------------------------------------
+
+    def start(self) -> BusState:
+        """Begin to open the bus; `status` and ``state`` events say how it goes on."""
+        return self._read(self.request("start"), read_state)
+
+    def stop(self) -> BusState:
+        """Begin to stop the bus; no emergency stop."""
+        return self._read(self.request("stop"), read_state)
+
+    def restart(self) -> BusState:
+        """Stop, then start with the same plan."""
+        return self._read(self.request("restart"), read_state)
+
+    def shutdown(self) -> BusState:
+        """Stop, then end the program."""
+        return self._read(self.request("shutdown"), read_state)
+
+    def hold(self) -> BusState:
+        """Begin a maintenance: no standby takes over until `resume`."""
+        return self._read(self.request("hold"), read_state)
+
+    def resume(self) -> BusState:
+        """End a maintenance."""
+        return self._read(self.request("resume"), read_state)
+
+    def incident(self, text: str = "") -> str:
+        """Have an incident file written; return its name, empty while it is not known yet."""
+        reply = self.request("incident", *([text] if text else []))
+        return str(reply.get("file") or "")
 
 
 def value_text(value: Value | str) -> str:

@@ -32,6 +32,11 @@ class ControlLink:
         path: Its control socket.
         timeout_s: How long to wait for a connection or a reply.
 
+    Attributes:
+        path: The control socket.
+        hello: The first reply of ``fsn-master``.
+        events_lost: Events that this side has dropped, since nobody took them.
+
     Raises:
         EnvironmentFault: Nobody answers there, the user may not connect, or what answers speaks
             another protocol. Every call raises it when the connection breaks or a reply is late.

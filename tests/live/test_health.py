@@ -105,7 +105,7 @@ def _link(
         cycle_ms = {**row.result.fsoe_cycle_ms, "max": float(longest_ms)}
         result = replace(
             row.result,
-            state=state.word,
+            state=state,
             watchdog_ms=100,
             fsoe_cycle_ms=cycle_ms,
             **parameters,
