@@ -5,7 +5,7 @@ from pathlib import Path
 
 project = "fsoe-net"
 copyright = "the fsoe-net authors"  # noqa: A001
-text = (Path(__file__).parents[1] / "fsoe_net" / "__init__.py").read_text("utf-8")
+text = (Path(__file__).parents[1] / "fsoe_net" / "version.py").read_text("utf-8")
 release = version = re.search(r'__version__ = "([^"]+)"', text).group(1)
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 autodoc_typehints = "description"
