@@ -151,10 +151,25 @@ def _told(before: object, after: object, a: Side, b: Side) -> bool:
     return (before is not None and after is not None) or (a.whole and b.whole)
 
 
+def _about(changes: Iterable[Change], names: Iterable[str]) -> list[Change]:
+    """Return the changes with the names of the SubDevices that they are about."""
+    subdevices = tuple(dict.fromkeys(names))
+    return [replace(change, subdevices=subdevices) for change in changes]
+
+
 def _subdevice(a: Side, b: Side, left: int | None, right: int | None) -> list[Change]:
     if left is None or right is None:
-        return [_lone(a, b, left, right)]
+        lone = _lone(a, b, left, right)
+        return _about([lone], [s.name for s in _ones(a, left) + _ones(b, right)])
     old, new = a.subdevices[left], b.subdevices[right]
+    return _about(_both(a, b, old, new), (old.name, new.name))
+
+
+def _ones(side: Side, number: int | None) -> tuple[SideSubDevice, ...]:
+    return () if number is None else (side.subdevices[number],)
+
+
+def _both(a: Side, b: Side, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
     where = _title(old)
     changes: list[Change] = []
     if _differ(old.identity, new.identity):
@@ -257,12 +272,19 @@ class _Labels:
     """Names of SubDevices by number of A; those only B has behind them."""
 
     def __init__(self, a: Side, b: Side, renumber: dict[int, int]) -> None:
-        self._names = {n: _title(s) for n, s in enumerate(a.subdevices)}
+        self._rows = dict(enumerate(a.subdevices))
         for right, number in renumber.items():
-            self._names.setdefault(number, _title(b.subdevices[right]))
+            self._rows.setdefault(number, b.subdevices[right])
 
     def of(self, number: int | None) -> str:
-        return "?" if number is None else self._names.get(number, "?")
+        return _title(self._rows[number]) if number in self._rows else "?"
+
+    def names(self, *numbers: int | None) -> list[str]:
+        return [self._rows[n].name if n in self._rows else "" for n in numbers]
+
+    def of_copies(self, *copies: SideCopy) -> list[str]:
+        ends = [end for copy in copies for end in (copy.source, copy.destination)]
+        return self.names(*(end.subdevice for end in ends))
 
     def end(self, end: SideEnd) -> str:
         if end.subdevice is None:
@@ -296,7 +318,7 @@ def _copies(a: Iterable[SideCopy], b: Iterable[SideCopy], label: _Labels) -> lis
             if after is None and len(old) == len(new) == 1:
                 after = new[0]
             if after is not None:
-                changes += _copy(before, after, label)
+                changes += _about(_copy(before, after, label), label.of_copies(before, after))
                 old.remove(before)
                 new.remove(after)
         changes += [_copy_row(ChangeKind.REMOVED, c, label) for c in old]
@@ -308,7 +330,12 @@ def _copy_row(kind: ChangeKind, copy: SideCopy, label: _Labels) -> Change:
     size = _size(copy.bits)
     before, after = (size, None) if kind is ChangeKind.REMOVED else (None, size)
     return Change(
-        kind=kind, area=ChangeArea.COPY, where=_arrow(copy, label), before=before, after=after
+        kind=kind,
+        area=ChangeArea.COPY,
+        where=_arrow(copy, label),
+        before=before,
+        after=after,
+        subdevices=tuple(dict.fromkeys(label.of_copies(copy))),
     )
 
 
@@ -356,7 +383,8 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
                 continue
             new = right.pop(partner)
             del left[n]
-            changes += _connection(a, b, old, new, label)
+            names = label.names(old.main, old.sub, new.main, new.sub)
+            changes += _about(_connection(a, b, old, new, label), names)
     changes += [_connection_row(ChangeKind.REMOVED, c, label) for c in left.values()]
     changes += [_connection_row(ChangeKind.ADDED, c, label) for c in right.values()]
     return changes
@@ -394,7 +422,12 @@ def _connection_name(c: DescribedConnection, label: _Labels) -> str:
 
 
 def _connection_row(kind: ChangeKind, c: DescribedConnection, label: _Labels) -> Change:
-    return Change(kind=kind, area=ChangeArea.CONNECTION, where=_connection_name(c, label))
+    return Change(
+        kind=kind,
+        area=ChangeArea.CONNECTION,
+        where=_connection_name(c, label),
+        subdevices=tuple(dict.fromkeys(label.names(c.main, c.sub))),
+    )
 
 
 def _connection(

@@ -51,6 +51,8 @@ class Change:
         before: In A.
         after: In B.
         entries: Addresses of the entries that changed together.
+        subdevices: Names of the SubDevices it is about, in A and in B; of a copy or a connection
+            those of its ends. An empty name: a SubDevice without one, or one that is not known.
     """
 
     kind: ChangeKind
@@ -60,6 +62,7 @@ class Change:
     before: Fact = None
     after: Fact = None
     entries: tuple[str, ...] = ()
+    subdevices: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return it as one line: ``~ connection a - b changed: watchdog 100 ms -> 120 ms``."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable, Sequence
 
 from fsoe_net.model.network import TransferKind
@@ -15,8 +14,6 @@ from fsoe_net.report.changed_subdevices import changed_subdevices
 from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 
 __all__ = ["steps_to_repeat"]
-
-_ENDS = {ChangeArea.COPY: 2, ChangeArea.CONNECTION: 2}
 
 
 def steps_to_repeat(
@@ -65,7 +62,7 @@ def steps_to_repeat(
 
 def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str], set[str]] | None:
     """Return the SubDevices and safety functions that changes name, ``None`` for all."""
-    words = {s.name: _word(s.name) for s in resolution.network.subdevices if s.name}
+    known = {s.name for s in resolution.network.subdevices if s.name}
     functions: set[str] = set()
     subdevices: set[str] = set()
     for change in changes:
@@ -74,16 +71,10 @@ def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str],
             if not change.where:
                 return None
             continue
-        here = {name for name, word in words.items() if word.search(change.where)}
-        # With a name that is no more, others in its place may look like it: io, io-2.
-        other_name = change.area is ChangeArea.SUBDEVICE and (
-            change.what == "name" or change.where not in words
-        )
-        if other_name or change.kind is ChangeKind.REMOVED or len(here) < _ENDS.get(change.area, 1):
+        here = set(change.subdevices)
+        renamed = change.area is ChangeArea.SUBDEVICE and change.what == "name"
+        if renamed or change.kind is ChangeKind.REMOVED or not here or not here <= known:
             return None
-        if change.area in _ENDS:
-            both = f"{change.before} {change.after}"  # an end that is another one now
-            here |= {name for name, word in words.items() if word.search(both)}
         subdevices |= here
     return subdevices, functions
 
@@ -114,7 +105,3 @@ def _functions_over(subdevices: Collection[str], resolution: Resolution) -> set[
         if not used or not used.isdisjoint(subdevices):
             found.add(function.name)
     return found
-
-
-def _word(name: str) -> re.Pattern[str]:
-    return re.compile(rf"(?<!\w){re.escape(name)}(?!\w)")

@@ -50,6 +50,7 @@ def test_a_difference_is_1_as_text_json_and_silently(other: Path):
             "before": 14,
             "after": 15,
             "entries": [],
+            "subdevices": ["el1918", "ek1914"],
         }
     ]
     done = fsn("diff", "-q", ESTOP, str(other))
