@@ -414,9 +414,13 @@ def test_processes_have_clients_of_their_own(monkeypatch: pytest.MonkeyPatch) ->
         assert dict(acting.status().values)["outputs set"] == str(control._MOST_SENDERS)
         assert acting.status().message == "refused: more than 8 processes set outputs"
         assert master.outputs["drive_1.0x6040:00"] == control._MOST_SENDERS - 1
-        monkeypatch.setattr(control, "_IDLE_S", -1.0)  # all have been silent for long
+        later_s = time.monotonic() + control._IDLE_S - 1.0
+        monkeypatch.setattr(control.time, "monotonic", lambda: later_s)
+        acting.set_output(topic, send(5), "process 0")  # the others are silent
+        monkeypatch.setattr(control.time, "monotonic", lambda: later_s + 2.0)
         acting.set_output(topic, send(77), "a new process")
         assert master.outputs["drive_1.0x6040:00"] == 77
+        assert set(acting._senders) == {"process 0", "a new process"}
         master.drop()
         acting.set_output(topic, send(78), "a new process")
         acting.close()

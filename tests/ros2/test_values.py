@@ -91,6 +91,19 @@ def test_a_topic_has_the_type_of_its_value() -> None:
     assert math.isnan(float(SignalKind.REAL.python(None)))
 
 
+def test_a_parameter_has_the_kind_of_its_signal() -> None:
+    taken = {
+        kind: [kind.takes(value) is True for value in (True, 3, 0.5)]
+        for kind in (SignalKind.BOOL, SignalKind.UNSIGNED, SignalKind.SIGNED, SignalKind.REAL)
+    }
+    assert taken == {
+        SignalKind.BOOL: [True, False, False],
+        SignalKind.UNSIGNED: [False, True, False],
+        SignalKind.SIGNED: [False, True, False],
+        SignalKind.REAL: [False, True, True],
+    }
+
+
 @given(st.lists(st.text(max_size=12), max_size=8))
 def test_topics_are_never_the_same(names: list[str]) -> None:
     rows = signal_topics([symbol(f"{name}.x", "bool") for name in names])

@@ -20,6 +20,7 @@ from studio.server_rig import Browser, running
 from tied import tied
 
 from fsoe_net.cli.main import cli
+from fsoe_net.errors import InputError
 from fsoe_net.studio import live_control
 from fsoe_net.testing.fake_master import FakeMaster
 
@@ -318,6 +319,30 @@ def test_control_ends_with_the_connection_and_with_a_refusal_behind_arming(
     assert "not now" in str(browser.post("live/take-control", {})[1]["error"])
     master.close()
     assert "nobody answers" in str(browser.post("live/take-control", {})[1]["error"])
+
+
+def test_control_ends_with_its_lease(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a page that has control, until its lease is over; each of its requests renews it."""
+    now_s = 1000.0
+    monkeypatch.setattr(live_control.time, "monotonic", lambda: now_s)
+    with FakeMaster() as master:
+        control = live_control.LiveControl(str(master.path), lambda _text: None)
+        assert control.turn == 0
+        token = control.acts["take-control"]({})["token"]
+        lease_s = live_control.LEASE_MS / 1000
+        now_s += 0.9 * lease_s
+        assert control.turn == 1
+        control.acts["keep-control"]({"token": token})
+        now_s += 0.9 * lease_s
+        assert control.turn == 1
+        with pytest.raises(InputError, match="another page has control"):
+            control.acts["take-control"]({})
+        now_s += 0.2 * lease_s
+        assert control.turn == 0
+        with pytest.raises(InputError, match="control has ended"):
+            control.acts["keep-control"]({"token": token})
+        assert control.acts["take-control"]({})["turn"] == 2
+        control.close()
 
 
 def test_the_option_needs_a_bus_and_one_person(tmp_path: Path) -> None:
