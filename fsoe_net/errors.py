@@ -27,22 +27,6 @@ if TYPE_CHECKING:
 
     from fsoe_net.diag.diagnostic import Diagnostic
 
-__all__ = [
-    "ConfigError",
-    "ConsoleError",
-    "ControlRefused",
-    "CoreError",
-    "CoreMissing",
-    "EnvironmentFault",
-    "FsnError",
-    "FsoeError",
-    "IncidentError",
-    "InputError",
-    "PduSizeError",
-    "PlanFormatError",
-    "RecordingError",
-]
-
 
 class FsnError(Exception):
     """Base of every exception this package raises on purpose."""

@@ -24,8 +24,6 @@ from fsoe_net.project.accept import accept, intervention_rows, reason_rows, reco
 from fsoe_net.project.known import is_record
 from fsoe_net.project.signatures import ROLES, sign_record
 
-__all__ = ["command"]
-
 _NEEDED = ("reports", "protocol", "author", "verifier", "output")
 """Of a network; a record that is only signed holds them."""
 _MORE = (

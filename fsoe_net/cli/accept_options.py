@@ -11,8 +11,6 @@ import click
 from fsoe_net.cli.options import FILE, read_by
 from fsoe_net.model.written import says_something
 
-__all__ = ["circumstance_options", "day_of_signature"]
-
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 

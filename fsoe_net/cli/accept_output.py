@@ -10,8 +10,6 @@ from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.project.known import AcceptedRecord
 from fsoe_net.report.sign_off import Refusal
 
-__all__ = ["EPILOG", "print_record", "print_refusals", "print_signature"]
-
 EPILOG = """\b
 Example:
   fsoe-net test-protocol network.yaml --virtual -o protocol.yaml    # then do it at the machine

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from fsoe_net.model.scan import Scan
     from fsoe_net.run.scan import ScanSource, TakenScan
 
-__all__ = ["scan_to_compare", "take_scan"]
-
 
 def scan_to_compare(
     interface: str | None, socket: str | None, scan_file: str | None, *, yes: bool

@@ -25,8 +25,6 @@ from fsoe_net.run.campaign import (
 )
 from fsoe_net.run.device import device_factory, stdout_to_stderr
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net campaign network.yaml

@@ -16,8 +16,6 @@ from fsoe_net.run.campaign import (
     save_failures,
 )
 
-__all__ = ["print_end", "save_recordings", "write_report"]
-
 
 def write_report(
     result: CampaignResult, saved: Saved, fmt: str, output: str | None, *, overwrite: bool

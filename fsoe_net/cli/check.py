@@ -22,8 +22,6 @@ from fsoe_net.rules.runtime import Runtime
 if TYPE_CHECKING:
     from fsoe_net.project.fix import Fixes
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net check                    # network.yaml of this folder

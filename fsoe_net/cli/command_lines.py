@@ -8,8 +8,6 @@ import select
 from fsoe_net.cli.terminal import echo
 from fsoe_net.run.emulate import SegmentSession
 
-__all__ = ["CommandLines"]
-
 _MAX_LINE = 1000
 
 

@@ -16,8 +16,6 @@ from fsoe_net.run.console.commands_flow import ConsoleEnd
 from fsoe_net.run.console.console import Console
 from fsoe_net.run.console.keeper import Keeper
 
-__all__ = ["command"]
-
 _PROMPT = "fsn> "
 _EPILOG = """\b
 Examples:

@@ -18,8 +18,6 @@ from fsoe_net.formats.registry import all_formats, all_targets, target_of
 from fsoe_net.formats.shared.write_files import STDOUT, write_all, write_whole
 from fsoe_net.project.convert import convert_files
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net convert machine.xml -o machine/network.yaml

@@ -24,8 +24,6 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.decode import naming_of
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net decode 2a0400a6340000

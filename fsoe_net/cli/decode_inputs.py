@@ -21,8 +21,6 @@ from fsoe_net.observe.hexframes import follow_frames, parse_frames
 from fsoe_net.observe.names import Naming
 from fsoe_net.project.decode import CaptureDecoder, DecodedFrame
 
-__all__ = ["decode_capture", "decode_hex", "hex_lines", "is_file", "standard_input"]
-
 
 def is_file(name: str) -> bool:
     """Whether an argument names a file; long hex is no name a system would take."""

@@ -18,8 +18,6 @@ from fsoe_net.observe.names import ConnectionNames
 from fsoe_net.project.decode import CaptureFacts, DecodedFrame, Found
 from fsoe_net.version import __version__
 
-__all__ = ["JsonOutput", "Output", "TextOutput"]
-
 _ARROWS = ("main > sub", "sub > main")
 _COLOUR = {CrcVerdict.WRONG: "red", CrcVerdict.UNCHECKED: "yellow", CrcVerdict.SAME: None}
 _LINES_AT_ONCE = 500

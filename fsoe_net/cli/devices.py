@@ -15,8 +15,6 @@ from fsoe_net.formats.own.library import load_library
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.report.device_page import device_json, device_list, device_text
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net devices

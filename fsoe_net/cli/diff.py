@@ -18,8 +18,6 @@ from fsoe_net.report.diff import Difference, compare
 from fsoe_net.report.diff_document import diff_document
 from fsoe_net.report.diff_side import Side
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net diff old/network.yaml new/network.yaml

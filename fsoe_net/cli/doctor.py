@@ -26,8 +26,6 @@ from fsoe_net.host.finding import MachineFinding, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 from fsoe_net.version import __version__
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net doctor

@@ -29,8 +29,6 @@ from fsoe_net.run.emulate import SegmentSession, serve
 from fsoe_net.run.session import random_session_ids
 from fsoe_net.version import __version__
 
-__all__ = ["command"]
-
 _STDIN = 0
 _EPILOG = """\b
 Examples:

@@ -11,8 +11,6 @@ from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.emulate import EmulateResult
 
-__all__ = ["check_rig", "print_emulation"]
-
 _BANNER = """\
 ############################################################################
 #  TEST RIG: this build answers on REAL network interfaces.                #

@@ -17,9 +17,6 @@ from fsoe_net.errors import CoreMissing
 from fsoe_net.project.installed import shipped
 from fsoe_net.rules.effects import effects_today
 
-__all__ = ["command", "page_text"]
-
-
 _EPILOG = """\b
 Examples:
   fsoe-net explain FSN203

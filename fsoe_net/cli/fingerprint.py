@@ -14,8 +14,6 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.plan.fingerprint import SECTIONS
 from fsoe_net.project.known import Known, read_known
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net fingerprint network.yaml

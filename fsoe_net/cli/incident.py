@@ -19,8 +19,6 @@ from fsoe_net.report.incident_document import incident_document
 from fsoe_net.report.incident_facts import facts_json, facts_of
 from fsoe_net.version import __version__
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net incident incident-20261121T154612.123Z-el1918-ek1914.fsnincident

@@ -19,8 +19,6 @@ from fsoe_net.project.draft import Inputs, make_draft
 from fsoe_net.project.draft_text import answers_template
 from fsoe_net.project.gather import gather
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net init machine.xml -o machine          # asks what files do not state

@@ -11,8 +11,6 @@ from fsoe_net.diag.words import counted, summary
 from fsoe_net.project.check import check_files
 from fsoe_net.project.draft import Draft
 
-__all__ = ["write_network"]
-
 
 def write_network(made: Draft, folder: Path, *, overwrite: bool) -> bool:
     """Write the network and check it; return whether it has an error."""

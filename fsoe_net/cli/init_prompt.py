@@ -15,8 +15,6 @@ from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers, Ask, Q
 from fsoe_net.model.network import ConnectionFacts
 from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings
 
-__all__ = ["answered", "ask", "parse_ring", "refuse", "report_questions"]
-
 _ITEM = re.compile(
     r"(?:(?P<name>[A-Za-z_]\w*)\s*=\s*)?(?:(?P<count>\d{1,3})\s*[x*]\s*)?(?P<type>[\w.-]+)\Z"
 )

@@ -14,14 +14,6 @@ from fsoe_net.cli.options import NETWORK, NETWORK_FILE
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.rules.runtime import Runtime
 
-__all__ = [
-    "input_options",
-    "master_option",
-    "network_of_folder",
-    "reference_options",
-    "runtime_option",
-]
-
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 

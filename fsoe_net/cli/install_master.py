@@ -12,8 +12,6 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
 from fsoe_net.run.build_master import SOEM_TERMS, build_master, master_place
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net install-master

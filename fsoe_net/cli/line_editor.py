@@ -11,8 +11,6 @@ from fsoe_net.errors import FsnError
 from fsoe_net.run.console.completion import complete
 from fsoe_net.run.console.console import COMMANDS, Console
 
-__all__ = ["line_editor"]
-
 _HISTORY_LINES = 2_000
 
 

@@ -20,8 +20,6 @@ from fsoe_net.run.live_bus import BusOptions, run_on_bus
 from fsoe_net.run.master import Master
 from fsoe_net.run.result import Run
 
-__all__ = ["LiveBus", "live_bus_options", "run_live_bus"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveBus:

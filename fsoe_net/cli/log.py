@@ -29,8 +29,6 @@ from fsoe_net.report.intervention_document import (
 )
 from fsoe_net.version import __version__
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net log show /var/log/fsn --since 2026-11-01 --event request

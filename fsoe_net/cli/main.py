@@ -14,8 +14,6 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.version import __version__
 
-__all__ = ["main"]
-
 # By task, in the order of the README.
 _GROUPS = {
     "Find mistakes": {

@@ -22,8 +22,6 @@ from fsoe_net.cli.write import check_target
 from fsoe_net.run.attachment import Attachment
 from fsoe_net.version import __version__
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net monitor --interface eth1

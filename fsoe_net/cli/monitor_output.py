@@ -31,8 +31,6 @@ from fsoe_net.report.cycle_times import times_table, timing_bars
 from fsoe_net.run.attachment import BusView, WatchedConnection
 from fsoe_net.run.live_capture import LiveCapture
 
-__all__ = ["bus_document", "capture_text"]
-
 _SHOWN = (*STATE_REASONS, HealthReason.WATCHDOG_RESERVE)
 _COLUMNS = (
     Column("connection"),

@@ -19,8 +19,6 @@ from fsoe_net.run.result import RunEvent, RunEventKind
 if TYPE_CHECKING:
     from rich.live import Live
 
-__all__ = ["begin_capture", "watch"]
-
 _LOOK_S = 0.2
 
 

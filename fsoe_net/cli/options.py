@@ -16,29 +16,6 @@ from fsoe_net.model.times import time_ns, time_text
 if TYPE_CHECKING:
     from fsoe_net.model.network import NetworkConfig
 
-__all__ = [
-    "CYCLE",
-    "FILE",
-    "FOLDER",
-    "INTERFACE",
-    "INTERFACES",
-    "NETWORK",
-    "NETWORK_FILE",
-    "RUN_TIME",
-    "Time",
-    "format_option",
-    "interfaces_of",
-    "master_options",
-    "master_socket",
-    "output_option",
-    "overwrite_option",
-    "read_by",
-    "read_moment",
-    "read_sha256",
-    "scenario_option",
-    "signer_options",
-]
-
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 

@@ -20,8 +20,6 @@ from fsoe_net.rules.runtime import Runtime
 if TYPE_CHECKING:
     from fsoe_net.model.scan import Scan
 
-__all__ = ["FORMATS", "exit_code", "print_diagnostics", "verdict_line"]
-
 _MOST_OF_A_CODE = 100  # shown as text; one mistake made everywhere is read once
 
 FORMATS = ("text", "json", "sarif", "github")

@@ -23,8 +23,6 @@ from fsoe_net.plan.model import Plan
 from fsoe_net.plan.show import plan_document, plan_json
 from fsoe_net.project.check import check_files, whole_network
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net plan network.yaml -o machine.fsnplan

@@ -8,8 +8,6 @@ from contextlib import contextmanager
 from fsoe_net.cli.terminal import is_screen, terminal
 from fsoe_net.run.campaign import Progress
 
-__all__ = ["progress_bar"]
-
 
 @contextmanager
 def progress_bar(first: str) -> Iterator[Progress | None]:

@@ -15,8 +15,6 @@ from fsoe_net.fsoe.recording.replay import replay
 from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.version import __version__
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net replay trace.jsonl

@@ -10,8 +10,6 @@ from fsoe_net.fsoe.recording.difference import RecordingDifference, differing_by
 from fsoe_net.fsoe.recording.model import Answer
 from fsoe_net.fsoe.recording.replay import ReplayResult
 
-__all__ = ["ReplayOutcome", "outcome_json", "print_outcome"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayOutcome:

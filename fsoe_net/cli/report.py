@@ -26,8 +26,6 @@ from fsoe_net.project.report import REPORT_FORMATS, make_report
 from fsoe_net.project.ssh_signatures import SshSigners
 from fsoe_net.report.evidence import ask_live, read_evidence
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net report network.yaml -o report.html

@@ -16,8 +16,6 @@ from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2.names import is_node_name, legal_token
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net ros2 --interface eth1

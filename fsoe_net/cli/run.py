@@ -28,8 +28,6 @@ from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import simulate
 from fsoe_net.version import __version__
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net run network.yaml

@@ -43,23 +43,6 @@ from fsoe_net.run.result import (
     result_health,
 )
 
-__all__ = [
-    "STATE_REASONS",
-    "Show",
-    "cycle_text",
-    "display",
-    "event_line",
-    "health_lines",
-    "health_verdict",
-    "interesting",
-    "joined_events",
-    "number_text",
-    "print_events",
-    "print_result",
-    "state_cell",
-    "write_timing",
-]
-
 _COLUMNS = (
     Column("connection"),
     Column("state"),

@@ -12,8 +12,6 @@ from fsoe_net.diag.words import counted
 from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.run.scan_files import compact_json, scan_files
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net scan --interface eth1

@@ -6,8 +6,6 @@ from fsoe_net.diag.words import counted
 from fsoe_net.document.model import Cell, Column, Document, Table, cell, words
 from fsoe_net.model.scan import Scan, ScannedConnection, ScannedSubDevice
 
-__all__ = ["scan_document"]
-
 _COLUMNS = (
     Column("pos"),
     Column("name"),

@@ -13,8 +13,6 @@ from fsoe_net.document.model import Column, Document, Level, Part, Table, Verdic
 from fsoe_net.project.self_test.model import PartResult
 from fsoe_net.project.self_test.run import SelfTest, run_self_test
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net self-test

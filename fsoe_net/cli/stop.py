@@ -5,8 +5,6 @@ from __future__ import annotations
 import signal
 import threading
 
-__all__ = ["ENDS", "ENDS_OR_HANGS_UP", "stop_on"]
-
 ENDS = (signal.SIGINT, signal.SIGTERM)
 ENDS_OR_HANGS_UP = (*ENDS, signal.SIGHUP)
 

@@ -17,8 +17,6 @@ from fsoe_net.diag.packages import missing_package
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net studio                        # network.yaml of this folder

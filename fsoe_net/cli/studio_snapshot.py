@@ -39,8 +39,6 @@ from fsoe_net.project.snapshot import snapshot
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.version import __version__
 
-__all__ = ["write_snapshot"]
-
 
 def write_snapshot(
     name: str,

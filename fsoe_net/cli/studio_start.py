@@ -9,8 +9,6 @@ import click
 
 from fsoe_net.studio.listening import Listening
 
-__all__ = ["check_control", "listening", "usual_port"]
-
 _FIRST_PORT, _PORTS = 61_000, 4500  # above those that Linux gives away by itself
 
 

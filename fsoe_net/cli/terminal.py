@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from fsoe_net.document.model import Document
 
-__all__ = ["echo", "is_screen", "show", "terminal"]
-
 
 def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     """Print a text; whatever it holds, nothing in it acts on the terminal.

@@ -19,8 +19,6 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.model.protocol import ProtocolStep
 from fsoe_net.project.protocol import ProtocolTrial, read_protocol
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net test-protocol network.yaml -o protocol.yaml              # nothing tried

@@ -9,8 +9,6 @@ from fsoe_net.diag.printable import printable
 from fsoe_net.diag.words import counted
 from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepOutcome
 
-__all__ = ["PersonAtTerminal", "print_outcome", "print_step"]
-
 
 def print_step(step: ProtocolStep) -> None:
     """Print what a step on the live bus has shown."""

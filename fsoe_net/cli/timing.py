@@ -22,8 +22,6 @@ from fsoe_net.report.evidence import measured_ms
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.budget import make_budget
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net timing network.yaml

@@ -23,8 +23,6 @@ from fsoe_net.project.signatures import SignedRecord, check_signatures
 from fsoe_net.project.ssh_signatures import SshSigners
 from fsoe_net.project.verify import compare_known, compare_running
 
-__all__ = ["command"]
-
 _EPILOG = """\b
 Examples:
   fsoe-net verify network.yaml --accepted acceptance.yaml

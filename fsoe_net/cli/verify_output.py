@@ -12,8 +12,6 @@ from fsoe_net.project.known import Known
 from fsoe_net.project.signatures import SignedRecord
 from fsoe_net.project.verify import Comparison
 
-__all__ = ["print_json", "print_text"]
-
 
 def _signed(signed: SignedRecord) -> Iterator[Part]:
     for row in signed.signatures:

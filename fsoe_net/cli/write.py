@@ -10,8 +10,6 @@ import click
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.formats.shared.write_files import STDOUT, refuse_present
 
-__all__ = ["check_folder", "check_target"]
-
 
 def check_target(path: str | None, *, overwrite: bool, stdout: bool = False) -> None:
     """Refuse a file that could not be written, before the work and not after it.

@@ -23,8 +23,6 @@ from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import STATED_PARAMETERS
 from fsoe_net.plan.fingerprint import Fingerprint
 
-__all__ = ["Core", "CorePlan", "EmulatedBus"]
-
 _MASK = (1 << 64) - 1
 _STATES = tuple(ConnectionState)
 

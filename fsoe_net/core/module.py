@@ -8,8 +8,6 @@ from typing import Any
 
 from fsoe_net.errors import CoreError, CoreMissing
 
-__all__ = ["compiled", "fault_text", "raise_status"]
-
 
 @functools.cache
 def compiled() -> tuple[Any, Any]:

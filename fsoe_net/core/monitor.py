@@ -12,8 +12,6 @@ from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import frame_length
 
-__all__ = ["CoreMonitor", "frame_fits", "frame_sequence", "parameters_of"]
-
 _VERDICTS = tuple(CrcVerdict)
 _STATES = tuple(ConnectionState)
 

@@ -10,8 +10,6 @@ from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 
-__all__ = ["FoundConnection", "FoundPlace", "ScanCounts", "Scanner", "Sighting"]
-
 _COMMANDS = {
     1: "APRD",
     2: "APWR",

@@ -12,9 +12,6 @@ from fsoe_net.core.core import CorePlan
 from fsoe_net.core.module import compiled, raise_status
 from fsoe_net.errors import EnvironmentFault
 
-__all__ = ["AlStatus", "Segment", "SegmentCounts", "SegmentLink", "is_test_rig", "sum_counts"]
-
-
 _WANTED = {
     errno.EINVAL: "priorities are 1 … 99, and the CPU must exist",
     errno.EMSGSIZE: "EtherCAT frames need an MTU of 1500: ip link set IF mtu 1500",

@@ -8,18 +8,6 @@ from dataclasses import dataclass, fields
 from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters
 
-__all__ = [
-    "ConnectionSnapshot",
-    "CoreEvent",
-    "CycleImage",
-    "DirectionSnapshot",
-    "Histogram",
-    "Snapshot",
-    "Statistics",
-    "bars_of",
-    "bucket_end",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Histogram:

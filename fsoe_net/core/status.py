@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from fsoe_net.core.module import compiled
 
-__all__ = ["StatusInfo", "status_table"]
-
 _LOWEST = -127  # values are small and negative
 
 

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.guesses import guesses
 
-__all__ = ["CATALOGUE", "CodeInfo", "code_info", "nearest_codes"]
-
 
 @dataclass(frozen=True, slots=True)
 class CodeInfo:

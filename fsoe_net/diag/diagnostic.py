@@ -11,17 +11,6 @@ from fsoe_net.diag.catalogue import code_info
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = [
-    "Diagnostic",
-    "Edit",
-    "FindingList",
-    "Fix",
-    "Related",
-    "Severity",
-    "Span",
-    "sort_diagnostics",
-]
-
 
 class Severity(enum.Enum):
     """How bad a finding is. `check` exits with 1 for errors and warnings, not for ``info``."""

@@ -7,8 +7,6 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
-__all__ = ["Guesses", "guesses", "one_of"]
-
 _MOST_COMPARISONS = 200_000  # of two words; a second or two
 _AS_WELL = 0.05  # of the ratio of two words
 _MOST = 4  # words to choose from; more are no guess

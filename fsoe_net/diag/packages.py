@@ -8,8 +8,6 @@ import shlex
 import sys
 from importlib import metadata
 
-__all__ = ["missing_package"]
-
 _OF_EXTRA = re.compile(r"extra\s*==\s*['\"]([\w-]+)['\"]")
 
 

@@ -7,8 +7,6 @@ import gc
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
-__all__ = ["without_collector"]
-
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import unicodedata
 
-__all__ = ["first_control", "printable"]
-
 # Unicode general categories: control, format (also bidi), surrogate, line and paragraph separator.
 _HIDDEN = frozenset({"Cc", "Cf", "Cs", "Zl", "Zp"})
 _BIDI = frozenset("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 
-__all__ = ["counted", "listed", "noun", "summary"]
-
 
 def counted(number: int, word: str) -> str:
     """Return ``1 copy`` or ``2 copies``."""

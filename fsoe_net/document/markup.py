@@ -6,8 +6,6 @@ import html
 
 from fsoe_net.diag.printable import printable
 
-__all__ = ["escape", "shortened", "svg_text"]
-
 
 def escape(text: str) -> str:
     """Return a text for a page: no character of it is markup, or turns the reading direction."""

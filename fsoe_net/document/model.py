@@ -13,37 +13,6 @@ from dataclasses import dataclass
 
 from fsoe_net.diag.words import noun
 
-__all__ = [
-    "BLANK",
-    "Bullets",
-    "Cell",
-    "Column",
-    "Document",
-    "Heading",
-    "Item",
-    "Level",
-    "Lines",
-    "Number",
-    "Paragraph",
-    "Part",
-    "Picture",
-    "Section",
-    "Style",
-    "Table",
-    "Text",
-    "Verdict",
-    "cell",
-    "code",
-    "decimal",
-    "muted",
-    "number_of",
-    "outward",
-    "section_marks",
-    "stated",
-    "strong",
-    "words",
-]
-
 
 class Level(enum.Enum):
     """How a verdict has to be read; each writer gives it a mark and a word."""

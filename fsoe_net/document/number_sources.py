@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fsoe_net.document.model import Number, Table
 
-__all__ = ["Sources"]
-
 _LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
 

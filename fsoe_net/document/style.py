@@ -1,7 +1,5 @@
 """The style of all pages: light and dark, phone width, A4 with a head on each page."""
 
-__all__ = ["PICTURES", "STYLE"]
-
 PICTURES = """\
 svg{width:100%;height:auto;font-family:inherit}text{fill:var(--ink)}
 .box{fill:var(--back);stroke:var(--soft);stroke-width:1.5}.box.main{fill:var(--main);

@@ -26,8 +26,6 @@ from fsoe_net.document.model import (
 from fsoe_net.document.number_sources import Sources
 from fsoe_net.document.style import STYLE
 
-__all__ = ["document_html"]
-
 _MARKS = {
     Level.CLEAR: "✔",
     Level.NOTE: "i",

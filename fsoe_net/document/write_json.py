@@ -18,8 +18,6 @@ from fsoe_net.document.model import (
     Verdict,
 )
 
-__all__ = ["item_json", "part_json", "section_json"]
-
 
 def section_json(number: int, section: Section) -> dict[str, Any]:
     """Return a section; numbers begin at 1 and count appendices too."""

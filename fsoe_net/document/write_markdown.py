@@ -23,8 +23,6 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.document.number_sources import Sources
 
-__all__ = ["document_markdown"]
-
 MARKS = {
     Level.CLEAR: "✔",
     Level.NOTE: "ⓘ",

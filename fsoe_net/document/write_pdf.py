@@ -14,8 +14,6 @@ from fsoe_net.document.style import PICTURES, STYLE
 from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import EnvironmentFault
 
-__all__ = ["document_pdf", "pdf_library"]
-
 _OTHERWISE = "or write .html and print it to a PDF file in a browser"
 
 # Head and foot go into the margins instead of a table around the page, which would be slow.

@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.text import Text
 
-__all__ = ["TerminalView", "document_text"]
-
 _GAP = 2  # cells between two columns
 _WRAPPED = 24  # cells that a column of sentences needs at least
 _UNLIMITED = 1_000_000

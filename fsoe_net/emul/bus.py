@@ -18,8 +18,6 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import LogicChoice
 from fsoe_net.model.signals import split_name
 
-__all__ = ["EmulatedDevices", "build_network", "normal_name"]
-
 # Input area of modular devices (ETG.5001). Status bits of a safety drive lie elsewhere (0x2xxx,
 # 0x66xx of the drive profile) and are no e-stop buttons.
 _CYCLE_NS = 1_000_000  # when no file states a bus cycle

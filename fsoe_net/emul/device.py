@@ -12,8 +12,6 @@ from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import State
 from fsoe_net.model.signals import write_bits
 
-__all__ = ["EmulatedDevice", "ProcessData"]
-
 
 class ProcessData(Protocol):
     """The sync managers of one SubDevice, seen from the device; numbers are SM numbers."""

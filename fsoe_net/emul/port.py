@@ -14,8 +14,6 @@ from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.signals import Signal, connection_signals
 from fsoe_net.model.transfer_ends import ResolvedEnd
 
-__all__ = ["Port", "main_port", "sub_port"]
-
 SessionIds = Callable[[], int]
 
 

@@ -8,8 +8,6 @@ from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.resolve import Connection, Resolution
 
-__all__ = ["FsoeSetup", "choose_setups"]
-
 DEFAULT_WATCHDOG_MS = 100  # what TwinSAFE starts with
 
 

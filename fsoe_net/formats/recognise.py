@@ -18,16 +18,6 @@ from fsoe_net.formats.shared.source import Source
 from fsoe_net.formats.shared.xml_text import plain_xml
 from fsoe_net.formats.unsupported import BUILDER_PROJECT, UNSUPPORTED
 
-__all__ = [
-    "Recognised",
-    "beginning",
-    "find_format",
-    "is_format",
-    "recognise",
-    "refuse_known",
-    "words_of_root",
-]
-
 _HEAD_BYTES = 65_536
 _BEGINNING_BYTES = 1024
 _BINARY_BYTES = 128

@@ -24,18 +24,6 @@ from fsoe_net.formats.shared.source import Source
 if TYPE_CHECKING:
     from fsoe_net.model.description import Description
 
-__all__ = [
-    "Format",
-    "Signature",
-    "Target",
-    "Yields",
-    "all_formats",
-    "all_targets",
-    "function_of",
-    "read_foreign",
-    "target_of",
-]
-
 
 class Yields(enum.Enum):
     """What a file of a format is for those who read it."""

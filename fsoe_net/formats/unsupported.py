@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fsoe_net.formats.registry import Signature
 
-__all__ = ["BUILDER_PROJECT", "UNSUPPORTED"]
-
 _UNPACK = "unpack it, then name the files in it"
 _AGAIN = "fetch the file itself; this is what came instead of it"
 BUILDER_PROJECT = "which looks like a project of an ENI builder, not its ENI"

@@ -8,8 +8,6 @@ from functools import lru_cache
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
 from fsoe_net.fsoe.pdu import Command, Pdu, assemble
 
-__all__ = ["Chain", "advance", "before", "fits_start", "is_whole", "reset_frame"]
-
 
 def advance(sequence: int) -> int:
     """Return the number after ``sequence``; 65535 is followed by 1, 0 is never used."""

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.pdu import SAFE_SIZES
 
-__all__ = ["MainConfig", "Parameters", "SubConfig"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameters:

@@ -10,8 +10,6 @@ import struct
 
 import crcmod
 
-__all__ = ["block_crc", "frame_crcs", "solve_sequence", "sra_crc"]
-
 _POLYNOMIAL = 0x139B7
 _crc16 = crcmod.mkCrcFun(_POLYNOMIAL, initCrc=0, rev=False, xorOut=0)
 _crc32 = crcmod.mkCrcFun(0x1814141AB, initCrc=0, rev=False, xorOut=0)

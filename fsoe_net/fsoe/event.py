@@ -5,8 +5,6 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-__all__ = ["Event", "EventKind", "State"]
-
 
 class State(enum.Enum):
     """State of a connection end."""

@@ -13,8 +13,6 @@ from fsoe_net.fsoe.crc import frame_crcs
 from fsoe_net.fsoe.event import Event, EventKind, State
 from fsoe_net.fsoe.pdu import Command, Pdu, ResetCode, decode_pdu, frame_length
 
-__all__ = ["Instance"]
-
 _MAX_EVENTS = 1024
 _MAX_DRAWS = 16
 

@@ -10,8 +10,6 @@ from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.instance import Instance
 from fsoe_net.fsoe.pdu import Command, Pdu, ResetCode
 
-__all__ = ["MainInstance"]
-
 _KNOWN = frozenset(Command)
 _ALLOWED = {
     State.SESSION: frozenset({Command.SESSION}),

@@ -17,9 +17,6 @@ from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import FsoeParameters, ParameterList
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
 
-__all__ = ["DirectionCounts", "Monitor", "observed_state"]
-
-
 _DATA = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _LAGGING = (
     (Command.RESET, ConnectionState.RESET),

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import enum
 
-__all__ = ["ConnectionState", "CrcVerdict", "FrameDirection"]
-
 
 class CrcVerdict(enum.StrEnum):
     """What the CRCs of one frame show; the value is the word in documents."""

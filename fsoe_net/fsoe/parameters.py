@@ -8,15 +8,6 @@ from dataclasses import dataclass, fields
 
 from fsoe_net.fsoe.pdu import Command
 
-__all__ = [
-    "MOST_APP_BYTES",
-    "NOT_OBSERVED",
-    "STATED_PARAMETERS",
-    "FsoeParameters",
-    "ParameterList",
-    "differences",
-]
-
 STATED_PARAMETERS = ("connection_id", "address", "watchdog_ms", "app_parameters")
 """Those that a plan states; their order is that of the bits in the C core."""
 _TEXTS = {

@@ -14,24 +14,6 @@ from typing import NamedTuple
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import FsoeError, PduSizeError
 
-__all__ = [
-    "SAFE_SIZES",
-    "Command",
-    "Pdu",
-    "ResetCode",
-    "assemble",
-    "command_text",
-    "decode_pdu",
-    "describe",
-    "describe_data",
-    "frame_length",
-    "is_frame_length",
-    "reset_code_text",
-    "safe_byte_offset",
-    "safe_data_length",
-    "safe_data_of",
-]
-
 SAFE_SIZES: frozenset[int] = frozenset({1, *range(2, 127, 2)})
 """Numbers of safe data bytes an FSoE frame can carry: 1 or even up to 126."""
 

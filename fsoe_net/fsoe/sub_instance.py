@@ -13,8 +13,6 @@ from fsoe_net.fsoe.event import State
 from fsoe_net.fsoe.instance import Instance
 from fsoe_net.fsoe.pdu import Command, Pdu, ResetCode
 
-__all__ = ["SubInstance"]
-
 _KNOWN = frozenset(Command)
 _DATA_COMMANDS = frozenset({Command.PROCESS_DATA, Command.FAIL_SAFE_DATA})
 _SESSION_BYTES = 2

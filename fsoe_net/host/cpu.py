@@ -9,8 +9,6 @@ from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.kernel import command_line
 from fsoe_net.host.seam import Host, Unreadable
 
-__all__ = ["CPU", "cpu_list", "isolated_cpus", "online_cpus", "range_text"]
-
 _FOLDER = "/sys/devices/system/cpu"
 _DEEP_US, _VERY_DEEP_US = 20, 100
 _GRUB = "add {} to GRUB_CMDLINE_LINUX in /etc/default/grub; update-grub; reboot"

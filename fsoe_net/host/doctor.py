@@ -13,8 +13,6 @@ from fsoe_net.host.machine import MACHINE
 from fsoe_net.host.permissions import permission_checks
 from fsoe_net.host.seam import Host
 
-__all__ = ["Examination", "examine"]
-
 _NAME = re.compile(r"[^\s/:]{1,15}", re.ASCII)
 
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from fsoe_net.host.seam import Host
 
-__all__ = ["Coalescing", "Eee", "coalescing", "driver", "eee", "generic_receive", "large_receive"]
-
 _GDRVINFO, _GCOALESCE, _GGRO, _GFLAGS, _GEEE = 0x03, 0x0E, 0x2B, 0x25, 0x44
 _FLAG_LRO = 1 << 15
 _WORD = struct.Struct("=II")

@@ -8,8 +8,6 @@ from dataclasses import asdict, dataclass
 
 from fsoe_net.host.seam import Host, Unreadable
 
-__all__ = ["Check", "MachineFacts", "MachineFinding", "MachineLevel", "examined"]
-
 
 class MachineLevel(enum.Enum):
     """How a fact of the host bears on real-time EtherCAT."""

@@ -12,8 +12,6 @@ from fsoe_net.host.interrupts import interrupt_checks
 from fsoe_net.host.permissions import PROGRAM
 from fsoe_net.host.seam import Host, Unreadable
 
-__all__ = ["interface_checks", "interface_names"]
-
 _ETHERNET, _LOOPBACK = 1, 772
 _IFF_UP = 1
 _FRAME_BYTES = 1500

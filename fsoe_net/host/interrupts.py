@@ -10,8 +10,6 @@ from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.permissions import scheduling
 from fsoe_net.host.seam import Host, Unreadable
 
-__all__ = ["interrupt_checks"]
-
 _MASTER_PRIORITY = 80
 
 

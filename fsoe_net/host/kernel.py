@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
-__all__ = ["KERNEL", "command_line", "kernel_option", "release"]
-
 _RT = (
     "Debian/Ubuntu: apt install linux-image-rt-amd64 (or linux-realtime), then boot it; "
     "from 6.12 on: a kernel built with CONFIG_PREEMPT_RT=y"

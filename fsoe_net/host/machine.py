@@ -7,8 +7,6 @@ from collections.abc import Iterator
 from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
-__all__ = ["MACHINE"]
-
 _STEAL, _FIELDS = 7, 8
 _BAD_STEAL = 0.001
 

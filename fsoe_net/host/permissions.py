@@ -11,8 +11,6 @@ from functools import partial
 from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
-__all__ = ["CAPABILITIES", "PROGRAM", "permission_checks"]
-
 PROGRAM = "fsn-master"
 CAPABILITIES = {"CAP_NET_RAW": 13, "CAP_IPC_LOCK": 14, "CAP_SYS_NICE": 23}
 _ALL = sum(1 << bit for bit in CAPABILITIES.values())

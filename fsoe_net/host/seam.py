@@ -12,8 +12,6 @@ import subprocess
 from pathlib import Path
 from typing import Protocol
 
-__all__ = ["Host", "RealSeam", "Seam", "Unreadable"]
-
 _SIOCETHTOOL = 0x8946
 _COMMAND_S = 5.0
 _MOST_BYTES = 1 << 22

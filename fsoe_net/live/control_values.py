@@ -15,32 +15,6 @@ from fsoe_net.diag.words import counted
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 
-__all__ = [
-    "BusState",
-    "BusStatus",
-    "ClocksStatus",
-    "CycleClient",
-    "GroupStatus",
-    "HistoryMessage",
-    "RingStatus",
-    "ScanReply",
-    "SdoValue",
-    "StandbyStatus",
-    "Status",
-    "Symbol",
-    "Value",
-    "Values",
-    "WatchedCycle",
-    "read_history",
-    "read_scan",
-    "read_sdo",
-    "read_state",
-    "read_status",
-    "read_symbols",
-    "read_values",
-    "read_watched",
-]
-
 Value = bool | int | float | None
 """A value of the process image; ``None`` for a real that is no number."""
 

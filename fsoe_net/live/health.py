@@ -18,30 +18,6 @@ from fsoe_net.live.control_values import BusState, Status
 from fsoe_net.observe.bus_documents import BusSnapshot, SubDeviceSnapshot
 from fsoe_net.timing.formulas import RESERVE
 
-__all__ = [
-    "HOLD_S",
-    "NO_CHANGES",
-    "TEXTS",
-    "WATCHDOG_SHARE_LIMIT",
-    "BusHealth",
-    "Changes",
-    "FsoeHealth",
-    "Health",
-    "HealthLevel",
-    "HealthReason",
-    "HealthReport",
-    "RecentChanges",
-    "SubDeviceHealth",
-    "bus_health",
-    "connection_health",
-    "health_texts",
-    "in_operation",
-    "reason_text",
-    "snapshot_health",
-    "subdevice_health",
-    "watchdog_share",
-]
-
 HOLD_S = 5.0
 """How long a Reset or a counted fault stays a reason: longer than people and programs look away."""
 
@@ -122,7 +98,7 @@ _NOT_IN_OPERATION = {
 }
 
 
-class SeenOnBus(Protocol):
+class _SeenOnBus(Protocol):
     """A connection of a snapshot or of a run."""
 
     @property
@@ -165,7 +141,7 @@ class Health:
 class FsoeHealth(Health):
     """The health of a connection: ``share`` of its watchdog that the longest FSoE cycle took."""
 
-    seen: SeenOnBus
+    seen: _SeenOnBus
     share: float | None
 
 
@@ -204,7 +180,7 @@ def watchdog_share(longest_ms: float, watchdog_ms: int | None) -> float | None:
 
 
 def connection_health(
-    seen: SeenOnBus,
+    seen: _SeenOnBus,
     subdevices: Iterable[SubDeviceSnapshot],
     *,
     share: float | None,
@@ -230,7 +206,7 @@ def connection_health(
 
 
 def _of_connection(
-    seen: SeenOnBus,
+    seen: _SeenOnBus,
     ends: Iterable[SubDeviceSnapshot],
     share: float | None,
     changes: Changes,

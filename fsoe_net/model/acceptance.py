@@ -9,16 +9,6 @@ from fsoe_net.model.bus import Located
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import SafetyFunction
 
-__all__ = [
-    "Acceptance",
-    "CheckedSignature",
-    "Intervention",
-    "JustifiedFinding",
-    "JustifiedStep",
-    "Replaced",
-    "SignedBy",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignedBy(Located):

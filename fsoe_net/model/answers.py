@@ -10,8 +10,6 @@ from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Located
 from fsoe_net.model.network import ConnectionFacts
 
-__all__ = ["AnsweredDevice", "AnsweredWord", "Answers", "Ask", "Question"]
-
 
 class Ask(enum.Enum):
     """What a question is about; the values are the keys of an answers file."""

@@ -13,20 +13,6 @@ from fsoe_net.diag.diagnostic import Span
 if TYPE_CHECKING:
     from fsoe_net.model.layout import DeviceLayout
 
-__all__ = [
-    "Device",
-    "Direction",
-    "Entry",
-    "EntryView",
-    "Located",
-    "Pdo",
-    "Sdo",
-    "SubDevice",
-    "SyncManager",
-    "Watchdog",
-    "same_devices",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Located:

@@ -17,8 +17,6 @@ from fsoe_net.model.network import ConnectionFacts, NetworkConfig, TransferKind
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.transfer_ends import ResolvedEnd
 
-__all__ = ["describe", "described_connections", "described_facts"]
-
 
 def describe(network: NetworkConfig) -> Description:
     """Return what a network says, with a copy for each of its transfers.

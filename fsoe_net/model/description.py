@@ -11,19 +11,6 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.model.bus import Device, Direction, Located, Pdo, RobotComponent
 
-__all__ = [
-    "ClockFacts",
-    "DescribedConnection",
-    "DescribedCopy",
-    "DescribedEnd",
-    "DescribedSubDevice",
-    "Description",
-    "MailboxFacts",
-    "PdoFacts",
-    "StartFacts",
-    "TypeFacts",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PdoFacts:

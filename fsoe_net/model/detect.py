@@ -28,8 +28,6 @@ from fsoe_net.model.layout import (
     place_entries,
 )
 
-__all__ = ["SURE", "FsoeGuess", "FsoeNearMiss", "detect_fsoe", "guess_pdo", "near_misses"]
-
 SURE = 80
 _MOST_LIKELY = 70  # what a frame with a CRC on another index gets at best
 _LEAST = 50

@@ -14,19 +14,6 @@ from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import Device, Direction, Entry, Located
 from fsoe_net.model.layout import DeviceLayout, Placed
 
-__all__ = [
-    "AXIS_STEP",
-    "CIA402_PLUGIN",
-    "CONTROLWORD",
-    "MODE_OF_OPERATION",
-    "MOST_AXES",
-    "DriveAxis",
-    "DriveSetup",
-    "axis_name",
-    "drive_axes",
-    "with_mode",
-]
-
 CIA402_PLUGIN = "ethercat_generic_plugins/EcCiA402Drive"
 """Plugin of ethercat_driver_ros2 that runs the state machine of axis 0 itself."""
 CONTROLWORD = 0x6040

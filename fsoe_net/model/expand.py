@@ -25,8 +25,6 @@ from fsoe_net.model.network import (
 )
 from fsoe_net.model.transfer_ends import ResolvedTransfer, find_end
 
-__all__ = ["Expansion", "NotExpanded", "Obstacle", "expand"]
-
 
 class Obstacle(enum.Enum):
     """Why no transfers can be made from a connection."""

@@ -19,8 +19,6 @@ from fsoe_net.model.description import (
     Description,
 )
 
-__all__ = ["fill_devices", "has_layout", "idle_types", "join_buses"]
-
 
 def has_layout(device: Device) -> bool:
     """Whether it is known which process data the device has."""

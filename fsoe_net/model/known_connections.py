@@ -15,16 +15,6 @@ from fsoe_net.model.network import ConnectionFacts
 from fsoe_net.model.pairing import PairEnd
 from fsoe_net.model.roles import FrameEnd
 
-__all__ = [
-    "CopyLink",
-    "Moves",
-    "find_moves",
-    "link_answers",
-    "link_connections",
-    "link_moves",
-    "state_facts",
-]
-
 _FrameAt = tuple[PairEnd, FsoeBlock]
 _VALUES = ("address", "connection_id", "watchdog_ms", "app_parameters")
 

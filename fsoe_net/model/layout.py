@@ -17,19 +17,6 @@ from typing import NamedTuple
 from fsoe_net.fsoe.pdu import safe_byte_offset, safe_data_length
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 
-__all__ = [
-    "DeviceLayout",
-    "EntryPlace",
-    "FramePair",
-    "FsoeBlock",
-    "Placed",
-    "SmLayout",
-    "find_blocks",
-    "frames_at",
-    "place_device",
-    "place_entries",
-]
-
 _CRC_BITS = 16
 _COMMAND_BITS = 8
 _LONGEST_FRAME = 255  # bytes

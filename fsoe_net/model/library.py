@@ -11,16 +11,6 @@ from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, Direction, Located, SyncManager
 from fsoe_net.model.layout import DeviceLayout
 
-__all__ = [
-    "Library",
-    "LibraryDevice",
-    "LibraryFigure",
-    "LibraryFrame",
-    "LibraryIdentity",
-    "LibraryMapping",
-    "contradictions",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LibraryIdentity(Located):

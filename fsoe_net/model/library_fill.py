@@ -9,8 +9,6 @@ from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.joined_descriptions import has_layout
 from fsoe_net.model.library import Library, LibraryDevice, LibraryIdentity, LibraryMapping
 
-__all__ = ["LibraryFill", "fill_from_library", "library_device", "library_role"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LibraryFill:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-__all__ = ["Names", "numbered"]
-
 
 class Names:
     """Names that are taken; the work grows with their number, also where all want the same one.

@@ -15,19 +15,6 @@ from fsoe_net.model.safety import SafetyFunction
 MOST_COMBINATIONS = 64
 """Of groups: more are not listed."""
 
-__all__ = [
-    "MOST_COMBINATIONS",
-    "Bus",
-    "ConnectionFacts",
-    "Endpoint",
-    "Group",
-    "Net",
-    "NetworkConfig",
-    "SourceFile",
-    "Transfer",
-    "TransferKind",
-]
-
 
 class TransferKind(enum.Enum):
     """What a transfer moves: one FSoE frame, or ordinary process data."""

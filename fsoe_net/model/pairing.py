@@ -19,8 +19,6 @@ from dataclasses import dataclass
 
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock
 
-__all__ = ["OpenPair", "PairEnd", "Pairing", "lonely_frames", "pair_by_lengths", "pair_ends"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PairEnd:

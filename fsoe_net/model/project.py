@@ -14,8 +14,6 @@ from fsoe_net.model.description import (
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import library_device
 
-__all__ = ["MatchedProject", "match_project", "projects_of"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchedProject:

@@ -34,8 +34,6 @@ from fsoe_net.model.library_fill import fill_from_library, library_device
 from fsoe_net.model.pairing import OpenPair, PairEnd, pair_by_lengths
 from fsoe_net.model.roles import FrameEnd, find_ends, give_roles, where_is
 
-__all__ = ["Proposal", "propose"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proposal:

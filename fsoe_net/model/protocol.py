@@ -9,17 +9,6 @@ from dataclasses import dataclass, field
 from fsoe_net.model.bus import Located
 from fsoe_net.model.written import holds_a_place, says_something
 
-__all__ = [
-    "EMULATED_NOTE",
-    "AtMachine",
-    "DeviceEntry",
-    "Protocol",
-    "ProtocolStep",
-    "StepKind",
-    "StepOutcome",
-    "StepResult",
-]
-
 EMULATED_NOTE = "EMULATED, not evidence for this machine"
 
 

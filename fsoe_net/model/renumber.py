@@ -8,8 +8,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.model.description import DescribedCopy, DescribedEnd, DescribedSubDevice, Description
 from fsoe_net.model.layout import SmLayout
 
-__all__ = ["renumbered_copies"]
-
 
 def renumbered_copies(bus: Description, other: Description) -> tuple[DescribedCopy, ...]:
     """Return the copies of ``bus``, their ends being SubDevices of ``other``.

@@ -17,16 +17,6 @@ from fsoe_net.model.names import Names
 from fsoe_net.model.network import ConnectionFacts, Net, NetworkConfig, TransferKind
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer, find_end
 
-__all__ = [
-    "Connection",
-    "Resolution",
-    "UnmatchedFacts",
-    "main_instance_of",
-    "partner_block",
-    "resolve",
-    "shared_modules",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Connection:

@@ -15,8 +15,6 @@ from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import library_role
 from fsoe_net.model.pairing import PairEnd, lonely_frames, pair_ends
 
-__all__ = ["FrameEnd", "find_ends", "give_roles", "where_is"]
-
 
 @dataclass(slots=True, kw_only=True)
 class FrameEnd:

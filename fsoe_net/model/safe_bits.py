@@ -11,8 +11,6 @@ from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFun
 from fsoe_net.model.signals import Signal, signals_of
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 
-__all__ = ["ElementFrame", "bit_words", "element_frames", "frame_of", "frame_place", "frame_words"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementFrame:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from fsoe_net.model.bus import Located
 
-__all__ = ["ElementKind", "SafeBit", "SafetyElement", "SafetyFunction", "level_words"]
-
 
 class ElementKind(enum.Enum):
     """Which part of a safety function an element is, in the order of the signal."""

@@ -6,17 +6,6 @@ from dataclasses import dataclass
 
 from fsoe_net.model.bus import Located
 
-__all__ = [
-    "Scan",
-    "ScannedConnection",
-    "ScannedEntry",
-    "ScannedFsoe",
-    "ScannedPdo",
-    "ScannedPort",
-    "ScannedSm",
-    "ScannedSubDevice",
-]
-
 _ERROR_FLAG = 0x10
 
 

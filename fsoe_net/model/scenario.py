@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from fsoe_net.model.bus import Located
 from fsoe_net.model.drives import DriveSetup
 
-__all__ = ["Action", "Expectation", "LogicChoice", "Scenario", "ScenarioStep"]
-
 
 class Action(enum.Enum):
     """What a step does."""

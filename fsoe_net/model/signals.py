@@ -10,8 +10,6 @@ from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.resolve import Connection
 from fsoe_net.model.transfer_ends import ResolvedEnd
 
-__all__ = ["Signal", "connection_signals", "signals_of", "split_name", "write_bits"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signal:

@@ -9,8 +9,6 @@ from fsoe_net.model.bus import Direction, Entry, EntryView
 from fsoe_net.model.layout import DeviceLayout, SmLayout
 from fsoe_net.model.names import Names
 
-__all__ = ["DeviceSymbol", "device_symbols", "directed_names"]
-
 _MOST_BITS = 64
 
 

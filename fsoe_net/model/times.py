@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["TIME_UNITS_NS", "time_ns", "time_text"]
-
 TIME_UNITS_NS = {
     "ns": 1,
     "us": 1_000,

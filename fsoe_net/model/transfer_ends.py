@@ -9,8 +9,6 @@ from fsoe_net.model.bus import Direction, SubDevice
 from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout
 from fsoe_net.model.network import Endpoint, Net, Transfer
 
-__all__ = ["Miss", "ResolvedEnd", "ResolvedTransfer", "find_end"]
-
 
 class Miss(enum.Enum):
     """Why an end of a transfer means no bytes."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-__all__ = ["DRIVER_WORD", "TYPE_BITS"]
-
 TYPE_BITS: Mapping[str, int] = MappingProxyType(
     {
         "bool": 1,

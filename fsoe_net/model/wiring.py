@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 from fsoe_net.model.scan import Scan, ScannedSubDevice
 
-__all__ = ["Cable", "Wiring", "wiring_of"]
-
 _ORDER = (3, 1, 2)
 
 

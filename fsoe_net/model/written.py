@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 import unicodedata
 
-__all__ = ["holds_a_place", "names_a_person", "principal_of", "same_person", "says_something"]
-
 _PLACE_HOLDERS = r"fixme|later|na|none|open|tb[acd]|todo|unknown|x+|0x?0*"
 _WITH_PRINCIPAL = re.compile(r"([^<>]*)<([A-Za-z0-9][A-Za-z0-9._%+@-]{0,253})>\s*")
 

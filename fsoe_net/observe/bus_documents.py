@@ -25,22 +25,6 @@ from fsoe_net.observe.json_object import JsonObject
 
 _STATES = tuple(ConnectionState)
 
-__all__ = [
-    "BusSnapshot",
-    "Found",
-    "Layout",
-    "LayoutCopy",
-    "LayoutDatagram",
-    "LayoutSm",
-    "PlannedConnection",
-    "SubDeviceSnapshot",
-    "read_connections",
-    "read_layout",
-    "read_snapshot",
-    "read_statistics",
-    "read_subdevice",
-]
-
 
 class Found(enum.IntEnum):
     """What is in the place of a SubDevice: ``enum fsn_found``."""

@@ -9,8 +9,6 @@ from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.observe.causes_table import CAUSES
 from fsoe_net.observe.evidence import IncidentEvidence
 
-__all__ = ["Candidate", "any_of", "candidate", "code_text", "ms"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:

@@ -8,8 +8,6 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-__all__ = ["CaptureWriter"]
-
 _ETHERNET = 1
 _SECTION, _INTERFACE, _PACKET = 0x0A0D0D0A, 1, 6
 _TSRESOL = 9

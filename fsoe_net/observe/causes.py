@@ -11,8 +11,6 @@ from fsoe_net.observe.causes_places import place_causes
 from fsoe_net.observe.causes_start import start_causes
 from fsoe_net.observe.evidence import IncidentEvidence
 
-__all__ = ["LIKELY", "Verdicts", "judge"]
-
 LIKELY = 50
 """Least score of a cause that is called likely."""
 _SHOWN = 20

@@ -13,8 +13,6 @@ from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_cycles import BadCycles
 from fsoe_net.observe.incident import IncidentEvent, TriggerKind
 
-__all__ = ["bus_causes"]
-
 _WATCHDOG = 5
 _TENTH_MS = 100_000
 _MOST_ERRNO = 4095

@@ -14,8 +14,6 @@ from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import LinkFacts, ResetSeen
 from fsoe_net.observe.incident import TriggerKind
 
-__all__ = ["end_causes", "reported_codes"]
-
 _SUB, _MAIN = 1, 0
 _DATA_COMMANDS = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _PARAMETER_CODES = range(ResetCode.COMM_PARAMETER_LENGTH, ResetCode.APP_PARAMETER + 1)

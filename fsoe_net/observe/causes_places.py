@@ -13,8 +13,6 @@ from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import LinkFacts, WireSide
 from fsoe_net.observe.incident import TriggerKind
 
-__all__ = ["place_causes", "swapped", "swapped_key"]
-
 _MAIN, _SUB = 0, 1
 _FEW = 3
 _MOST_COMPARED = 200

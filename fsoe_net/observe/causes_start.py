@@ -10,8 +10,6 @@ from fsoe_net.observe.causes_places import swapped, swapped_key
 from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.incident import BusFault, TriggerKind
 
-__all__ = ["start_causes"]
-
 _BY_STATUS = {
     "FSN_E_BUS_BUSY": "other_main_device",
     "FSN_E_BUS_SILENT": "bus_silent",

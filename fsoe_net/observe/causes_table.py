@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CAUSES", "SECURE", "Cause"]
-
 SECURE = (
     "Secure the machine before anybody reaches into it: outputs can come on again as soon as a "
     "connection is back in Data."

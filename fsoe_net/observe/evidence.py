@@ -31,8 +31,6 @@ from fsoe_net.observe.incident_read import IncidentReader
 from fsoe_net.observe.json_object import clean
 from fsoe_net.plan.model import NONE, Plan
 
-__all__ = ["IncidentEvidence", "gather"]
-
 _MOST_PAIRED = 24
 _NEAR_CYCLES = 8
 

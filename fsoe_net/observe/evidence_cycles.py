@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 
 from fsoe_net.observe.incident import CycleRecord
 
-__all__ = ["BadCycles", "BusFacts", "BusWatch", "SlowCycle"]
-
 _MOST_RUNS = 2_000
 _MOST_OLD = 20_000
 _WORST = 10

@@ -12,16 +12,6 @@ from fsoe_net.fsoe.parameters import NOT_OBSERVED
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_length
 from fsoe_net.observe.bus_documents import LayoutCopy, PlannedConnection
 
-__all__ = [
-    "FrameSeen",
-    "LinkFacts",
-    "LinkWatch",
-    "PairWatch",
-    "ResetSeen",
-    "Shift",
-    "WireSide",
-]
-
 _LEGAL = frozenset(int(c) for c in Command)
 _DATA_COMMANDS = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
 _START_COMMANDS = (Command.CONNECTION, Command.PARAMETER)

@@ -19,8 +19,6 @@ from fsoe_net.fsoe.pdu import (
     safe_data_length,
 )
 
-__all__ = ["FollowedFrame", "HexFrame", "follow_frames", "parse_frames"]
-
 _MARKS = {"m": 0, "main": 0, "master": 0, ">": 0, "s": 1, "sub": 1, "slave": 1, "<": 1}
 _BYTE = re.compile(r"(?:0x)?[0-9a-f]{1,2}", re.IGNORECASE)
 _LONG = 60  # characters of a word in a message

@@ -15,17 +15,6 @@ from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.observe.bus_documents import Layout, SubDeviceSnapshot
 from fsoe_net.plan.model import Plan
 
-__all__ = [
-    "BusFault",
-    "CycleRecord",
-    "FsoeFacts",
-    "FsoeSetting",
-    "IncidentEvent",
-    "IncidentHead",
-    "Trigger",
-    "TriggerKind",
-]
-
 
 class TriggerKind(enum.Enum):
     """Why the file was written."""

@@ -27,8 +27,6 @@ from fsoe_net.observe.json_object import JsonObject
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.model import Plan
 
-__all__ = ["head_of"]
-
 _VERSION = 1
 
 

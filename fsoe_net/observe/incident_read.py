@@ -15,8 +15,6 @@ from fsoe_net.observe.incident import CycleRecord, IncidentHead
 from fsoe_net.observe.incident_head import head_of
 from fsoe_net.observe.json_object import JsonObject
 
-__all__ = ["IncidentReader"]
-
 _HEAD_BYTES = 64 << 20
 _MOST_CYCLES = 4_000_000
 _MOST_IMAGE_BYTES = 4 << 20

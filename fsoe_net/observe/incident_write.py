@@ -12,8 +12,6 @@ from typing import Any
 
 from fsoe_net.observe.incident import CycleRecord
 
-__all__ = ["WrittenIncident", "incident_lines", "incident_name", "write_incident"]
-
 _SUFFIX = ".fsnincident"
 
 

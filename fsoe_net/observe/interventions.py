@@ -17,18 +17,6 @@ from typing import Any, Protocol
 
 from fsoe_net.observe.json_object import clean
 
-__all__ = [
-    "ChainFinding",
-    "LogChain",
-    "LogCheck",
-    "LogEntry",
-    "LogFile",
-    "LogFilter",
-    "LogSelection",
-    "log_lines",
-    "utc_of",
-]
-
 _LINE_BYTES = 1 << 20  # as fsn-master writes them
 _VERSION = 1
 _MOST_NUMBER = (1 << 64) - 1

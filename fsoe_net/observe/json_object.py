@@ -8,8 +8,6 @@ from typing import Any
 
 from fsoe_net.errors import IncidentError
 
-__all__ = ["JsonObject", "ReplyObject", "clean"]
-
 _MOST = (1 << 64) - 1
 _MOST_ROWS = 100_000
 _TEXT = 4096

@@ -16,8 +16,6 @@ from fsoe_net.observe.names import ConnectionNames, Naming
 from fsoe_net.observe.wire import LogicalImage
 from fsoe_net.plan.model import Plan
 
-__all__ = ["lua_dissector"]
-
 _WAYS = ("to_sub", "to_main")
 _HEAD = """\
 -- FSoE frames of one network, for Wireshark and tshark: wireshark -X lua_script:THIS_FILE

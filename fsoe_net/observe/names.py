@@ -10,8 +10,6 @@ from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.signals import Signal, connection_signals
 from fsoe_net.observe.wire import LogicalImage
 
-__all__ = ["ConnectionNames", "Naming"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionNames:

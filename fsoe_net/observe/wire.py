@@ -9,8 +9,6 @@ from fsoe_net.model.transfer_ends import ResolvedEnd
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import Plan
 
-__all__ = ["LogicalImage", "RebuiltFrames", "image_packets"]
-
 _LRW = 12
 _TO_BUS = bytes.fromhex("ffffffffffff 000000000001 88a4")
 _FROM_BUS = bytes.fromhex("ffffffffffff 020000000001 88a4")  # a SubDevice has set a bit

@@ -9,8 +9,6 @@ from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.fingerprint import SECTIONS, Fingerprint, fingerprint_of, safety_sha256
 from fsoe_net.plan.model import Plan
 
-__all__ = ["accepted_plan"]
-
 
 def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerprint] | None:
     """Return the plan in a record with its fingerprint, worked out anew.

@@ -38,8 +38,6 @@ from fsoe_net.plan.records import (
     Record,
 )
 
-__all__ = ["MAGIC", "decode_plan", "encode_plan"]
-
 MAGIC = b"FSNPLAN\0"
 MAJOR = 1
 SECTIONS = 10

@@ -36,8 +36,6 @@ from fsoe_net.plan.model import (
     PlanSyncManager,
 )
 
-__all__ = ["compile_plan", "entry_kind", "stop_value"]
-
 _WATCHDOG = {Watchdog.DEFAULT: 0, Watchdog.ENABLE: 1, Watchdog.DISABLE: 2}
 _ANY_REVISION = (0, 0xFFFFFFFF)
 _SIGNED, _REAL = 2, 4

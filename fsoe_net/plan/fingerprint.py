@@ -17,20 +17,6 @@ from fsoe_net.errors import PlanFormatError
 from fsoe_net.model.safety import SafetyElement, SafetyFunction
 from fsoe_net.plan.model import NONE, Plan, PlanEntry, PlanSdo, PlanSymbol, PlanSyncManager
 
-__all__ = [
-    "FORM",
-    "SECTIONS",
-    "Fingerprint",
-    "canonical_section",
-    "cycle_sha256",
-    "fingerprint_from_json",
-    "fingerprint_of",
-    "fingerprint_of_sections",
-    "safety_sha256",
-    "safety_text",
-    "short_code",
-]
-
 FORM = "fsoe-net fingerprint 2"
 """Name and version of the canonical text; every section and the whole start with it."""
 

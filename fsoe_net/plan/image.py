@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from fsoe_net.plan.model import Plan
 
-__all__ = ["IghDatagram", "IghDomain", "IghFmmu", "igh_image", "igh_text"]
-
 # IgH cuts a domain into datagrams between FMMUs, at this many bytes (EC_MAX_DATA_SIZE).
 MAX_DATAGRAM_BYTES = 1486
 

@@ -18,22 +18,6 @@ from fsoe_net.fsoe.parameters import FsoeParameters
 if TYPE_CHECKING:
     from fsoe_net.plan.fingerprint import Fingerprint
 
-__all__ = [
-    "NONE",
-    "Plan",
-    "PlanBlock",
-    "PlanBus",
-    "PlanConnection",
-    "PlanCopy",
-    "PlanEntry",
-    "PlanGroup",
-    "PlanPdo",
-    "PlanSdo",
-    "PlanSubDevice",
-    "PlanSymbol",
-    "PlanSyncManager",
-]
-
 NONE = 0xFFFFFFFF
 
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-__all__ = ["BUS_RECORD", "GROUP_RECORD", "HASH_BYTES", "RECORDS", "STRING_BYTES", "Field", "Record"]
-
 STRING_BYTES = 1
 HASH_BYTES = 32
 

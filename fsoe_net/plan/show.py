@@ -12,8 +12,6 @@ from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import NONE, Plan, PlanConnection, PlanCopy
 
-__all__ = ["copy_end", "entry_at", "plan_document", "plan_json", "plan_text"]
-
 
 def copy_end(plan: Plan, sm_number: int, bit: int) -> str:
     """Return ``ek1914 SM3 byte 0 (0x6000:01)``: the entry that starts there, if one does."""

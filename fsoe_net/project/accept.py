@@ -25,8 +25,6 @@ from fsoe_net.report.signed_report import read_signed_report
 from fsoe_net.timing.budget import make_budget
 from fsoe_net.version import __version__
 
-__all__ = ["accept", "attachments", "intervention_rows", "reason_rows", "record_bytes"]
-
 
 def accept(
     files: Sequence[str],

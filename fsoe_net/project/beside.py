@@ -14,8 +14,6 @@ from fsoe_net.formats.recognise import recognise
 from fsoe_net.formats.shared.files import open_file
 from fsoe_net.plan.codec import MAGIC
 
-__all__ = ["Beside", "BesideKind", "files_beside"]
-
 _HEAD_BYTES = 65_536
 _MOST_FILES = 2000
 _PROTOCOL = re.compile(rb"^plan_sha256\s*:", re.MULTILINE)

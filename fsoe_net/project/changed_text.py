@@ -14,8 +14,6 @@ from typing import Any
 from fsoe_net.project.yaml_parts import Part, PartRow, ReadText, is_same
 from fsoe_net.project.yaml_words import in_brackets, in_lines, is_empty, scalar
 
-__all__ = ["changed_text"]
-
 _COMMA_BEHIND = re.compile(r"\s*,[ \t]*")
 _ALIGNED_COMMENT = re.compile(r"  +(?=#)")
 _DASHES = re.compile(r" *(?:- +)+")

@@ -23,16 +23,6 @@ from fsoe_net.rules.runtime import Runtime
 if TYPE_CHECKING:
     from fsoe_net.model.scan import Scan
 
-__all__ = [
-    "Checked",
-    "LoadedFiles",
-    "check_files",
-    "check_loaded",
-    "library_of",
-    "load_files",
-    "whole_network",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedFiles:

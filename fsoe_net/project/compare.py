@@ -25,8 +25,6 @@ from fsoe_net.report.diff_read import (
 )
 from fsoe_net.report.diff_side import Side
 
-__all__ = ["read_side"]
-
 _NO_NET = "FSN125"
 
 

@@ -28,8 +28,6 @@ from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
 from fsoe_net.model.joined_descriptions import fill_devices, has_layout, idle_types, join_buses
 
-__all__ = ["Conversion", "convert_files"]
-
 _NO_NET = "FSN125"
 
 

@@ -14,8 +14,6 @@ from fsoe_net.observe.names import ConnectionNames, Naming
 from fsoe_net.observe.wire import LogicalImage
 from fsoe_net.plan.compile import compile_plan
 
-__all__ = ["CaptureDecoder", "CaptureFacts", "DecodedFrame", "Found", "naming_of"]
-
 _DIRECTIONS = tuple(FrameDirection)
 
 Found = tuple[FoundConnection, ConnectionNames | None, bool]

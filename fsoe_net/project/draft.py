@@ -26,8 +26,6 @@ from fsoe_net.model.proposal import Proposal, propose
 from fsoe_net.project.gather import Gathered
 from fsoe_net.project.ring import DeviceType, list_types, ring_of
 
-__all__ = ["Draft", "Inputs", "make_draft", "question_findings"]
-
 _MOST_IDLE = 4
 _VALUES = {
     "address": "FSoE address",

@@ -13,8 +13,6 @@ from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.proposal import Proposal
 from fsoe_net.project.draft import Draft
 
-__all__ = ["answers_template", "draft_files"]
-
 
 def draft_files(made: Draft) -> Written:
     """Return the commented files of a proposed network.

@@ -25,8 +25,6 @@ from fsoe_net.project.yaml_parts import Part, adopt, is_same, read_text
 if TYPE_CHECKING:
     from fsoe_net.project.network import Network
 
-__all__ = ["EditedText", "NetworkEdit"]
-
 
 class NetworkEdit:
     """A file of a network that is being changed; see `fsoe_net.Network.edit`.

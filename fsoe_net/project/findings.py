@@ -14,8 +14,6 @@ from fsoe_net.rules.effects import effect_today
 from fsoe_net.rules.runtime import Runtime
 from fsoe_net.version import __version__
 
-__all__ = ["Findings", "finding_text", "github_line", "json_document", "sarif_document"]
-
 _DOCS = "https://fsoe-net.readthedocs.io/diagnostics"
 
 

@@ -13,8 +13,6 @@ from fsoe_net.formats.shared.files import STDIN, read_unchanged
 from fsoe_net.formats.shared.write_files import write_all
 from fsoe_net.model.network import SourceFile
 
-__all__ = ["Fixes"]
-
 _AGAIN = "check it again"
 
 

@@ -23,8 +23,6 @@ from fsoe_net.model.description import Description
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.scan import Scan
 
-__all__ = ["Gathered", "gather"]
-
 _MOST_FILES = 2000
 _DEEPEST = 5
 _HEAD_BYTES = 4096

@@ -15,8 +15,6 @@ from pathlib import Path
 
 from fsoe_net.version import __version__
 
-__all__ = ["InstalledFiles", "installed_files", "shipped", "versions"]
-
 _PACKAGE = Path(__file__).parents[1]
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 

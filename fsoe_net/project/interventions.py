@@ -27,8 +27,6 @@ from fsoe_net.observe.interventions import (
 from fsoe_net.report.intervention_document import check_json, log_check_document
 from fsoe_net.version import __version__
 
-__all__ = ["export_log", "log_files", "read_log", "select_entries"]
-
 _FILES = "interventions-*.jsonl"
 _MOST_KEPT_BYTES = 64 << 20
 

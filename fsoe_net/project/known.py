@@ -28,8 +28,6 @@ from fsoe_net.plan.fingerprint import (
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import check_files, whole_network
 
-__all__ = ["AcceptedRecord", "Known", "is_record", "known_record", "read_known", "read_record"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:

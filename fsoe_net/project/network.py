@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from fsoe_net.run.client import Client
     from fsoe_net.run.result import Run
 
-__all__ = ["Network", "connect", "convert", "decode", "load", "propose"]
-
 AnyPath = str | os.PathLike[str]
 
 

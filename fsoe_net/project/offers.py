@@ -22,8 +22,6 @@ from fsoe_net.project.draft import Draft, Inputs, make_draft
 from fsoe_net.project.gather import Gathered
 from fsoe_net.project.ring import DeviceType, list_types
 
-__all__ = ["Addition", "Offer", "addition_of", "list_offers"]
-
 _LIBRARY = "device library"
 
 

@@ -30,8 +30,6 @@ from fsoe_net.run.protocol_live import Person, run_protocol_live
 from fsoe_net.run.protocol_virtual import run_protocol_virtual
 from fsoe_net.version import __version__
 
-__all__ = ["ProtocolTrial", "read_protocol"]
-
 
 @dataclass(slots=True, kw_only=True)
 class ProtocolTrial:

@@ -20,8 +20,6 @@ from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.model.protocol import DeviceEntry, Protocol, ProtocolStep, StepOutcome
 from fsoe_net.project.edit import EditedText
 
-__all__ = ["Conflict", "MachineEntry", "device_fields", "enter", "step_fields"]
-
 Fields = Mapping[str, str]
 
 _STEP = ("result", "measured_ms", "remark", "by", "date")

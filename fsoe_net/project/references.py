@@ -17,8 +17,6 @@ from fsoe_net.model.network import NetworkConfig, SourceFile
 if TYPE_CHECKING:
     from fsoe_net.model.description import Description
 
-__all__ = ["References", "read_references", "split_files"]
-
 _NOT_FOUND = frozenset({"FSN135", "FSN136"})  # the comparison says it, at the user's revision
 
 

@@ -54,8 +54,6 @@ from fsoe_net.version import __version__
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run
 
-__all__ = ["REPORT_FORMATS", "Report", "make_report", "plan_to_show", "since"]
-
 REPORT_FORMATS = (*FORMATS, "pdf")
 
 

@@ -18,8 +18,6 @@ from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.joined_descriptions import has_layout
 from fsoe_net.model.library import Library
 
-__all__ = ["DeviceType", "list_types", "ring_of"]
-
 _MOST_NAMES = 2000
 
 

@@ -18,13 +18,6 @@ from fsoe_net.project.known import AcceptedRecord, read_record
 from fsoe_net.project.ssh_signatures import SshSigners, ssh_sign
 from fsoe_net.report.sign_off import Refusal
 
-__all__ = [
-    "ROLES",
-    "SignedRecord",
-    "check_signatures",
-    "sign_record",
-]
-
 ROLES = ("author", "verifier")
 _MOST_BYTES = 1 << 16
 _AS_SIGNED = "take it as it was signed, or have the record made and signed anew"

@@ -26,8 +26,6 @@ from fsoe_net.run.session import (
     run_virtual,
 )
 
-__all__ = ["plan_bytes", "prepare", "simulate", "with_scenario"]
-
 _Run = TypeVar("_Run", bound=ScenarioRun)
 
 

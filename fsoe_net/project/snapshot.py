@@ -27,8 +27,6 @@ from fsoe_net.report.model import LEVELS
 from fsoe_net.report.network_picture import network_picture
 from fsoe_net.version import __version__
 
-__all__ = ["snapshot"]
-
 _FILE = "network file"
 
 

@@ -19,8 +19,6 @@ from pathlib import Path
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.formats.shared.files import read_source
 
-__all__ = ["NAMESPACE", "SshSigners", "ssh_sign"]
-
 NAMESPACE = "fsoe-net-acceptance"
 """What an SSH signature is for; one made for anything else does not count."""
 _MOST_BYTES = 1 << 20

@@ -15,8 +15,6 @@ from fsoe_net.report.diff import compare
 from fsoe_net.report.diff_read import side_of_plan
 from fsoe_net.report.diff_side import Side
 
-__all__ = ["Comparison", "compare_known", "compare_running"]
-
 _SHOWN_LINES = 20
 _OBSERVED = "observed_parameters"
 

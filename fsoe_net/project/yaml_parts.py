@@ -11,17 +11,6 @@ from typing import Any
 
 import yaml
 
-__all__ = [
-    "EditedMap",
-    "Part",
-    "PartRow",
-    "ReadText",
-    "adopt",
-    "is_same",
-    "plain_value",
-    "read_text",
-]
-
 _NO_KEY = object()
 _LOADER = getattr(yaml, "CLoader", yaml.Loader)
 _MOST_DEPTH = 64

@@ -9,8 +9,6 @@ import yaml
 
 from fsoe_net.project.yaml_parts import plain_value
 
-__all__ = ["Hex", "in_brackets", "in_lines", "is_empty", "scalar"]
-
 _LONGEST = 100
 _NO_LIMIT = 2**31 - 1
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)

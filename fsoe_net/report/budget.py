@@ -26,8 +26,6 @@ from fsoe_net.timing.formulas import PartTimes, SignalWay
 from fsoe_net.timing.reaction import FunctionBudget, Reaction, ResponseCase, reaction_of
 from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
-__all__ = ["budget_document", "budget_json", "budget_picture", "reaction_pictures"]
-
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 760, 250, 64, 210, 30, 44
 _CYCLES = (0.1, 0.2, 0.25, 0.5, 1.0, 2.0, 4.0, 5.0, 8.0, 10.0)
 # Of each curve its dashes, its colour and its mark, so that none of them is needed alone.

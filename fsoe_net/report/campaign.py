@@ -23,8 +23,6 @@ from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.run.campaign import CampaignResult
 from fsoe_net.version import __version__
 
-__all__ = ["Saved", "campaign_document", "to_json"]
-
 Saved = Mapping[tuple[str, int], str]
 """Recordings of failing cases: class and trial, file."""
 

@@ -11,8 +11,6 @@ from collections.abc import Iterator
 from fsoe_net.plan.fingerprint import canonical_section
 from fsoe_net.plan.model import NONE, Plan
 
-__all__ = ["changed_subdevices"]
-
 _Row = tuple[object, ...]
 
 

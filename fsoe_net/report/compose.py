@@ -41,8 +41,6 @@ from fsoe_net.report.section_record import change_log, fingerprint, open_points,
 from fsoe_net.report.section_tests import tests
 from fsoe_net.report.section_timing import timing
 
-__all__ = ["compose_report"]
-
 _ROWS_ON_FIRST_PAGE = 14
 _Make = Callable[[ReportInputs], ReportSection]
 _MAIN: tuple[_Make, ...] = (causes_and_effects, architecture, role, change_log, sign_off)

@@ -11,16 +11,6 @@ from fsoe_net.core.snapshot import Histogram, Statistics, bars_of
 from fsoe_net.document.markup import escape, svg_text
 from fsoe_net.document.model import Column, Table, cell
 
-__all__ = [
-    "histogram_name",
-    "histogram_picture",
-    "percentiles_table",
-    "times_table",
-    "timing_bars",
-    "timing_csv",
-    "timing_picture",
-]
-
 _NAMES = {
     "latency": "wake-up latency",
     "period": "period",

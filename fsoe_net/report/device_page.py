@@ -9,8 +9,6 @@ from fsoe_net.document.model import Column, Document, Table, cell, words
 from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.library import LibraryDevice, LibraryMapping
 
-__all__ = ["device_json", "device_list", "device_text"]
-
 
 def device_list(devices: Iterable[LibraryDevice]) -> Document:
     """Return a row for each device, with the lengths of its frames."""

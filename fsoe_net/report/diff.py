@@ -24,8 +24,6 @@ from fsoe_net.report.diff_side import (
 )
 from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind, Fact
 
-__all__ = ["Difference", "compare"]
-
 _FACTS = ("address", "connection_id", "watchdog_ms")
 _T = TypeVar("_T")
 _K = TypeVar("_K", bound=Hashable)

@@ -8,8 +8,6 @@ from fsoe_net.report.diff import Difference
 from fsoe_net.report.diff_side import Side
 from fsoe_net.report.diff_types import ChangeKind
 
-__all__ = ["diff_document"]
-
 _LEVELS = {ChangeKind.ADDED: Level.CLEAR, ChangeKind.REMOVED: Level.ERROR}
 
 

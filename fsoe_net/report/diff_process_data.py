@@ -7,8 +7,6 @@ from collections.abc import Iterable, Mapping
 from fsoe_net.report.diff_side import SideEntry, SideFrame, SideManager
 from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind, Fact
 
-__all__ = ["compare_managers"]
-
 _Key = tuple[str, int]
 
 

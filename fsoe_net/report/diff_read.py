@@ -26,8 +26,6 @@ from fsoe_net.report.diff_side import (
     SideSubDevice,
 )
 
-__all__ = ["side_of_description", "side_of_network", "side_of_plan", "side_of_scan"]
-
 _WATCHDOGS = ("default", "enable", "disable")
 
 

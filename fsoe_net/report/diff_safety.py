@@ -8,8 +8,6 @@ from fsoe_net.model.names import Names
 from fsoe_net.model.safety import SafetyElement, SafetyFunction
 from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind, Fact
 
-__all__ = ["compare_functions"]
-
 
 def compare_functions(a: Sequence[SafetyFunction], b: Sequence[SafetyFunction]) -> list[Change]:
     """Compare safety functions by name, and their elements in the order of the signal."""

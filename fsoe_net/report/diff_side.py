@@ -10,16 +10,6 @@ from dataclasses import dataclass
 from fsoe_net.model.description import DescribedConnection
 from fsoe_net.model.safety import SafetyFunction
 
-__all__ = [
-    "Side",
-    "SideCopy",
-    "SideEnd",
-    "SideEntry",
-    "SideFrame",
-    "SideManager",
-    "SideSubDevice",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class SideEntry:

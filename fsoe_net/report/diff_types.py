@@ -5,8 +5,6 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-__all__ = ["Change", "ChangeArea", "ChangeKind", "Fact"]
-
 Fact = int | str | None
 
 _SHOWN_ENTRIES = 6

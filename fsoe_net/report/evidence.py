@@ -24,17 +24,6 @@ if TYPE_CHECKING:
     from fsoe_net.observe.bus_documents import BusSnapshot
     from fsoe_net.observe.incident import IncidentHead
 
-__all__ = [
-    "Evidence",
-    "LiveEvidence",
-    "RunEvidence",
-    "RunRow",
-    "ask_live",
-    "longest_round_trips",
-    "measured_ms",
-    "read_evidence",
-]
-
 _NEXT = "evidence is a scan.json, a result of fsoe-net run --format json, or an incident file"
 
 

@@ -27,8 +27,6 @@ from fsoe_net.report.section_timing import JUDGED, upper_bound
 from fsoe_net.timing.judgement import Judgement
 from fsoe_net.timing.reaction import FunctionBudget
 
-__all__ = ["first_page"]
-
 _OPEN = {Judgement.MISSING: "not judged", Judgement.UNVERIFIED: "unverified"}
 _SOURCE = "network file"
 

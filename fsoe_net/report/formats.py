@@ -12,8 +12,6 @@ from fsoe_net.report.compose import compose_report
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import ReportDocument
 
-__all__ = ["FORMATS", "render_report"]
-
 
 def _json(d: ReportDocument) -> str:
     """Return the report as JSON text (``schemas/report.schema.json``)."""

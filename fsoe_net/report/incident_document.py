@@ -30,8 +30,6 @@ from fsoe_net.report.cycle_times import histogram_name, histogram_picture, perce
 from fsoe_net.report.incident_facts import NO_STATEMENT, FrameRow, IncidentFacts, LinkRow
 from fsoe_net.report.incident_window import IncidentWindow, Wrong, window_of
 
-__all__ = ["incident_document"]
-
 _WIDTH, _HEIGHT, _CELLS = 960, 40, 96
 _BARS = {
     Wrong.LATE: 'y="20" width="{}" height="6" style="fill:var(--c3)"',

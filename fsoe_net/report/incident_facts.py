@@ -13,16 +13,6 @@ from fsoe_net.observe.evidence import IncidentEvidence
 from fsoe_net.observe.evidence_frames import FrameSeen
 from fsoe_net.observe.incident import TriggerKind
 
-__all__ = [
-    "NO_STATEMENT",
-    "FrameRow",
-    "IncidentFacts",
-    "LinkRow",
-    "TimeRow",
-    "facts_json",
-    "facts_of",
-]
-
 NO_STATEMENT = (
     "This page says what the evidence fits. It is no safety statement and certifies nothing"
 )

@@ -7,8 +7,6 @@ from enum import IntEnum
 
 from fsoe_net.observe.evidence import IncidentEvidence
 
-__all__ = ["IncidentWindow", "Slice", "Wrong", "window_of"]
-
 
 class Wrong(IntEnum):
     """What was wrong in a slice; the worst has the highest number."""

@@ -21,15 +21,6 @@ from fsoe_net.timing.budget import Budget
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run
 
-__all__ = [
-    "Against",
-    "GivenPlan",
-    "GivenRecord",
-    "ReportInputs",
-    "Signatures",
-    "Tried",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Against:

@@ -21,8 +21,6 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.observe.interventions import LogCheck, LogEntry, LogSelection
 
-__all__ = ["check_json", "check_sections", "log_check_document", "log_document", "selection_json"]
-
 _ENTRY_COLUMNS = (
     Column("Entry", number=True),
     Column("Time (UTC)"),

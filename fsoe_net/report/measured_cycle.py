@@ -25,8 +25,6 @@ from fsoe_net.report.inputs import ReportInputs
 if TYPE_CHECKING:
     from fsoe_net.core.snapshot import Histogram
 
-__all__ = ["measured_cycle"]
-
 _SHARES = (990_000, 999_000, 999_990)
 _HEADS = ("Cycles", "Min", "Mean", "p99", "p99.9", "p99.999", "Max")
 _REMARK = (

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.document.model import Document, Level, Section, Verdict
 
-__all__ = ["LEVELS", "Point", "PointKind", "ReportDocument", "ReportSection"]
-
 LEVELS = {
     Severity.ERROR: Level.ERROR,
     Severity.WARNING: Level.WARNING,

@@ -11,8 +11,6 @@ from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Connection, Resolution
 
-__all__ = ["network_picture"]
-
 _WIDTH, _CARD, _MARGIN = 900, 270, 12
 _BOX, _BOX_STEP, _PER_ROW = 150, 174, 5
 _HEAD, _SLOT, _GAP = 46, 26, 14

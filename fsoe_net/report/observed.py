@@ -8,10 +8,8 @@ from typing import Protocol
 from fsoe_net.document.model import Cell, Item, Level, Verdict, cell, muted
 from fsoe_net.fsoe.parameters import FsoeParameters, differences
 
-__all__ = ["observed_cell"]
 
-
-class Seen(Protocol):
+class _Seen(Protocol):
     """A connection of a run, or of a running bus."""
 
     @property
@@ -22,7 +20,7 @@ class Seen(Protocol):
     def differs(self) -> tuple[str, ...]: ...
 
 
-def observed_cell(name: str, seen: Seen) -> Cell:
+def observed_cell(name: str, seen: _Seen) -> Cell:
     """Return what the MainInstance sent in its last start-up, and what speaks against it."""
     against = tuple(_against(name, seen))
     if against:
@@ -40,6 +38,6 @@ def observed_cell(name: str, seen: Seen) -> Cell:
     return cell(Verdict("as stated", Level.CLEAR), muted(words))
 
 
-def _against(name: str, seen: Seen) -> Iterator[Item]:
+def _against(name: str, seen: _Seen) -> Iterator[Item]:
     for text in differences(seen.differs, seen.configured, seen.observed):
         yield Verdict(f"{name}: {text}", Level.ERROR)

@@ -30,8 +30,6 @@ from fsoe_net.model.protocol import (
 )
 from fsoe_net.plan.fingerprint import short_code
 
-__all__ = ["protocol_document"]
-
 _COLUMNS = (
     Column("Step", share=11),
     Column("What to do", share=14),

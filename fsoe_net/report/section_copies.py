@@ -30,8 +30,6 @@ from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.svg import copy_picture
 
-__all__ = ["copies"]
-
 _IMAGE = "process image that IgH and fsn-master lay out from the plan"
 _PLAN = "copy plan"
 

@@ -42,8 +42,6 @@ from fsoe_net.report.section_identity import files_table
 if TYPE_CHECKING:
     from fsoe_net.observe.incident import IncidentHead
 
-__all__ = ["EMULATED", "HEALTH_LEVELS", "RUN_COLUMNS", "bus_evidence", "plan_sha256"]
-
 HEALTH_LEVELS = {
     HealthLevel.GOOD: Level.CLEAR,
     HealthLevel.UNKNOWN: Level.OPEN,

@@ -35,8 +35,6 @@ from fsoe_net.report.section_timing import JUDGED, quantity_cell, upper_bound
 from fsoe_net.timing.claims import LevelClaim
 from fsoe_net.timing.reaction import FunctionBudget
 
-__all__ = ["causes_and_effects", "function_label", "function_pages", "function_test"]
-
 _EFFECTS_BESIDE = 6  # columns that a printed page has room for
 
 

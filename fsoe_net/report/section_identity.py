@@ -26,8 +26,6 @@ from fsoe_net.report.inputs import GivenPlan, ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.self_test_result import self_test_parts
 
-__all__ = ["files_table", "identity", "role"]
-
 ROLE = (
     "The EtherCAT MainDevice is part of the black channel: it copies FSoE frames and takes no part "
     "in the safety function. This tool is not certified and is an off-line support tool; this "

@@ -41,8 +41,6 @@ from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.svg import topology_picture
 
-__all__ = ["architecture", "connections"]
-
 _READ = {
     "firmware": "firmware",
     "serial": "serial number",

@@ -28,8 +28,6 @@ from fsoe_net.timing.pfh import NOT_ASSESSED
 from fsoe_net.timing.reaction import FunctionBudget
 from fsoe_net.timing.watchdogs import WatchdogBudget
 
-__all__ = ["claim_cell", "mission_cell", "quantities", "shortest_mission"]
-
 
 def quantities(inputs: ReportInputs) -> ReportSection:
     """What the sums of PFH on the pages of safety functions rest on; the rate of safety PDUs."""

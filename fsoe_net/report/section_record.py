@@ -31,8 +31,6 @@ from fsoe_net.report.diff_types import Change, ChangeArea
 from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs, Signatures
 from fsoe_net.report.model import LEVELS, Point, PointKind, ReportSection
 
-__all__ = ["change_log", "fingerprint", "open_points", "sign_off"]
-
 _SHOWN_ENTRIES = 6
 _MADE_FROM = (
     "SHA-256, made from the canonical text of everything safety-relevant in the plan. "

@@ -21,8 +21,6 @@ from fsoe_net.model.resolve import Connection
 from fsoe_net.model.safe_bits import ElementFrame, element_frames, frame_of, frame_place
 from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction
 
-__all__ = ["safe_bits"]
-
 _STATED = "network file"
 _DERIVED = "derived: docs/explanation/fsoe-engine.md, §1"
 

@@ -33,8 +33,6 @@ from fsoe_net.report.section_identity import files_table
 if TYPE_CHECKING:
     from fsoe_net.run.result import Run
 
-__all__ = ["by_hand", "limit", "tests", "who"]
-
 
 def tests(inputs: ReportInputs) -> ReportSection:
     """The checklist, and what ran on the emulated bus, apart from it."""

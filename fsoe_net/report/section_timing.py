@@ -34,8 +34,6 @@ from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.reaction import FunctionBudget, Reaction
 from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
-__all__ = ["JUDGED", "quantity_cell", "timing", "upper_bound"]
-
 _ETG = "ETG.5100 chapter 9.3 as printed by Lenze (i750)"
 _BECKHOFF = "Beckhoff, manuals of EL2904, EL6900, EK1914, EP1957"
 _HANDSHAKE = "derived: fsoe_net.timing.handshake, docs/explanation/timing.md"

@@ -14,8 +14,6 @@ from fsoe_net.formats.shared.limits import MAX_PASTED_BYTES
 from fsoe_net.model.network import SourceFile
 from fsoe_net.report.model import Point, PointKind
 
-__all__ = ["SelfTestResult", "read_self_test", "self_test_parts"]
-
 _BUILD = re.compile(r"[0-9a-f]{64}")
 _VERSION = re.compile(r"[\w.+-]{1,40}")
 _RESULTS = ("pass", "fail", "not tried")

@@ -30,8 +30,6 @@ from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.model import Plan
 from fsoe_net.report.signed_report import SignedReport
 
-__all__ = ["Grounds", "Reason", "Refusal", "sign_off"]
-
 _DO_IT = "do it at the machine"
 _LEFT_OUT = (StepKind.LOSS,)
 """Steps that a reason may replace at once; the others when they were done for the record before and

@@ -13,8 +13,6 @@ from fsoe_net.document.model import Level
 from fsoe_net.errors import InputError
 from fsoe_net.model.network import SourceFile
 
-__all__ = ["SignedReport", "read_signed_report"]
-
 _HASH = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
 
 

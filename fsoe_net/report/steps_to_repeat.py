@@ -13,8 +13,6 @@ from fsoe_net.plan.model import Plan
 from fsoe_net.report.changed_subdevices import changed_subdevices
 from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 
-__all__ = ["steps_to_repeat"]
-
 
 def steps_to_repeat(
     changes: Iterable[Change],

@@ -9,8 +9,6 @@ from fsoe_net.document.markup import escape, shortened, svg_text
 from fsoe_net.plan.model import NONE, Plan
 from fsoe_net.plan.show import entry_at
 
-__all__ = ["MAX_PER_ROW", "copy_picture", "topology_picture"]
-
 _BOX_WIDTH, _BOX_HEIGHT, _GAP = 170, 62, 34
 MAX_PER_ROW = 5
 _LINE, _TOP_LINE = 15, 34  # height of a name, and the highest base line in the picture

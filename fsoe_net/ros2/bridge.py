@@ -32,8 +32,6 @@ from fsoe_net.ros2.values import Joint, SignalTopic, find_joints, signal_topics
 from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.run.client import Client
 
-__all__ = ["Bridge", "BridgeOptions"]
-
 LOOK_S = 0.25
 """How often the state of the bus is looked at, and ``/diagnostics`` published."""
 _AGAIN_S = 1.0  # a value that does not change is published so often

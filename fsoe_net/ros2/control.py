@@ -19,8 +19,6 @@ from fsoe_net.ros2.diagnostics import RosLevel, RosStatus
 from fsoe_net.ros2.values import Joint, SignalKind, SignalTopic
 from fsoe_net.run.client import Client
 
-__all__ = ["LEASE_MS", "NodeControl", "settable"]
-
 LEASE_MS = 1000
 """Of silence of a process, after which the outputs it has set take their stop values."""
 # Outputs that move the first axis of a drive (IEC 61800-7-201), and names of parts of them.

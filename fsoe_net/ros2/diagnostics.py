@@ -21,8 +21,6 @@ from fsoe_net.live.health import (
 )
 from fsoe_net.run.attachment import BusView, WatchedConnection
 
-__all__ = ["RosLevel", "RosStatus", "ros_statuses"]
-
 
 class RosLevel(enum.IntEnum):
     """Levels of a status; the numbers are those of the message."""

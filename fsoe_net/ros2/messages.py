@@ -13,24 +13,6 @@ from cyclonedds.idl import IdlStruct, types
 
 from fsoe_net.ros2.values import SignalKind
 
-__all__ = [
-    "HASHES",
-    "SIGNALS",
-    "DiagnosticArray",
-    "DiagnosticStatus",
-    "Header",
-    "JointState",
-    "KeyValue",
-    "ParameterResult",
-    "SetParametersRequest",
-    "SetParametersResponse",
-    "Stamp",
-    "TriggerRequest",
-    "TriggerResponse",
-    "definition",
-    "ros_name",
-]
-
 
 @dataclass
 class Stamp(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):

@@ -6,8 +6,6 @@ import re
 
 from fsoe_net.diag.printable import printable
 
-__all__ = ["is_node_name", "legal_text", "legal_token"]
-
 _MOST = 80  # of a topic's 247 characters; three tokens and a few words fit
 _OBJECT = re.compile(r"0x([0-9a-fA-F]{4})(?::([0-9a-fA-F]{2}))?")
 

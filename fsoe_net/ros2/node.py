@@ -24,8 +24,6 @@ from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2.messages import HASHES, Header, Stamp
 from fsoe_net.ros2.recording import McapFile
 
-__all__ = ["HERE", "Node", "Received", "header"]
-
 HERE = """<CycloneDDS><Domain Id="any">
 <General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces></General>
 <Discovery><ParticipantIndex>auto</ParticipantIndex>

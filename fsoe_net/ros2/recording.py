@@ -8,8 +8,6 @@ from mcap.writer import CompressionType, Writer
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.ros2.messages import HASHES, definition, ros_name
 
-__all__ = ["McapFile"]
-
 _CHUNK = 1 << 16  # what is lost at most when this process is killed, bytes
 
 

@@ -15,8 +15,6 @@ from fsoe_net.model.drives import AXIS_STEP, MOST_AXES
 from fsoe_net.model.names import Names
 from fsoe_net.ros2.names import legal_token
 
-__all__ = ["Joint", "SignalKind", "SignalTopic", "find_joints", "signal_topics"]
-
 # Actual values of CiA 402 (IEC 61800-7-201), and the driver's names of the same.
 _PARTS = {"position": 0x6064, "velocity": 0x606C, "effort": 0x6077}
 

@@ -7,8 +7,6 @@ from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import Bus
 from fsoe_net.rules.context import Context, few
 
-__all__ = ["check_bus"]
-
 _YAML_ORIGINS = {"transfer_modules", "safety_modules"}
 
 

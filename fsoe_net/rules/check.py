@@ -18,8 +18,6 @@ from fsoe_net.rules.nets import check_nets
 from fsoe_net.rules.runtime import Runtime, check_runtime
 from fsoe_net.rules.transfer_ends import check_ends
 
-__all__ = ["check"]
-
 
 @without_collector
 def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Diagnostic]:

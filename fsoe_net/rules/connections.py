@@ -11,8 +11,6 @@ from fsoe_net.rules.context import Context, few
 from fsoe_net.rules.runtime import ROS2, Runtime
 from fsoe_net.rules.transfer_ends import is_main_device
 
-__all__ = ["check_connections", "check_drivers"]
-
 
 def check_connections(ctx: Context) -> None:
     """Check what `connections` of the nets say, apart from the values."""

@@ -12,18 +12,6 @@ from fsoe_net.model.layout import FsoeBlock, SmLayout
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 
-__all__ = [
-    "ACCEPTED",
-    "SECURED",
-    "Context",
-    "block_text",
-    "describe_end",
-    "describe_sm",
-    "few",
-    "module_pair",
-    "touched_bytes",
-]
-
 ACCEPTED = "; after a change: calculate the reaction times again, accept again"
 """End of a hint that lets somebody change what was accepted."""
 SECURED = "secure the machine, then "

@@ -10,8 +10,6 @@ from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SubDevice, Watchdo
 from fsoe_net.model.layout import DeviceLayout, Placed, SmLayout
 from fsoe_net.rules.context import Context, describe_sm
 
-__all__ = ["check_devices"]
-
 MAX_DATAGRAM_BYTES = 1486
 _MAX_SYNC_MANAGERS = 16
 _PROFILE_AREA = 0x6000  # below it stand objects of the manufacturer, some mapped as padding

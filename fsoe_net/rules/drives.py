@@ -13,8 +13,6 @@ from fsoe_net.model.drives import CONTROLWORD as _CONTROLWORD
 from fsoe_net.model.layout import Placed
 from fsoe_net.rules.context import Context
 
-__all__ = ["check_drives"]
-
 _STATUSWORD = 0x6041
 _MODE_DISPLAY = 0x6061
 _TARGET_POSITION, _ACTUAL_POSITION = 0x607A, 0x6064

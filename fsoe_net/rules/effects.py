@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fsoe_net.rules.runtime import ROS2, Runtime
 
-__all__ = ["effect_today", "effects_today"]
-
 _CRASH = "copies through an uninitialised pointer each cycle: crash or silent memory corruption"
 _NOTHING = "starts, copies nothing, reports nothing"
 _NEVER = "starts and copies; the connection never reaches Data, no message"

@@ -11,8 +11,6 @@ from fsoe_net.model.bus import Entry, Pdo
 from fsoe_net.model.scan import ScannedEntry
 from fsoe_net.rules.context import few
 
-__all__ = ["Item", "assignment_words", "first_difference", "items_of", "listed"]
-
 
 @dataclass(frozen=True, slots=True)
 class Item:

@@ -13,8 +13,6 @@ from fsoe_net.model.network import TransferKind
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 from fsoe_net.rules.context import Context, block_text, describe_end, touched_bytes
 
-__all__ = ["check_frames"]
-
 
 def check_frames(ctx: Context) -> None:
     """Check size, start and content of every transfer whose ends are known."""

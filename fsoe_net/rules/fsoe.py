@@ -10,8 +10,6 @@ from fsoe_net.model.bus import Direction, SubDevice, Watchdog
 from fsoe_net.model.network import Bus, ConnectionFacts, Net, NetworkConfig, TransferKind
 from fsoe_net.rules.context import Context, few
 
-__all__ = ["check_fsoe"]
-
 # Bus cycles one FSoE cycle takes at best (two hops, each sampled by one and delivered by the next
 # frame), plus one for jitter: below that the watchdog expires without any fault.
 WATCHDOG_BUS_CYCLES = 5

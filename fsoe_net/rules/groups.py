@@ -10,8 +10,6 @@ from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import Group, TransferKind
 from fsoe_net.rules.context import Context
 
-__all__ = ["check_groups"]
-
 
 def check_groups(ctx: Context) -> None:
     """Check groups, and that nothing that is there needs what may be absent."""

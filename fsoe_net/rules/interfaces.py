@@ -10,8 +10,6 @@ from fsoe_net.model.bus import Device, RobotComponent, SubDevice
 from fsoe_net.model.drives import CIA402_PLUGIN
 from fsoe_net.rules.context import Context, few
 
-__all__ = ["check_interfaces"]
-
 _GENERIC = ("ethercat_generic_plugins/GenericEcSlave", CIA402_PLUGIN)
 _OF_DRIVES = "reset_fault"  # a command that EcCiA402Drive provides itself
 _EFFECT = {"command": "commands to it have no effect", "state": "its value is never updated"}

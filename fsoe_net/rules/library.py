@@ -11,8 +11,6 @@ from fsoe_net.model.library import Library, LibraryDevice, LibraryMapping
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.rules.context import Context, few
 
-__all__ = ["check_library"]
-
 
 def check_library(
     resolution: Resolution, library: Library, *, found: Iterable[Diagnostic] = (), notes: bool

@@ -21,8 +21,6 @@ from fsoe_net.rules.context import (
 )
 from fsoe_net.rules.transfer_ends import is_main_device
 
-__all__ = ["check_nets"]
-
 
 def check_nets(ctx: Context) -> None:
     """Check nets as wholes; runs after the single transfers so that one mistake is named once."""

@@ -17,8 +17,6 @@ from fsoe_net.model.description import (
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 
-__all__ = ["check_copies", "check_slots"]
-
 _Byte = tuple[str, int, int]  # SubDevice, sync manager, byte
 
 

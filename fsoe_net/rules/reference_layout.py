@@ -13,8 +13,6 @@ from fsoe_net.model.layout import SmLayout
 from fsoe_net.rules.context import describe_sm
 from fsoe_net.rules.entries import assignment_words, first_difference, items_of, listed
 
-__all__ = ["Remark", "compare_layout"]
-
 _LOOK = "one of the two is wrong: `ethercat pdos` or `fsoe-net scan` shows what the device has"
 _MODULES = "the default modules of the file were compared; the device may have others"
 

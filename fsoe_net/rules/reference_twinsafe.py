@@ -11,8 +11,6 @@ from fsoe_net.model.description import DescribedConnection, Description
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.model.resolve import Connection, Resolution
 
-__all__ = ["check_twinsafe"]
-
 _HINT = "the logic runs with its safety project: write its value here, or change the project"
 
 

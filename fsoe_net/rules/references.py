@@ -33,8 +33,6 @@ from fsoe_net.rules.reference_layout import Remark, compare_layout
 from fsoe_net.rules.reference_twinsafe import check_twinsafe
 from fsoe_net.rules.scan_match import Match, match_scan
 
-__all__ = ["check_references"]
-
 _TYPES = frozenset({"esi", "sii"})
 _WHOLE = frozenset(
     {"eni", "twincat", "ethercat-slaves", "ethercat-slaves-v", "lcec", "soem-slaveinfo"}

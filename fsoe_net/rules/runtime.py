@@ -18,8 +18,6 @@ from fsoe_net.model.network import NetworkConfig, TransferKind
 from fsoe_net.model.transfer_ends import ResolvedTransfer
 from fsoe_net.rules.context import Context, few
 
-__all__ = ["ROS2", "Runtime", "check_runtime"]
-
 
 class Runtime(enum.Enum):
     """The program that will copy, or copies today."""

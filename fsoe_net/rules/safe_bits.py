@@ -10,8 +10,6 @@ from fsoe_net.model.safe_bits import ElementFrame, element_frames, frame_of, fra
 from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction
 from fsoe_net.timing.budget import Budget
 
-__all__ = ["check_safe_bits"]
-
 _ENDS = (ElementKind.INPUT, ElementKind.OUTPUT)
 
 

@@ -22,8 +22,6 @@ from fsoe_net.rules.scan_devices import check_health, check_layout, check_revisi
 from fsoe_net.rules.scan_fsoe import check_fsoe_values
 from fsoe_net.rules.scan_match import Match, match_scan
 
-__all__ = ["check_scan"]
-
 
 def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
     """Return each difference between a bus and the files of its network, sorted by place.

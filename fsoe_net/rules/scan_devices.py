@@ -10,8 +10,6 @@ from fsoe_net.model.scan import ScannedPdo, ScannedSm, ScannedSubDevice
 from fsoe_net.rules.context import ACCEPTED, SECURED, few
 from fsoe_net.rules.entries import assignment_words, first_difference, listed
 
-__all__ = ["check_health", "check_layout", "check_revision"]
-
 _SCAN = "`fsoe-net scan --interface IF -o DIR` writes the files of what is there"
 
 

@@ -11,8 +11,6 @@ from fsoe_net.model.network import ConnectionFacts, NetworkConfig
 from fsoe_net.model.scan import ScannedConnection, ScannedSubDevice
 from fsoe_net.rules.context import ACCEPTED, SECURED, few
 
-__all__ = ["check_fsoe_values"]
-
 
 @dataclass(frozen=True, slots=True)
 class _Value:

@@ -13,8 +13,6 @@ from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.scan import Scan, ScannedSubDevice
 
-__all__ = ["Match", "match_scan"]
-
 _MOST_CELLS = 4_000_000
 _ADDRESS, _FREE_TAKEN, _SMALL, _GONE, _SWAPPED, _OTHER = 1, 6, 3, 8, 9, 10
 

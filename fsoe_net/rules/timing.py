@@ -23,9 +23,6 @@ from fsoe_net.timing.judgement import Judgement, exceeds
 from fsoe_net.timing.reaction import FunctionBudget
 from fsoe_net.timing.watchdogs import WatchdogBudget
 
-__all__ = ["check_timing"]
-
-
 _FOLLOWS = frozenset({"FSN605", "FSN606", "FSN615"})  # a part of a function that is not there
 
 

@@ -11,8 +11,6 @@ from fsoe_net.model.network import TransferKind
 from fsoe_net.model.transfer_ends import Miss, ResolvedEnd, ResolvedTransfer
 from fsoe_net.rules.context import Context, block_text, describe_end
 
-__all__ = ["check_ends", "is_main_device"]
-
 _MAIN_DEVICE_WORDS = {
     "maindevice",
     "main_device",

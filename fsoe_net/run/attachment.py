@@ -26,8 +26,6 @@ from fsoe_net.run.bus_events import ENDS, BusEvents, connection_result
 from fsoe_net.run.client import Client
 from fsoe_net.run.result import ConnectionResult, RunEvent, result_health
 
-__all__ = ["Attachment", "BusView", "WatchedConnection"]
-
 _REPLY_S = 5.0
 
 

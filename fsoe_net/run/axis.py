@@ -11,8 +11,6 @@ from typing import Any
 from fsoe_net.core.module import compiled
 from fsoe_net.errors import ControlRefused
 
-__all__ = ["Axis", "AxisJob", "AxisMode", "AxisPhase", "AxisState"]
-
 
 class AxisMode(IntEnum):
     """Modes of operation, as object 0x6060 has them."""

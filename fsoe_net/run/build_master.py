@@ -16,8 +16,6 @@ from pathlib import Path
 
 from fsoe_net.errors import EnvironmentFault
 
-__all__ = ["SOEM_TERMS", "build_master", "fetch_soem", "master_place"]
-
 # SOEM 1.4 lies in the source distribution of pysoem, which is in the package index.
 _PYSOEM = "1.1.13"
 _SHA256 = "4be98d8531e492f2ee5d21f6ef51e51493a10ee1322ed22e909c91a8bcfff950"

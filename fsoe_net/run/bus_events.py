@@ -13,8 +13,6 @@ from fsoe_net.fsoe.pdu import Command, reset_code_text
 from fsoe_net.observe.bus_documents import PlannedConnection
 from fsoe_net.run.result import ConnectionResult, RunEvent, RunEventKind, state_fields
 
-__all__ = ["ENDS", "BusEvents", "connection_result"]
-
 ENDS = {"main": "MainInstance", "sub": "SubInstance"}
 _MAX_EVENTS = 20_000
 

@@ -32,8 +32,6 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.run.device import divert_stdout
 from fsoe_net.run.scenario_run import DEFAULT_CYCLE_NS
 
-__all__ = ["CampaignResult", "campaign_links", "run_campaign", "save_failures"]
-
 _CHUNK = 8192  # the same whatever the number of processes, so that sums are the same too
 _FEW = 4096  # trials which are not worth starting processes for
 _SHOWN_EVERY_S = 0.25  # progress within a piece of work

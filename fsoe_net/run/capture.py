@@ -7,8 +7,6 @@ from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.observe.wire import LogicalImage
 from fsoe_net.plan.model import Plan
 
-__all__ = ["BusCapture"]
-
 _BACK_NS = 30_000  # a frame on a small segment is back after some microseconds
 
 

@@ -38,10 +38,8 @@ from fsoe_net.observe.bus_documents import (
     read_subdevice,
 )
 from fsoe_net.observe.json_object import JsonObject, ReplyObject
-from fsoe_net.run.control_link import PROTOCOL, ControlLink
+from fsoe_net.run.control_link import ControlLink
 from fsoe_net.run.realtime import RealTime
-
-__all__ = ["PROTOCOL", "Client"]
 
 ACYCLIC_S = 70.0
 """fsn-master ends a mailbox exchange after 60 s; others may stand before it."""

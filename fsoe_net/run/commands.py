@@ -10,8 +10,6 @@ from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.model.scenario import Action, ScenarioStep
 from fsoe_net.model.times import TIME_UNITS_NS, time_ns
 
-__all__ = ["CommandError", "EmulationCommand", "parse_command"]
-
 _WORD = 0xFFFFFFFF
 _HOUR_NS = 3_600 * TIME_UNITS_NS["s"]
 

@@ -15,8 +15,6 @@ from typing import Any, Self, TypeVar
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 
-__all__ = ["PROTOCOL", "ControlLink", "quoted"]
-
 PROTOCOL = 1
 _MAX_LINE = 16 << 20
 _MOST_PAGES = 1000  # of 128 KiB

@@ -22,8 +22,6 @@ from fsoe_net.fsoe.campaign.channel import Peer
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.pdu import frame_length
 
-__all__ = ["DeviceFactory", "device_factory", "divert_stdout", "stdout_to_stderr"]
-
 _NEEDED = ("step", "power_cycle", "received_safe_data", "data_valid")
 _PASSED_ON = ("set_safe_data", "snapshot", "restore")  # optional, returning nothing to look at
 _LONG = 100  # characters of a foreign value in a message

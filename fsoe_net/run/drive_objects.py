@@ -10,8 +10,6 @@ from fsoe_net.emul.drive.axis import EmulatedAxis
 from fsoe_net.emul.drive.objects import WRITABLE, size_bits
 from fsoe_net.errors import CoreError
 
-__all__ = ["DriveObjects"]
-
 _EVERY = 10  # steps of the devices between two looks: an SDO takes longer
 
 

@@ -19,8 +19,6 @@ from fsoe_net.run.live_objects import LiveObjects
 from fsoe_net.run.result import ExpectationResult, RunEvent
 from fsoe_net.run.scenario_run import DeviceSide, ScenarioRun
 
-__all__ = ["EmulateResult", "SegmentSession", "serve"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmulateResult:

@@ -20,8 +20,6 @@ from fsoe_net.observe.bus_documents import Found
 from fsoe_net.plan.image import igh_image
 from fsoe_net.plan.model import Plan, PlanCopy
 
-__all__ = ["fsoe_json", "layout_json", "snapshot_json", "subdevices_json"]
-
 
 def snapshot_json(snapshot: Snapshot, plan: Plan) -> dict[str, Any]:
     """Return ``statistics`` and ``connections``."""

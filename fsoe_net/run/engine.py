@@ -17,8 +17,6 @@ from fsoe_net.fsoe.pdu import reset_code_text
 from fsoe_net.model.scenario import Action, Expectation, Scenario, ScenarioStep
 from fsoe_net.run.result import ExpectationResult, RunEvent, RunEventKind, state_fields
 
-__all__ = ["Engine", "state_of"]
-
 _MAX_EVENTS = 20_000
 _AUTO_PRESS_NS = 100_000_000
 

@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 from fsoe_net.core.segment import Segment
 from fsoe_net.model.scenario import Action, ScenarioStep
 
-__all__ = ["apply_step"]
-
 _MS = 1_000_000
 
 

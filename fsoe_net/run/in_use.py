@@ -8,8 +8,6 @@ from fsoe_net.host.seam import Host, Unreadable
 from fsoe_net.live.control_values import Status
 from fsoe_net.plan.fingerprint import Fingerprint, cycle_sha256, fingerprint_of_sections
 
-__all__ = ["check_in_use", "emulated_bus", "fingerprint_in_use"]
-
 _NO_CARDS = frozenset({"veth", "tun", "dummy", "netdevsim"})
 
 

@@ -27,8 +27,6 @@ from fsoe_net.version import __version__
 if TYPE_CHECKING:
     from fsoe_net.run.session import Session
 
-__all__ = ["IncidentRecorder"]
-
 _BEFORE_NS = 5_000_000_000
 _AFTER_NS = 1_000_000_000
 _MOST_BYTES = 64 << 20

@@ -17,8 +17,6 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.master import Master
 from fsoe_net.run.result import BusResult, ConnectionResult, Run, RunUpdate, result_health
 
-__all__ = ["BusOptions", "run_on_bus"]
-
 _UPDATE_S = 0.1
 _GRACE_S = 10  # fsn-master outlives the stated duration by this much when nobody stops it
 

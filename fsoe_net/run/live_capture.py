@@ -14,8 +14,6 @@ from fsoe_net.observe.wire import RebuiltFrames
 from fsoe_net.run.client import Client
 from fsoe_net.run.packet_socket import PacketSocket
 
-__all__ = ["LiveCapture"]
-
 _WAIT_S = 0.1
 _WIRE = (
     "EtherCAT frames of {interface} with times of the kernel. Process data that fsn-master sends "

@@ -10,8 +10,6 @@ from fsoe_net.emul.device import EmulatedDevice
 from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import State
 
-__all__ = ["LiveObjects"]
-
 _ADDRESSES = 0xF980
 _CONNECTIONS = range(0xE901, 0xEA01, 0x10)
 _STATES = {

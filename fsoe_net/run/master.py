@@ -23,8 +23,6 @@ from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.observe.json_object import clean
 from fsoe_net.run.client import Client
 
-__all__ = ["LOG", "REFUSED", "USAGE", "Master", "MasterLog", "find_master", "read_log"]
-
 _PROGRAM = "fsn-master"
 _CONNECT_S = 20.0
 _STOP_S = 15.0  # fsn-master bounds its own end at 10 s

@@ -8,8 +8,6 @@ import socket
 import struct
 from dataclasses import dataclass
 
-__all__ = ["Packet", "PacketSocket"]
-
 _ALL, _ETHERCAT = 0x0003, 0x88A4
 _SO_ATTACH_FILTER, _SO_TIMESTAMPNS = 26, 35
 _SOL_PACKET, _ADD_MEMBERSHIP, _STATISTICS, _PROMISCUOUS = 263, 1, 6, 1

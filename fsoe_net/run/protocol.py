@@ -16,14 +16,6 @@ from fsoe_net.model.safe_bits import bit_words
 from fsoe_net.model.safety import ElementKind, SafetyFunction
 from fsoe_net.plan.fingerprint import short_code
 
-__all__ = [
-    "compare_protocol",
-    "connection_is_due",
-    "connections_of",
-    "keep_machine",
-    "make_protocol",
-]
-
 _BACK = "`fsoe-net test-protocol … -o` this file puts it back, and keeps what is filled in"
 
 

@@ -32,8 +32,6 @@ from fsoe_net.run.in_use import check_in_use, emulated_bus
 from fsoe_net.run.protocol import connections_of
 from fsoe_net.run.protocol_times import LossTimes
 
-__all__ = ["Observer", "Person", "run_protocol_live"]
-
 _PERSON_S = 300.0  # for what a person does at the machine
 _SETTLE_S = 20.0  # for what connections do by themselves
 _POLL_S = 0.02

@@ -7,8 +7,6 @@ from typing import Any
 
 from fsoe_net.fsoe.observed import ConnectionState
 
-__all__ = ["LossTimes"]
-
 
 class LossTimes:
     """From the first bus cycle without a SubDevice until its connections have left Data.

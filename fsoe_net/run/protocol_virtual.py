@@ -17,8 +17,6 @@ from fsoe_net.run.engine import state_of
 from fsoe_net.run.protocol import connection_is_due
 from fsoe_net.run.session import Session, counted_session_ids
 
-__all__ = ["run_protocol_virtual"]
-
 _MS = 1_000_000
 _PATIENCE_NS = 10_000 * _MS  # for the first Data
 _SETTLE_NS = 100 * _MS

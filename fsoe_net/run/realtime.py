@@ -13,8 +13,6 @@ from fsoe_net.core.module import compiled
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.run.axis import Axis, AxisMode
 
-__all__ = ["CycleCounts", "CycleSymbol", "CycleTimes", "RealTime"]
-
 _KINDS = ("bits", "bool", "signed", "unsigned", "real")
 _CODES = {"signed": "i", "real": "f"}
 

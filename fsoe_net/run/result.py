@@ -20,18 +20,6 @@ from fsoe_net.live.health import (
 )
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 
-__all__ = [
-    "BusResult",
-    "ConnectionResult",
-    "ExpectationResult",
-    "Run",
-    "RunEvent",
-    "RunEventKind",
-    "RunUpdate",
-    "result_health",
-    "state_fields",
-]
-
 
 class RunEventKind(enum.Enum):
     """What an event is about."""

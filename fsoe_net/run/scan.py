@@ -15,8 +15,6 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.master import LOG, REFUSED, USAGE, find_master, read_log
 from fsoe_net.run.sockets import find_socket, interface_of
 
-__all__ = ["ScanSource", "TakenScan", "scan_source"]
-
 _SCAN_S = 300.0
 
 

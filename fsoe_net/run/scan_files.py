@@ -20,8 +20,6 @@ from fsoe_net.rules.scan import check_scan
 from fsoe_net.run.scan import TakenScan
 from fsoe_net.run.scan_net import proposed_net, yaml_word
 
-__all__ = ["ScanFiles", "compact_json", "scan_files"]
-
 _SIZES = (8, 16, 32, 64)
 _MOST_BITS, _PADDING_BITS = 255, 248
 _WIDTH = 100

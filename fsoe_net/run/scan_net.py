@@ -11,8 +11,6 @@ from fsoe_net.model.layout import DeviceLayout, FsoeBlock
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scan import Scan, ScannedConnection
 
-__all__ = ["proposed_net", "yaml_word"]
-
 _Pair = tuple[FsoeBlock, FsoeBlock]
 
 

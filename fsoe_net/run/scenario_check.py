@@ -12,8 +12,6 @@ from fsoe_net.model.bus import Located
 from fsoe_net.model.scenario import Action, Scenario, ScenarioStep
 from fsoe_net.plan.model import Plan, PlanSymbol
 
-__all__ = ["ScenarioNames", "check_scenario", "check_step"]
-
 _SIGNED = 2
 _HOUR_MS = 3_600_000
 _PER_SUBDEVICE = {

@@ -19,8 +19,6 @@ from fsoe_net.run.commands import CommandError, EmulationCommand, parse_command
 from fsoe_net.run.engine import Engine
 from fsoe_net.run.scenario_check import ScenarioNames, check_scenario, check_step
 
-__all__ = ["DEFAULT_CYCLE_NS", "DeviceSide", "ScenarioRun"]
-
 DEFAULT_CYCLE_NS = 1_000_000  # when no file states a bus cycle
 
 

@@ -22,8 +22,6 @@ from fsoe_net.run.incidents import IncidentRecorder
 from fsoe_net.run.result import ConnectionResult, Run, RunUpdate
 from fsoe_net.run.scenario_run import DEFAULT_CYCLE_NS, DeviceSide, ScenarioRun
 
-__all__ = ["Session", "run_live", "run_virtual"]
-
 DEFAULT_DURATION_NS = 3_000_000_000
 _INTERRUPTED = "interrupted by the user"
 

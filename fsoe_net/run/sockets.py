@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.run.client import Client
 
-__all__ = ["control_socket", "find_socket", "interface_of"]
-
 _ANSWER_S = 2.0
 _SERVICE = "/run/fsn-master"  # of the example unit
 

@@ -7,8 +7,6 @@ import os
 from fsoe_net.formats.own.write import write_network
 from fsoe_net.model.description import Description
 
-__all__ = ["empty_network"]
-
 
 def empty_network(path: str) -> str:
     """Return a network without SubDevices, with the name of the folder that it is for.

@@ -8,8 +8,6 @@ from fsoe_net.model.scan import Scan
 from fsoe_net.model.wiring import wiring_of
 from fsoe_net.rules.scan_match import match_scan
 
-__all__ = ["cables_of"]
-
 
 def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, object]:
     """Return the cables as plain JSON values; see ``assets/types.d.ts``.

@@ -28,8 +28,6 @@ from fsoe_net.studio.rows import (
 )
 from fsoe_net.studio.subdevices import SUBDEVICE_CHANGES
 
-__all__ = ["DRAWN", "FACTS", "change_of"]
-
 FACTS = {"address": 65535, "connection_id": 65535, "watchdog_ms": 65534}
 """Numbers of a connection that the page sets, with the largest: ETG.5100, 16 bits each."""
 

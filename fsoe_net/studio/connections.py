@@ -9,8 +9,6 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["LimitedProtocol", "LimitedSocket", "client_network"]
-
 MOST_CONNECTIONS = 128
 MOST_OF_ONE_CLIENT = 32  # a browser opens six for each origin
 _REQUEST_S = 20.0  # until a request is whole, without its body

@@ -10,8 +10,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import read_source
 from fsoe_net.formats.shared.write_files import write_all
 
-__all__ = ["DeviceFiles"]
-
 
 class DeviceFiles:
     """Texts that stay in memory until the network that names them is saved.

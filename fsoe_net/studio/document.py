@@ -24,8 +24,6 @@ from fsoe_net.studio.workspace import Workspace
 from fsoe_net.timing.budget import make_budget
 from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
 
-__all__ = ["content_of", "state_of"]
-
 Row = dict[str, object]
 
 

@@ -15,8 +15,6 @@ from fsoe_net.formats.registry import all_formats, all_targets
 from fsoe_net.project.convert import Conversion, convert_files
 from fsoe_net.studio.workspace import Behind, Workspace
 
-__all__ = ["Download", "download", "preview", "targets"]
-
 Row = dict[str, object]
 
 

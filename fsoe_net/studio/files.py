@@ -14,8 +14,6 @@ from fsoe_net.studio import export
 from fsoe_net.studio.shelf import Shelf
 from fsoe_net.studio.workspace import Behind, Workspace
 
-__all__ = ["UPLOADS", "file_routes"]
-
 UPLOADS = "/api/files"
 """Where files are sent to."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from fsoe_net.errors import InputError
 from fsoe_net.project.beside import Beside, BesideKind, files_beside
 
-__all__ = ["Folder"]
-
 
 class Folder:
     """The folder of a network file.

@@ -20,8 +20,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fsoe_net.studio.login import LOGIN, Login
 
-__all__ = ["WRITE_HEADER", "Guard"]
-
 WRITE_HEADER = "x-fsoe-net"
 
 _POLICY = "; ".join(

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.studio.connections import LimitedSocket
 
-__all__ = ["Listening", "bound_socket"]
-
 _LEAST_CHARACTERS = 12
 _MOST_CHARACTERS = 1024
 _ALL = ("0.0.0.0", "::")  # noqa: S104 - no name of a machine

@@ -21,8 +21,6 @@ from fsoe_net.studio.live_master import MasterFeed
 from fsoe_net.studio.live_rows import Row, recorded_view
 from fsoe_net.studio.workspace import Workspace
 
-__all__ = ["Live"]
-
 _POLL_S = 0.01
 _SILENCE_S = 1.0  # after which a stream says that it is there
 _MOST_LINES = 100

@@ -14,8 +14,6 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.console.names import batches
 from fsoe_net.studio.live_rows import Row
 
-__all__ = ["LEASE_MS", "LiveControl"]
-
 LEASE_MS = 2000
 """Of silence of the page, after which what it has set takes its stop values."""
 

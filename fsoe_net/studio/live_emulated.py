@@ -38,8 +38,6 @@ from fsoe_net.studio.live_rows import (
 )
 from fsoe_net.version import __version__
 
-__all__ = ["FORGOTTEN_S", "MOST_HELD_MS", "EmulatedFeed"]
-
 FORGOTTEN_S = 600.0
 """An emulated run ends when no page has listened for so long."""
 MOST_HELD_MS = 10_000

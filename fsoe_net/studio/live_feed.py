@@ -15,17 +15,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.run.result import RunEvent
 from fsoe_net.studio.live_rows import Row, event_row
 
-__all__ = [
-    "ALONE_S",
-    "KEPT_EVENTS",
-    "MOST_SIGNALS",
-    "PICTURE_S",
-    "EventHistory",
-    "LiveFeed",
-    "ScopeRing",
-    "printed",
-]
-
 PICTURE_S = 0.05
 """Between two pictures while a page listens."""
 ALONE_S = 1.0

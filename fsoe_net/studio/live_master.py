@@ -23,8 +23,6 @@ from fsoe_net.studio.live_rows import (
 )
 from fsoe_net.version import __version__
 
-__all__ = ["MasterFeed"]
-
 
 class MasterFeed(LiveFeed):
     """Follows ``fsn-master`` over its stops and restarts, and waits while there is none.

@@ -26,16 +26,6 @@ from fsoe_net.run.result import (
     result_health,
 )
 
-__all__ = [
-    "Row",
-    "connection_row",
-    "event_row",
-    "health_row",
-    "recorded_view",
-    "statistics_row",
-    "subdevice_row",
-]
-
 Row = dict[str, object]
 
 _COUNTERS = (

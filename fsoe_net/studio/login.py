@@ -17,8 +17,6 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from fsoe_net.studio.connections import client_network
 
-__all__ = ["LOGIN", "Login"]
-
 LOGIN = "/login"
 _BODY_LIMIT = 16_384
 _SESSION_S = 24 * 3600.0

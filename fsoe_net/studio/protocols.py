@@ -30,8 +30,6 @@ from fsoe_net.project.report import plan_to_show
 from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.workspace import Workspace
 
-__all__ = ["Protocols"]
-
 _NEW = "protocol.yaml"
 _MOST_NOTES = 5
 

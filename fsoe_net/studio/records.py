@@ -46,8 +46,6 @@ from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.workspace import Workspace
 from fsoe_net.version import __version__
 
-__all__ = ["Records", "document_response"]
-
 _MOST_ENTRIES = 200  # of an intervention log, as the command shows
 _STYLES = re.compile(r'<style>(.*?)</style>|\sstyle="([^"]*)"', re.DOTALL)
 

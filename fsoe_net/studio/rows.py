@@ -9,19 +9,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.model.bus import Located
 from fsoe_net.model.resolve import Connection, Resolution
 
-__all__ = [
-    "Change",
-    "disconnected",
-    "list_in",
-    "name_of",
-    "net_of",
-    "new_name_of",
-    "number_of",
-    "remove_row",
-    "row_of",
-    "subdevice_row",
-]
-
 _LONGEST_NAME = 80
 
 Change = Callable[[Any], None]

@@ -31,8 +31,6 @@ from fsoe_net.studio.shelf import MAX_UPLOAD_BYTES, Shelf
 from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
 
-__all__ = ["Studio"]
-
 _ASSETS = Path(__file__).parent / "assets"
 _BODY_LIMIT = 2 * MAX_TEXT_BYTES + 4096  # JSON writes some characters as two
 _LOOK_EVERY_S = 0.5

@@ -28,8 +28,6 @@ from fsoe_net.project.offers import Addition, Offer, addition_of, list_offers
 from fsoe_net.studio.subdevices import added
 from fsoe_net.studio.workspace import Workspace
 
-__all__ = ["MAX_UPLOAD_BYTES", "Shelf", "Upload"]
-
 MAX_UPLOAD_BYTES = MAX_LARGE_BYTES
 """Of all files together."""
 

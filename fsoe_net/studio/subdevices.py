@@ -24,8 +24,6 @@ from fsoe_net.studio.rows import (
     subdevice_row,
 )
 
-__all__ = ["SUBDEVICE_CHANGES", "added"]
-
 _MOST_POSITION = 65535
 
 

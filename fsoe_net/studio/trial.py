@@ -8,8 +8,6 @@ from fsoe_net.project.check import Checked, whole_network
 from fsoe_net.project.simulate import simulate
 from fsoe_net.run.result import ConnectionResult
 
-__all__ = ["TRIAL_MS", "try_network"]
-
 TRIAL_MS = 1000
 """Simulated time of a try."""
 

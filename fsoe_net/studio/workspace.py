@@ -26,8 +26,6 @@ from fsoe_net.project.edit import EditedText
 from fsoe_net.studio.changes import change_of
 from fsoe_net.studio.device_files import DeviceFiles
 
-__all__ = ["MAX_TEXT_BYTES", "Behind", "Workspace"]
-
 MAX_TEXT_BYTES = 4 * 1024 * 1024
 """Of a text that is edited in the page; the commands take larger files."""
 

@@ -9,8 +9,6 @@ from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import prepare
 from fsoe_net.run.result import ConnectionResult, Run
 
-__all__ = ["EmulatedNetwork"]
-
 
 class EmulatedNetwork:
     """A network whose devices and bus are emulated, in virtual time.

@@ -17,8 +17,6 @@ from typing import Any
 
 from fsoe_net.core.snapshot import Statistics
 
-__all__ = ["FakeMaster"]
-
 Row = dict[str, Any]
 
 DIRECTION: Row = {

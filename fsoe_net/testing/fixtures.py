@@ -9,8 +9,6 @@ import pytest
 from fsoe_net.testing.emulated import EmulatedNetwork
 from fsoe_net.testing.fake_master import FakeMaster
 
-__all__ = ["emulated_network", "fake_fsn_master"]
-
 
 @pytest.fixture
 def fake_fsn_master() -> Iterator[FakeMaster]:

@@ -18,8 +18,6 @@ from fsoe_net.timing.reaction import FunctionBudget, function_budget
 from fsoe_net.timing.transit import Transit
 from fsoe_net.timing.watchdogs import WatchdogBudget, connection_budget
 
-__all__ = ["Budget", "make_budget"]
-
 COPY_CYCLES = 2  # this core copies in the cycle in which a frame arrived
 
 

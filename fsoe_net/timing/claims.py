@@ -15,8 +15,6 @@ from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.judgement import Judgement
 from fsoe_net.timing.pfh import PfhSum
 
-__all__ = ["LevelClaim", "level_claims", "most_of_category"]
-
 # Related by PFH, ISO 13849-1; where one SIL spans two performance levels the lower one counts.
 _PL_OF_SIL = {1: "b", 2: "d", 3: "e"}
 _SIL_OF_PL = {"a": 0, "b": 1, "c": 1, "d": 2, "e": 3}

@@ -11,8 +11,6 @@ from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction, level_words
 from fsoe_net.timing.sources import names_a_revision, names_a_source
 
-__all__ = ["Apart", "ElementRow", "FunctionParts", "Quantity", "parts_of"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:

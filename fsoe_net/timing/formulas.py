@@ -24,22 +24,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-__all__ = [
-    "RESERVE",
-    "PartTimes",
-    "SignalWay",
-    "beckhoff_typical",
-    "beckhoff_worst_case",
-    "error_free",
-    "least_watchdog",
-    "longest_in",
-    "longest_out",
-    "lost_frames_survived",
-    "round_trip",
-    "worst_case_input",
-    "worst_case_output",
-]
-
 RESERVE = 1.2  # the 20 % that ETG.5100 adds to the round trip
 _WATCHDOG_STEP_MS = 1.0  # FSoE watchdogs are whole milliseconds; the last one may just have begun
 

@@ -18,20 +18,6 @@ from __future__ import annotations
 
 from fsoe_net.timing.formulas import PartTimes, SignalWay, longest_in, longest_out, round_trip
 
-__all__ = [
-    "besides_input",
-    "besides_output",
-    "besides_shared",
-    "broken_input",
-    "broken_output",
-    "disturbed_both",
-    "disturbed_input",
-    "disturbed_output",
-    "disturbed_shared",
-    "polled_error_free",
-    "shared_ways",
-]
-
 
 def polled_error_free(t: PartTimes) -> float:
     """Return the longest response while nothing fails, waits for the turn counted."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import enum
 
-__all__ = ["Judgement", "WatchdogJudgement", "exceeds"]
-
 _ROUNDING_MS = 1e-6  # a nanosecond: what sums of decimal fractions are off is a million times less
 
 

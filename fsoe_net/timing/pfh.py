@@ -15,8 +15,6 @@ from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.judgement import Judgement
 
-__all__ = ["FSOE_PFH", "NOT_ASSESSED", "PfhSum", "limit_of", "sum_pfh"]
-
 FSOE_PFH = 1.0e-9  # Beckhoff, Application Guide TwinSAFE, row "Safety over EtherCAT"
 NOT_ASSESSED = "category, diagnostic coverage and common causes not assessed"
 

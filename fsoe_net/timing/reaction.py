@@ -33,8 +33,6 @@ from fsoe_net.timing.pfh import PfhSum, sum_pfh
 from fsoe_net.timing.transit import Transit
 from fsoe_net.timing.ways import part_times, watchdog_of
 
-__all__ = ["FunctionBudget", "Reaction", "ResponseCase", "function_budget", "reaction_of"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResponseCase:

@@ -7,8 +7,6 @@ import unicodedata
 
 from fsoe_net.model.written import holds_a_place
 
-__all__ = ["names_a_revision", "names_a_source"]
-
 # Wherever one stands, nobody answers yet: "tbd by the maker", "manual 3.0?", "to be checked".
 _OPEN = re.compile(
     r"\?|\b(?:tb[acd]|todo|fixme|guess\w*|na|unknown|unclear|unverified|placeholder|pending"

@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import NetworkConfig
 
-__all__ = ["Transit", "transfer_time"]
-
 _COPIED_AT_ONCE = 2  # k of a program that copies in the cycle in which a frame arrived
 
 

@@ -26,8 +26,6 @@ from fsoe_net.timing.judgement import WatchdogJudgement, exceeds
 from fsoe_net.timing.reaction import FunctionBudget
 from fsoe_net.timing.ways import watchdog_of
 
-__all__ = ["Limit", "WatchdogBudget", "connection_budget"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:

@@ -8,8 +8,6 @@ from fsoe_net.timing.elements import FunctionParts
 from fsoe_net.timing.formulas import PartTimes, SignalWay
 from fsoe_net.timing.transit import Transit
 
-__all__ = ["part_times", "watchdog_of"]
-
 
 def part_times(parts: FunctionParts, bus: Transit, drift: float) -> PartTimes | None:
     """Return the times of a safety function; ``None`` while a bus cycle is not stated.

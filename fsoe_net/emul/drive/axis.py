@@ -24,8 +24,6 @@ from fsoe_net.emul.drive.safety import SafeDemand, SafeDrive
 from fsoe_net.emul.drive.servo import Limits, Servo
 from fsoe_net.model.drives import DriveAxis, DriveSetup
 
-__all__ = ["EmulatedAxis", "FaultCode"]
-
 _STEP_NS = 250_000
 _LONGEST_NS = 1_000_000_000  # a device that stood for longer has not moved meanwhile
 _HALT = 1 << 8

@@ -6,8 +6,6 @@ import enum
 
 from fsoe_net.emul.drive.modes import BIT_12, BIT_13, TARGET_REACHED, ModeBase, MotionContext
 
-__all__ = ["Homing"]
-
 _START = 1 << 4
 _NEGATIVE, _POSITIVE, _HOME = 0, 1, 2
 # Method: switch, its state once the axis has been sent towards it, direction towards it, and the

@@ -9,17 +9,6 @@ from dataclasses import dataclass
 from fsoe_net.emul.drive.objects import AxisObjects
 from fsoe_net.emul.drive.servo import Limits, Servo
 
-__all__ = [
-    "CyclicPosition",
-    "CyclicTorque",
-    "CyclicVelocity",
-    "ModeBase",
-    "MotionContext",
-    "NoMode",
-    "ProfilePosition",
-    "ProfileVelocity",
-]
-
 TARGET_REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
 _SMOOTH = 0.08  # of a target that is not where it was expected: so much in a cycle
 _NEW_SET_POINT, _AT_ONCE, _RELATIVE = 1 << 4, 1 << 5, 1 << 6

@@ -9,8 +9,6 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-__all__ = ["PdsState", "PowerCommand", "PowerSystem", "command_of"]
-
 _ENABLE_OPERATION, _FAULT_RESET = 0x0F, 0x80
 
 

@@ -6,8 +6,6 @@ import enum
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["SafeDemand", "SafeDrive"]
-
 
 @dataclass(frozen=True, slots=True)
 class SafeDemand:

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 
 from fsoe_net.emul.drive.plant import Plant
 
-__all__ = ["Limits", "Servo"]
-
 # With an ideal current loop; far below 1 / time step (250 us).
 _POSITION_GAIN = 60.0  # 1/s
 _SPEED_GAIN = 400.0  # 1/s

@@ -18,8 +18,6 @@ from fsoe_net.emul.port import Port
 from fsoe_net.fsoe.event import State
 from fsoe_net.model.drives import DriveSetup, axis_name
 
-__all__ = ["WiredAxis"]
-
 _STO, _SS1, _SLS, _ACKNOWLEDGE = 0x6640, 0x6650, 0x6690, 0x6632
 
 Wire = tuple[Port, str]

@@ -16,8 +16,6 @@ from fsoe_net.formats.capture.datagrams import Datagram, DatagramCommand
 from fsoe_net.fsoe.monitor import Monitor
 from fsoe_net.fsoe.pdu import Command, safe_data_length
 
-__all__ = ["ENOUGH_FRAMES", "Cycles", "CyclicWindow", "FramePlace"]
-
 ENOUGH_FRAMES = 20
 _LIKELY_FRAMES = 4  # from then on the CRCs are followed
 _REMEMBERED = 6  # frames a copy may lie behind its source, and a lost packet between

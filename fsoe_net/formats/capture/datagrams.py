@@ -13,8 +13,6 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-__all__ = ["LOGICAL", "Datagram", "DatagramCommand", "datagrams", "joined"]
-
 _ETHERCAT, _IPV4, _VLANS, _UDP_PORT = 0x88A4, 0x0800, (0x8100, 0x88A8, 0x9100), 0x88A4
 _MOST_TAGS = 4
 LOGICAL = (10, 11, 12)

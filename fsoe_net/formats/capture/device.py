@@ -13,8 +13,6 @@ from fsoe_net.formats.sii.read import SiiImage, describe_sii, read_sii_categorie
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice
 
-__all__ = ["describe_station"]
-
 _PROCESS_DATA = range(2, 16)  # sync managers that the assignment objects can mean
 _WATCHDOG = 0x40
 _IDENTITY = {"vendor": (0x8, 1), "product": (0xA, 2), "revision": (0xC, 3), "serial": (0xE, 4)}

@@ -18,8 +18,6 @@ from typing import BinaryIO, cast
 
 from fsoe_net.errors import InputError
 
-__all__ = ["CaptureReader", "buffered", "is_capture", "read_capture"]
-
 _PCAP = {
     b"\xd4\xc3\xb2\xa1": ("<", 1000),
     b"\xa1\xb2\xc3\xd4": (">", 1000),

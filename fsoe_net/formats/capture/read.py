@@ -29,8 +29,6 @@ from fsoe_net.model.description import DescribedCopy, DescribedEnd, DescribedSub
 from fsoe_net.model.detect import detect_fsoe
 from fsoe_net.model.network import SourceFile
 
-__all__ = ["load_capture", "read_stream"]
-
 _AGAIN = "capture from before the MainDevice starts until some seconds of OP have passed"
 
 

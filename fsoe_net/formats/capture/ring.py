@@ -11,8 +11,6 @@ from fsoe_net.formats.capture.datagrams import Datagram, DatagramCommand
 from fsoe_net.formats.capture.sii import SII_REGISTERS
 from fsoe_net.formats.capture.station import FMMUS, MANAGERS, Station
 
-__all__ = ["Ring"]
-
 _STATION_ADDRESS, _AL_CONTROL = 0x0010, 0x0120
 _SII_CONTROL = 0x0502
 _MOST_STATIONS = 8192

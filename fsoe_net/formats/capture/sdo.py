@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-__all__ = ["CapturedSdo", "SdoAbort", "SdoFollower"]
-
 _COE, _REQUEST, _RESPONSE = 3, 2, 3
 _MAX_BYTES = 1 << 16
 _ABORT = 4

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import struct
 
-__all__ = ["SII_REGISTERS", "SiiReads"]
-
 SII_REGISTERS = range(0x0502, 0x0510)
 _CONTROL, _ADDRESS, _DATA = 0x0502, 0x0504, 0x0508
 _BUSY, _REFUSED, _WIDE, _READ = 0x8000, 0x2000, 0x0040, 1

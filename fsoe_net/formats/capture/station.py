@@ -8,8 +8,6 @@ from fsoe_net.formats.capture.sdo import CapturedSdo, SdoAbort, SdoFollower
 from fsoe_net.formats.capture.sii import SII_REGISTERS, SiiReads
 from fsoe_net.model.bus import Direction
 
-__all__ = ["MAPPINGS", "CapturedFmmu", "Manager", "Station"]
-
 FMMUS, MANAGERS = range(0x0600, 0x0700), range(0x0800, 0x0880)
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 _ALIAS, _AL_CONTROL, _DC_ACTIVATION = 0x0012, 0x0120, 0x0980

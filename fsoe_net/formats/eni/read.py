@@ -18,8 +18,6 @@ from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedCopy, Description
 
-__all__ = ["EniImages", "load_eni", "load_eni_images"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EniImages:

@@ -20,8 +20,6 @@ from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedCopy, DescribedEnd
 from fsoe_net.model.layout import FsoeBlock, SmLayout
 
-__all__ = ["ImageMap", "Place", "copies_of", "header_bits", "map_images"]
-
 _WRAP = 0x10000
 _NAMES = {Direction.INPUT: "input", Direction.OUTPUT: "output"}
 

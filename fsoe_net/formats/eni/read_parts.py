@@ -10,18 +10,6 @@ from fsoe_net.formats.shared.source import xml_number
 from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Direction
 
-__all__ = [
-    "CyclicCommand",
-    "EniParts",
-    "Fmmu",
-    "Image",
-    "RawCopy",
-    "Window",
-    "read_cyclic",
-    "read_image",
-    "read_windows",
-]
-
 _LRD, _LWR, _LRW = 10, 11, 12
 _LOGICAL = (_LRD, _LWR, _LRW)
 _MAX_BIT = 0xFFFFFFFF

@@ -15,8 +15,6 @@ from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.description import ClockFacts, DescribedSubDevice, MailboxFacts, StartFacts
 
-__all__ = ["EniSlave", "pdo_of", "read_slave"]
-
 _MAX_SM = 15
 _FMMU_REGISTERS = range(0x0600, 0x0700)
 _DC_ACTIVATION = 0x0980

@@ -11,8 +11,6 @@ from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.model.description import Description
 from fsoe_net.model.renumber import renumbered_copies
 
-__all__ = ["renewed_eni"]
-
 
 def renewed_eni(bus: Description, path: str, notes: list[str]) -> bytes:
     """Return the ENI with the copies of the bus instead of its own; all else as it is.

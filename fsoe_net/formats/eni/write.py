@@ -13,8 +13,6 @@ from fsoe_net.formats.shared.writers import Written, own_words_lost
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedCopy, DescribedSubDevice, Description
 
-__all__ = ["eni_notes", "write_eni", "write_eni_file"]
-
 _DEFAULT_CYCLE_US = 1000
 _LRW = 12
 

@@ -7,19 +7,6 @@ from xml.sax.saxutils import escape
 
 from fsoe_net.model.bus import Pdo, Sdo
 
-__all__ = [
-    "APWR",
-    "BRD",
-    "BWR",
-    "FPWR",
-    "al_state",
-    "download",
-    "pdo_assignment",
-    "pdo_mapping",
-    "plain_text",
-    "register",
-]
-
 APWR, FPRD, FPWR, BRD, BWR = 2, 4, 5, 7, 8
 _NOT_XML = dict.fromkeys(
     (*range(0x09), 0x0B, 0x0C, *range(0x0E, 0x20), 0xFFFE, 0xFFFF, *range(0xD800, 0xE000)), " "

@@ -9,8 +9,6 @@ from xml.parsers import expat
 
 from fsoe_net.errors import InputError
 
-__all__ = ["replace_copies"]
-
 _READS = ("10", "12")  # LRD, LRW
 _UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 _BLANK = b" \t\r\n"

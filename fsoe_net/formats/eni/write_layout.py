@@ -10,8 +10,6 @@ from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.layout import SmLayout
 
-__all__ = ["EniLayout", "Piece", "WrittenCommand", "lay_out"]
-
 LOGICAL_BASE = 0x10000000
 _MAX_DATAGRAM = 1486
 _FIRST_WITH_HEADER = 16  # 14 bytes of Ethernet and 2 of EtherCAT stand before the first datagram

@@ -19,8 +19,6 @@ from fsoe_net.formats.eni.write_layout import Piece
 from fsoe_net.model.bus import Direction, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, StartFacts
 
-__all__ = ["slave_lines"]
-
 _FIRST_ADDRESS = 1001
 _CONTROL = {Direction.OUTPUT: 0x24, Direction.INPUT: 0x20}
 _WATCHDOG_BIT = 0x40

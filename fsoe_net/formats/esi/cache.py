@@ -18,8 +18,6 @@ from typing import Any
 from fsoe_net.formats.esi.catalogue import MAX_ROWS, EsiCatalogue, EsiRow
 from fsoe_net.formats.shared.limits import MAX_CACHED_BYTES
 
-__all__ = ["cache_folder", "cached_catalogue", "keep_catalogue"]
-
 _VERSION = 1  # raise it when the rows or what fills them change
 _MAX_FILES = 64
 _ROW_KEYS = {f.name: f.type for f in fields(EsiRow)}

@@ -19,8 +19,6 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import esi_number
 from fsoe_net.formats.shared.xml_tree import MAX_DEPTH, shown_name, xml_hint
 
-__all__ = ["EsiCatalogue", "EsiRow", "scan_esi"]
-
 MAX_ROWS = 100_000
 _MAX_TEXT = 1000  # characters of a name that are kept
 _MAX_PIECES = 8  # of text, 8 KiB each as expat hands them over

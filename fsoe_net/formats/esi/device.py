@@ -16,8 +16,6 @@ from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Device, Direction, Pdo, Sdo, SyncManager
 from fsoe_net.model.description import DescribedSubDevice, PdoFacts, TypeFacts
 
-__all__ = ["read_esi_device"]
-
 _MAX_NOTES = 100
 _MAX_FINDINGS = 50
 _MAX_ENTRIES = 100_000  # of a device with its modules

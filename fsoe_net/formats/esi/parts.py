@@ -10,8 +10,6 @@ from fsoe_net.formats.shared.source import esi_number
 from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo
 
-__all__ = ["EsiPdo", "PartReader", "SlotPlace", "flag", "name_of", "slot_places"]
-
 MAX_PDO_BITS = 8 * 65536
 MAX_SLOTS = 4096
 _MAX_FINDINGS = 50  # of one device; what is wrong throughout is clear by then

@@ -18,8 +18,6 @@ from fsoe_net.formats.shared.xml_text import plain_xml
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["EsiChoice", "list_esi", "load_esi"]
-
 _MOST_AT_ONCE = 64
 _SMALLEST_CACHED = 256 * 1024  # a smaller file is read faster than its cache
 _SKIP = frozenset({"Profile", "Eeprom", "Image16x14", "ImageData16x14", "ImageFile16x14"})

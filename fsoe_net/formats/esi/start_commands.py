@@ -9,8 +9,6 @@ from fsoe_net.formats.shared.source import esi_number
 from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.description import ClockFacts, MailboxFacts, StartFacts
 
-__all__ = ["esi_start"]
-
 _MOST_SMS = 16  # as an ENI has them
 _PROTOCOLS = ("AoE", "EoE", "CoE", "FoE", "SoE", "VoE")
 _PORTS = frozenset("YKBH ")

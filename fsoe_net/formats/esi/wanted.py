@@ -10,8 +10,6 @@ from fsoe_net.formats.esi.read import EsiChoice, list_esi, load_esi
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["load_devices"]
-
 
 def load_devices(
     path: str, wanted: Iterable[DescribedSubDevice], out: Collector

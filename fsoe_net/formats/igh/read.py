@@ -23,8 +23,6 @@ from fsoe_net.formats.shared.terminal_text import Line, Pasted, pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
 
-__all__ = ["load_igh_text"]
-
 _HEADER = re.compile(r"=== Master (\d{1,3}), Slave (\d{1,5}) ===$")
 _SM = re.compile(
     r"SM(\d{1,2}): PhysAddr 0x([0-9a-f]{4}), DefaultSize +(\d{1,5}), "

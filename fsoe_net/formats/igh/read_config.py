@@ -10,8 +10,6 @@ from fsoe_net.formats.shared.terminal_text import Line, Pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["read_config", "read_domains"]
-
 _DIRECTIONS = {"Input": Direction.INPUT, "Output": Direction.OUTPUT}
 _WATCHDOGS = {
     "Default": Watchdog.DEFAULT,

@@ -15,8 +15,6 @@ from fsoe_net.formats.shared.terminal_text import Line, Pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["read_cstruct"]
-
 _HEAD = re.compile(r'/\* *Master (\d+), Slave ([0-9a-f]+)(?:, "(.*)")?')
 _IDENTITY = re.compile(r"(Vendor ID|Product code|Revision number): +0x([0-9a-f]{1,8})$")
 _TABLE = re.compile(

@@ -20,8 +20,6 @@ from fsoe_net.formats.shared.terminal_text import Line, Pasted
 from fsoe_net.formats.sii.read import describe_sii, read_sii
 from fsoe_net.model.description import Description
 
-__all__ = ["read_sii_text"]
-
 _AREA = re.compile(r"SII Area:$")
 _CATEGORY = re.compile(r"SII Category 0x([0-9a-f]{4}) \([^)]{0,40}\), (\d{1,5}) words?$")
 _BYTES = re.compile(r"[0-9a-f]{2}(?: [0-9a-f]{2}){0,15}$")

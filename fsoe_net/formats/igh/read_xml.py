@@ -17,8 +17,6 @@ from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["read_xml"]
-
 _NAME = re.compile(r"(<Name(?: LcId=\"\d+\")?>)(?!<!\[CDATA\[)(.{0,300}?)(</Name>)")
 _TYPE = re.compile(r"(<Type ProductCode=[^>]{0,200}>)(?!<!\[CDATA\[)(.{0,300}?)(</Type>)")
 _AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")

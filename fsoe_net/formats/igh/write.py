@@ -20,8 +20,6 @@ from fsoe_net.formats.shared.writers import (
 from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.description import DescribedEnd, DescribedSubDevice, Description
 
-__all__ = ["write_c_header"]
-
 _LONGEST_BITS = 255
 _PLAIN_TYPES = """\
 #include <stddef.h>

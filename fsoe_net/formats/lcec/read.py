@@ -19,8 +19,6 @@ from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 
-__all__ = ["load_lcec"]
-
 _PARAMETER = "fsoeSlaveIdx"
 _DIRECTIONS = {"out": Direction.OUTPUT, "in": Direction.INPUT}
 _SDO_BYTES = (1, 2, 4, 8)

@@ -22,8 +22,6 @@ from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 from fsoe_net.model.names import Names
 
-__all__ = ["write_lcec"]
-
 _DEFAULT_CYCLE_US = 1000
 _LONGEST_BITS = 255
 _LOGICS = {(2, 0x1AF43052): "EL6900", (2, 0x077E3052): "EL1918_LOGIC"}

@@ -27,8 +27,6 @@ from fsoe_net.model.acceptance import (
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.written import same_person, says_something
 
-__all__ = ["is_acceptance", "load_acceptance", "parse_acceptance"]
-
 _FIRST_KEY = re.compile(rb"^acceptance_record\s*:", re.MULTILINE)
 _WITH_FORM_1 = "1"
 _LOOKED_AT = 4096

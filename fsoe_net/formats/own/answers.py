@@ -11,8 +11,6 @@ from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers
 from fsoe_net.model.network import ConnectionFacts
 
-__all__ = ["load_answers", "parse_answers"]
-
 _U16, _U32 = 0xFFFF, 0xFFFFFFFF
 _MOST = 1000
 _NO = ("false", "no", "off", "n")

@@ -11,8 +11,6 @@ from fsoe_net.formats.shared.numbers import read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode
 from fsoe_net.model.network import Bus
 
-__all__ = ["BusRows", "buses_from_yaml", "check_subdevices", "cycle_from_yaml"]
-
 _SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit/s
 
 

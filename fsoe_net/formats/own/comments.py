@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 from fsoe_net.formats.shared.writers import plain_text, quoted
 from fsoe_net.model.description import DescribedConnection
 
-__all__ = ["Remarks", "comment", "connection_lines"]
-
 _WIDTH = 100
 _TODO = {
     "address": "FSoE address of the SubInstance, from the safety project",

@@ -6,8 +6,6 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode
 from fsoe_net.model.network import Group
 
-__all__ = ["groups_from_yaml"]
-
 
 def groups_from_yaml(root: MapNode, out: Collector) -> tuple[Group, ...]:
     """Return the groups of a network file.

@@ -14,8 +14,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-__all__ = ["LEFT_TO_READERS", "SchemaError", "read_schema", "schema_errors"]
-
 LEFT_TO_READERS = frozenset(
     {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength", "uniqueItems"}
     | {"anyOf", "oneOf", "not", "propertyNames"}

@@ -25,8 +25,6 @@ from fsoe_net.model.library import (
     contradictions,
 )
 
-__all__ = ["builtin_library", "load_library", "parse_library_device"]
-
 _U8, _U16, _U32 = 0xFF, 0xFFFF, 0xFFFFFFFF
 _MAX_ENTRIES = 4096
 _WORD = re.compile(

@@ -35,9 +35,7 @@ from fsoe_net.model.drives import with_mode
 from fsoe_net.model.network import Net, NetworkConfig
 
 if TYPE_CHECKING:
-    from fsoe_net.formats.ros2.urdf import DriverSystem, ModuleDecl
-
-__all__ = ["LoadResult", "load_network"]
+    from fsoe_net.formats.ros2.urdf_system import DriverSystem, ModuleDecl
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

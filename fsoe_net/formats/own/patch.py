@@ -10,8 +10,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
 
-__all__ = ["patch_yaml"]
-
 # FSoE addresses, connection IDs and watchdogs belong to the safety project: never changed here.
 _KEYS = frozenset({"size", "in", "out", "index", "subindex"})
 _LINE = re.compile("[^\\r\\n\\x85\\u2028\\u2029]*(?:\\r\\n|[\\r\\n\\x85\\u2028\\u2029]|\\Z)")

@@ -20,8 +20,6 @@ from fsoe_net.model.protocol import (
     StepResult,
 )
 
-__all__ = ["load_protocol"]
-
 _NUMBER = re.compile(r"-?\d+(\.\d*)?([eE][+-]?\d{1,3})?")
 _MAX_MS = 7 * 24 * 3600 * 1000.0
 

@@ -10,8 +10,6 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.protocol import AtMachine, ProtocolStep, StepOutcome
 from fsoe_net.model.written import says_something
 
-__all__ = ["check_date", "check_entry"]
-
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)([T ].*)?")
 
 

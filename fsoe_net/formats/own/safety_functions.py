@@ -10,8 +10,6 @@ from fsoe_net.formats.shared.yaml_tree import MapNode, Node
 from fsoe_net.fsoe.pdu import SAFE_SIZES
 from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction
 
-__all__ = ["safety_functions_from_yaml"]
-
 _KINDS = {kind.value: kind for kind in ElementKind}
 _LEVELS = ("a", "b", "c", "d", "e")
 _CATEGORIES = ("B", "1", "2", "3", "4")

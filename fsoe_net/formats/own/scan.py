@@ -25,8 +25,6 @@ from fsoe_net.model.scan import (
     ScannedSubDevice,
 )
 
-__all__ = ["load_scan", "parse_scan"]
-
 _U8, _U16, _U32 = 0xFF, 0xFFFF, 0xFFFFFFFF
 _MAX_DEPTH = 64
 _T = TypeVar("_T")

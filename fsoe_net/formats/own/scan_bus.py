@@ -8,8 +8,6 @@ from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 from fsoe_net.model.scan import Scan, ScannedPdo, ScannedSm, ScannedSubDevice
 
-__all__ = ["describe_scan"]
-
 
 def describe_scan(scan: Scan, path: str) -> Description:
     """Return what a scan says.

@@ -15,8 +15,6 @@ from fsoe_net.formats.shared.numbers import Reader, own_int, read_float, read_in
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, load_yaml
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, ScenarioStep
 
-__all__ = ["load_scenario"]
-
 _MAX_MS = 7 * 24 * 3600 * 1000.0
 _MOST_RESETS = 10**9
 _INTEGER = re.compile(r"[+-]?[0-9]+\Z|0[xX][0-9a-fA-F]+\Z")

@@ -7,8 +7,6 @@ from fsoe_net.formats.shared.numbers import read_float
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode
 from fsoe_net.model.drives import DriveSetup
 
-__all__ = ["read_drives"]
-
 _MOST = 1e9
 _POSITIVE = frozenset(
     {"counts_per_rev", "rated_torque_nm", "max_torque_nm", "inertia_kgm2", "max_rpm", "sls_rpm"}

@@ -9,8 +9,6 @@ from fsoe_net.formats.shared.numbers import Reader, own_int, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode
 from fsoe_net.model.scenario import Action, ScenarioStep
 
-__all__ = ["with_arguments"]
-
 _WORD = 0xFFFFFFFF
 _HOUR_MS = 3_600_000
 _COUNTS = {

@@ -26,15 +26,6 @@ if TYPE_CHECKING:
     from fsoe_net.diag.diagnostic import Span
     from fsoe_net.formats.shared.files import Collector
 
-__all__ = [
-    "MOST_UNKNOWN",
-    "check_structure",
-    "kind_by_keys",
-    "nearest_keys",
-    "refuse_kind",
-    "schema_keys",
-]
-
 MOST_UNKNOWN = 100
 """Unknown keys of a document that are reported one by one, and guessed at."""
 

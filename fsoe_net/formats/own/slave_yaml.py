@@ -21,8 +21,6 @@ from fsoe_net.formats.shared.numbers import (
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode, load_yaml
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
 
-__all__ = ["device_from_yaml", "load_device"]
-
 # What the driver configures when a file lists no sync manager, or none it understands.
 _DEFAULT_SYNC_MANAGERS = (
     (0, Direction.OUTPUT, None, Watchdog.DISABLE),

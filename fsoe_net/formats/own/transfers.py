@@ -13,8 +13,6 @@ from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode
 from fsoe_net.fsoe.parameters import MOST_APP_BYTES
 from fsoe_net.model.network import ConnectionFacts, Endpoint, Net, Transfer, TransferKind
 
-__all__ = ["ModuleRow", "modules_from_yaml", "nets_from_yaml"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModuleRow:

@@ -9,8 +9,6 @@ from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
-__all__ = ["type_bits"]
-
 
 def type_bits(word: str, span: Span, out: Collector) -> int | None:
     """Return the length in bits of a type word.

@@ -24,8 +24,6 @@ from fsoe_net.model.bus import same_devices
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 from fsoe_net.model.names import Names
 
-__all__ = ["NetworkFiles", "write_network"]
-
 
 def write_network(
     description: Description,

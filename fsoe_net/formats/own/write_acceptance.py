@@ -13,8 +13,6 @@ from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import SafeBit, SafetyElement, SafetyFunction
 
-__all__ = ["write_acceptance"]
-
 _HEAD = """\
 # Acceptance record of the copies of an FSoE network, written by fsoe-net accept. Keep it under
 # version control, and sign what is signed: the report. It says which configuration was accepted,

@@ -14,8 +14,6 @@ from fsoe_net.model.protocol import (
     StepResult,
 )
 
-__all__ = ["write_protocol"]
-
 _HEAD = f"""\
 # Test protocol. Column "emulated": {EMULATED_NOTE}.
 # Column "live": what a running fsn-master showed. Column "machine" is yours: write into it

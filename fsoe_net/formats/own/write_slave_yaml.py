@@ -11,8 +11,6 @@ from fsoe_net.formats.shared.writers import quoted
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
-__all__ = ["type_word", "write_slave_yaml"]
-
 _LONGEST_BITS = 255  # the driver counts bits of an entry in one byte
 _OF_CHANNELS = ("for", "factor_from_sdo", "mask")  # written there
 _GROUP = {Direction.OUTPUT: "rpdo", Direction.INPUT: "tpdo"}

@@ -23,8 +23,6 @@ from collections.abc import Sequence
 from ctypes import CDLL, c_char_p, c_int, c_uint, c_uint32, c_uint64, c_void_p
 from pathlib import Path
 
-__all__ = ["confine", "end_with_parent", "inside", "python_folders", "sandbox_command"]
-
 # The same numbers on every architecture.
 _LANDLOCK_CREATE_RULESET, _LANDLOCK_ADD_RULE, _LANDLOCK_RESTRICT_SELF = 444, 445, 446
 _LANDLOCK_VERSION_FLAG = 1

@@ -11,11 +11,10 @@ from fsoe_net.diag.diagnostic import Diagnostic, Related
 from fsoe_net.diag.words import listed
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.recognise import refuse_known
-from fsoe_net.formats.ros2.urdf_params import DRIVER_PLUGIN, known_plugin_findings
+from fsoe_net.formats.ros2.urdf_params import DRIVER_PLUGIN
 from fsoe_net.formats.ros2.urdf_system import (
     COMPONENTS,
     DriverSystem,
-    ModuleDecl,
     plugin_of,
     read_system,
 )
@@ -23,8 +22,6 @@ from fsoe_net.formats.ros2.xacro_expand import expand_xacro, uses_xacro
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.xml_tree import Element, parse_xml
 from fsoe_net.model.network import SourceFile
-
-__all__ = ["DriverSystem", "ModuleDecl", "UrdfResult", "known_plugin_findings", "load_urdf"]
 
 _PARTS = frozenset({"ros2_control", "ec_module"})
 _DRIVER_PREFIX = "ethercat_driver/"

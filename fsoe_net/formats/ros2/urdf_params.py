@@ -17,18 +17,6 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.drives import CIA402_PLUGIN
 
-__all__ = [
-    "DRIVER_PLUGIN",
-    "Params",
-    "driver_plugin_findings",
-    "known_plugin_findings",
-    "read_address",
-    "read_flag",
-    "read_frequency",
-    "read_mode",
-    "read_params",
-]
-
 DRIVER_PLUGIN = "ethercat_driver/EthercatDriver"
 _PROTOTYPE_PLUGIN = "ethercat_driver/EthercatSafetyDriver"
 _PACKAGES = ("ethercat_generic_plugins/", "ethercat_plugins/")

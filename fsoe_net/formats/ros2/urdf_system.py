@@ -22,8 +22,6 @@ from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Located, RobotComponent
 from fsoe_net.model.drives import CIA402_PLUGIN
 
-__all__ = ["COMPONENTS", "DriverSystem", "ModuleDecl", "plugin_of", "read_system"]
-
 COMPONENTS = ("joint", "gpio", "sensor")  # the order in which the driver adds modules
 _SYSTEM_PARAMS = (
     "master_id",

@@ -8,8 +8,6 @@ from fsoe_net.formats.own.write import NetworkFiles
 from fsoe_net.formats.shared.writers import Written, quoted
 from fsoe_net.model.description import Description
 
-__all__ = ["write_driver"]
-
 _Version = Literal["2025", "2026-06", "2026-08", "newest"]
 _PLUGIN = "ethercat_generic_plugins/GenericEcSlave"
 

@@ -18,8 +18,6 @@ from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.drives import AXIS_STEP, drive_axes
 from fsoe_net.model.symbols import DeviceSymbol, device_symbols
 
-__all__ = ["write_control"]
-
 # Interfaces of ros2_control and ethercat_driver_ros2, by the objects of CiA 402 (IEC 61800-7-201).
 _STATES = {
     0x6041: "status_word",

@@ -23,8 +23,6 @@ from fsoe_net.formats.ros2.confine import inside, sandbox_command
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.xml_tree import Element, shown_attributes
 
-__all__ = ["LIMITS", "XacroLimits", "expand_xacro", "uses_xacro"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class XacroLimits:

@@ -10,8 +10,6 @@ from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["load_ros_slaves"]
-
 _ROOT = "ethercat_slaves"
 _PORTS = ("input_port", "output_port")
 

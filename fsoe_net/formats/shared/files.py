@@ -18,17 +18,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.limits import MAX_FILE_BYTES, MAX_LARGE_BYTES
 from fsoe_net.model.network import SourceFile
 
-__all__ = [
-    "STDIN",
-    "Collector",
-    "is_there",
-    "open_file",
-    "read_bytes",
-    "read_source",
-    "read_unchanged",
-    "replaced_files",
-]
-
 STDIN = "-"
 Stream = io.BufferedReader | io.BytesIO
 _REPLACED: ContextVar[Mapping[str, bytes]] = ContextVar("replaced files", default={})  # noqa: B039

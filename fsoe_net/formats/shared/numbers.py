@@ -17,17 +17,6 @@ from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode
 
-__all__ = [
-    "Reader",
-    "decimal_comma",
-    "driver_endpoint_number",
-    "own_int",
-    "read_flag",
-    "read_float",
-    "read_int",
-    "warn_decimal_index",
-]
-
 
 class Reader(enum.Enum):
     """Which grammar a number is under."""

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Located
 
-__all__ = ["MOST_SUBDEVICES", "fits_on_bus"]
-
 MOST_SUBDEVICES = 65_535
 """Of one bus: addresses of EtherCAT have 16 bits, and 0 is none."""
 

@@ -8,8 +8,6 @@ from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.limits import MAX_FILE_BYTES
 from fsoe_net.formats.shared.xml_tree import Element
 
-__all__ = ["Source", "esi_number", "source_bytes", "text_of", "xml_number"]
-
 Source = str | os.PathLike[str] | bytes
 
 _MOST_FINDINGS = 500

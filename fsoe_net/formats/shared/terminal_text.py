@@ -17,8 +17,6 @@ from fsoe_net.formats.shared.limits import MAX_PASTED_BYTES
 from fsoe_net.formats.shared.source import text_of
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["Line", "Pasted", "pasted"]
-
 _MAX_LINE = 600  # a name has at most 255 characters
 _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|\x1b[@-_]|\r")
 _QUOTES = re.compile(r"^(?:[ \t]*>)+[ \t]?")

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from fsoe_net.errors import EnvironmentFault, InputError
 
-__all__ = ["STDOUT", "make_folder", "refuse_present", "write_all", "write_whole"]
-
 STDOUT = "-"
 
 

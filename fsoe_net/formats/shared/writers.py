@@ -13,20 +13,6 @@ from fsoe_net.model.description import DescribedCopy, DescribedEnd, Description
 from fsoe_net.model.layout import DeviceLayout, SmLayout
 from fsoe_net.model.names import Names
 
-__all__ = [
-    "CopyGroup",
-    "Endpoints",
-    "Written",
-    "copy_groups",
-    "identifiers",
-    "is_fsoe",
-    "manager_of",
-    "own_words_lost",
-    "plain_text",
-    "quoted",
-    "unique_names",
-]
-
 _MARKS = (0xFEFF, 0xFFFE, 0xFFFF)
 _NOT_TEXT = dict.fromkeys(
     (*range(0x20), *range(0x7F, 0xA0), 0x2028, 0x2029, *range(0xD800, 0xE000), *_MARKS),

@@ -12,8 +12,6 @@ import re
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.shared.files import Collector
 
-__all__ = ["plain_xml", "readable_xml"]
-
 _UTF16 = (
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),

@@ -13,17 +13,6 @@ from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.printable import printable
 from fsoe_net.formats.shared.files import Collector
 
-__all__ = [
-    "MAX_DEPTH",
-    "MAX_ELEMENTS",
-    "Closed",
-    "Element",
-    "parse_xml",
-    "shown_attributes",
-    "shown_name",
-    "xml_hint",
-]
-
 MAX_DEPTH = 200
 MAX_ELEMENTS = 500_000
 MAX_TEXT_PIECES = 3_000_000  # expat hands over each line of text on its own

@@ -9,8 +9,6 @@ import yaml
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.shared.files import Collector
 
-__all__ = ["DEEPER", "FLATTER", "MAX_DEPTH", "add_syntax_error"]
-
 MAX_DEPTH = 64
 DEEPER = f"nested deeper than {MAX_DEPTH} levels"
 FLATTER = "no file of this kind needs more than a dozen levels"

@@ -21,8 +21,6 @@ from fsoe_net.diag.printable import first_control
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.yaml_errors import DEEPER, FLATTER, MAX_DEPTH, add_syntax_error
 
-__all__ = ["MapNode", "Node", "Places", "ScalarNode", "SeqNode", "load_yaml", "parse_yaml"]
-
 MAX_PARTS = 4_000_000  # of about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
 MAX_ALIASED = 1_000_000
 

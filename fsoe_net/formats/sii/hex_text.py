@@ -7,8 +7,6 @@ import re
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.limits import MAX_EEPROM_BYTES
 
-__all__ = ["HEX_TEXT", "binary_of", "is_hex_text"]
-
 _INTEL = rb"\A\s*:[0-9A-Fa-f]{10}"
 _DUMP = rb"\A\s*0{4,8}:? +(?:[0-9a-fA-F]{2} ?){4}"
 HEX_TEXT = (_INTEL, _DUMP, rb"\A\s*(?:(?:0x)?[0-9a-fA-F]{2}[ ,\t\r\n]+){16}")

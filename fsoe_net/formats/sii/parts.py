@@ -17,8 +17,6 @@ from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.bus import Direction, Entry, Pdo
 
-__all__ = ["SiiEntry", "SiiPdo", "sii_general", "sii_pdos", "sii_strings"]
-
 _PDO = struct.Struct("<HBBBBH")
 _ENTRY = struct.Struct("<HBBBBH")
 _VIRTUAL = 0x0020

@@ -27,15 +27,6 @@ from fsoe_net.formats.sii.parts import SiiPdo, sii_general, sii_pdos, sii_string
 from fsoe_net.model.bus import Device, Direction, Pdo, SyncManager
 from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
 
-__all__ = [
-    "SiiImage",
-    "describe_sii",
-    "load_sii",
-    "read_sii",
-    "read_sii_categories",
-    "sii_checksum",
-]
-
 _HEADER_BYTES = 0x80
 _IDENTITY_BYTES = 0x20
 _END = 0xFFFF

@@ -17,8 +17,6 @@ from fsoe_net.formats.shared.terminal_text import Line, Pasted, pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
 
-__all__ = ["load_soem_text"]
-
 _SLAVE = re.compile(r"Slave:(\d{1,5})$")
 _NAME = re.compile(r"Name:(.*)$")
 _SIZE = re.compile(r"(Output|Input) size: (\d{1,7})bits$")

@@ -25,8 +25,6 @@ from fsoe_net.formats.shared.xml_tree import Element
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, MailboxFacts, StartFacts
 
-__all__ = ["Box", "Message", "Range", "read_box", "type_bits_of"]
-
 _SM = struct.Struct("<HHBBBBI")
 _USES = {3: Direction.OUTPUT, 4: Direction.INPUT}
 _WATCHDOG_BIT = 0x40

@@ -15,8 +15,6 @@ from fsoe_net.formats.twinsafe.alias_devices import SafetyProject
 from fsoe_net.model.bus import Direction
 from fsoe_net.model.description import DescribedConnection, DescribedCopy, DescribedEnd
 
-__all__ = ["Links", "read_links"]
-
 _MOST_FINDINGS = 20
 _MOST_SIGNALS = 100
 _DEEPEST = 60  # names in a path

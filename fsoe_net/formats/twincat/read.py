@@ -26,8 +26,6 @@ from fsoe_net.formats.twincat.links import read_links
 from fsoe_net.formats.twinsafe.alias_devices import SafetyProject, read_safety_project
 from fsoe_net.model.description import Description
 
-__all__ = ["load_twincat"]
-
 _KIND = "a TwinCAT project"
 _MOST_FILES = 10_000
 _DEEPEST = 40

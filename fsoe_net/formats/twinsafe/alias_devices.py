@@ -22,16 +22,6 @@ from fsoe_net.formats.shared.xml_tree import Element, parse_xml, shown_name
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 
-__all__ = [
-    "Alias",
-    "SafetyProject",
-    "describe_project",
-    "read_alias",
-    "read_group",
-    "read_project_folder",
-    "read_safety_project",
-]
-
 _KIND = "a TwinSAFE alias device"
 _MOST_FILES = 1000
 _ALIAS_FOLDER = "Alias Devices"

@@ -26,8 +26,6 @@ from fsoe_net.formats.twinsafe.alias_devices import (
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
 
-__all__ = ["load_twinsafe"]
-
 _ORDER = re.compile(r"\(([A-Z]{2,3}\d{3,4}(?:-[\w-]{1,12})?)\)")
 
 

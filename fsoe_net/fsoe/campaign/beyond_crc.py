@@ -21,8 +21,6 @@ from fsoe_net.fsoe.chain import reset_frame
 from fsoe_net.fsoe.crc import frame_crcs
 from fsoe_net.fsoe.pdu import Command, assemble, safe_data_length
 
-__all__ = ["make_edge", "make_enable", "make_forged", "make_former"]
-
 
 def make_forged(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int

@@ -13,8 +13,6 @@ from fsoe_net.fsoe.campaign.walk import TrialConnection
 from fsoe_net.fsoe.crc import block_crc
 from fsoe_net.fsoe.pdu import frame_length
 
-__all__ = ["ErrorSet", "block_bits", "block_count", "code_distance", "error_sets"]
-
 
 def block_count(size_bytes: int) -> int:
     """Return how many blocks of data and CRC a frame of this size has."""

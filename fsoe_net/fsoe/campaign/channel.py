@@ -18,18 +18,6 @@ from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.instance import Instance
 from fsoe_net.fsoe.pdu import Command
 
-__all__ = [
-    "Application",
-    "Channel",
-    "Fault",
-    "Peer",
-    "SessionIds",
-    "Way",
-    "can_fork",
-    "set_sequence",
-    "short_hex",
-]
-
 
 class Way(enum.IntEnum):
     """Direction of a frame; also the index of everything kept per direction."""

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from fsoe_net.fsoe.pdu import decode_pdu, describe, is_frame_length
 
-__all__ = ["Departure", "Due", "frame_text"]
-
 _LONG = 120  # characters of a frame in a message
 
 

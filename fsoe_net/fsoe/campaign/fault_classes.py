@@ -38,8 +38,6 @@ from fsoe_net.fsoe.campaign.injection import (
 from fsoe_net.fsoe.campaign.walk import STARTUP_SHARE, Scene
 from fsoe_net.fsoe.pdu import Command
 
-__all__ = ["CATALOGUE", "FaultClass"]
-
 _IGNORED = 1 / 16  # half of the start-up at most: a wrong first Session reply is ignored (§11.2)
 
 

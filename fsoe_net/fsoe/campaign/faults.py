@@ -13,21 +13,6 @@ from fsoe_net.fsoe.campaign.channel import BACK, Channel, Fault, Way
 from fsoe_net.fsoe.campaign.witness import block_crcs
 from fsoe_net.fsoe.pdu import Pdu, assemble, decode_pdu, is_frame_length
 
-__all__ = [
-    "Alternate",
-    "Early",
-    "Flip",
-    "Forge",
-    "Freeze",
-    "Late",
-    "Replay",
-    "Slip",
-    "Swap",
-    "Torn",
-    "compose",
-    "shortened",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Span:

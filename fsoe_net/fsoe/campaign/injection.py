@@ -11,20 +11,6 @@ from fsoe_net.fsoe.campaign.faults import Flip, Swap
 from fsoe_net.fsoe.campaign.walk import Scene, TrialConnection, Walker, other_link
 from fsoe_net.fsoe.pdu import Command
 
-__all__ = [
-    "CRC_CHANCE",
-    "DATA_COMMANDS",
-    "ForeignFrames",
-    "Injection",
-    "Make",
-    "again_chance",
-    "below",
-    "between",
-    "flip",
-    "span",
-    "swap",
-]
-
 DATA_COMMANDS = (int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA))
 CRC_CHANCE = 2.0**-16  # that a CRC of 16 bits fits by accident
 

@@ -12,8 +12,6 @@ from fsoe_net.fsoe.campaign.walk import Scene
 from fsoe_net.fsoe.campaign.witness import Collision, Witness, collision
 from fsoe_net.fsoe.pdu import Command, decode_pdu
 
-__all__ = ["FAILURES", "TrialFinding", "TrialOutcome", "judge"]
-
 _RESET, _SESSION = int(Command.RESET), int(Command.SESSION)
 _PROCESS_DATA = int(Command.PROCESS_DATA)
 _DATA = (int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA))

@@ -11,8 +11,6 @@ from fsoe_net.fsoe.campaign.channel import SessionIds
 from fsoe_net.fsoe.config import MainConfig
 from fsoe_net.fsoe.main_instance import MainInstance
 
-__all__ = ["OddMain", "Oddity"]
-
 
 class Oddity(enum.Enum):
     """What is wrong, and what the sub answers (§6 rows 17, 19, 20)."""

@@ -13,8 +13,6 @@ from fsoe_net.fsoe.event import EventKind
 from fsoe_net.fsoe.instance import Instance
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length
 
-__all__ = ["Recorder"]
-
 _Call = dict[str, Any]
 
 

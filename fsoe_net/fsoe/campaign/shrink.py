@@ -13,8 +13,6 @@ from fsoe_net.fsoe.campaign.recorder import Recorder
 from fsoe_net.fsoe.campaign.trials import Case
 from fsoe_net.fsoe.campaign.walk import Scene
 
-__all__ = ["Shrunk", "shrink"]
-
 _SEED = 1
 _POINTS = 64  # new frames from power-up at which a fault is tried
 _MAX_TURNS = 4000

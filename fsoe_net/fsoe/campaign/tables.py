@@ -22,8 +22,6 @@ from fsoe_net.fsoe.pdu import (
     reset_code_text,
 )
 
-__all__ = ["MainTable", "StateTable", "SubTable"]
-
 _RESET, _SESSION = int(Command.RESET), int(Command.SESSION)
 _CONNECTION, _PARAMETER = int(Command.CONNECTION), int(Command.PARAMETER)
 _PROCESS_DATA = int(Command.PROCESS_DATA)

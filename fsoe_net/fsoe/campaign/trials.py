@@ -25,19 +25,6 @@ from fsoe_net.fsoe.campaign.statistics import count_interval
 from fsoe_net.fsoe.campaign.walk import Scene, TrialConnection, Walker, miswired
 from fsoe_net.fsoe.campaign.witness import Collision
 
-__all__ = [
-    "EXHAUSTIVE",
-    "CampaignConfig",
-    "ClassResult",
-    "Failure",
-    "Shown",
-    "Trials",
-    "class_names",
-    "merge",
-    "run_trials",
-    "trial_count",
-]
-
 EXHAUSTIVE = "bit_errors"
 _ADDRESSING, _PARAMETERS = "addressing", "parameters"
 _UNDRAWN = (EXHAUSTIVE, _PARAMETERS)  # no fault at a point of a run, so not to be joined

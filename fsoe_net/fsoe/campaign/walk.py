@@ -24,17 +24,6 @@ from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import Command
 from fsoe_net.fsoe.sub_instance import SubInstance
 
-__all__ = [
-    "STARTUP_SHARE",
-    "Scene",
-    "Spot",
-    "TrialConnection",
-    "Walk",
-    "Walker",
-    "miswired",
-    "other_link",
-]
-
 _DATA_COMMANDS = frozenset({int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA)})
 _DATA_SPOTS = 96  # turns with a new frame in state Data per run
 STARTUP_SHARE = 1 / 8  # of all points

@@ -13,8 +13,6 @@ from fsoe_net.fsoe.chain import Chain, advance, fits_start
 from fsoe_net.fsoe.crc import block_crc
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, is_frame_length
 
-__all__ = ["Collision", "Witness", "block_crcs", "collision"]
-
 _DATA_COMMANDS = frozenset({Command.PROCESS_DATA, Command.FAIL_SAFE_DATA})
 
 _FREE = frozenset({Command.SESSION, Command.CONNECTION})  # the ConnID is not known yet (§4, §6)

@@ -13,17 +13,6 @@ from fsoe_net.fsoe.pdu import (
 )
 from fsoe_net.fsoe.recording.model import Answer
 
-__all__ = [
-    "Compared",
-    "RecordingDifference",
-    "byte_names",
-    "differing",
-    "differing_bytes",
-    "explain",
-    "frame_text",
-    "value_text",
-]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compared:

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 
-__all__ = ["Answer", "Call", "Order", "OrderKind", "RecordedStep", "Recording", "SideName", "Skip"]
-
 
 class SideName(enum.Enum):
     """An end of the connection; the value is its name in the file."""

@@ -24,8 +24,6 @@ from fsoe_net.fsoe.recording.model import (
 )
 from fsoe_net.fsoe.recording.rows import Row, rows, short
 
-__all__ = ["read_recording"]
-
 _MAX_SKIP_CYCLES = 1_000_000
 _MAX_TIME_US = 10**15  # 30 years
 _STATES = frozenset(state.value for state in State)

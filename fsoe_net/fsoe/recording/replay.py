@@ -45,8 +45,6 @@ from fsoe_net.fsoe.recording.reader import read_recording
 from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.fsoe.sub_instance import SubInstance
 
-__all__ = ["RecordingDifference", "ReplayResult", "replay", "replay_file"]
-
 _KEPT_DIFFERENCES = 100
 
 

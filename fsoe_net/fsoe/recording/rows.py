@@ -8,8 +8,6 @@ from typing import Any, BinaryIO
 
 from fsoe_net.errors import RecordingError
 
-__all__ = ["Row", "file_lines", "rows", "short"]
-
 _MAX_LINE_BYTES = 1 << 20
 _MAX_IMAGE_BYTES = 4096
 _MAX_NUMBER = 10**15

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from fsoe_net.core.core import Core, EmulatedBus
     from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 
-__all__ = ["copies", "core_and_python", "known_conversations"]
-
 _WAIT_S = 30.0
 _WRITES = 20_000
 

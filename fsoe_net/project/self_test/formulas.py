@@ -10,8 +10,6 @@ from fsoe_net.project.self_test.model import TriedValue, reference
 if TYPE_CHECKING:
     from fsoe_net.timing.formulas import PartTimes, SignalWay
 
-__all__ = ["crcs_of_fsoe", "long_division", "timing"]
-
 _LENGTHS = range(1, 65)
 
 

@@ -11,8 +11,6 @@ from fsoe_net.project.installed import installed_files, shipped
 from fsoe_net.project.self_test.model import NotTried, TriedValue, reference
 from fsoe_net.version import __version__
 
-__all__ = ["master", "master_version", "recorded_files"]
-
 _TIMEOUT_S = 30
 
 

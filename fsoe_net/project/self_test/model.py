@@ -8,16 +8,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = [
-    "NotTried",
-    "PartResult",
-    "SelfTestPart",
-    "TriedValue",
-    "reference",
-    "reference_file",
-    "tried",
-]
-
 
 class TriedValue(NamedTuple):
     """One value of this installation beside the one that is known."""

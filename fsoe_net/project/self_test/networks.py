@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from fsoe_net.project.installed import shipped
 from fsoe_net.project.self_test.model import TriedValue, reference
 
-__all__ = ["broken_networks", "emulated_runs", "reference_networks", "safety_functions"]
-
 _FINDING = re.compile(r":(\d+):(\d+): (?:error|warning)\[(FSN\d+)\]")
 
 

@@ -13,8 +13,6 @@ from fsoe_net.project.installed import installed_files, versions
 from fsoe_net.project.self_test import engines, formulas, installation, networks
 from fsoe_net.project.self_test.model import PartResult, SelfTestPart, tried
 
-__all__ = ["PARTS", "SelfTest", "master_state", "run_self_test"]
-
 _INSTALL = "install fsoe-net again, into an empty environment, and repeat the self-test"
 _FILES = f"a file was changed, is missing or was added: {_INSTALL}"
 _STOP = (

@@ -12,8 +12,6 @@ from fsoe_net.errors import ConsoleError
 from fsoe_net.run.console.keeper import Keeper
 from fsoe_net.run.console.names import SymbolNames
 
-__all__ = ["CommandForm", "Room", "options", "table", "usage"]
-
 
 class Room(Protocol):
     """What commands may use of the console."""

@@ -26,8 +26,6 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage
 from fsoe_net.run.console.names import seconds
 
-__all__ = ["BUS_COMMANDS", "event_line"]
-
 _CHANGE_S = 60.0
 _POLL_S = 0.05
 _UP = (BusState.RUNNING, BusState.FAILED)

@@ -12,8 +12,6 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, table, usage
 from fsoe_net.run.console.names import number, object_address, shown
 
-__all__ = ["DEVICE_COMMANDS"]
-
 
 def _sdo(room: Room, words: Sequence[str]) -> None:
     if len(words) >= 3 and words[0] in ("read", "write"):

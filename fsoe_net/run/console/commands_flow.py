@@ -10,8 +10,6 @@ from fsoe_net.run.console.command import CommandForm, Room, table, usage
 from fsoe_net.run.console.conditions import FORMS, condition
 from fsoe_net.run.console.names import number, seconds
 
-__all__ = ["FLOW_COMMANDS", "ConsoleEnd"]
-
 _UNTIL_S = 10.0
 _POLL_S = 0.02
 _MOST_LEASE_MS = 600_000

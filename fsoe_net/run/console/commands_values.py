@@ -11,8 +11,6 @@ from fsoe_net.run.client import Client
 from fsoe_net.run.console.command import CommandForm, Room, options, table, usage
 from fsoe_net.run.console.names import SymbolNames, batches, number, seconds, shown
 
-__all__ = ["VALUE_COMMANDS"]
-
 _POLL_S = 0.1
 _WATCH_S = 0.1
 _MOST_EVERY = 1_000_000

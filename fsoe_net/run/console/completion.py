@@ -8,8 +8,6 @@ from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.live.control_values import BusState
 from fsoe_net.run.console.names import SymbolNames
 
-__all__ = ["complete"]
-
 _CONNECTION_STATES = ["Data", *(s.value for s in ConnectionState if not s.in_data)]
 _WORDS = {
     "events": ["on", "off", "for"],

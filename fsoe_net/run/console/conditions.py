@@ -13,8 +13,6 @@ from fsoe_net.live.control_values import BusState, Symbol, Value
 from fsoe_net.run.client import Client
 from fsoe_net.run.console.names import SymbolNames, batches, number, shown, value_of
 
-__all__ = ["FORMS", "Condition", "condition"]
-
 FORMS = "NAME [& MASK] [==|!=|<|<=|>|>=] VALUE, connection NAME|all in STATE, or state STATE"
 
 _COMPARE: dict[str, Callable[[Any, Any], bool]] = {

@@ -19,8 +19,6 @@ from fsoe_net.run.console.keeper import Keeper
 from fsoe_net.run.console.names import SymbolNames
 from fsoe_net.run.console.script import ConsoleCommand, ScriptError, expand, parse
 
-__all__ = ["COMMANDS", "Console"]
-
 COMMANDS: Mapping[str, CommandForm] = (
     BUS_COMMANDS | VALUE_COMMANDS | DEVICE_COMMANDS | FLOW_COMMANDS
 )

@@ -18,8 +18,6 @@ from typing import Any, TypeVar
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.run.client import Client
 
-__all__ = ["Keeper"]
-
 _T = TypeVar("_T")
 _MOST_EVENTS = 1_000
 _PARTS_OF_A_LEASE = 4

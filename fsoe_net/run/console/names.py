@@ -12,8 +12,6 @@ from fsoe_net.live.control_values import Symbol, Value
 from fsoe_net.model.symbols import directed_names
 from fsoe_net.model.times import time_ns
 
-__all__ = ["SymbolNames", "batches", "number", "object_address", "seconds", "shown", "value_of"]
-
 _MOST_S = 7 * 24 * 3600.0
 _WORDS = {"true": True, "on": True, "false": False, "off": False}
 _MOST_TO_TELL = 12

@@ -19,8 +19,6 @@ from dataclasses import dataclass
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError
 
-__all__ = ["ConsoleCommand", "ScriptError", "Word", "expand", "parse"]
-
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 _VARIABLE = re.compile(r"\$(\$|\*|[0-9]|[A-Za-z_][A-Za-z0-9_]*)")
 _BLANK = " \t\r"
