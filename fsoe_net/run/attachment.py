@@ -128,7 +128,7 @@ class BusView:
             "connections": [c.to_json() for c in self.connections],
             "subdevices": [] if snapshot is None else [s.to_json() for s in snapshot.subdevices],
             "statistics": None if snapshot is None else snapshot.cycle.statistics.to_json(),
-            "events": [e.to_json() for e in self.events],
+            "events": [asdict(e) for e in self.events],
             "events_lost": self.events_lost,
         }
 

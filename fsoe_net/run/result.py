@@ -21,7 +21,7 @@ from fsoe_net.live.health import (
 from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 
 
-class RunEventKind(enum.Enum):
+class RunEventKind(enum.StrEnum):
     """What an event is about."""
 
     STATE = "state"
@@ -51,10 +51,6 @@ class RunEvent:
     end: str = ""
     state: str = ""
     in_data: bool = False
-
-    def to_json(self) -> dict[str, object]:
-        """Return the values as documents of ``run`` and ``monitor`` have them."""
-        return asdict(self) | {"kind": self.kind.value}
 
 
 def state_fields(end: str, state: str, *, in_data: bool) -> dict[str, Any]:
@@ -192,7 +188,7 @@ class Run:
             "subdevices": [s.to_json() for s in self.subdevices],
             "statistics": self.statistics.to_json(),
             "expectations": [asdict(v) for v in self.verdicts],
-            "events": [e.to_json() for e in self.events],
+            "events": [asdict(e) for e in self.events],
             "events_lost": self.events_lost,
         }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.live.control_values import Status, Symbol, WatchedCycle
@@ -76,7 +77,7 @@ class MasterFeed(LiveFeed):
             "version": __version__,
             "socket": self.path,
             **view,
-            "events": [e.to_json() for e in events],
+            "events": [asdict(e) for e in events],
             "events_lost": lost + gone,
             "capture": None,
         }

@@ -46,7 +46,7 @@ def event_row(event: RunEvent) -> Row:
         "time_ms": round(event.time_ms, 3),
         "source": event.source,
         "text": event.text,
-        "kind": event.kind.value,
+        "kind": event.kind,
         "end": event.end,
         "state": event.state,
     }

@@ -92,7 +92,7 @@ def test_monitor_console_verify_and_studio_read_it(bus: Master, large: Path) -> 
     assert "does not run" not in shown.stdout + shown.stderr
     lines = fsn("console", *where, "-c", "state; connections; list s1; get all").stdout.splitlines()
     assert f"0 of {CONNECTIONS} connections in Data" in lines[0]
-    assert sum(line.endswith("frames") for line in lines) == CONNECTIONS
+    assert sum(" frames" in line for line in lines) == CONNECTIONS
     assert sum(line.startswith("s399.0x3001:0c") for line in lines) == 1
     expected = fsn("console", *where, "-c", "expect all.0x3001:0c == 0; expect all.0x3000:01 == 0")
     assert (expected.returncode, expected.stderr) == (0, "")

@@ -43,7 +43,11 @@ from fsoe_net.model.scan import (
 )
 from fsoe_net.model.scenario import Action
 
-OTHERWISE = {("AnsweredDevice", "count"): 1, ("ClockFacts", "factor"): 1}
+OTHERWISE = {
+    ("AnsweredDevice", "count"): 1,
+    ("ClockFacts", "factor"): 1,
+    ("ScannedSm", "complete"): 1,
+}
 
 
 def test_what_nobody_says_is_empty():
