@@ -10,7 +10,8 @@ from .c_syntax import changes
 from .common import INVALID, KILLED, SURVIVED, Mutant, changed_lines
 
 CORE = "master_core/src"
-NAMES = ("rt", "plan-loader", "core", "control", "live", "segment", "scan", "client", "backends")
+NAMES = ("rt", "plan-loader", "core", "control", "live", "segment", "scan", "client", "backends",
+         "app")  # fmt: skip
 PARTS = dict.fromkeys(NAMES, CORE)
 
 
@@ -30,7 +31,7 @@ def sources(part: str, root: Path) -> list[str]:
         found = [p for p in (folder / "core").glob("*.c") if p.stem != "activate"]
         found.append(folder / "backends/emulated.c")
     else:
-        found = list((folder / part).rglob("*.c"))
+        found = list((folder.with_name("app") if part == "app" else folder / part).rglob("*.c"))
     return sorted(str(path.relative_to(root)) for path in found)
 
 

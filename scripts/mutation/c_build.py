@@ -28,13 +28,13 @@ sys.meta_path[:] = [f for f in sys.meta_path if "ScikitBuild" not in type(f).__n
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A place where one mutant lives: its library goes before the built one."""
+    """A place where one mutant lives: its library and programs go before the built ones."""
 
     folder: Path
 
     @property
     def libraries(self) -> Path:
-        """Where its library is."""
+        """Where its library and programs are."""
         return self.folder / "lib"
 
     def clear(self) -> None:
@@ -50,12 +50,14 @@ class Build:
         self.work = work.resolve()
         self.root = root.resolve()
         self.plain = self._make("plain", PLAIN, targets)
-        self._commands = {
-            str(Path(entry["file"]).resolve().relative_to(self.root)): entry
-            for entry in json.loads((self.plain / "compile_commands.json").read_text())
-            if _is_library(entry["output"])
-            and Path(entry["file"]).resolve().is_relative_to(self.root)
-        }
+        self._commands: dict[str, list[dict[str, str]]] = {}
+        for entry in json.loads((self.plain / "compile_commands.json").read_text()):
+            file = Path(entry["file"]).resolve()
+            if file.is_relative_to(self.root) and (
+                _is_library(entry["output"]) or _is_in_programs(file)
+            ):
+                path = str(file.relative_to(self.root))
+                self._commands.setdefault(path, []).append(entry)
 
     def covered(self) -> Path:
         """Return the build that counts which lines run."""
@@ -102,10 +104,12 @@ class Build:
         (core / "_core.abi3.so").symlink_to(folder / "_core.abi3.so")
 
     def compile(self, path: str, source: str, slot: Slot) -> bool:
-        """Build the library with this file changed; false where that makes no difference."""
-        entry = self._commands[path]
+        """Build what this file is in with the file changed; false if that makes no difference."""
         changed = slot.folder / Path(path).name
         changed.write_text(source)
+        return all(self._compile(path, changed, slot, entry) for entry in self._commands[path])
+
+    def _compile(self, path: str, changed: Path, slot: Slot, entry: dict[str, str]) -> bool:
         command = [w for w in shlex.split(entry["command"]) if not w.startswith("-W")]
         command[command.index("-c") + 1] = str(changed)
         made, out = slot.folder / "changed.o", command.index("-o") + 1
@@ -124,20 +128,25 @@ class Build:
         name = str(original.relative_to(directory))
         for text in directory.glob("CMakeFiles/*.dir/link.txt"):
             command = shlex.split(text.read_text())
-            if "-shared" in command and name in command:
+            if name in command and "-o" in command:
                 library = command[command.index("-o") + 1]
                 command[command.index("-o") + 1] = str(slot.libraries / library)
                 command[command.index(name)] = str(made)
                 quiet(command, directory)
                 return
-        raise AssertionError(f"{name} is in no library")
+        raise AssertionError(f"{name} is in no library or program")
+
+
+def _is_in_programs(file: Path) -> bool:
+    """Whether programs and tests have a file compiled in, beside or instead of a library."""
+    return "app" in file.parts or file.parent.name == "client"
 
 
 def _is_library(output: str) -> bool:
     return any(f"CMakeFiles/fsn_{part}.dir/" in output for part in _LIBRARIES)
 
 
-_LIBRARIES = ("rt", "setup", "segment", "control", "soem")
+_LIBRARIES = ("rt", "setup", "segment", "control", "soem", "client", "igh")
 
 
 def _code(path: Path) -> bytes:
