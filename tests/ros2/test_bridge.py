@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -415,9 +416,9 @@ def test_processes_have_clients_of_their_own(monkeypatch: pytest.MonkeyPatch) ->
         assert acting.status().message == "refused: more than 8 processes set outputs"
         assert master.outputs["drive_1.0x6040:00"] == control._MOST_SENDERS - 1
         later_s = time.monotonic() + control._IDLE_S - 1.0
-        monkeypatch.setattr(control.time, "monotonic", lambda: later_s)
+        monkeypatch.setattr(control, "time", SimpleNamespace(monotonic=lambda: later_s))
         acting.set_output(topic, send(5), "process 0")  # the others are silent
-        monkeypatch.setattr(control.time, "monotonic", lambda: later_s + 2.0)
+        monkeypatch.setattr(control, "time", SimpleNamespace(monotonic=lambda: later_s + 2.0))
         acting.set_output(topic, send(77), "a new process")
         assert master.outputs["drive_1.0x6040:00"] == 77
         assert set(acting._senders) == {"process 0", "a new process"}

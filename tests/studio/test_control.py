@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -324,7 +325,7 @@ def test_control_ends_with_the_connection_and_with_a_refusal_behind_arming(
 def test_control_ends_with_its_lease(monkeypatch: pytest.MonkeyPatch) -> None:
     """For a page that has control, until its lease is over; each of its requests renews it."""
     now_s = 1000.0
-    monkeypatch.setattr(live_control.time, "monotonic", lambda: now_s)
+    monkeypatch.setattr(live_control, "time", SimpleNamespace(monotonic=lambda: now_s))
     with FakeMaster() as master:
         control = live_control.LiveControl(str(master.path), lambda _text: None)
         assert control.turn == 0
