@@ -1,4 +1,4 @@
-"""What is observed on a connection: its state, the direction of a frame, the verdict on its CRCs.
+"""Observations on a connection: its state, the direction of a frame, the verdict on the CRCs.
 
 The members of each enum are in the order of the numbers of the C core, from 0.
 """
@@ -9,10 +9,10 @@ import enum
 
 
 class CrcVerdict(enum.StrEnum):
-    """What the CRCs of one frame show; the value is the word in documents."""
+    """Verdict on the CRCs of one frame; the value is the word in documents."""
 
     SAME = "same"
-    """The bytes are those of the frame before, so it is no event (§10)."""
+    """The frame repeats the bytes of the previous one, so it is not an event (§10)."""
     RIGHT = "right"
     """Every CRC fits the chain."""
     WRONG = "wrong"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from typing import Protocol
 
 from fsoe_net.fsoe.pdu import Command
 
@@ -153,3 +154,19 @@ class ParameterList:
 
 def _word(data: bytearray, at: int) -> int:
     return int.from_bytes(data[at : at + 2], "little")
+
+
+class SeenParameters(Protocol):
+    """A connection with the parameters of the plan and those that were observed."""
+
+    @property
+    def configured(self) -> FsoeParameters:
+        """Parameters of the plan."""
+
+    @property
+    def observed(self) -> FsoeParameters:
+        """Parameters that the MainInstance sent in its last start-up."""
+
+    @property
+    def differs(self) -> tuple[str, ...]:
+        """Names of the parameters that differ."""

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from fsoe_net.core.snapshot import ConnectionSnapshot, Statistics
 from fsoe_net.fsoe.observed import ConnectionState
-from fsoe_net.fsoe.parameters import FsoeParameters, differences
+from fsoe_net.fsoe.parameters import SeenParameters, differences
 from fsoe_net.live.control_values import BusState, Status
 from fsoe_net.observe.bus_documents import BusSnapshot, SubDeviceSnapshot
 from fsoe_net.timing.formulas import RESERVE
@@ -98,7 +98,7 @@ _NOT_IN_OPERATION = {
 }
 
 
-class _SeenOnBus(Protocol):
+class _SeenOnBus(SeenParameters, Protocol):
     """A connection of a snapshot or of a run."""
 
     @property
@@ -109,12 +109,6 @@ class _SeenOnBus(Protocol):
     def sub(self) -> str: ...
     @property
     def state(self) -> ConnectionState: ...
-    @property
-    def configured(self) -> FsoeParameters: ...
-    @property
-    def observed(self) -> FsoeParameters: ...
-    @property
-    def differs(self) -> tuple[str, ...]: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +185,7 @@ def connection_health(
 
     Args:
         seen: The connection.
-        subdevices: Those of the bus; empty where nobody reads them.
+        subdevices: SubDevices of the bus; empty if the bus does not read their state.
         share: See `watchdog_share`.
         changes: See `RecentChanges`.
         current: Whether the values are of now.

@@ -63,8 +63,10 @@ def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
         return 97
     if seen.name == e.head.trigger.subdevice:
         return 96
-    mine = e.plan is not None and seen.name in (e.plan.main, e.plan.sub)
-    return (80 if seen.found is Found.STATE else 93) - (0 if mine else 40)
+    score = 80 if seen.found is Found.STATE else 93
+    if e.plan is None or seen.name not in (e.plan.main, e.plan.sub):
+        score -= 40  # of another connection
+    return score
 
 
 def _by_status(e: IncidentEvidence, fault: BusFault, text: str) -> Iterator[Candidate]:

@@ -157,14 +157,9 @@ def _about(changes: Iterable[Change], names: Iterable[str]) -> list[Change]:
 
 def _subdevice(a: Side, b: Side, left: int | None, right: int | None) -> list[Change]:
     if left is None or right is None:
-        lone = _lone(a, b, left, right)
-        return _about([lone], [s.name for s in _ones(a, left) + _ones(b, right)])
+        return [_lone(a, b, left, right)]
     old, new = a.subdevices[left], b.subdevices[right]
     return _about(_both(a, b, old, new), (old.name, new.name))
-
-
-def _ones(side: Side, number: int | None) -> tuple[SideSubDevice, ...]:
-    return () if number is None else (side.subdevices[number],)
 
 
 def _both(a: Side, b: Side, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
@@ -204,10 +199,15 @@ def _lone(a: Side, b: Side, left: int | None, right: int | None) -> Change:
             area=ChangeArea.SUBDEVICE,
             where=_title(sub),
             before=_identity(sub),
+            subdevices=(sub.name,),
         )
     sub = b.subdevices[right or 0]
     return Change(
-        kind=ChangeKind.ADDED, area=ChangeArea.SUBDEVICE, where=_title(sub), after=_identity(sub)
+        kind=ChangeKind.ADDED,
+        area=ChangeArea.SUBDEVICE,
+        where=_title(sub),
+        after=_identity(sub),
+        subdevices=(sub.name,),
     )
 
 

@@ -3,24 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Protocol
 
 from fsoe_net.document.model import Cell, Item, Level, Verdict, cell, muted
-from fsoe_net.fsoe.parameters import FsoeParameters, differences
+from fsoe_net.fsoe.parameters import SeenParameters, differences
 
 
-class _Seen(Protocol):
-    """A connection of a run, or of a running bus."""
-
-    @property
-    def configured(self) -> FsoeParameters: ...
-    @property
-    def observed(self) -> FsoeParameters: ...
-    @property
-    def differs(self) -> tuple[str, ...]: ...
-
-
-def observed_cell(name: str, seen: _Seen) -> Cell:
+def observed_cell(name: str, seen: SeenParameters) -> Cell:
     """Return what the MainInstance sent in its last start-up, and what speaks against it."""
     against = tuple(_against(name, seen))
     if against:
@@ -38,6 +26,6 @@ def observed_cell(name: str, seen: _Seen) -> Cell:
     return cell(Verdict("as stated", Level.CLEAR), muted(words))
 
 
-def _against(name: str, seen: _Seen) -> Iterator[Item]:
+def _against(name: str, seen: SeenParameters) -> Iterator[Item]:
     for text in differences(seen.differs, seen.configured, seen.observed):
         yield Verdict(f"{name}: {text}", Level.ERROR)
