@@ -123,7 +123,8 @@ def test_the_programs_of_the_page_run(tmp_path, monkeypatch, capsys):
         assert "set drive_1.0x6040:00=6" in master.asked
         assert STOP in master.asked
     out = capsys.readouterr().out
-    assert "c1 is in Data · ProcessData\nc1 was lost\nc1 is in Reset - controlword of drive_1: 0" in out
+    stopped = "c1 is in Reset - controlword of drive_1: 0"
+    assert f"c1 is in Data · ProcessData\nc1 was lost\n{stopped}\n" in out
     assert "\npassed\n" in out
     assert "no plan: 1 error" in out
     assert "NOT HELD" not in out

@@ -392,10 +392,10 @@ _LATELY = f"in the last {HOLD_S:g} s"
 
 TEXTS: Mapping[HealthReason, str | Callable[[Any], str]] = {
     HealthReason.NOT_CURRENT: "not current, last known values",
-    HealthReason.END_ABSENT: "a SubDevice of it is absent, as it may be",
+    HealthReason.END_ABSENT: "one of its SubDevices is absent, as planned",
     HealthReason.NOT_IN_DATA: "not in Data",
     HealthReason.FAILSAFE_DATA: "not ProcessData in both directions",
-    HealthReason.END_NOT_IN_OP: "a SubDevice of it is not in OP",
+    HealthReason.END_NOT_IN_OP: "one of its SubDevices is not in OP",
     HealthReason.RESET: f"Reset {_LATELY}",
     HealthReason.OTHER_PARAMETERS: lambda h: (
         "other parameters: "

@@ -121,7 +121,7 @@ def test_a_subdevice(
     assert (row.level, row.message) == (level, text)
     if level is OK:
         assert found["connection c1"].level is OK
-        assert "a SubDevice of it is absent, as it may be" in found["connection c1"].message
+        assert "one of its SubDevices is absent, as planned" in found["connection c1"].message
 
 
 @pytest.mark.parametrize(
