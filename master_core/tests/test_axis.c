@@ -532,6 +532,21 @@ static void modes_are_confirmed(void) {
     CHECK(rig.axis.phase == FSN_AXIS_NO_ANSWER && rig.axis.state != FSN_AXIS_OPERATION_ENABLED);
 }
 
+/** Bit 12 goes while the drive changes its mode: that is no stop by the drive. */
+static void a_change_of_mode_is_no_stop(void) {
+    set_up(csp());
+    rig.drive.extra = 0x1200;
+    rig.drive.mode_delay = 5;
+    to_enabled();
+    CHECK(fsn_axis_set_mode(&rig.axis, FSN_AXIS_CSV) == FSN_OK);
+    rig.drive.extra = 0x0200;
+    steps(10);
+    CHECK(rig.axis.phase == FSN_AXIS_ENABLED && !rig.axis.enabled);
+    rig.drive.extra = 0x1200;
+    step();
+    CHECK(rig.axis.enabled);
+}
+
 static void limits_open_modes(void) {
     struct fsn_axis axis;
     struct fsn_axis_config none = {.mode = FSN_AXIS_CSP};
@@ -782,6 +797,7 @@ static void words_for_messages(void) {
     CHECK(strcmp(fsn_axis_phase_name(FSN_AXIS_BAD_STATUSWORD), "bad statusword") == 0);
     CHECK(strcmp(fsn_axis_mode_name(FSN_AXIS_CST), "cst") == 0);
     CHECK(strcmp(fsn_axis_mode_name(7), "?") == 0 && strcmp(fsn_axis_mode_name(-3), "?") == 0);
+    CHECK(strcmp(fsn_axis_mode_name(1000), "?") == 0);
     CHECK(strcmp(fsn_axis_state_name(9), "?") == 0 && strcmp(fsn_axis_phase_name(10), "?") == 0);
 }
 
@@ -797,6 +813,7 @@ int main(void) {
     fault_in_each_state();
     a_fault_that_stays();
     modes_are_confirmed();
+    a_change_of_mode_is_no_stop();
     limits_open_modes();
     halt_in_csp_goes_on_from_where_it_stands();
     set_points_shake_hands();

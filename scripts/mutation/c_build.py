@@ -139,7 +139,7 @@ class Build:
 
 def _is_in_programs(file: Path) -> bool:
     """Whether programs and tests have a file compiled in, beside or instead of a library."""
-    return "app" in file.parts or file.parent.name == "client"
+    return "app" in file.parts or file.parent.name in ("client", "igh")
 
 
 def _is_library(output: str) -> bool:
