@@ -21,18 +21,18 @@ from typing import TYPE_CHECKING
 from fsoe_net.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from fsoe_net.acceptance.report import Report
+    from fsoe_net.capture.decode import DecodedFrame
     from fsoe_net.diag.diagnostic import Diagnostic, Severity
     from fsoe_net.errors import ControlRefused, EnvironmentFault, FsnError, InputError
     from fsoe_net.fsoe.observed import ConnectionState
+    from fsoe_net.live.client import Client
+    from fsoe_net.live.result import Run
+    from fsoe_net.network import Network, connect, convert, decode, load, propose
     from fsoe_net.plan.model import Plan
     from fsoe_net.project.convert import Conversion
-    from fsoe_net.project.decode import DecodedFrame
-    from fsoe_net.project.draft import Draft
     from fsoe_net.project.findings import Findings
-    from fsoe_net.project.network import Network, connect, convert, decode, load, propose
-    from fsoe_net.project.report import Report
-    from fsoe_net.run.client import Client
-    from fsoe_net.run.result import Run
+    from fsoe_net.proposal.draft import Draft
 
 __all__ = [
     "Client",
@@ -60,27 +60,27 @@ __all__ = [
 
 # Imported when they are used: a command loads what it needs, and nothing else.
 _PLACES = {
-    "Client": "run.client",
+    "Client": "live.client",
     "ConnectionState": "fsoe.observed",
     "ControlRefused": "errors",
     "Conversion": "project.convert",
-    "DecodedFrame": "project.decode",
+    "DecodedFrame": "capture.decode",
     "Diagnostic": "diag.diagnostic",
-    "Draft": "project.draft",
+    "Draft": "proposal.draft",
     "EnvironmentFault": "errors",
     "Findings": "project.findings",
     "FsnError": "errors",
     "InputError": "errors",
-    "Network": "project.network",
+    "Network": "network",
     "Plan": "plan.model",
-    "Report": "project.report",
-    "Run": "run.result",
+    "Report": "acceptance.report",
+    "Run": "live.result",
     "Severity": "diag.diagnostic",
-    "connect": "project.network",
-    "convert": "project.network",
-    "decode": "project.network",
-    "load": "project.network",
-    "propose": "project.network",
+    "connect": "network",
+    "convert": "network",
+    "decode": "network",
+    "load": "network",
+    "propose": "network",
 }
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import yaml
 
+DIAGNOSTICS = Path(__file__).parent / "diagnostics"
+
 
 class _Dumper(yaml.SafeDumper):
     pass

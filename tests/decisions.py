@@ -86,12 +86,12 @@ def in_capitals(value: Any) -> Any:
 
 def causes(capitals: bool) -> tuple[Any, str]:
     """Return key and score of each cause of seeded failures, and the words for the last one."""
-    from incidents.rig import edited, read
-    from incidents.seeds_start import START
-    from incidents.seeds_tried import TRIED
-    from incidents.seeds_wiring import WIRING
+    from incident.rig import edited, read
+    from incident.seeds_start import START
+    from incident.seeds_tried import TRIED
+    from incident.seeds_wiring import WIRING
 
-    from fsoe_net.observe.causes import judge
+    from fsoe_net.incident.causes import judge
 
     found = {}
     some = [
@@ -112,15 +112,15 @@ def causes(capitals: bool) -> tuple[Any, str]:
 
 def reports() -> Any:
     """Return what a sign-off takes from reports: without and with evidence, untried and tried."""
+    from acceptance.signed import filled, source
     from report.made import TIMED, inputs_of
-    from report.signed import filled, source
 
+    from fsoe_net.acceptance.signed_report import read_signed_report
     from fsoe_net.report.compose import compose_report
     from fsoe_net.report.evidence import Evidence
     from fsoe_net.report.formats import render_report
     from fsoe_net.report.inputs import Tried
-    from fsoe_net.report.signed_report import read_signed_report
-    from fsoe_net.run.protocol import make_protocol
+    from fsoe_net.test_record.steps import make_protocol
 
     bare = inputs_of(TIMED)
     protocol = make_protocol(bare.resolution, b"")
@@ -144,9 +144,9 @@ def _scan() -> Any:
 
 def sign_offs() -> Any:
     """Return how many refusals a sign-off has with one ground after the other taken away."""
-    from report.signed import grounds_of, report_with, signed_report
+    from acceptance.signed import grounds_of, report_with, signed_report
 
-    from fsoe_net.report.sign_off import sign_off
+    from fsoe_net.acceptance.sign_off import sign_off
 
     grounds = grounds_of()
     unread = replace(grounds, report=signed_report(report_with(of_machine=False)))
@@ -178,10 +178,10 @@ def steps() -> Any:
     """Return the steps that a change of a connection, of a name and of a signal call for again."""
     from report.made import BASE, TIMED, inputs_of
 
-    from fsoe_net.report.diff import compare
-    from fsoe_net.report.diff_read import side_of_network
+    from fsoe_net.compare.diff import compare
+    from fsoe_net.compare.diff_read import side_of_network
     from fsoe_net.report.steps_to_repeat import steps_to_repeat
-    from fsoe_net.run.protocol import make_protocol
+    from fsoe_net.test_record.steps import make_protocol
 
     before = inputs_of(TIMED).resolution
     found = []

@@ -13,8 +13,6 @@ from typing import Any
 
 import fsoe_net
 
-__all__ = ["reachable_types"]
-
 _SPECIAL = ("__call__", "__getitem__", "__iter__")
 
 

@@ -71,6 +71,17 @@ def test_parts_of_a_network_are_known_by_their_number():
     assert users == {"bus.py", "changed_text.py", "yaml_parts.py"}
 
 
+def test_no_test_imports_another():
+    """What several tests need is a helper, which says in its name what it is."""
+    imports = re.compile(r"^\s*from (?:(?!fsoe_net)\w+\.)?test_\w+ import .*", re.M)
+    found = [
+        f"{path.name}: {line.strip()}"
+        for path in (ROOT / "tests").rglob("*.py")
+        for line in imports.findall(path.read_text("utf-8"))
+    ]
+    assert found == []
+
+
 def test_types_of_connections_only_get_fewer():
     """An enum of their states is not one of them."""
     texts = [p.read_text("utf-8") for p in MODULES]
@@ -85,7 +96,7 @@ def test_types_of_connections_only_get_fewer():
 def test_check_needs_neither_compiled_part_nor_heavy_imports():
     code = (
         "import sys, fsoe_net.cli.check\n"
-        "bad = {'fsoe_net.core', 'fsoe_net.run', 'rich', 'xacro', 'cffi'} & set(sys.modules)\n"
+        "bad = {'fsoe_net.core', 'fsoe_net.live', 'rich', 'xacro', 'cffi'} & set(sys.modules)\n"
         "sys.exit(str(bad) if bad else 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

@@ -58,4 +58,4 @@ def test_percent_are_never_rounded_up(script):
 def test_a_file_counts_for_its_folder(script):
     assert script._folder("master_core/src/plan/prove_copies.c", 3) == "master_core/src/plan"
     assert script._folder("master_core/src/backends/soem/find.c", 3) == "master_core/src/backends"
-    assert script._folder("fsoe_net/run/console/console.py", 2) == "fsoe_net/run"
+    assert script._folder("fsoe_net/live/console/console.py", 2) == "fsoe_net/live"

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from live.support import EXAMPLES, ROOT
 from ruamel.yaml import YAML
-from run.support import EXAMPLES, ROOT
 
 import fsoe_net
 from fsoe_net.project.edit import EditedText

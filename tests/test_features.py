@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import yaml
-from run.support import ROOT
+from live.support import ROOT
 
 PAGE, TABLE = ROOT / "docs" / "FEATURES.md", ROOT / "docs" / "features.yaml"
 MARKS = {"works": "✔", "partly": "◐", "not yet": "✘", "not claimed": ""}

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
+from live.support import EXAMPLES, ROOT, needs_core
 from patience import PATIENCE_S
 from public_types import reachable_types
-from run.support import EXAMPLES, ROOT, needs_core
 
 import fsoe_net
 from fsoe_net.testing.fake_master import FakeMaster

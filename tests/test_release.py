@@ -2,7 +2,7 @@
 
 import re
 
-from run.support import ROOT
+from live.support import ROOT
 
 import fsoe_net
 from fsoe_net.diag.catalogue import CATALOGUE

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 TEXTS = {"text", "message", "detail", "hint", "title", "found_text", "remedy", "reason"}
 LOOKS = {"startswith", "endswith", "partition", "rpartition", "split", "removeprefix", "find"}
 # Their `text` is that of a file of the user's, or of what a person typed.
-OF_USERS = ("formats", "studio/workspace.py", "run/console", "cli/init_prompt.py")
+OF_USERS = ("formats", "studio/workspace.py", "live/console", "cli/init_prompt.py")
 
 
 def decisions(*words: str) -> dict[str, object]:

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 import pytest
-from run.support import EXAMPLES, ROOT, needs_core
+from live.support import EXAMPLES, ROOT, needs_core
 
 import fsoe_net
 from fsoe_net.testing.emulated import EmulatedNetwork

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from run.support import ROOT
+from live.support import ROOT
 
 PAGE, TABLE = ROOT / "docs" / "reference" / "validation.md", ROOT / "docs" / "requirements.yaml"
 COMMENT = re.compile(r"(?:/\*|#) shows (R\d+(?:, R\d+)*)(?: \*/|$)", re.MULTILINE)

@@ -78,7 +78,7 @@ def run_inside(
 def run_program(
     program: str, *arguments: str | Path, cables: int = 1, **how: object
 ) -> subprocess.CompletedProcess[str]:
-    """Run one of the programs of the tests there, such as ``run/live_rig.py``."""
+    """Run one of the programs of the tests there, such as ``live/live_rig.py``."""
     return run_inside(sys.executable, TESTS / program, *arguments, cables=cables, **how)
 
 

@@ -8,7 +8,7 @@ It moves a real axis: who runs it has made sure that nobody can be hurt.
 import sys
 
 import fsoe_net
-from fsoe_net.run.axis import AxisMode, AxisPhase
+from fsoe_net.live.axis import AxisMode, AxisPhase
 
 
 def main(socket: str, subdevice: str, step: int, cycles: int) -> int:

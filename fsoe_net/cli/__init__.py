@@ -1,4 +1,8 @@
-"""Command line: one module per command, the only layer that prints or exits."""
+"""Command line: one module per command, the only layer that prints or exits.
+
+Add here: a command with its options and the printing of its result. Do not add: work that the
+studio or a program could want too; it belongs below.
+"""
 
 import os
 import sys

@@ -8,6 +8,8 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from fsoe_net.acceptance.accept import accept, intervention_rows, reason_rows, record_bytes
+from fsoe_net.acceptance.signatures import ROLES, sign_record
 from fsoe_net.cli.accept_options import circumstance_options, day_of_signature
 from fsoe_net.cli.accept_output import (
     EPILOG,
@@ -20,9 +22,7 @@ from fsoe_net.cli.options import FILE, output_option, read_by
 from fsoe_net.cli.write import check_target
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.project.accept import accept, intervention_rows, reason_rows, record_bytes
 from fsoe_net.project.known import is_record
-from fsoe_net.project.signatures import ROLES, sign_record
 
 _NEEDED = ("reports", "protocol", "author", "verifier", "output")
 """Of a network; a record that is only signed holds them."""

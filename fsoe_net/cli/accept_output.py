@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from fsoe_net.acceptance.sign_off import Refusal
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import Document, Level, Part, Verdict, words
 from fsoe_net.model.acceptance import Acceptance, CheckedSignature
 from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.project.known import AcceptedRecord
-from fsoe_net.report.sign_off import Refusal
 
 EPILOG = """\b
 Example:

@@ -11,8 +11,8 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError
 
 if TYPE_CHECKING:
+    from fsoe_net.live.scan import ScanSource, TakenScan
     from fsoe_net.model.scan import Scan
-    from fsoe_net.run.scan import ScanSource, TakenScan
 
 
 def scan_to_compare(
@@ -50,7 +50,7 @@ def take_scan(
     """
     if interface is None and socket is None:
         raise click.UsageError("name the bus: --interface IF, or --socket PATH of an fsn-master")
-    from fsoe_net.run.scan import scan_source
+    from fsoe_net.live.scan import scan_source
 
     source = scan_source(interface, socket=socket, bus=bus)
     echo(source.announcement, err=True)

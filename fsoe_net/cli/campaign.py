@@ -11,19 +11,19 @@ from pathlib import Path
 
 import click
 
+from fsoe_net.campaign.trials import CampaignConfig, class_names
 from fsoe_net.cli.campaign_output import print_end, save_recordings, write_report
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FOLDER, output_option, read_by
 from fsoe_net.cli.progress import progress_bar
 from fsoe_net.cli.write import check_target
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.fsoe.campaign.trials import CampaignConfig, class_names
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.run.campaign import (
+from fsoe_net.simulate.campaign import (
     campaign_links,
     run_campaign,
 )
-from fsoe_net.run.device import device_factory, stdout_to_stderr
+from fsoe_net.simulate.device_logic import device_factory, stdout_to_stderr
 
 _EPILOG = """\b
 Examples:

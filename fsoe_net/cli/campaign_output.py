@@ -11,7 +11,7 @@ from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, FsnError, InputError
 from fsoe_net.formats.shared.write_files import STDOUT, write_whole
 from fsoe_net.report.campaign import Saved, campaign_document, to_json
-from fsoe_net.run.campaign import (
+from fsoe_net.simulate.campaign import (
     CampaignResult,
     save_failures,
 )

@@ -6,7 +6,7 @@ import os
 import select
 
 from fsoe_net.cli.terminal import echo
-from fsoe_net.run.emulate import SegmentSession
+from fsoe_net.simulate.emulate import SegmentSession
 
 _MAX_LINE = 1000
 

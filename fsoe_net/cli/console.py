@@ -12,9 +12,9 @@ from fsoe_net.cli.line_editor import line_editor
 from fsoe_net.cli.options import FILE, Time, master_options, master_socket
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import ConsoleError, FsnError
-from fsoe_net.run.console.commands_flow import ConsoleEnd
-from fsoe_net.run.console.console import Console
-from fsoe_net.run.console.keeper import Keeper
+from fsoe_net.live.console.commands_flow import ConsoleEnd
+from fsoe_net.live.console.console import Console
+from fsoe_net.live.console.keeper import Keeper
 
 _PROMPT = "fsn> "
 _EPILOG = """\b

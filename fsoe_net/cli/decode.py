@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import click
 
+from fsoe_net.capture.decode import naming_of
+from fsoe_net.capture.lua import lua_dissector
+from fsoe_net.capture.names import Naming
 from fsoe_net.cli.decode_inputs import (
     decode_capture,
     decode_hex,
@@ -18,11 +21,8 @@ from fsoe_net.cli.write import check_target
 from fsoe_net.formats.capture.packets import is_capture
 from fsoe_net.formats.shared.files import open_file
 from fsoe_net.formats.shared.write_files import STDOUT, write_whole
-from fsoe_net.observe.lua import lua_dissector
-from fsoe_net.observe.names import Naming
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
-from fsoe_net.project.decode import naming_of
 
 _EPILOG = """\b
 Examples:

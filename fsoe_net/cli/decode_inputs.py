@@ -10,6 +10,9 @@ from typing import BinaryIO
 
 import click
 
+from fsoe_net.capture.decode import CaptureDecoder, DecodedFrame
+from fsoe_net.capture.hexframes import follow_frames, parse_frames
+from fsoe_net.capture.names import Naming
 from fsoe_net.cli.decode_output import Output
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core.scan import Sighting
@@ -17,9 +20,6 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.capture.packets import buffered
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict, FrameDirection
 from fsoe_net.fsoe.pdu import safe_data_of
-from fsoe_net.observe.hexframes import follow_frames, parse_frames
-from fsoe_net.observe.names import Naming
-from fsoe_net.project.decode import CaptureDecoder, DecodedFrame
 
 
 def is_file(name: str) -> bool:

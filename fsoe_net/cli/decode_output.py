@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 
 import click
 
+from fsoe_net.capture.decode import CaptureFacts, DecodedFrame, Found
+from fsoe_net.capture.names import ConnectionNames
 from fsoe_net.cli.terminal import echo
 from fsoe_net.core.scan import FoundConnection, FoundPlace, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
@@ -14,8 +16,6 @@ from fsoe_net.diag.printable import printable
 from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.observed import CrcVerdict, FrameDirection
 from fsoe_net.fsoe.pdu import Command, command_text, reset_code_text, safe_data_length, safe_data_of
-from fsoe_net.observe.names import ConnectionNames
-from fsoe_net.project.decode import CaptureFacts, DecodedFrame, Found
 from fsoe_net.version import __version__
 
 _ARROWS = ("main > sub", "sub > main")

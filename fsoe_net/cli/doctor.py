@@ -67,7 +67,7 @@ def command(ctx: click.Context, interface: str | None, fmt: str) -> None:
 
 
 def _program() -> str | None:
-    from fsoe_net.run.master import find_master  # late: `doctor` works without the compiled core
+    from fsoe_net.live.master import find_master  # late: `doctor` works without the compiled core
 
     try:
         return find_master()

@@ -25,8 +25,8 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import with_scenario
-from fsoe_net.run.emulate import SegmentSession, serve
-from fsoe_net.run.session import random_session_ids
+from fsoe_net.simulate.emulate import SegmentSession, serve
+from fsoe_net.simulate.session import random_session_ids
 from fsoe_net.version import __version__
 
 _STDIN = 0

@@ -9,7 +9,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.core.segment import is_test_rig
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.run.emulate import EmulateResult
+from fsoe_net.simulate.emulate import EmulateResult
 
 _BANNER = """\
 ############################################################################

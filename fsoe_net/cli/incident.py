@@ -13,10 +13,10 @@ from fsoe_net.document.write_html import document_html
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.formats.shared.files import open_file
 from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.observe.evidence import gather
-from fsoe_net.observe.incident_read import IncidentReader
+from fsoe_net.incident.evidence import gather
+from fsoe_net.incident.incident_facts import facts_json, facts_of
+from fsoe_net.incident.incident_read import IncidentReader
 from fsoe_net.report.incident_document import incident_document
-from fsoe_net.report.incident_facts import facts_json, facts_of
 from fsoe_net.version import __version__
 
 _EPILOG = """\b

@@ -15,9 +15,9 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_folder
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan_bus import describe_scan
-from fsoe_net.project.draft import Inputs, make_draft
-from fsoe_net.project.draft_text import answers_template
-from fsoe_net.project.gather import gather
+from fsoe_net.proposal.draft import Inputs, make_draft
+from fsoe_net.proposal.draft_text import answers_template
+from fsoe_net.proposal.gather import gather
 
 _EPILOG = """\b
 Examples:

@@ -9,7 +9,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
 from fsoe_net.diag.words import counted, summary
 from fsoe_net.project.check import check_files
-from fsoe_net.project.draft import Draft
+from fsoe_net.proposal.draft import Draft
 
 
 def write_network(made: Draft, folder: Path, *, overwrite: bool) -> bool:

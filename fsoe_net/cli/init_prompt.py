@@ -13,7 +13,7 @@ from fsoe_net.diag.diagnostic import Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers, Ask, Question
 from fsoe_net.model.network import ConnectionFacts
-from fsoe_net.project.draft import Draft, Inputs, make_draft, question_findings
+from fsoe_net.proposal.draft import Draft, Inputs, make_draft, question_findings
 
 _ITEM = re.compile(
     r"(?:(?P<name>[A-Za-z_]\w*)\s*=\s*)?(?:(?P<count>\d{1,3})\s*[x*]\s*)?(?P<type>[\w.-]+)\Z"

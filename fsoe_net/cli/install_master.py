@@ -10,7 +10,7 @@ import click
 from fsoe_net.cli.options import FOLDER, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
-from fsoe_net.run.build_master import SOEM_TERMS, build_master, master_place
+from fsoe_net.live.build_master import SOEM_TERMS, build_master, master_place
 
 _EPILOG = """\b
 Examples:

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fsoe_net.errors import FsnError
-from fsoe_net.run.console.completion import complete
-from fsoe_net.run.console.console import COMMANDS, Console
+from fsoe_net.live.console.completion import complete
+from fsoe_net.live.console.console import COMMANDS, Console
 
 _HISTORY_LINES = 2_000
 

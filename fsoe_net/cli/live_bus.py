@@ -13,12 +13,12 @@ from fsoe_net.cli.options import CYCLE, FOLDER, INTERFACE, INTERFACES, RUN_TIME,
 from fsoe_net.cli.run_output import Show
 from fsoe_net.cli.stop import ENDS, stop_on
 from fsoe_net.cli.terminal import echo
+from fsoe_net.live.live_bus import BusOptions, run_on_bus
+from fsoe_net.live.master import Master
+from fsoe_net.live.result import Run
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.project.simulate import plan_bytes
-from fsoe_net.run.live_bus import BusOptions, run_on_bus
-from fsoe_net.run.master import Master
-from fsoe_net.run.result import Run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

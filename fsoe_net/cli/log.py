@@ -19,14 +19,14 @@ from fsoe_net.cli.options import (
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag.words import counted
-from fsoe_net.observe.interventions import LogChain, LogFilter
-from fsoe_net.project.interventions import export_log, log_files, read_log, select_entries
-from fsoe_net.report.intervention_document import (
+from fsoe_net.intervention_log.chain import LogChain, LogFilter
+from fsoe_net.intervention_log.document import (
     check_json,
     log_check_document,
     log_document,
     selection_json,
 )
+from fsoe_net.intervention_log.files import export_log, log_files, read_log, select_entries
 from fsoe_net.version import __version__
 
 _EPILOG = """\b

@@ -19,7 +19,7 @@ from fsoe_net.cli.options import (
 from fsoe_net.cli.stop import ENDS_OR_HANGS_UP, stop_on
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
-from fsoe_net.run.attachment import Attachment
+from fsoe_net.live.attachment import Attachment
 from fsoe_net.version import __version__
 
 _EPILOG = """\b

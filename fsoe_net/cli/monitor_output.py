@@ -10,6 +10,7 @@ from fsoe_net.cli.run_output import (
     number_text,
     state_cell,
 )
+from fsoe_net.core.bus_documents import SubDeviceSnapshot
 from fsoe_net.core.snapshot import Statistics
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
@@ -24,12 +25,11 @@ from fsoe_net.document.model import (
     cell,
     words,
 )
+from fsoe_net.live.attachment import BusView, WatchedConnection
 from fsoe_net.live.control_values import Status
 from fsoe_net.live.health import FsoeHealth, HealthReason, reason_text
-from fsoe_net.observe.bus_documents import SubDeviceSnapshot
+from fsoe_net.live.live_capture import LiveCapture
 from fsoe_net.report.cycle_times import times_table, timing_bars
-from fsoe_net.run.attachment import BusView, WatchedConnection
-from fsoe_net.run.live_capture import LiveCapture
 
 _SHOWN = (*STATE_REASONS, HealthReason.WATCHDOG_RESERVE)
 _COLUMNS = (

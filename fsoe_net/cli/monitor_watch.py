@@ -12,9 +12,9 @@ from fsoe_net.cli.run_output import event_line, interesting, joined_events
 from fsoe_net.cli.terminal import echo, is_screen, terminal
 from fsoe_net.document.write_terminal import TerminalView
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.run.attachment import Attachment, BusView
-from fsoe_net.run.live_capture import LiveCapture
-from fsoe_net.run.result import RunEvent, RunEventKind
+from fsoe_net.live.attachment import Attachment, BusView
+from fsoe_net.live.live_capture import LiveCapture
+from fsoe_net.live.result import RunEvent, RunEventKind
 
 if TYPE_CHECKING:
     from rich.live import Live

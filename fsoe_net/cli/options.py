@@ -194,7 +194,7 @@ def master_socket(socket: str | None, interface: str | None) -> str:
         raise click.UsageError("one of --socket PATH and --interface IF says which fsn-master")
     if socket is not None:
         return socket
-    from fsoe_net.run.sockets import control_socket
+    from fsoe_net.live.sockets import control_socket
 
     return control_socket(interface or "")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from fsoe_net.cli.terminal import is_screen, terminal
-from fsoe_net.run.campaign import Progress
+from fsoe_net.simulate.campaign import Progress
 
 
 @contextmanager

@@ -6,13 +6,13 @@ import json
 
 import click
 
+from fsoe_net.campaign.recording.replay import replay
+from fsoe_net.campaign.recording.rows import file_lines
 from fsoe_net.cli.options import FILE, format_option
 from fsoe_net.cli.replay_output import ReplayOutcome, outcome_json, print_outcome
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError, RecordingError
 from fsoe_net.formats.shared.files import open_file
-from fsoe_net.fsoe.recording.replay import replay
-from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.version import __version__
 
 _EPILOG = """\b

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fsoe_net.campaign.recording.difference import RecordingDifference, differing_bytes, explain
+from fsoe_net.campaign.recording.model import Answer
+from fsoe_net.campaign.recording.replay import ReplayResult
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.words import counted
-from fsoe_net.fsoe.recording.difference import RecordingDifference, differing_bytes, explain
-from fsoe_net.fsoe.recording.model import Answer
-from fsoe_net.fsoe.recording.replay import ReplayResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

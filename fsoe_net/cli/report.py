@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from fsoe_net.acceptance.report import REPORT_FORMATS, make_report
+from fsoe_net.acceptance.ssh_signatures import SshSigners
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import (
     FILE,
@@ -22,8 +24,6 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.project.check import check_files
 from fsoe_net.project.known import read_record
-from fsoe_net.project.report import REPORT_FORMATS, make_report
-from fsoe_net.project.ssh_signatures import SshSigners
 from fsoe_net.report.evidence import ask_live, read_evidence
 
 _EPILOG = """\b

@@ -32,9 +32,7 @@ from fsoe_net.live.health import (
     in_operation,
     subdevice_health,
 )
-from fsoe_net.report.cycle_times import times_table, timing_csv, timing_picture
-from fsoe_net.report.section_evidence import HEALTH_LEVELS
-from fsoe_net.run.result import (
+from fsoe_net.live.result import (
     ConnectionResult,
     Run,
     RunEvent,
@@ -42,6 +40,8 @@ from fsoe_net.run.result import (
     RunUpdate,
     result_health,
 )
+from fsoe_net.report.cycle_times import times_table, timing_csv, timing_picture
+from fsoe_net.report.section_evidence import HEALTH_LEVELS
 
 _COLUMNS = (
     Column("connection"),

@@ -10,7 +10,7 @@ from fsoe_net.cli.scan_output import scan_document
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
 from fsoe_net.formats.shared.write_files import write_all
-from fsoe_net.run.scan_files import compact_json, scan_files
+from fsoe_net.live.scan_files import compact_json, scan_files
 
 _EPILOG = """\b
 Examples:

@@ -10,8 +10,8 @@ from fsoe_net.cli.options import format_option
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import Column, Document, Level, Part, Table, Verdict, cell, words
-from fsoe_net.project.self_test.model import PartResult
-from fsoe_net.project.self_test.run import SelfTest, run_self_test
+from fsoe_net.self_test.model import PartResult
+from fsoe_net.self_test.run import SelfTest, run_self_test
 
 _EPILOG = """\b
 Examples:

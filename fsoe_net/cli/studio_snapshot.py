@@ -14,6 +14,7 @@ from fsoe_net.cli.monitor_output import bus_document
 from fsoe_net.cli.run_output import health_verdict
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_target
+from fsoe_net.core.bus_documents import SubDeviceSnapshot
 from fsoe_net.document.model import (
     Cell,
     Column,
@@ -32,11 +33,10 @@ from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.live.attachment import Attachment, BusView
 from fsoe_net.live.health import HealthLevel, SubDeviceHealth, health_texts
-from fsoe_net.observe.bus_documents import SubDeviceSnapshot
 from fsoe_net.project.check import check_files
 from fsoe_net.project.snapshot import snapshot
-from fsoe_net.run.attachment import Attachment, BusView
 from fsoe_net.version import __version__
 
 

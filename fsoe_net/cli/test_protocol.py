@@ -17,7 +17,7 @@ from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.model.protocol import ProtocolStep
-from fsoe_net.project.protocol import ProtocolTrial, read_protocol
+from fsoe_net.test_record.protocol import ProtocolTrial, read_protocol
 
 _EPILOG = """\b
 Examples:

@@ -6,6 +6,9 @@ import os
 
 import click
 
+from fsoe_net.acceptance.signatures import SignedRecord, check_signatures
+from fsoe_net.acceptance.ssh_signatures import SshSigners
+from fsoe_net.acceptance.verify import compare_known, compare_running
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import (
     FILE,
@@ -19,9 +22,6 @@ from fsoe_net.cli.options import (
 from fsoe_net.cli.verify_output import print_json, print_text
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.known import Known, known_record, read_known
-from fsoe_net.project.signatures import SignedRecord, check_signatures
-from fsoe_net.project.ssh_signatures import SshSigners
-from fsoe_net.project.verify import compare_known, compare_running
 
 _EPILOG = """\b
 Examples:

@@ -6,11 +6,11 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
+from fsoe_net.acceptance.signatures import SignedRecord
+from fsoe_net.acceptance.verify import Comparison
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.document.model import Document, Level, Part, Verdict, words
 from fsoe_net.project.known import Known
-from fsoe_net.project.signatures import SignedRecord
-from fsoe_net.project.verify import Comparison
 
 
 def _signed(signed: SignedRecord) -> Iterator[Part]:

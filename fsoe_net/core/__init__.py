@@ -1,4 +1,6 @@
-"""Typed facade over the C core; the only importer of the compiled module.
+"""The C core from Python: a typed facade, the only importer of the compiled module.
 
-Importing this package works without the compiled part; the first use then raises `CoreMissing`.
+Importing this package works without the compiled part; the first use then raises `CoreMissing`. Add
+here: a function of `include/fsn` with its types, and documents that C writes, as values
+(`bus_documents.py`). Do not add: decisions about a bus (`live`), emulated devices (`simulate`).
 """

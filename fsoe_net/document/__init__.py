@@ -1,1 +1,5 @@
-"""Documents as data, and the writers that make pages, text and JSON of them."""
+"""Documents as data, and the writers that make pages, text and JSON of them.
+
+Add here: a kind of block, a writer. A block knows nothing of FSoE. Do not add: contents of a report
+(`report`).
+"""

@@ -1,6 +1,7 @@
-"""A running ``fsn-master``: what it reports, and how healthy its bus is.
+"""A running ``fsn-master``: the process, its client, its console, a scan of its bus, its health.
 
-Add here: values of the control socket, rules about the health of a bus, and what every program
-that watches or controls ``fsn-master`` needs. Do not add: emulated devices and scenarios (`run`),
-file formats (`formats`, `observe`), output for people (`cli`, `report`, `studio`, `ros2`).
+Add here: values of the control socket, reasons for a level of health, what every program that
+watches or controls ``fsn-master`` needs, and the result of a run. Do not add: emulated devices
+and scenarios (`simulate`), frames of others (`capture`), output for people (`cli`, `report`,
+`studio`, `ros2`).
 """

@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from fsoe_net.core.bus_documents import BusSnapshot, SubDeviceSnapshot
 from fsoe_net.core.snapshot import ConnectionSnapshot, Statistics
 from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import SeenParameters, differences
 from fsoe_net.live.control_values import BusState, Status
-from fsoe_net.observe.bus_documents import BusSnapshot, SubDeviceSnapshot
 from fsoe_net.timing.formulas import RESERVE
 
 HOLD_S = 5.0

@@ -146,14 +146,14 @@ def check_loaded(
             budget = make_budget(resolution, library_of(resolution.network))
             found += check_timing(resolution.network, budget, found=found)
         if scan is not None:
-            from fsoe_net.rules.scan import check_scan
+            from fsoe_net.compare.bus_scan import check_scan
 
             found += check_scan(resolution, scan)
         if references is not None:
             library = library_of(resolution.network)
             found += references.diagnostics
             if references.descriptions:
-                from fsoe_net.rules.references import check_references
+                from fsoe_net.compare.references import check_references
 
                 found += check_references(
                     resolution, references.descriptions, library=library, found=found

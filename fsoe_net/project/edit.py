@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.changed_text import changed_text
 from fsoe_net.formats.shared.files import (
     Collector,
     read_source,
@@ -17,13 +18,12 @@ from fsoe_net.formats.shared.files import (
     replaced_files,
 )
 from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.formats.shared.yaml_parts import Part, adopt, is_same, read_text
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
-from fsoe_net.project.changed_text import changed_text
 from fsoe_net.project.findings import Findings
-from fsoe_net.project.yaml_parts import Part, adopt, is_same, read_text
 
 if TYPE_CHECKING:
-    from fsoe_net.project.network import Network
+    from fsoe_net.network import Network
 
 
 class NetworkEdit:

@@ -6,19 +6,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+from fsoe_net.capture.capture import CaptureWriter
 from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
 from fsoe_net.diag.words import summary
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.scenario import load_scenario
+from fsoe_net.live.result import Run, RunUpdate
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scenario import Scenario
-from fsoe_net.observe.capture import CaptureWriter
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.model import Plan
-from fsoe_net.run.incidents import IncidentRecorder
-from fsoe_net.run.result import Run, RunUpdate
-from fsoe_net.run.scenario_run import ScenarioRun
-from fsoe_net.run.session import (
+from fsoe_net.simulate.incidents import IncidentRecorder
+from fsoe_net.simulate.scenario_run import ScenarioRun
+from fsoe_net.simulate.session import (
     Session,
     counted_session_ids,
     random_session_ids,

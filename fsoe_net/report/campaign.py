@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from fsoe_net.campaign.bit_errors import code_distance
+from fsoe_net.campaign.fault_classes import CATALOGUE
+from fsoe_net.campaign.trials import EXHAUSTIVE, ClassResult
 from fsoe_net.document.model import (
     Bullets,
     Column,
@@ -16,11 +19,8 @@ from fsoe_net.document.model import (
     Verdict,
     cell,
 )
-from fsoe_net.fsoe.campaign.bit_errors import code_distance
-from fsoe_net.fsoe.campaign.fault_classes import CATALOGUE
-from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, ClassResult
 from fsoe_net.fsoe.pdu import reset_code_text
-from fsoe_net.run.campaign import CampaignResult
+from fsoe_net.simulate.campaign import CampaignResult
 from fsoe_net.version import __version__
 
 Saved = Mapping[tuple[str, int], str]

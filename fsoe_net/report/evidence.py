@@ -20,9 +20,9 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.model.scan import Scan
 
 if TYPE_CHECKING:
+    from fsoe_net.core.bus_documents import BusSnapshot
+    from fsoe_net.incident.incident import IncidentHead
     from fsoe_net.live.control_values import Status
-    from fsoe_net.observe.bus_documents import BusSnapshot
-    from fsoe_net.observe.incident import IncidentHead
 
 _NEXT = "evidence is a scan.json, a result of fsoe-net run --format json, or an incident file"
 
@@ -105,7 +105,7 @@ def read_evidence(path: str) -> Evidence:
             return Evidence(source=source, run=_run(document))
         except (KeyError, TypeError, ValueError, AttributeError) as exc:
             raise InputError(f"{path} is no whole result of a run: {exc}; {_NEXT}") from exc
-    from fsoe_net.observe.incident_read import IncidentReader  # most reports need none of it
+    from fsoe_net.incident.incident_read import IncidentReader  # most reports need none of it
 
     try:
         return Evidence(source=source, incident=IncidentReader(path, io.BytesIO(data)).head)
@@ -201,7 +201,7 @@ def ask_live(socket: str) -> LiveEvidence:
     Raises:
         EnvironmentFault: Nobody answers, or the bus is stopped.
     """
-    from fsoe_net.run.client import Client
+    from fsoe_net.live.client import Client
 
     with Client(socket) as client:
         status, snapshot = client.status(), client.snapshot()

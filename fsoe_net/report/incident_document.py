@@ -25,10 +25,10 @@ from fsoe_net.document.model import (
     strong,
     words,
 )
-from fsoe_net.observe.causes_table import SECURE
+from fsoe_net.incident.causes_table import SECURE
+from fsoe_net.incident.incident_facts import NO_STATEMENT, FrameRow, IncidentFacts, LinkRow
+from fsoe_net.incident.incident_window import IncidentWindow, Wrong, window_of
 from fsoe_net.report.cycle_times import histogram_name, histogram_picture, percentiles_table
-from fsoe_net.report.incident_facts import NO_STATEMENT, FrameRow, IncidentFacts, LinkRow
-from fsoe_net.report.incident_window import IncidentWindow, Wrong, window_of
 
 _WIDTH, _HEIGHT, _CELLS = 960, 40, 96
 _BARS = {

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from fsoe_net.compare.diff import Difference
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.model.acceptance import Acceptance, CheckedSignature, JustifiedFinding
 from fsoe_net.model.network import SourceFile
@@ -13,13 +14,12 @@ from fsoe_net.model.protocol import Protocol
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
-from fsoe_net.report.diff import Difference
 from fsoe_net.report.evidence import Evidence, LiveEvidence
 from fsoe_net.report.self_test_result import SelfTestResult
 from fsoe_net.timing.budget import Budget
 
 if TYPE_CHECKING:
-    from fsoe_net.run.result import Run
+    from fsoe_net.live.result import Run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

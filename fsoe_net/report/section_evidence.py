@@ -40,7 +40,7 @@ from fsoe_net.report.observed import observed_cell
 from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
-    from fsoe_net.observe.incident import IncidentHead
+    from fsoe_net.incident.incident import IncidentHead
 
 HEALTH_LEVELS = {
     HealthLevel.GOOD: Level.CLEAR,

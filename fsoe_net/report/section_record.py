@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from fsoe_net.compare.diff_types import Change, ChangeArea
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import (
     BLANK,
@@ -27,7 +28,6 @@ from fsoe_net.document.model import (
 )
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.plan.fingerprint import short_code
-from fsoe_net.report.diff_types import Change, ChangeArea
 from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs, Signatures
 from fsoe_net.report.model import LEVELS, Point, PointKind, ReportSection
 

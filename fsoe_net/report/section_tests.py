@@ -31,7 +31,7 @@ from fsoe_net.report.section_evidence import EMULATED, RUN_COLUMNS, plan_sha256
 from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
-    from fsoe_net.run.result import Run
+    from fsoe_net.live.result import Run
 
 
 def tests(inputs: ReportInputs) -> ReportSection:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 
+from fsoe_net.compare.changed_subdevices import changed_subdevices
+from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.protocol import ProtocolStep, StepKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.plan.fingerprint import safety_text
 from fsoe_net.plan.model import Plan
-from fsoe_net.report.changed_subdevices import changed_subdevices
-from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 
 
 def steps_to_repeat(

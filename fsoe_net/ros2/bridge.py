@@ -10,6 +10,8 @@ from functools import partial
 from typing import Any
 
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.live.attachment import Attachment, BusView
+from fsoe_net.live.client import Client
 from fsoe_net.live.control_values import Value, Values
 from fsoe_net.ros2.control import NodeControl, settable
 from fsoe_net.ros2.diagnostics import RosStatus, ros_statuses
@@ -29,8 +31,6 @@ from fsoe_net.ros2.names import legal_text
 from fsoe_net.ros2.node import Node, header
 from fsoe_net.ros2.recording import McapFile
 from fsoe_net.ros2.values import Joint, SignalTopic, find_joints, signal_topics
-from fsoe_net.run.attachment import Attachment, BusView
-from fsoe_net.run.client import Client
 
 LOOK_S = 0.25
 """How often the state of the bus is looked at, and ``/diagnostics`` published."""

@@ -14,10 +14,10 @@ from typing import Any
 
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.live.client import Client
 from fsoe_net.live.control_values import BusState, Symbol, Value
 from fsoe_net.ros2.diagnostics import RosLevel, RosStatus
 from fsoe_net.ros2.values import Joint, SignalKind, SignalTopic
-from fsoe_net.run.client import Client
 
 LEASE_MS = 1000
 """Of silence of a process, after which the outputs it has set take their stop values."""

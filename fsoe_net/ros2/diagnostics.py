@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from fsoe_net.core.snapshot import Histogram, Statistics
+from fsoe_net.live.attachment import BusView, WatchedConnection
 from fsoe_net.live.control_values import Status
 from fsoe_net.live.health import (
     BusHealth,
@@ -19,7 +20,6 @@ from fsoe_net.live.health import (
     SubDeviceHealth,
     health_texts,
 )
-from fsoe_net.run.attachment import BusView, WatchedConnection
 
 
 class RosLevel(enum.IntEnum):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from fsoe_net.compare.scan_match import match_scan
 from fsoe_net.diag.printable import printable
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.scan import Scan
 from fsoe_net.model.wiring import wiring_of
-from fsoe_net.rules.scan_match import match_scan
 
 
 def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, object]:

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from functools import partial
 
 from fsoe_net.errors import ControlRefused, EnvironmentFault, InputError
+from fsoe_net.live.client import Client
+from fsoe_net.live.console.names import batches
 from fsoe_net.live.control_values import BusState, Symbol, Value
-from fsoe_net.run.client import Client
-from fsoe_net.run.console.names import batches
 from fsoe_net.studio.live_rows import Row
 
 LEASE_MS = 2000

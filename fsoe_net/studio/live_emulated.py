@@ -14,20 +14,20 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import TypeVar
 
-from fsoe_net.emul.bus import EmulatedDevices
-from fsoe_net.emul.port import Port
+from fsoe_net.core.bus_documents import SubDeviceSnapshot, read_subdevice
+from fsoe_net.core.json_object import ReplyObject
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.live.health import bus_health, in_operation, subdevice_health
+from fsoe_net.live.result import result_health, state_fields
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.symbols import directed_names
-from fsoe_net.observe.bus_documents import SubDeviceSnapshot, read_subdevice
-from fsoe_net.observe.json_object import ReplyObject
 from fsoe_net.plan.model import PlanSymbol
 from fsoe_net.project.simulate import prepare
-from fsoe_net.run.commands import CommandError
-from fsoe_net.run.emulated_documents import subdevices_json
-from fsoe_net.run.result import result_health, state_fields
-from fsoe_net.run.session import Session
+from fsoe_net.simulate.bus import EmulatedDevices
+from fsoe_net.simulate.commands import CommandError
+from fsoe_net.simulate.emulated_documents import subdevices_json
+from fsoe_net.simulate.port import Port
+from fsoe_net.simulate.session import Session
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_rows import (
     Row,

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import InputError
-from fsoe_net.run.result import RunEvent
+from fsoe_net.live.result import RunEvent
 from fsoe_net.studio.live_rows import Row, event_row
 
 PICTURE_S = 0.05

@@ -8,12 +8,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 from fsoe_net.errors import EnvironmentFault
+from fsoe_net.live.attachment import Attachment, BusView
+from fsoe_net.live.client import Client
 from fsoe_net.live.control_values import Status, Symbol, WatchedCycle
 from fsoe_net.live.health import bus_health
+from fsoe_net.live.result import RunEvent
 from fsoe_net.model.symbols import directed_names
-from fsoe_net.run.attachment import Attachment, BusView
-from fsoe_net.run.client import Client
-from fsoe_net.run.result import RunEvent
 from fsoe_net.studio.live_feed import ALONE_S, PICTURE_S, LiveFeed, ScopeRing
 from fsoe_net.studio.live_rows import (
     Row,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
+from fsoe_net.core.bus_documents import Found, SubDeviceSnapshot
 from fsoe_net.core.snapshot import bars_of
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.observed import ConnectionState
@@ -18,8 +19,7 @@ from fsoe_net.live.health import (
     health_texts,
     subdevice_health,
 )
-from fsoe_net.observe.bus_documents import Found, SubDeviceSnapshot
-from fsoe_net.run.result import (
+from fsoe_net.live.result import (
     ConnectionResult,
     RunEvent,
     RunEventKind,

@@ -12,23 +12,23 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
+from fsoe_net.acceptance.report import plan_to_show
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepResult
 from fsoe_net.project.beside import BesideKind
 from fsoe_net.project.check import whole_network
-from fsoe_net.project.protocol import ProtocolTrial, read_protocol
-from fsoe_net.project.protocol_entries import (
+from fsoe_net.studio.folder import Folder
+from fsoe_net.studio.workspace import Workspace
+from fsoe_net.test_record.entries import (
     Conflict,
     MachineEntry,
     device_fields,
     enter,
     step_fields,
 )
-from fsoe_net.project.report import plan_to_show
-from fsoe_net.studio.folder import Folder
-from fsoe_net.studio.workspace import Workspace
+from fsoe_net.test_record.protocol import ProtocolTrial, read_protocol
 
 _NEW = "protocol.yaml"
 _MOST_NOTES = 5

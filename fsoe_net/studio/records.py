@@ -21,27 +21,27 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
+from fsoe_net.acceptance.report import make_report, plan_to_show, since
+from fsoe_net.compare.diff import compare
+from fsoe_net.compare.diff_document import diff_document
+from fsoe_net.compare.diff_read import side_of_network
+from fsoe_net.compare.read import read_side
 from fsoe_net.diag.printable import printable
 from fsoe_net.document.model import Bullets, Document, Level, Part, Section, Verdict, cell, words
 from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.formats.shared.files import open_file
+from fsoe_net.incident.evidence import gather
+from fsoe_net.incident.incident_facts import facts_of
+from fsoe_net.incident.incident_read import IncidentReader
+from fsoe_net.intervention_log.chain import LogFilter
+from fsoe_net.intervention_log.document import log_document
+from fsoe_net.intervention_log.files import log_files, select_entries
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.observe.evidence import gather
-from fsoe_net.observe.incident_read import IncidentReader
-from fsoe_net.observe.interventions import LogFilter
 from fsoe_net.project.beside import Beside, BesideKind
 from fsoe_net.project.check import Checked
-from fsoe_net.project.compare import read_side
-from fsoe_net.project.interventions import log_files, select_entries
 from fsoe_net.project.known import read_record
-from fsoe_net.project.report import make_report, plan_to_show, since
-from fsoe_net.report.diff import compare
-from fsoe_net.report.diff_document import diff_document
-from fsoe_net.report.diff_read import side_of_network
 from fsoe_net.report.incident_document import incident_document
-from fsoe_net.report.incident_facts import facts_of
-from fsoe_net.report.intervention_document import log_document
 from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.workspace import Workspace
 from fsoe_net.version import __version__

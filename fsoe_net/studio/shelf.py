@@ -21,10 +21,10 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
 from fsoe_net.model.answers import Answers
 from fsoe_net.model.scan import Scan
-from fsoe_net.project.draft import Draft, Inputs, make_draft
-from fsoe_net.project.gather import Gathered, gather
 from fsoe_net.project.installed import shipped
-from fsoe_net.project.offers import Addition, Offer, addition_of, list_offers
+from fsoe_net.proposal.draft import Draft, Inputs, make_draft
+from fsoe_net.proposal.gather import Gathered, gather
+from fsoe_net.proposal.offers import Addition, Offer, addition_of, list_offers
 from fsoe_net.studio.subdevices import added
 from fsoe_net.studio.workspace import Workspace
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.yaml_words import Hex
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.project.offers import Addition
-from fsoe_net.project.yaml_words import Hex
+from fsoe_net.proposal.offers import Addition
 from fsoe_net.studio.rows import (
     Change,
     disconnected,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from fsoe_net.live.result import ConnectionResult
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import Checked, whole_network
 from fsoe_net.project.simulate import simulate
-from fsoe_net.run.result import ConnectionResult
 
 TRIAL_MS = 1000
 """Simulated time of a try."""

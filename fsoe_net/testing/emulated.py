@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
+from fsoe_net.live.result import ConnectionResult, Run
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.simulate import prepare
-from fsoe_net.run.result import ConnectionResult, Run
 
 
 class EmulatedNetwork:

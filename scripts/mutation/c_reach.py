@@ -48,14 +48,14 @@ _PYTHON = {
     "control": (
         "tests/master/test_control.py",
         "tests/master/test_incidents.py",
-        "tests/incidents",
+        "tests/incident",
     ),
     "live": ("tests/master/test_acyclic.py",),
     "segment": ("tests/segment",),
-    "scan": ("tests/observe/test_scan.py",),
+    "scan": ("tests/core/test_scan_frames.py",),
     "client": ("tests/master/test_realtime.py", "tests/master/test_axis.py"),
     "backends": ("tests/core",),
-    "app": ("tests/master", "tests/incidents"),
+    "app": ("tests/master", "tests/incident"),
 }
 _SKIPPED = 77
 _COUNTED = re.compile(r"CMakeFiles/fsn[_-]|/app/|/src/client/")

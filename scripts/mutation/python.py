@@ -33,53 +33,64 @@ PACKAGE = "fsoe_net"
 NOT_HERE = 125
 # What the tests of one mutant may cost; one that they do not notice by then has survived.
 SECONDS = 40
+# The rooms of a part that has more than the one of its name.
+ROOMS: dict[str, tuple[str, ...]] = {
+    "fsoe": ("fsoe", "campaign"),
+    "simulate": ("simulate", "live", "test_record"),
+    "incident": ("incident", "capture", "intervention_log"),
+    "project": ("project", "acceptance", "compare", "proposal", "self_test"),
+}
 # Where the tests of a part are. Those that run in real time are not here: they take too long and
 # notice little of what these parts do; nor those that draw whole runs for seconds (`fsoe`).
 PARTS: dict[str, tuple[str, ...]] = {
     "rules": ("rules", "diagnostics", "timing/test_budget.py",
               "timing/test_parts.py", "model/test_expand.py"),
     "plan": ("plan", "core/test_core_plan.py", "cli/test_fingerprint.py", "cli/test_accept.py"),
-    "fsoe": ("fsoe/test_tables.py", "fsoe/test_campaign_whole.py", "fsoe/test_campaign_faults.py",
-             "fsoe/test_campaign_collisions.py", "fsoe/test_campaign.py", "fsoe/test_channel.py",
-             "fsoe/test_chain.py", "fsoe/test_pdu.py", "fsoe/test_pair.py",
-             "fsoe/test_main_table.py", "fsoe/test_sub_table.py", "fsoe/test_recorder.py",
-             "fsoe/test_recording.py", "fsoe/test_replay.py", "core/test_monitor.py"),
+    "fsoe": ("campaign", "fsoe/test_tables.py", "fsoe/test_chain.py", "fsoe/test_pdu.py",
+             "fsoe/test_pair.py", "fsoe/test_main_table.py", "fsoe/test_sub_table.py",
+             "core/test_monitor.py"),
     "timing": ("timing", "diagnostics", "cli/test_timing.py"),
     "formats": ("formats", "diagnostics", "cli/test_convert.py", "cli/test_write.py",
-                "cli/test_init.py", "cli/test_fix.py", "run/test_protocol_file.py"),
-    "project": ("cli", "report", "self_test", "test_library.py"),
-    "model": ("model", "diagnostics", "rules/test_edges.py", "rules/test_scan.py",
-              "rules/test_hazards.py", "rules/test_references.py", "formats/test_cases.py",
+                "cli/test_init.py", "cli/test_fix.py", "test_record/test_protocol_file.py"),
+    "project": ("cli", "report", "acceptance", "compare", "proposal", "self_test",
+                "test_library.py"),
+    "model": ("model", "proposal", "diagnostics", "rules/test_edges.py", "compare",
+              "rules/test_hazards.py", "formats/test_cases.py",
               "formats/test_library.py", "plan/test_whole.py", "cli/test_init.py",
               "cli/test_outputs.py", "cli/test_connections.py", "cli/test_scan.py",
-              "report/test_corners.py", "report/test_sign_off.py", "observe/test_names.py",
-              "run/test_protocol.py", "run/test_protocol_file.py"),
-    "report": ("report", "cli/test_report.py", "cli/test_report_protocol.py", "cli/test_diff.py",
+              "report/test_corners.py", "acceptance", "capture/test_names.py",
+              "test_record/test_protocol.py", "test_record/test_protocol_file.py"),
+    "report": ("report", "acceptance", "compare", "cli/test_report.py",
+               "cli/test_report_protocol.py", "cli/test_diff.py",
                "cli/test_log.py", "self_test/test_self_test.py"),
-    "run": ("run/test_run.py", "run/test_protocol.py", "run/test_protocol_file.py",
-            "run/test_virtual.py", "run/test_edges.py", "run/test_scan_files.py",
-            "run/test_scenario_check.py", "run/test_device.py", "run/test_client.py",
-            "run/test_client_typed.py", "run/test_console.py", "run/test_console_words.py",
-            "run/test_protocol_watched.py", "run/test_run_campaign.py", "run/test_monitor.py",
-            "run/test_broken_devices.py", "run/test_live_run.py", "run/test_whole_words.py",
-            "run/test_corners.py",
-            "incidents/test_files.py", "segment/test_emulate.py", "segment/test_commands.py",
-            "cli/test_outputs.py", "cli/test_install_master.py"),
+    "simulate": ("simulate/test_run.py", "test_record/test_protocol.py",
+                 "test_record/test_protocol_file.py", "test_record/test_protocol_watched.py",
+                 "simulate/test_virtual.py", "simulate/test_edges.py", "live/test_scan_files.py",
+                 "simulate/test_scenario_check.py", "simulate/test_device.py",
+                 "simulate/test_drive_axis.py", "simulate/test_drive_plant.py",
+                 "simulate/test_drive_power.py", "simulate/test_drive_wiring.py",
+                 "simulate/test_logic.py", "simulate/test_network.py", "simulate/test_setup.py",
+                 "simulate/test_signals.py", "live/test_client.py", "live/test_client_typed.py",
+                 "live/test_console.py", "live/test_console_words.py",
+                 "simulate/test_run_campaign.py", "live/test_monitor.py", "live/test_health.py",
+                 "simulate/test_broken_devices.py", "live/test_live_run.py",
+                 "live/test_whole_words.py", "live/test_corners.py", "incident/test_files.py",
+                 "segment/test_emulate.py", "segment/test_commands.py",
+                 "cli/test_outputs.py", "cli/test_install_master.py"),
     "cli": ("cli",),
-    "observe": ("observe", "incidents"),
+    "incident": ("incident", "capture", "intervention_log"),
     "host": ("host",),
     "document": ("document", "report/test_whole.py", "report/test_blocks.py"),
-    "emul": ("emul", "run/test_virtual.py", "segment/test_emulate.py"),
     "studio": ("studio",),
     "ros2": ("ros2",),
 }  # fmt: skip
 # What a small sample asks instead: tests that are measured within seconds.
 QUICK: dict[str, tuple[str, ...]] = {
     "rules": ("diagnostics/test_cases.py", "diagnostics/test_messages.py",
-              "rules/test_references.py", "rules/test_edges.py"),
+              "compare/test_references.py", "rules/test_edges.py"),
     "plan": ("plan/test_whole.py",),
     "fsoe": ("fsoe/test_pdu.py", "fsoe/test_chain.py", "fsoe/test_main_table.py",
-             "fsoe/test_sub_table.py", "fsoe/test_tables.py", "fsoe/test_campaign_whole.py"),
+             "fsoe/test_sub_table.py", "fsoe/test_tables.py", "campaign/test_campaign_whole.py"),
     "timing": ("timing/test_formulas.py", "timing/test_budget.py", "timing/test_parts.py"),
 }  # fmt: skip
 # What tests compare with; the names of the tests are in it, so another text changes no coverage.
@@ -92,7 +103,8 @@ def mutants(part: str, root: Path) -> list[Mutant]:
     from mutation.operators import changes
 
     out = []
-    for file in sorted((root / PACKAGE / part).rglob("*.py")):
+    rooms = (root / PACKAGE / room for room in ROOMS.get(part, (part,)))
+    for file in sorted(file for room in rooms for file in room.rglob("*.py")):
         source = file.read_text("utf-8")
         lines = source.splitlines()
         excluded = _excluded(source)

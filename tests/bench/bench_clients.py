@@ -24,10 +24,10 @@ from typing import Any
 
 from fsoe_net.errors import FsnError
 from fsoe_net.formats.own.network import load_network
+from fsoe_net.live.client import Client
+from fsoe_net.live.master import find_master
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.run.client import Client
-from fsoe_net.run.master import find_master
 
 CLIENTS, TURNS, CYCLE, CHANGES = 50, 5, "500us", 200
 OUTPUT = "drive_1.0x6060:00"

@@ -22,12 +22,12 @@ import yaml
 from fsoe_net.core.segment import SegmentLink
 from fsoe_net.errors import FsnError
 from fsoe_net.formats.own.network import load_network
+from fsoe_net.live.client import Client
+from fsoe_net.live.master import find_master
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.run.client import Client
-from fsoe_net.run.emulate import SegmentSession
-from fsoe_net.run.master import find_master
-from fsoe_net.run.session import counted_session_ids
+from fsoe_net.simulate.emulate import SegmentSession
+from fsoe_net.simulate.session import counted_session_ids
 
 PAIRS, PRIORITY, TURNS, ATTEMPTS = 5, 60, 3, 6
 DEVICES = Path(__file__).parents[2] / "examples" / "estop" / "devices"

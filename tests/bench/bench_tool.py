@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from networks import EXAMPLES, example, write_big_network
 
 from fsoe_net.project.simulate import prepare
-from fsoe_net.run.session import run_virtual
+from fsoe_net.simulate.session import run_virtual
 
 
 def process(*arguments: str) -> tuple[float, float]:

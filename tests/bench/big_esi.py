@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["write_big_esi"]
-
 _HEAD = """<?xml version="1.0" encoding="ISO-8859-1"?>
 <EtherCATInfo Version="1.11"><Vendor><Id>#x00000a5f</Id><Name>Gr\u00f6\u00dfe</Name></Vendor>
 <Descriptions><Groups/><Devices>

@@ -25,10 +25,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fsoe_net.core.bus_documents import BusSnapshot
 from fsoe_net.errors import FsnError
-from fsoe_net.observe.bus_documents import BusSnapshot
-from fsoe_net.run.client import Client
-from fsoe_net.run.master import find_master
+from fsoe_net.live.client import Client
+from fsoe_net.live.master import find_master
 
 ROOT = Path(__file__).parents[2]
 NETWORK = ROOT / "examples" / "el6910" / "network.yaml"

@@ -20,8 +20,8 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from run.live_rig import Emulator, wait_for
-from run.takeover_rig import Program, Wire, connect, left_data, make_plan, wait_for_data
+from live.live_rig import Emulator, wait_for
+from live.takeover_rig import Program, Wire, connect, left_data, make_plan, wait_for_data
 
 NETWORK = str(Path(__file__).parents[2] / "examples" / "el6910" / "network.yaml")
 WATCHDOG_MS = 50.0  # those that a connection is to survive have at least so much

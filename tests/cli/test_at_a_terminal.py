@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from live.watched_master import WatchedMaster
 from networks import PLAIN
-from run.watched_master import WatchedMaster
 from tied import tied
 
 BASE = Path(__file__).parents[1] / "diagnostics" / "base"

@@ -7,11 +7,11 @@ import re
 from pathlib import Path
 
 import pytest
+from capture.traffic import Bus
 from cli.tool import fsn
 from formats.startup import LOGIC, TERMINAL, Startup, startup
 from formats.texts import XML
 from networks import PLAIN
-from observe.traffic import Bus
 
 ROOT = Path(__file__).parents[2]
 NETWORK = PLAIN / "el6910" / "network.yaml"

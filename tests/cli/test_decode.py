@@ -7,14 +7,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from capture.traffic import LRW, Bus, datagram, packet
 from cli.tool import fsn
 from click.testing import CliRunner
 from data_files import listed, need
-from observe.traffic import LRW, Bus, datagram, packet
 
+from fsoe_net.capture.capture import CaptureWriter
 from fsoe_net.cli.decode import command
 from fsoe_net.cli.run import command as run_command
-from fsoe_net.observe.capture import CaptureWriter
 
 ESTOP = str(Path(__file__).parents[2] / "examples" / "estop" / "network.yaml")
 RIGHT = "2a0400a6340000"

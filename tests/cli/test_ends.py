@@ -13,10 +13,11 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
+from live.made_run import OPTIONS, RESOLUTION, Process
 from networks import PLAIN, example
 from rich.console import Console
-from run.test_live_run import OPTIONS, RESOLUTION, Process
 
+from fsoe_net.acceptance.verify import compare_running
 from fsoe_net.cli import (
     campaign,
     campaign_output,
@@ -36,13 +37,12 @@ from fsoe_net.cli.accept_output import print_record
 from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.fsoe.observed import ConnectionState
+from fsoe_net.live import live_bus
 from fsoe_net.model.protocol import StepOutcome, StepResult
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.project import protocol
 from fsoe_net.project.known import Known
-from fsoe_net.project.verify import compare_running
-from fsoe_net.run import live_bus
+from fsoe_net.test_record import protocol
 from fsoe_net.testing.fake_master import FakeMaster
 
 NETWORK = str(PLAIN / "estop" / "network.yaml")
@@ -137,7 +137,7 @@ def test_emulate_runs_as_long_as_its_scenario(
 
 
 def test_an_interrupted_campaign(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    from fsoe_net.run import campaign as at_work
+    from fsoe_net.simulate import campaign as at_work
 
     whole = at_work.run_campaign
 
@@ -260,7 +260,7 @@ def test_a_console_without_a_place_for_its_history(monkeypatch: pytest.MonkeyPat
 
 
 def test_the_socket_of_an_interface_is_looked_for(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("fsoe_net.run.sockets.control_socket", lambda name: f"/run/{name}.sock")
+    monkeypatch.setattr("fsoe_net.live.sockets.control_socket", lambda name: f"/run/{name}.sock")
     assert options.master_socket(None, "eth1") == "/run/eth1.sock"
 
 

@@ -14,9 +14,9 @@ from fsoe_net.errors import InputError
 from fsoe_net.formats.registry import all_formats
 from fsoe_net.model.answers import Answers, Ask, Question
 from fsoe_net.model.description import DescribedSubDevice
-from fsoe_net.project import gather
-from fsoe_net.project.draft import Draft, _names
-from fsoe_net.project.draft_text import answers_template
+from fsoe_net.proposal import gather
+from fsoe_net.proposal.draft import Draft, _names
+from fsoe_net.proposal.draft_text import answers_template
 
 HERE = Span("x")
 INPUTS: Any = Facts(types=())

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.run import build_master
+from fsoe_net.live import build_master
 
 FSN = [sys.executable, "-m", "fsoe_net.cli", "install-master"]
 needs_compiler = pytest.mark.skipif(
@@ -105,7 +105,7 @@ def test_missing_tools_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_where_it_is_missing_the_command_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    from fsoe_net.run.master import find_master
+    from fsoe_net.live.master import find_master
 
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("FSN_MASTER", raising=False)

@@ -10,16 +10,17 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from fsoe_net.acceptance import verify
 from fsoe_net.cli import decode_output, explain, monitor_output, write
+from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.core.scan import FoundConnection, FoundPlace, ScanCounts
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.diag.diagnostic import Diagnostic, Edit, Span
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.observed import ConnectionState
-from fsoe_net.project import fix, verify
-from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
-from fsoe_net.run.attachment import BusView
+from fsoe_net.live.attachment import BusView
+from fsoe_net.project import fix
 
 MS = 1_000_000
 COUNTS = ScanCounts(packets=0, ethercat=0, malformed=0, datagrams=0, unanswered=0, dropped=0)

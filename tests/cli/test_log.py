@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from observe.intervention_logs import a_log, chained, hash_of, written
+from intervention_log.intervention_logs import a_log, chained, hash_of, written
 
 
 @pytest.fixture

@@ -14,8 +14,8 @@ import pytest
 from cli.signed_folder import ANNA, BERT, RECORD, make_signed, public_key, sign
 from cli.tool import fsn
 
+from fsoe_net.acceptance.accept import attachments
 from fsoe_net.errors import InputError
-from fsoe_net.project.accept import attachments
 
 pytestmark = pytest.mark.skipif(
     shutil.which("ssh-keygen") is None, reason="signatures are made by ssh-keygen of OpenSSH"

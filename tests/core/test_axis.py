@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.core.module import compiled
-from fsoe_net.run.axis import AxisPhase, AxisState
+from fsoe_net.live.axis import AxisPhase, AxisState
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from run.support import needs_core
+from live.support import needs_core
 
 from fsoe_net.core.status import status_table
-from fsoe_net.run.axis import AxisJob, AxisMode
+from fsoe_net.live.axis import AxisJob, AxisMode
 
 ROOT = Path(__file__).parents[2]
 

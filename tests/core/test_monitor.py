@@ -4,6 +4,7 @@ import copy
 import random
 
 import pytest
+from core.both_monitors import TO_MAIN, TO_SUB, Both
 from fsoe.pair import Bench, make_main, make_sub
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -18,7 +19,6 @@ from fsoe_net.fsoe.pdu import SAFE_SIZES, decode_pdu, frame_length
 
 sizes = st.sampled_from([1, 2, 4, 6, 14, 126])
 words = st.integers(0, 0xFFFF)
-TO_SUB, TO_MAIN = 0, 1
 
 
 @given(st.sampled_from(sorted(SAFE_SIZES)), words, words, st.data())
@@ -41,27 +41,6 @@ def test_check_of_any_frame(size, old, sequence, data):
 @pytest.mark.parametrize("length", [0, 1, 5, 8, 9, 10, 12, 256, 259])
 def test_lengths_no_frame_has(length):
     assert not frame_fits(bytes(length), 0, 1)
-
-
-class Both:
-    """Feeds both monitors and compares all they know."""
-
-    def __init__(self, out, inn):
-        self.python, self.c = Monitor(out, inn), CoreMonitor(out, inn)
-        self.now_ns = 0
-        self.seen = []
-
-    def frame(self, direction, data):
-        self.now_ns += 1_000_000
-        verdict = self.python.frame(direction, data, self.now_ns)
-        assert self.c.frame(direction, data, self.now_ns) is verdict
-        for way in (TO_SUB, TO_MAIN):
-            assert self.c.counts(way) == self.python.counts(way)
-            assert self.c.sequence(way) == self.python.sequence(way)
-        assert (self.c.state, self.c.gaps) == (self.python.state, self.python.gaps)
-        assert self.c.parameters == self.python.parameters
-        self.seen.append(verdict)
-        return verdict
 
 
 def frames_of(out, inn, cycles, seed=0, **changes):

@@ -4,7 +4,7 @@ import json
 import zlib
 
 import pytest
-from core.test_monitor import TO_MAIN, TO_SUB, Both
+from core.both_monitors import TO_MAIN, TO_SUB, Both
 from data_files import listed, need
 from fsoe.pair import ADDRESS, CONNECTION_ID, WATCHDOG_MS, Bench, make_main, make_sub
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from rules.robot import (
+from compare.robot import (
     COUPLER,
     at,
     bus,
@@ -22,7 +22,7 @@ from rules.robot import (
     slots,
     types,
 )
-from rules.scan_changes import CASES, ROBOT, renumbered, scan_findings
+from compare.scan_changes import CASES, ROBOT, renumbered, scan_findings
 from scans import COUPLER as SCANNED_COUPLER
 from scans import scan_of, subdevice
 

@@ -18,11 +18,12 @@ from fsoe_net.formats.own.scan import load_scan
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
 from fsoe_net.project.check import check_files
-from fsoe_net.project.draft import Inputs, make_draft, question_findings
-from fsoe_net.project.gather import gather
+from fsoe_net.proposal.draft import Inputs, make_draft, question_findings
+from fsoe_net.proposal.gather import gather
 from fsoe_net.rules.runtime import Runtime
 
 HERE = Path(__file__).parent
+
 CASES = yaml.safe_load((HERE / "cases.yaml").read_text("utf-8"))
 PAD = "      - {index: 0x0000, sub_index: 0, type: bit240}\n"
 

@@ -29,7 +29,12 @@ from networks import PLAIN
 from fsoe_net.diag.diagnostic import Diagnostic
 
 HERE = Path(__file__).parent
-RULES = HERE.parents[1] / "fsoe_net" / "rules"
+PACKAGE = HERE.parents[1] / "fsoe_net"
+RULES = [
+    *PACKAGE.glob("rules/*.py"),
+    *PACKAGE.glob("compare/reference*.py"),
+    *PACKAGE.glob("compare/*scan*.py"),
+]
 TABLE: dict[str, Any] = yaml.safe_load((HERE / "messages.yaml").read_text("utf-8"))
 EDITS: dict[str, dict] = TABLE["edits"]
 # The pages of docs/diagnostics and docs/reference/runtimes.md have them, and are compared.
@@ -126,7 +131,7 @@ def test_every_text_of_a_rule_is_in_the_table() -> None:
     says = [*TABLE["codes"].values(), *TABLE["made"].values(), *(e["says"] for e in EDITS.values())]
     lines = {line for text in says for line in text.splitlines()}
     missing = set()
-    for path in sorted(RULES.glob("*.py")):
+    for path in sorted(RULES):
         if path.name == ELSEWHERE:
             continue
         for parts in _texts(ast.parse(path.read_text("utf-8"))):

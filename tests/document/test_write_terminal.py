@@ -5,24 +5,18 @@ from __future__ import annotations
 import io
 
 import pytest
+from document.pages import ALL
 from rich.console import Console
 
 from fsoe_net.cli.monitor_output import _COLUMNS as OF_MONITOR
 from fsoe_net.cli.run_output import _COLUMNS as OF_RUN
 from fsoe_net.document.model import (
-    Bullets,
     Column,
     Document,
-    Heading,
     Level,
-    Lines,
-    Number,
-    Picture,
-    Section,
     Table,
     Verdict,
     cell,
-    muted,
     words,
 )
 from fsoe_net.document.write_terminal import TerminalView, document_text
@@ -94,36 +88,6 @@ def test_what_is_needed_stays_however_narrow():
     assert " ".join(lines[4:]).split() == ["too", "narrow", "for:", "resets"]
 
 
-ALL = Document(
-    title="title \x1b[31m",
-    verdict=Verdict("not \u202eso", Level.ERROR),
-    lead=(words("first ", muted("second\x07")), Bullets((cell("one two three four"),))),
-    sections=(
-        Section(
-            key="s",
-            title="Section",
-            parts=(
-                Heading("Heading"),
-                Table(
-                    columns=(
-                        Column("name"),
-                        Column("time", number=True),
-                        Column("why", wraps=True),
-                    ),
-                    rows=(
-                        (cell("a", "b"), cell(Number(value=1, text="1", unit="ms", source="s")),
-                         cell("because it is so, and not otherwise, whatever anybody says")),
-                        (cell("\x9b2J"), cell("12"), cell("")),
-                    ),
-                    remark="of the machine",
-                ),
-                Lines(("$ a command that stays on its line, however narrow the terminal is",)),
-                Picture(title="picture", words="what it shows", svg="<svg/>", lines=("##.",)),
-                Table(columns=(Column("name"),), rows=()),
-            ),
-        ),
-    ),
-)  # fmt: skip
 TEXT = """\
 title \\u001b[31m
 not \\u202eso

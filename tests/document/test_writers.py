@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from document.test_write_terminal import ALL
+from document.pages import ALL
 
 from fsoe_net.document.model import Document, Lines, code, strong, words
 from fsoe_net.document.write_html import document_html

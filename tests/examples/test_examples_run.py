@@ -3,14 +3,14 @@
 from pathlib import Path
 
 import pytest
-from run.support import EXAMPLES, needs_core, run, session_of
+from live.support import EXAMPLES, needs_core, run, session_of
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files
-from fsoe_net.run.session import run_live
+from fsoe_net.simulate.session import run_live
 
 FOLDERS = ["estop", "el6910", "two-buses", "tool-exchange", "robot-cell"]
 INPUTS = [

@@ -17,7 +17,7 @@ from uncounted import not_counted
 from wires import missing, run_program
 
 from fsoe_net.errors import FsnError
-from fsoe_net.run.master import find_master
+from fsoe_net.live.master import find_master
 
 CELL = EXAMPLES / "robot-cell"
 REQUIRED = "live" in os.environ.get("FSN_REQUIRE", "").split(",")

@@ -18,7 +18,7 @@ from patience import PATIENCE_S
 from segment.peers import Devices, soem
 from wires import make_room
 
-from fsoe_net.observe.capture import CaptureWriter
+from fsoe_net.capture.capture import CaptureWriter
 
 ALL_PROTOCOLS = 3
 SOCKET_BYTES = 64 << 20
@@ -60,7 +60,7 @@ class Listener:
 
 def fsn(network, capture):
     """Run the network with the MainDevice of this project until its connections are in Data."""
-    from run.live_rig import FSN, Emulator
+    from live.live_rig import FSN, Emulator
 
     emulator = Emulator(network)
     try:

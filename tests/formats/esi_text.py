@@ -7,8 +7,6 @@ from xml.sax.saxutils import escape, quoteattr
 from fsoe_net.model.bus import Direction, Entry, Pdo
 from fsoe_net.model.description import DescribedSubDevice
 
-__all__ = ["device_text", "esi_text", "module_text", "pdo_text"]
-
 
 def _entry(entry: Entry) -> str:
     if entry.is_gap:

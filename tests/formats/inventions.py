@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 from fsoe_net.diag.printable import first_control
 from fsoe_net.formats.own.json_schema import read_schema
 
-__all__ = ["documents"]
-
 _TEXTS = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), max_size=6)
 
 

@@ -8,8 +8,6 @@ from fsoe_net.formats.sii.read import sii_checksum
 from fsoe_net.model.bus import Direction, Pdo
 from fsoe_net.model.description import DescribedSubDevice
 
-__all__ = ["category", "image", "image_of", "printed", "strings"]
-
 _TYPES = {"UINT": 6, "BOOL": 1, "": 0}
 END = b"\xff\xff"
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import struct
 
+from capture.traffic import Bus, datagram, packet
 from formats.sii_image import category, image, strings
-from observe.traffic import Bus, datagram, packet
 
 APRD, APWR, FPRD, FPWR, BRD, BWR, LRW = 1, 2, 4, 5, 7, 8, 12
 LOGIC, TERMINAL = 0x1001, 0x1002

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from acceptance.signed import record_of
 from hypothesis import given
 from hypothesis import strategies as st
-from report.signed import record_of
 
 from fsoe_net.diag.printable import first_control
 from fsoe_net.formats.own.acceptance import is_acceptance, parse_acceptance

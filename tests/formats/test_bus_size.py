@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from described import bus
+from formats.kinds import KINDS
 from formats.startup import startup
-from formats.test_cases import KINDS
 from scans import scan_of, subdevice
 
 from fsoe_net.formats.eni.write import write_eni
@@ -24,9 +24,9 @@ from fsoe_net.formats.shared import ring
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
 from fsoe_net.model.resolve import resolve
-from fsoe_net.project.draft import Inputs, make_draft
-from fsoe_net.project.gather import gather
-from fsoe_net.project.ring import list_types, ring_of
+from fsoe_net.proposal.draft import Inputs, make_draft
+from fsoe_net.proposal.gather import gather
+from fsoe_net.proposal.ring import list_types, ring_of
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "estop" / "network.yaml"
 FILES = {

@@ -7,6 +7,8 @@ import struct
 import tracemalloc
 
 import pytest
+from capture.traffic import Bus, cut, datagram, packet
+from formats.captured_bus import described, expected, layout, read
 from formats.startup import (
     FPWR,
     FRAMES,
@@ -19,7 +21,6 @@ from formats.startup import (
     Startup,
     startup,
 )
-from observe.traffic import Bus, cut, datagram, packet
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.capture import read as capture
@@ -28,35 +29,6 @@ from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.shared.files import Collector
 
 WAYS = {(1, 3, 0, 2), (0, 3, 1, 2)}  # source and destination: SubDevice, sync manager
-
-
-def read(data):
-    out = Collector()
-    content = load_capture(data, out)
-    return content, [(d.code, d.level, d.span.line, d.message) for d in out.diagnostics]
-
-
-def described(data):
-    """Return a description that must be there, and the findings that are no mere notes."""
-    content, found = read(data)
-    assert content is not None, found
-    return content, [row for row in found if row[1] is not Severity.INFO]
-
-
-def layout(sub):
-    """Return PDOs as object words, by sync manager."""
-    return {
-        sm.index: [
-            (p.index, tuple(e.index << 16 | e.subindex << 8 | e.bits for e in p.entries))
-            for p in sm.pdos
-        ]
-        for sm in sub.device.sync_managers
-    }
-
-
-def expected(station):
-    outputs, inputs = FRAMES[station]
-    return {2: [outputs], 3: [inputs]}
 
 
 def ways(description):

@@ -8,9 +8,9 @@ import os
 import struct
 
 import pytest
+from capture.traffic import datagram, packet
+from formats.captured_bus import described, expected, layout, read
 from formats.startup import BRD, FPRD, FPWR, LOGIC, TERMINAL, Startup, sii
-from formats.test_capture_input import described, expected, layout, read
-from observe.traffic import datagram, packet
 
 from fsoe_net.formats.capture import read as capture
 from fsoe_net.formats.capture import ring as capture_ring

@@ -9,8 +9,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from capture.tshark import tshark
 from data_files import need
-from observe.tshark import tshark
 from wires import missing, run_program
 
 from fsoe_net.diag.diagnostic import Severity

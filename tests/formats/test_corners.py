@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from described import bus, entry
 from formats import twincat_text as tc
+from formats.eni_with_esi import with_esi
 from formats.esi_text import esi_text
-from formats.test_eni_start import with_esi
 
 from fsoe_net.diag.diagnostic import Edit, Span
 from fsoe_net.errors import InputError

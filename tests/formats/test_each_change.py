@@ -8,9 +8,9 @@ from pathlib import Path
 
 import changed
 import pytest
-from diagnostics.test_cases import HERE
-from formats.test_answers import GOOD as ANSWERS
-from formats.test_cases import KINDS
+from cases_file import DIAGNOSTICS
+from formats.good_answers import GOOD as ANSWERS
+from formats.kinds import KINDS
 from formats.texts import DOMAINS, SLAVES_V
 
 from fsoe_net.formats.capture.read import load_capture
@@ -24,7 +24,7 @@ from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.sii.read import load_sii
 
-BASE = HERE / "base"
+BASE = DIAGNOSTICS / "base"
 SCENARIO = """\
 version: 1
 duration_s: 2.5

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import changed
 import pytest
+from cases_file import DIAGNOSTICS
 from described import bus
-from diagnostics.test_cases import HERE
 from formats.texts import LCEC
 
 from fsoe_net.errors import InputError
@@ -30,7 +30,7 @@ from fsoe_net.formats.shared.writers import own_words_lost
 from fsoe_net.model.described_network import describe
 from fsoe_net.model.description import Description
 
-BASE = HERE / "base"
+BASE = DIAGNOSTICS / "base"
 VERSIONS = ("2025", "2026-06", "2026-08", "newest")
 WRITERS: list[Callable[[Description], object]] = [
     write_eni,

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from fsoe_net.compare.diff import compare
+from fsoe_net.compare.diff_read import side_of_description
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.eni.write import write_eni
@@ -16,8 +18,6 @@ from fsoe_net.formats.registry import read_foreign
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Device
 from fsoe_net.model.description import DescribedSubDevice, Description
-from fsoe_net.report.diff import compare
-from fsoe_net.report.diff_read import side_of_description
 
 BY_HAND = b"""\
 // terminals of the test rig

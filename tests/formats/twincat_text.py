@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["BIG", "FSOE_TYPES", "MASTER", "alias", "box", "link", "logic", "machine", "project"]
-__all__ += ["standard_alias", "terminal", "write"]
-
 _IDENTITY = 'VendorId="#x00000002" ProductCode="#x{product:08x}" RevisionNo="#x00120000"'
 MASTER = "Device 1 (EtherCAT)"
 FSOE_TYPES = """<DataTypes><DataType><Name GUID="{6}">FSOE_6</Name><BitSize>48</BitSize></DataType>

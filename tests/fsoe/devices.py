@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fsoe_net.fsoe.campaign.channel import SessionIds
+from fsoe_net.campaign.channel import SessionIds
 from fsoe_net.fsoe.chain import Chain, advance
 from fsoe_net.fsoe.event import State
 from fsoe_net.fsoe.main_instance import MainInstance

@@ -8,11 +8,11 @@ import random
 from dataclasses import dataclass, replace
 
 import pytest
-from fsoe.lossy_links import make_link
+from campaign.lossy_links import make_link
 from fsoe.pair import CONNECTION_ID, Bench, is_reset, last_reset, make_sub, parts, right
 
-from fsoe_net.fsoe.campaign.channel import BACK, Way
-from fsoe_net.fsoe.campaign.faults import Alternate, Flip, Freeze, Late, Slip, Swap, Torn
+from fsoe_net.campaign.channel import BACK, Way
+from fsoe_net.campaign.faults import Alternate, Flip, Freeze, Late, Slip, Swap, Torn
 from fsoe_net.fsoe.chain import Chain, reset_frame
 from fsoe_net.fsoe.event import EventKind, State
 from fsoe_net.fsoe.pdu import Command, frame_length

@@ -6,7 +6,7 @@ import json
 import re
 
 import pytest
-from run.support import ROOT
+from live.support import ROOT
 
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict, FrameDirection
 

@@ -22,7 +22,7 @@ from fsoe_net.fsoe.pdu import (
     safe_data_length,
     safe_data_of,
 )
-from fsoe_net.project.self_test.model import reference
+from fsoe_net.self_test.model import reference
 
 KNOWN = reference()["crc"]
 WORD = st.integers(0, 0xFFFF)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from campaign.lossy_links import make_link
 from changed import compare, whole
-from fsoe.lossy_links import make_link
 
-from fsoe_net.fsoe.campaign.channel import Way
-from fsoe_net.fsoe.campaign.departure import frame_text
-from fsoe_net.fsoe.campaign.tables import StateTable
-from fsoe_net.fsoe.campaign.witness import block_crcs
+from fsoe_net.campaign.channel import Way
+from fsoe_net.campaign.departure import frame_text
+from fsoe_net.campaign.tables import StateTable
+from fsoe_net.campaign.witness import block_crcs
 from fsoe_net.fsoe.chain import reset_frame
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
 

@@ -25,6 +25,11 @@ from formats.startup import startup
 from fsoe.pair import Bench
 from fsoe.recorded import own_run, recording_text
 
+from fsoe_net.campaign.recording import reader as recording_reader
+from fsoe_net.campaign.recording.replay import replay
+from fsoe_net.campaign.recording.rows import file_lines
+from fsoe_net.capture.capture import CaptureWriter
+from fsoe_net.capture.hexframes import follow_frames, parse_frames
 from fsoe_net.core.core import CorePlan
 from fsoe_net.core.scan import Scanner
 from fsoe_net.diag.diagnostic import Span
@@ -46,19 +51,12 @@ from fsoe_net.formats.sii.read import load_sii
 from fsoe_net.formats.soem.read import load_soem_text
 from fsoe_net.formats.twincat.read import load_twincat
 from fsoe_net.formats.twinsafe.read import load_twinsafe
-from fsoe_net.fsoe.recording import reader as recording_reader
-from fsoe_net.fsoe.recording.replay import replay
-from fsoe_net.fsoe.recording.rows import file_lines
 from fsoe_net.model.description import Description
 from fsoe_net.model.detect import detect_fsoe, near_misses
-from fsoe_net.observe.capture import CaptureWriter
-from fsoe_net.observe.hexframes import follow_frames, parse_frames
 from fsoe_net.plan.codec import decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.show import plan_json, plan_text
 from fsoe_net.project.check import check_files, whole_network
-
-__all__ = ["TARGETS", "Target", "mutated"]
 
 ROOT = Path(__file__).parents[2]
 ESTOP = ROOT / "examples" / "estop"

@@ -12,10 +12,13 @@ import pytest
 
 from fsoe_net.cli.monitor_output import bus_document
 from fsoe_net.cli.run_output import _live_view
+from fsoe_net.core.bus_documents import Found
 from fsoe_net.document.model import Level, Paragraph, Table, Verdict
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import FsoeParameters
+from fsoe_net.live.attachment import Attachment, BusView
+from fsoe_net.live.console.commands_bus import BUS_COMMANDS
 from fsoe_net.live.control_values import BusState, ClocksStatus, GroupStatus, LogStatus, RingStatus
 from fsoe_net.live.health import (
     HOLD_S,
@@ -27,13 +30,10 @@ from fsoe_net.live.health import (
     health_texts,
     in_operation,
 )
-from fsoe_net.observe.bus_documents import Found
+from fsoe_net.live.result import RunUpdate
 from fsoe_net.report.evidence import LiveEvidence
 from fsoe_net.report.section_evidence import bus_evidence
 from fsoe_net.ros2.diagnostics import ros_statuses
-from fsoe_net.run.attachment import Attachment, BusView
-from fsoe_net.run.console.commands_bus import BUS_COMMANDS
-from fsoe_net.run.result import RunUpdate
 from fsoe_net.studio.live_master import _view
 from fsoe_net.testing.fake_master import FakeMaster
 

@@ -13,8 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from live.live_rig import Emulator, wait_for
 from master.rig import Client, program
-from run.live_rig import Emulator, wait_for
 
 NEAR = ["--interface", "near", "--policy", "other", "--log", "json"]
 DRIVE = "drive_1"

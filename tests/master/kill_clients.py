@@ -24,8 +24,8 @@ from patience import PATIENCE_S
 from tied import tied
 
 import fsoe_net
-from fsoe_net.run.client import Client
-from fsoe_net.run.realtime import RealTime
+from fsoe_net.live.client import Client
+from fsoe_net.live.realtime import RealTime
 
 MODE = "drive_1.0x6060:00"
 STOP = 8

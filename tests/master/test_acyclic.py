@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from live.on_the_wire import ATTEMPTS, why_not
+from live.support import EXAMPLES
 from master.rig import run_to_end, running, write_plan
-from run.support import EXAMPLES
-from run.test_live_bus import ATTEMPTS, why_not
 from wires import attempts, run_program
 
 ROBOT = str(EXAMPLES / "el6910" / "network.yaml")

@@ -15,8 +15,8 @@ from patience import PATIENCE_S
 
 import fsoe_net
 from fsoe_net import ControlRefused
-from fsoe_net.run.axis import AxisJob, AxisMode, AxisPhase, AxisState
-from fsoe_net.run.client import Client
+from fsoe_net.live.axis import AxisJob, AxisMode, AxisPhase, AxisState
+from fsoe_net.live.client import Client
 
 NOT_THERE = "no answer, drive not ready to switch on, at 0"
 

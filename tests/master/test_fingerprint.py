@@ -9,9 +9,9 @@ from cli.tool import fsn
 from master.rig import running
 from networks import PLAIN, example
 
+from fsoe_net.live.client import Client
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_from_json, fingerprint_of
-from fsoe_net.run.client import Client
 from fsoe_net.version import __version__
 
 ESTOP = str(PLAIN / "estop" / "network.yaml")

@@ -17,8 +17,8 @@ from typing import Any
 import pytest
 from master.rig import program, run_to_end, running, write_plan
 
-from fsoe_net.observe.interventions import LogChain
-from fsoe_net.project.interventions import log_files, read_log
+from fsoe_net.intervention_log.chain import LogChain
+from fsoe_net.intervention_log.files import log_files, read_log
 
 MODE = "drive_1.0x6060:00"
 Entry = dict[str, Any]

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
-from incidents.rig import read
+from incident.rig import read
 from master.rig import Master
 from master.rig import running as master_running
 from networks import write_big_network
 
 import fsoe_net
 from fsoe_net.errors import ControlRefused
-from fsoe_net.run.attachment import Attachment
+from fsoe_net.live.attachment import Attachment
 from fsoe_net.testing.fake_master import FakeMaster
 
 SUBDEVICES, CONNECTIONS, VALUES = 400, 392, 12
@@ -161,7 +161,7 @@ def test_an_attachment_tells_a_refusal_from_a_stop() -> None:
 
 
 def test_pages_without_an_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fsoe_net.run.control_link._MOST_PAGES", 3)
+    monkeypatch.setattr("fsoe_net.live.control_link._MOST_PAGES", 3)
     with FakeMaster() as master, fsoe_net.connect(str(master.path)) as client:
         monkeypatch.setattr(master, "_reply", lambda *_: {"ok": True, "symbols": [], "next": 1})
         with pytest.raises(fsoe_net.FsnError, match="symbols of more than 3 pages"):

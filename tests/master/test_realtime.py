@@ -19,8 +19,8 @@ from tied import tied
 
 import fsoe_net
 from fsoe_net import ControlRefused, EnvironmentFault
-from fsoe_net.run.client import Client
-from fsoe_net.run.realtime import RealTime
+from fsoe_net.live.client import Client
+from fsoe_net.live.realtime import RealTime
 
 START = "el6910.logic_control"
 

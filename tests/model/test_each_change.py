@@ -8,7 +8,7 @@ from pathlib import Path
 
 import changed
 import pytest
-from diagnostics.test_cases import HERE
+from cases_file import DIAGNOSTICS
 from networks import PLAIN
 
 from fsoe_net.errors import InputError
@@ -18,10 +18,10 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
 from fsoe_net.model.resolve import resolve
-from fsoe_net.project.draft import Inputs, make_draft
-from fsoe_net.project.gather import gather
+from fsoe_net.proposal.draft import Inputs, make_draft
+from fsoe_net.proposal.gather import gather
 
-BASE, ROBOT = HERE / "base", PLAIN / "el6910"
+BASE, ROBOT = DIAGNOSTICS / "base", PLAIN / "el6910"
 ANSWERS = """\
 name: cell
 cycle_us: 2000

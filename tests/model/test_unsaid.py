@@ -7,7 +7,7 @@ from itertools import product
 
 import pytest
 from changed import compare
-from run.protocols import timed
+from test_record.protocols import timed
 
 from fsoe_net.errors import InputError
 from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers, Ask

@@ -14,20 +14,20 @@ from pathlib import Path
 
 import changed
 import pytest
+from cases_file import DIAGNOSTICS
 from core.plan_builder import fix_crc
 from core.rig import load
-from diagnostics.test_cases import HERE
 from networks import example
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.errors import FsnError, PlanFormatError
+from fsoe_net.network import convert
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of
 from fsoe_net.plan.records import RECORDS
 from fsoe_net.project.check import check_files
-from fsoe_net.project.network import convert
 
-BASE = HERE / "base"
+BASE = DIAGNOSTICS / "base"
 
 
 def _of_files(*files: str) -> Fingerprint | None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from report.made import BASE, TIMED, inputs_of
+from report.made_blocks import LOCAL, SPARSE
 
 from fsoe_net.document.model import (
     Heading,
@@ -25,22 +26,6 @@ from fsoe_net.report.compose import _lead, compose_report
 from fsoe_net.report.model import PointKind
 from fsoe_net.report.section_copies import _copy_table
 
-SPARSE = (
-    ("    required_reaction_ms: 300\n", ""),
-    ("    required: {pl: d}\n", ""),
-    (
-        "name: ES1, time_ms: 5, pfh_per_hour: 1.0e-8, claim: {pl: d}, source: sheet of the maker",
-        "name: ES1, time_ms: 5",
-    ),
-    ("position: 1,", "position: 1, alias: 7,"),
-    ("10, watchdog_ms: 100", "10, watchdog_ms: 100, unconfirmed: asked by mail"),
-    ('parameters: "01 00"', 'parameters: "01 00", unconfirmed: true'),
-)
-LOCAL = """\
-  - name: local stop
-    elements:
-      - {kind: logic, name: relay, time_ms: 4, pfh_per_hour: 1.0e-9, source: sheet of the maker}
-"""
 OPEN = """\
 SF2 local stop: no reset is stated
 SF2 local stop: no modes are stated

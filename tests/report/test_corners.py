@@ -10,13 +10,17 @@ from types import SimpleNamespace as Facts
 from typing import Any
 
 import pytest
-from incidents.rig import read
+from incident.rig import read
+from live.watched_master import WatchedMaster
 from networks import example, write_big_network
 from report.made import TIMED, inputs_of
-from run.protocols import DONE, protocol_of, timed
-from run.watched_master import WatchedMaster
 from scans import scan_of
+from test_record.protocols import DONE, protocol_of, timed
 
+from fsoe_net.campaign.trials import EXHAUSTIVE
+from fsoe_net.capture.lua import lua_dissector
+from fsoe_net.capture.names import Naming
+from fsoe_net.compare.changed_subdevices import changed_subdevices
 from fsoe_net.core.snapshot import Histogram
 from fsoe_net.document.model import (
     Paragraph,
@@ -27,21 +31,17 @@ from fsoe_net.document.write_html import _section, document_html
 from fsoe_net.document.write_markdown import _table
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import InputError
-from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE
+from fsoe_net.incident.incident_facts import facts_of
+from fsoe_net.incident.incident_window import Wrong, _wrong
 from fsoe_net.live.control_values import StandbyStatus
 from fsoe_net.model.protocol import StepOutcome
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
-from fsoe_net.observe.lua import lua_dissector
-from fsoe_net.observe.names import Naming
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report import campaign, cycle_times
-from fsoe_net.report.changed_subdevices import changed_subdevices
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.evidence import ask_live, longest_round_trips, read_evidence
 from fsoe_net.report.incident_document import incident_document
-from fsoe_net.report.incident_facts import facts_of
-from fsoe_net.report.incident_window import Wrong, _wrong
 from fsoe_net.report.model import ReportSection
 from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.section_evidence import bus_evidence

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from networks import example
 from report.made import TIMED, inputs_of
-from run.protocols import protocol_of, timed
+from test_record.protocols import protocol_of, timed
 
 from fsoe_net.document.model import Document, Item, Level, Table, Verdict
 from fsoe_net.document.write_html import document_html

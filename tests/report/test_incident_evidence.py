@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from incidents.rig import Rig, network
+from incident.rig import Rig, network
 from report.made import inputs_of
 
 from fsoe_net.errors import InputError

@@ -16,6 +16,8 @@ import pytest
 from networks import example, write_big_network
 from report.made import CODES, TIMED, inputs_of, with_mistakes
 
+from fsoe_net.compare.diff import compare
+from fsoe_net.compare.diff_read import side_of_network, side_of_plan
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.document.model import Number, Table, section_marks
 from fsoe_net.formats.own.json_schema import read_schema
@@ -30,8 +32,6 @@ from fsoe_net.model.protocol import (
 )
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.compose import compose_report
-from fsoe_net.report.diff import compare
-from fsoe_net.report.diff_read import side_of_network, side_of_plan
 from fsoe_net.report.formats import render_report
 from fsoe_net.report.inputs import Against, GivenPlan, Tried
 from fsoe_net.report.model import PointKind

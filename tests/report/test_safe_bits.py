@@ -7,9 +7,9 @@ from pathlib import Path
 from networks import EXAMPLES, resolved
 from report.made import BASE
 
+from fsoe_net.compare.diff_safety import compare_functions
 from fsoe_net.document.model import Number, Table, Text, Verdict
 from fsoe_net.model.safety import SafeBit, SafetyElement, SafetyFunction
-from fsoe_net.report.diff_safety import compare_functions
 from fsoe_net.report.section_safe_bits import safe_bits
 
 

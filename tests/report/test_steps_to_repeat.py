@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from report.made import BASE, TIMED, inputs_of
 
+from fsoe_net.compare.diff import compare
+from fsoe_net.compare.diff_read import side_of_network, side_of_plan
+from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.report.diff import compare
-from fsoe_net.report.diff_read import side_of_network, side_of_plan
-from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.report.steps_to_repeat import steps_to_repeat
-from fsoe_net.run.protocol import make_protocol
+from fsoe_net.test_record.steps import make_protocol
 
 
 def _resolution(path: Path = TIMED) -> Resolution:

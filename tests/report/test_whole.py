@@ -18,29 +18,48 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from acceptance.signed import DAY, filled, record_of, source
 from changed import compare as compare_results
 from changed import figures
 from described import bus
-from incidents.rig import Rig, network, read
-from incidents.seeds import NOTHING
-from incidents.seeds_bus import late_replies, watchdog_tight
+from incident.rig import Rig, network, read
+from incident.seeds import NOTHING
+from incident.seeds_bus import late_replies, watchdog_tight
+from intervention_log.intervention_logs import a_log, chained, hash_of, written
+from live.watched_master import WatchedMaster
 from networks import EXAMPLES, example, resolved, write_big_network
-from observe.intervention_logs import a_log, chained, hash_of, written
 from report.lines import told
 from report.made import BASE, TIMED, inputs_of, with_mistakes
-from report.signed import DAY, filled, record_of, source
-from report.test_blocks import LOCAL, SPARSE
-from run.protocols import protocol_of, timed
-from run.watched_master import WatchedMaster
+from report.made_blocks import LOCAL, SPARSE
 from scans import scan_of
+from test_record.protocols import protocol_of, timed
 
+from fsoe_net.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult, Failure, Shown
+from fsoe_net.campaign.witness import Collision
+from fsoe_net.compare.diff import Difference, compare
+from fsoe_net.compare.diff_read import (
+    side_of_description,
+    side_of_network,
+    side_of_plan,
+    side_of_scan,
+)
+from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.core.snapshot import Histogram
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.own.scenario import load_scenario
-from fsoe_net.fsoe.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult, Failure, Shown
-from fsoe_net.fsoe.campaign.witness import Collision
+from fsoe_net.incident.evidence_cycles import SlowCycle
+from fsoe_net.incident.incident_facts import facts_json, facts_of
+from fsoe_net.intervention_log.chain import LogChain, LogFilter
+from fsoe_net.intervention_log.document import (
+    check_json,
+    log_check_document,
+    log_document,
+    selection_json,
+)
+from fsoe_net.intervention_log.files import log_files, read_log, select_entries
+from fsoe_net.live.result import ExpectationResult
 from fsoe_net.model.acceptance import Intervention, JustifiedFinding, JustifiedStep
 from fsoe_net.model.protocol import (
     AtMachine,
@@ -50,41 +69,22 @@ from fsoe_net.model.protocol import (
     StepOutcome,
     StepResult,
 )
-from fsoe_net.observe.evidence_cycles import SlowCycle
-from fsoe_net.observe.interventions import LogChain, LogFilter
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.project.interventions import log_files, read_log, select_entries
 from fsoe_net.report.budget import budget_document, budget_json, budget_picture
 from fsoe_net.report.campaign import campaign_document, to_json
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.cycle_times import times_table, timing_bars, timing_csv, timing_picture
 from fsoe_net.report.device_page import device_json, device_list, device_text
-from fsoe_net.report.diff import Difference, compare
-from fsoe_net.report.diff_read import (
-    side_of_description,
-    side_of_network,
-    side_of_plan,
-    side_of_scan,
-)
-from fsoe_net.report.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.report.evidence import ask_live, read_evidence
 from fsoe_net.report.incident_document import incident_document
-from fsoe_net.report.incident_facts import facts_json, facts_of
 from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, Tried
-from fsoe_net.report.intervention_document import (
-    check_json,
-    log_check_document,
-    log_document,
-    selection_json,
-)
 from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.section_record import change_log
-from fsoe_net.report.self_test_result import read_self_test, self_test_parts
+from fsoe_net.report.self_test_result import PART_NAMES, read_self_test, self_test_parts
 from fsoe_net.report.svg import copy_picture, topology_picture
-from fsoe_net.run.campaign import campaign_links, run_campaign
-from fsoe_net.run.result import ExpectationResult
-from fsoe_net.run.session import Session, counted_session_ids, run_virtual
+from fsoe_net.simulate.campaign import campaign_links, run_campaign
+from fsoe_net.simulate.session import Session, counted_session_ids, run_virtual
 from fsoe_net.version import __version__
 
 HERE = Path(__file__).parent
@@ -436,16 +436,23 @@ def self_tests(folder: Path) -> str:
     """Of this build, with a part that was not tried or failed; of another build; of nothing."""
     result = folder / "self-test.json"
     shown: list[Any] = []
-    for build, *found in (("a", "pass", "not tried"), ("a", "fail", "fail"), ("b", "pass"), ("a",)):
-        parts = [{"name": f"part {n}", "result": word} for n, word in enumerate(found)]
+    for build, first, others in (
+        ("a", "pass", "not tried"),
+        ("a", "fail", "pass"),
+        ("b", "pass", "pass"),
+        ("a", "not tried", "not tried"),
+    ):
+        found = [first, *(others for _ in PART_NAMES[1:])]
+        parts = [
+            {"name": name, "result": word} for name, word in zip(PART_NAMES, found, strict=True)
+        ]
         document = {"tool": "fsoe-net", "self_test": 1, "version": "1.2", "parts": parts}
         document |= {
             "result": "fail" if "fail" in found else "pass",
             "build": {"sha256": build * 64},
         }
         result.write_text(json.dumps(document), "utf-8")
-        names = [part["name"] for part in parts]
-        told_of, points = self_test_parts(read_self_test(str(result), "a" * 64, names))
+        told_of, points = self_test_parts(read_self_test(str(result), "a" * 64))
         shown += [*told_of, *map(str, points)]
     return told(*shown)
 

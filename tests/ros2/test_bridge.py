@@ -19,6 +19,7 @@ import pytest
 from master.rig import Client, Master
 from master.rig import running as master_running
 from patience import PATIENCE_S
+from ros2.found import Found
 from ros2.rig import Peer, bridged, needed, own_domain, typestore
 
 from fsoe_net.errors import EnvironmentFault
@@ -220,29 +221,6 @@ def test_bytes_that_are_no_message_do_nothing(robot: Master, lamp: Client) -> No
         lights(lamp, partial(sets.send, b"\x01"))
         assert lamp.good("status")["state"] == "running"
         assert sets.done() == 0
-
-
-class Found:
-    """What a participant sees of others."""
-
-    def __init__(self, participant: Any) -> None:
-        from cyclonedds.builtin import (
-            BuiltinDataReader,
-            BuiltinTopicDcpsPublication,
-            BuiltinTopicDcpsSubscription,
-        )
-
-        self._participant = participant  # what is in it goes with it
-        self._writers = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
-        self._readers = BuiltinDataReader(participant, BuiltinTopicDcpsSubscription)
-
-    def offers(self) -> set[str]:
-        return {row.topic_name for row in self._writers.read(100)}
-
-    def requests(self) -> set[str]:
-        """Topics somebody else subscribes to."""
-        names = {row.topic_name for row in self._readers.read(100)}
-        return {name for name in names if not name.startswith("DCPS")}
 
 
 @contextlib.contextmanager

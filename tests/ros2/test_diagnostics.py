@@ -7,10 +7,10 @@ from dataclasses import fields, replace
 
 import pytest
 
+from fsoe_net.live.attachment import Attachment
 from fsoe_net.live.control_values import ClocksStatus
 from fsoe_net.live.health import HOLD_S, RecentChanges
 from fsoe_net.ros2.diagnostics import RosLevel, RosStatus, ros_statuses
-from fsoe_net.run.attachment import Attachment
 from fsoe_net.testing import fake_master
 from fsoe_net.testing.fake_master import FakeMaster
 

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 from master.rig import killed_at_the_end, program, when_it_listens
 from patience import PATIENCE_S
+from ros2.found import Found
 from ros2.rig import own_domain
-from ros2.test_bridge import Found
 from tied import tied
 
 ROOT = Path(__file__).parents[2]

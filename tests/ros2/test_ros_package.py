@@ -17,11 +17,11 @@ from pathlib import Path
 
 import pytest
 from cli.tool import fsn
+from live.on_the_wire import ESTOP, on_the_wire
 from master.rig import Client, Master
 from master.rig import running as master_running
 from networks import EXAMPLES, example
 from ros2.rig import System
-from run.test_live_bus import ESTOP, on_the_wire
 
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
@@ -233,7 +233,7 @@ def test_an_axis_by_ros2_control(program: Path, tmp_path: Path) -> None:
     scenario.write_text(text.replace("axis_1: {", "axis_1: {position_rev: 0.25, "), "utf-8")
     network = EXAMPLES / "robot-cell" / "network.yaml"
     case = ("axis", network, program, scenario)
-    seen = on_the_wire(*case, tmp=tmp_path, script="ros2_rig.py", good=lambda s: s["late"])
+    seen = on_the_wire(*case, tmp=tmp_path, script="live/ros2_rig.py", good=lambda s: s["late"])
     # 0.25 revolutions are 16384 of the drive's 65536 counts.
     assert seen["disabled"] == {"state": "16384", "sent": 100000, "actual": 16384}
     assert seen["released"] == 16384  # the target follows the actual position
@@ -317,7 +317,7 @@ def test_an_answer_that_is_none_is_an_error(program: Path) -> None:
 
 def test_the_states_of_a_connection_are_those_of_real_frames(program: Path, tmp_path: Path) -> None:
     """fsn-master on SOEM and emulated SubDevices with FSoE: e-stop, a cable cut, and back."""
-    seen = on_the_wire("adapter", ESTOP, program, tmp=tmp_path, script="ros2_rig.py")
+    seen = on_the_wire("adapter", ESTOP, program, tmp=tmp_path, script="live/ros2_rig.py")
     assert seen["pressed"] == ["1", "5"]  # Data, with FailSafeData
     assert seen["released"] == ["1", "6"]
     assert seen["cut"] == "read ERROR"

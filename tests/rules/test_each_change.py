@@ -8,14 +8,14 @@ from pathlib import Path
 
 import changed
 import pytest
-from diagnostics.test_cases import HERE
+from cases_file import DIAGNOSTICS
 from networks import PLAIN
 
 from fsoe_net.formats.own.scan import load_scan
 from fsoe_net.project.check import check_files
 from fsoe_net.rules.runtime import Runtime
 
-BASE, ROBOT = HERE / "base", PLAIN / "el6910"
+BASE, ROBOT = DIAGNOSTICS / "base", PLAIN / "el6910"
 # Name: folder, the file that changes, the network, what it is compared with, the runtime.
 CASES = {
     "network": (BASE, "network.yaml", "network.yaml", (), "fsn"),

@@ -10,9 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from diagnostics import test_cases as cases
-from networks import resolved
-from rules.robot import (
+from compare.robot import (
     ROBOT,
     bus,
     changed,
@@ -25,7 +23,9 @@ from rules.robot import (
     types,
     with_text,
 )
-from rules.scan_changes import scan_findings
+from compare.scan_changes import scan_findings
+from diagnostics import test_cases as cases
+from networks import resolved
 from scans import scan_of
 
 from fsoe_net.diag.diagnostic import Severity

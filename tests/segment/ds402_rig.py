@@ -6,7 +6,7 @@ COMMAND is done by the emulator before the MainDevice starts. Prints what that s
 import subprocess
 import sys
 
-from run.live_rig import Emulator
+from live.live_rig import Emulator
 
 COUNTS_PER_REV = 65536
 

@@ -21,8 +21,8 @@ from fsoe_net.formats.own.network import load_network
 from fsoe_net.model.resolve import resolve
 from fsoe_net.plan.codec import decode_plan
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.run.emulate import SegmentSession
-from fsoe_net.run.session import counted_session_ids
+from fsoe_net.simulate.emulate import SegmentSession
+from fsoe_net.simulate.session import counted_session_ids
 
 NO_FRAME = -1  # of SOEM: nothing came back in time
 

@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 from networks import example
-from segment.test_emulate import EMULATE, ESTOP
+from segment.emulated import EMULATE, ESTOP
 from segment.wire import read_frame
 from wires import command_inside, missing
 
@@ -14,9 +14,9 @@ from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.fsoe.event import State
 from fsoe_net.model.scenario import Action, ScenarioStep
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.run.commands import CommandError, parse_command
-from fsoe_net.run.emulate import SegmentSession
-from fsoe_net.run.session import Session, counted_session_ids, run_virtual
+from fsoe_net.simulate.commands import CommandError, parse_command
+from fsoe_net.simulate.emulate import SegmentSession
+from fsoe_net.simulate.session import Session, counted_session_ids, run_virtual
 
 
 def estop(kind=SegmentSession, scenario=None):

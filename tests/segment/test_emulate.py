@@ -5,25 +5,22 @@ import json
 import signal
 import struct
 import subprocess
-import sys
 
 import pytest
 from cli.tool import fsn
 from networks import example
 from patience import PATIENCE_S
+from segment.emulated import EMULATE, ESTOP
 from segment.wire import read_frame
-from wires import ROOT, command_inside, missing, run_inside, run_program
+from wires import command_inside, missing, run_inside, run_program
 
 from fsoe_net.core.segment import Segment
 from fsoe_net.errors import CoreError, EnvironmentFault
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.sii.read import load_sii, sii_checksum
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.run.emulate import SegmentSession
-from fsoe_net.run.session import counted_session_ids
-
-ESTOP = str(ROOT / "examples" / "estop" / "network.yaml")
-EMULATE = [sys.executable, "-m", "fsoe_net.cli", "emulate"]
+from fsoe_net.simulate.emulate import SegmentSession
+from fsoe_net.simulate.session import counted_session_ids
 
 
 @pytest.mark.parametrize(

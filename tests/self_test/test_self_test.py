@@ -24,9 +24,9 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.project.check import check_files, whole_network
 from fsoe_net.project.installed import installed_files, versions
-from fsoe_net.project.self_test import run
-from fsoe_net.project.self_test.model import NotTried, SelfTestPart, TriedValue, reference, tried
-from fsoe_net.project.self_test.run import PARTS
+from fsoe_net.self_test import run
+from fsoe_net.self_test.model import NotTried, SelfTestPart, TriedValue, reference, tried
+from fsoe_net.self_test.run import PARTS
 
 PACKAGE = Path(fsoe_net.__file__).parent
 REFERENCE = PACKAGE / "project" / "self_test" / "reference.yaml"
@@ -84,7 +84,7 @@ def test_the_build_is_what_sha256sum_prints():
     found = installed_files()
     listed = "".join(f"{found.hashes[path]}  {path}\n" for path in sorted(found.hashes))
     assert found.build == hashlib.sha256(listed.encode()).hexdigest()
-    own = f"{PACKAGE.name}/project/self_test/estop.frames"
+    own = f"{PACKAGE.name}/self_test/estop.frames"
     assert found.hashes[own] == hashlib.sha256((PACKAGE.parent / own).read_bytes()).hexdigest()
     assert any(re.fullmatch(r"fsoe_net/core/_core.*\.so", path) for path in found.hashes)
 
@@ -149,7 +149,7 @@ sys.meta_path[:] = [f for f in sys.meta_path if "editable" not in type(f).__modu
 sys.path.insert(0, {folder!r})
 from fsoe_net.cli.self_test import _document
 from fsoe_net.document.write_terminal import document_text
-from fsoe_net.project.self_test import run
+from fsoe_net.self_test import run
 run.PARTS = tuple(p for p in run.PARTS if p.name in {parts!r})
 done = run.run_self_test()
 sys.stdout.write(document_text(_document(done)))
@@ -226,9 +226,9 @@ BROKEN = {
     "example": ("reference networks", "examples/estop/network.yaml", "address: 14", "address: 15"),
     "broken example": ("broken networks", "examples/broken/04_size.yaml", "size: 7", "size: 6"),
     "scenario": ("emulated runs", "examples/estop/scenario.yaml", "break: ek1914", "break: el1918"),
-    "recording": ("recorded run", "project/self_test/estop.frames", "4e34cc05", "4e34cc06"),
-    "no code": ("emulated runs", "run/session.py", "def ", "dfe "),
-    "no reference": ("timing formulas", "project/self_test/reference.yaml", "timing:", "time: :"),
+    "recording": ("recorded run", "self_test/estop.frames", "4e34cc05", "4e34cc06"),
+    "no code": ("emulated runs", "simulate/session.py", "def ", "dfe "),
+    "no reference": ("timing formulas", "self_test/reference.yaml", "timing:", "time: :"),
     "any file": ("installed files", "devices/ek1914.yaml", "EK1914", "EK1915"),
 }
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from incidents.rig import Rig, network
-from observe.intervention_logs import a_log, written
+from acceptance.signed import record_of
+from incident.rig import Rig, network
+from intervention_log.intervention_logs import a_log, written
 from report.made import BASE
-from report.signed import record_of
 
-from fsoe_net.project.accept import record_bytes
-from fsoe_net.project.protocol import ProtocolTrial
-
-__all__ = ["made_folder"]
+from fsoe_net.acceptance.accept import record_bytes
+from fsoe_net.test_record.protocol import ProtocolTrial
 
 
 def made_folder(tmp: Path) -> Path:

@@ -20,8 +20,6 @@ needed("starlette", "studio")
 
 from fsoe_net.studio.server import Studio  # noqa: E402
 
-__all__ = ["Browser", "Studio", "running"]
-
 
 @contextmanager
 def running(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,32 +12,13 @@ import pytest
 from master.rig import running as master_running
 from networks import example
 from studio.browser import accessible
+from studio.live_page import opened
 from studio.server_rig import running
 
 from fsoe_net.project.simulate import simulate
 from fsoe_net.studio import live_control
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-@contextlib.contextmanager
-def opened(chromium: Any, url: str) -> Iterator[Any]:
-    """The live page; a word of the browser's console, or another host, fails the test."""
-    context = chromium.new_context(viewport={"width": 1280, "height": 900})
-    context.set_default_timeout(200_000)  # a busy machine is no failure
-    page = context.new_page()
-    said: list[str] = []
-    asked: list[str] = []
-    page.on("console", lambda m: said.append(m.text) if " 422 " not in m.text else None)
-    page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(url)
-    try:
-        yield page
-    finally:
-        context.close()
-    assert said == []
-    assert {address.split("/")[2] for address in asked} == {url.split("/")[2]}
 
 
 def after(page: Any, seconds: float) -> None:

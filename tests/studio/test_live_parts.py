@@ -18,9 +18,9 @@ from patience import PATIENCE_S
 from studio.browser import needed
 
 from fsoe_net.errors import CoreError, EnvironmentFault, InputError
+from fsoe_net.live.result import RunEvent, state_fields
 from fsoe_net.plan.model import PlanSymbol
 from fsoe_net.project.simulate import simulate
-from fsoe_net.run.result import RunEvent, state_fields
 
 needed("starlette", "studio")
 

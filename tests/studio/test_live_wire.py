@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from run.test_live_bus import ESTOP, on_the_wire
+from live.on_the_wire import ESTOP, on_the_wire
 from studio.browser import available
 
 
 def test_a_cut_cable_is_seen_and_its_end_too(tmp_path: Path) -> None:
     available()
-    seen = on_the_wire("cable", ESTOP, tmp=tmp_path, script="studio_rig.py")
+    seen = on_the_wire("cable", ESTOP, tmp=tmp_path, script="live/studio_rig.py")
     assert "ek1914" in seen["gone"]  # behind which the cable is cut
     assert seen["cause"] == "last Reset: SubInstance: watchdog expired"
     assert seen["verdict"].startswith("✖ fsn-master, soem on near: running, not all of it")

@@ -13,8 +13,8 @@ from report.made import BASE
 from studio.server_rig import Browser, running
 
 from fsoe_net.errors import InputError
-from fsoe_net.project.protocol import ProtocolTrial, read_protocol
-from fsoe_net.project.protocol_entries import Conflict, MachineEntry, enter, step_fields
+from fsoe_net.test_record.entries import Conflict, MachineEntry, enter, step_fields
+from fsoe_net.test_record.protocol import ProtocolTrial, read_protocol
 
 EMPTY = {"result": "", "measured_ms": "", "remark": "", "by": "", "date": ""}
 DONE = EMPTY | {"result": "as expected", "by": "A. Person", "date": "2026-11-21"}

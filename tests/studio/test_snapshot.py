@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from live.watched_master import WatchedMaster, subdevice
 from master.rig import running
 from networks import EXAMPLES
-from run.watched_master import WatchedMaster, subdevice
 
 from fsoe_net.cli.main import cli
 from fsoe_net.document.write_html import document_html

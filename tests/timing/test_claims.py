@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import pytest
 from changed import figures
-from timing.test_budget import FUNCTION, Maker, budget_of, resolution_of
+from timing.made_budget import FUNCTION, Maker, budget_of
 
 from fsoe_net.diag.diagnostic import Diagnostic
 from fsoe_net.rules.timing import check_timing
 from fsoe_net.timing.claims import LevelClaim
 from fsoe_net.timing.judgement import Judgement
-
-__all__ = ["resolution_of"]
 
 INPUT = "source: manual,\n         claim: {pl: d}"
 """What follows the PFH of the input."""

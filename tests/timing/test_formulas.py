@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from fsoe_net.project.self_test.formulas import timing
+from fsoe_net.self_test.formulas import timing
 from fsoe_net.timing.formulas import SignalWay, beckhoff_worst_case, lost_frames_survived
 
 

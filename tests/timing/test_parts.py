@@ -8,12 +8,10 @@ from dataclasses import replace
 import pytest
 from changed import figures
 from signal_path.path import Parts
-from timing.test_budget import (
+from timing.made_budget import (
     FUNCTION,
     Maker,
     budget_of,
-    budgets_recorded,
-    resolution_of,
     watchdogs,
     with_watchdogs,
 )
@@ -45,7 +43,7 @@ from fsoe_net.timing.judgement import Judgement, WatchdogJudgement
 from fsoe_net.timing.pfh import PfhSum
 from fsoe_net.timing.reaction import ResponseCase, reaction_of
 
-__all__ = ["budgets_recorded", "resolution_of"]
+pytestmark = pytest.mark.usefixtures("budgets_recorded")
 
 UNEQUAL = Parts(
     sensor=5, input=4, logic=2, output=3, actuator=20, cycle=1, cycles_in=2, cycles_out=3

@@ -1,0 +1,315 @@
+"""The report of a network: everything it may speak about, gathered from files and a live bus."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fsoe_net.acceptance.signatures import check_signatures
+from fsoe_net.acceptance.ssh_signatures import SshSigners
+from fsoe_net.compare.bus_scan import check_scan
+from fsoe_net.compare.diff import compare
+from fsoe_net.compare.diff_read import side_of_network, side_of_plan
+from fsoe_net.compare.diff_side import Side
+from fsoe_net.compare.read import read_side
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
+from fsoe_net.document.write_pdf import document_pdf
+from fsoe_net.errors import InputError
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.shared.files import read_source
+from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES
+from fsoe_net.formats.shared.write_files import write_whole
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.codec import MAGIC, decode_plan
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of
+from fsoe_net.plan.model import Plan
+from fsoe_net.project.check import Checked, library_of, whole_network
+from fsoe_net.project.installed import installed_files
+from fsoe_net.project.known import AcceptedRecord
+from fsoe_net.project.simulate import prepare
+from fsoe_net.report.compose import compose_report
+from fsoe_net.report.evidence import Evidence, LiveEvidence, longest_round_trips
+from fsoe_net.report.formats import FORMATS
+from fsoe_net.report.inputs import (
+    Against,
+    GivenPlan,
+    GivenRecord,
+    ReportInputs,
+    Signatures,
+    Tried,
+)
+from fsoe_net.report.model import ReportDocument
+from fsoe_net.report.self_test_result import SelfTestResult, read_self_test
+from fsoe_net.report.steps_to_repeat import steps_to_repeat
+from fsoe_net.rules.timing import check_timing
+from fsoe_net.timing.budget import Budget, make_budget
+from fsoe_net.version import __version__
+
+if TYPE_CHECKING:
+    from fsoe_net.live.result import Run
+
+REPORT_FORMATS = (*FORMATS, "pdf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """A report, and why it may not be taken as it is.
+
+    Attributes:
+        document: What is written.
+        findings: Everything found in the network, sorted.
+        run: The run of the scenario, if there was one.
+        protocol_findings: What keeps the test protocol from being taken, located.
+        protocol_fits: Whether its results are in the report; also without one.
+    """
+
+    document: ReportDocument
+    findings: Sequence[Diagnostic]
+    run: Run | None
+    protocol_findings: Sequence[Diagnostic]
+    protocol_fits: bool
+
+    @property
+    def errors(self) -> list[Diagnostic]:
+        """The errors of the network; the report says them first."""
+        return [d for d in self.findings if d.level is Severity.ERROR]
+
+    @property
+    def passed(self) -> bool:
+        """Whether there is no error, the run passed and the protocol is of this network."""
+        return not self.errors and self.protocol_fits and (self.run is None or self.run.passed)
+
+    def render(self, form: str) -> bytes:
+        """Return the report in one of `REPORT_FORMATS`.
+
+        Raises:
+            EnvironmentFault: The extra ``pdf`` is not installed.
+            KeyError: There is no such format.
+        """
+        if form == "pdf":
+            return document_pdf(self.document)
+        return FORMATS[form](self.document).encode("utf-8")
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the report; its suffix says in which format: .html, .md, .json or .pdf.
+
+        Raises:
+            ValueError: It is another suffix.
+            InputError: The file exists, and is not to be replaced.
+            EnvironmentFault: It cannot be written, or the extra ``pdf`` is not installed.
+        """
+        form = Path(path).suffix.lstrip(".").lower()
+        if form not in REPORT_FORMATS:
+            raise ValueError(f"{os.fspath(path)!r} ends in none of .html, .md, .json, .pdf")
+        write_whole(path, self.render(form), overwrite=overwrite)
+
+
+def make_report(
+    checked: Checked,
+    *,
+    evidence: Sequence[Evidence] = (),
+    live: LiveEvidence | None = None,
+    plan: str | None = None,
+    scenario: str | None = None,
+    against: str | None = None,
+    accepted: AcceptedRecord | None = None,
+    signers: SshSigners | None = None,
+    protocol: str | None = None,
+    self_test: str | None = None,
+    loading: LoadOptions | None = None,
+) -> Report:
+    """Make the report of a network; one with an error gets a report that says so first.
+
+    Args:
+        checked: The network, compared with other files and the device library.
+        evidence: Files that describe the machine.
+        live: What a running ``fsn-master`` reports.
+        plan: A plan file that shall be the plan of this network.
+        scenario: A scenario file to run in virtual time.
+        against: An earlier plan or network, from which the change log starts.
+        accepted: An acceptance record, from which it starts otherwise.
+        signers: Who may sign that; without it its signatures are not checked.
+        protocol: A test protocol file.
+        self_test: A file with the result of ``fsoe-net self-test``.
+        loading: How references in ``against`` are followed.
+
+    Raises:
+        InputError: There is no network to report on, or a file cannot be used.
+    """
+    resolution = _network(checked)
+    budget = _budget(resolution, evidence, live)
+    found = _findings(checked, resolution, evidence, budget)
+    errors = any(d.level is Severity.ERROR for d in found)
+    compiled = plan_to_show(resolution, found)
+    run = None
+    if scenario is not None and compiled is not None and not errors:
+        run = _run(resolution, scenario)
+    fingerprint = None if compiled is None or errors else fingerprint_of(compiled)
+    before = None
+    if accepted is not None:
+        before = since(accepted, resolution, compiled)
+    elif against is not None:
+        before = _against(against, resolution, compiled, loading or LoadOptions())
+    tried: Tried | None = None
+    protocol_findings: list[Diagnostic] = []
+    if protocol is not None:
+        tried, protocol_findings = _tried(protocol, resolution, compiled)
+    inputs = ReportInputs(
+        name=resolution.network.name,
+        version=__version__,
+        diagnostics=found,
+        resolution=resolution,
+        plan=compiled,
+        fingerprint=fingerprint,
+        budget=budget,
+        references=checked.references,
+        run=run,
+        scenario=scenario or "",
+        evidence=tuple(evidence),
+        live=live,
+        given=None if plan is None else _given(plan),
+        against=before,
+        tried=tried,
+        accepted=None if accepted is None else _accepted(accepted, fingerprint),
+        signed=None if accepted is None or signers is None else _signed(accepted, signers),
+        self_test=_self_test(self_test),
+    )
+    return Report(
+        document=compose_report(inputs),
+        findings=found,
+        run=run,
+        protocol_findings=protocol_findings,
+        protocol_fits=tried is None or tried.fits,
+    )
+
+
+def _network(checked: Checked) -> Resolution:
+    """Return the network, also one with errors.
+
+    Raises:
+        InputError: There is no network to report on.
+    """
+    resolution = checked.resolution
+    if resolution is None or not any(d.level is Severity.ERROR for d in checked.diagnostics):
+        return whole_network(checked, "no report written")
+    return resolution
+
+
+def _findings(
+    checked: Checked, resolution: Resolution, evidence: Sequence[Evidence], budget: Budget
+) -> list[Diagnostic]:
+    """Return what the files show, and what scans and measured times show beside them."""
+    found = list(checked.diagnostics)
+    for e in evidence:
+        if e.scan is not None:
+            found += check_scan(resolution, e.scan)
+    if budget.functions:
+        found += check_timing(resolution.network, budget, found=found)
+    return sort_diagnostics(found)
+
+
+def _budget(
+    resolution: Resolution, evidence: Sequence[Evidence], live: LiveEvidence | None
+) -> Budget:
+    measured = longest_round_trips(tuple(evidence), live)
+    return make_budget(resolution, library_of(resolution.network), measured=measured)
+
+
+def plan_to_show(resolution: Resolution, found: Sequence[Diagnostic]) -> Plan | None:
+    """Return the plan; with errors only when one can be made all the same, to show its copies."""
+    if not any(d.level is Severity.ERROR for d in found):
+        return compile_plan(resolution)
+    try:
+        return compile_plan(resolution)
+    except (InputError, LookupError, ValueError, struct.error):
+        return None
+
+
+def _run(resolution: Resolution, scenario: str) -> Run:
+    from fsoe_net.simulate.session import run_virtual
+
+    session = prepare(resolution, None, scenario, virtual=True)
+    return run_virtual(session, session.duration_ns)
+
+
+def _self_test(path: str | None) -> SelfTestResult | None:
+    if path is None:
+        return None
+    return read_self_test(path, installed_files().build)
+
+
+def _given(path: str) -> GivenPlan:
+    source, data = read_source(path, most=MAX_LARGE_BYTES)
+    if not data.startswith(MAGIC):
+        raise InputError(f"{path} is no .fsnplan file; make one with fsoe-net plan FILES -o PLAN")
+    return GivenPlan(source=source, plan=decode_plan(data))
+
+
+def _tried(path: str, resolution: Resolution, plan: Plan | None) -> tuple[Tried, list[Diagnostic]]:
+    from fsoe_net.test_record.protocol import read_protocol  # slow to load
+
+    source, protocol, found = read_protocol(path, resolution, plan)
+    notes = tuple(f"{d.span.line}: {d.message}" for d in found)
+    bad = any(d.level is Severity.ERROR for d in found)
+    return Tried(source=source, protocol=protocol, notes=notes, fits=not bad), found
+
+
+def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:
+    fits = now is not None and now.whole == found.fingerprint.whole
+    return GivenRecord(source=found.source, record=found.record, fits=fits)
+
+
+def _signed(accepted: AcceptedRecord, signers: SshSigners) -> Signatures:
+    """Return the signatures beside a record; one that was replaced meanwhile has none."""
+    signed = check_signatures(accepted.source.path, signers)
+    against = [f"{r.what}: {r.fix}" for r in signed.refusals]
+    if signed.record.source.sha256 != accepted.source.sha256:
+        against.append(f"{accepted.source.path} was replaced while the report was made")
+    return Signatures(signatures=signed.signatures, against=tuple(against))
+
+
+def since(found: AcceptedRecord, resolution: Resolution, now: Plan | None) -> Against:
+    """Return what has changed since a record was signed, and which steps that calls for."""
+    before = side_of_plan(found.plan, found.source.path, found.record.safety_functions)
+    return _compared(found.source, before, resolution, found.plan, now)
+
+
+def _against(path: str, resolution: Resolution, now: Plan | None, options: LoadOptions) -> Against:
+    source, data = read_source(path, most=MAX_LARGE_BYTES)
+    before, found = read_side(path, options)
+    if before is None:
+        errors = [d for d in found if d.level is Severity.ERROR]
+        raise InputError(f"{path} cannot be compared", errors)
+    plan = decode_plan(data) if data.startswith(MAGIC) else None
+    return _compared(source, before, resolution, plan, now)
+
+
+def _compared(
+    source: SourceFile,
+    before: Side,
+    resolution: Resolution,
+    plan: Plan | None,
+    now: Plan | None,
+) -> Against:
+    from fsoe_net.test_record.steps import make_protocol  # slow to load
+
+    difference = compare(before, side_of_network(resolution, resolution.network.name))
+    steps = make_protocol(resolution, b"").steps
+    return Against(
+        source=source,
+        difference=difference,
+        again=steps_to_repeat(
+            difference.changes,
+            resolution,
+            steps,
+            plans=None if plan is None or now is None else (plan, now),
+            functions=before.functions,
+        ),
+        fingerprint=None if plan is None else fingerprint_of(plan),
+    )

@@ -1,0 +1,427 @@
+"""Whether a configuration can be signed off, and the record of it.
+
+What is required: a report of this very configuration without errors, each warning justified by
+name and reason, a test protocol of it whose steps a person has done at the machine, and a verifier
+who is not the author (IEC 62061 clause 9; ISO 13849-2 clause 4.1 speaks of independent persons).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import PurePath
+
+from fsoe_net.acceptance.signed_report import SignedReport
+from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
+from fsoe_net.diag.words import counted
+from fsoe_net.model.acceptance import (
+    Acceptance,
+    Intervention,
+    JustifiedFinding,
+    JustifiedStep,
+    Replaced,
+    SignedBy,
+)
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind, StepOutcome
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.written import names_a_person, same_person, says_something
+from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.plan.model import Plan
+
+_DO_IT = "do it at the machine"
+_LEFT_OUT = (StepKind.LOSS,)
+"""Steps that a reason may replace at once; the others when they were done for the record before and
+no change calls for them again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """Why there is no sign-off, and the next step."""
+
+    what: str
+    fix: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reason:
+    """Why something is let pass.
+
+    Its subject is ``CODE@file:line``, the id of a step, ``firmware NAME`` and the like, ``bus
+    evidence``, or all of a kind, as ``loss *``.
+    """
+
+    subject: str
+    reason: str
+    by: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grounds:
+    """What a sign-off rests on.
+
+    Attributes:
+        version: Of fsoe-net.
+        resolution: The network, without errors.
+        plan: Its plan.
+        report: The report that was signed.
+        diagnostics: What the files of the network show today.
+        protocol: The test protocol as filled in.
+        protocol_source: Its file.
+        protocol_findings: What is wrong with it, also beside the network of today.
+        author: Who made the configuration.
+        verifier: Who checked it.
+        reasons: For warnings and steps.
+        interventions: What was changed since the record before.
+        before: The record that is replaced, and
+        before_source: its file.
+        again: Steps that the change since then calls for.
+        equipment: What was measured with.
+        environment: Where and under which conditions it was tried.
+        attachments: Photos and other files beside the record.
+        longest_ms: Of each safety function, the longest response without a fault by the times that
+            are stated, ms.
+    """
+
+    version: str
+    resolution: Resolution
+    plan: Plan
+    report: SignedReport
+    diagnostics: Sequence[Diagnostic] = ()
+    protocol: Protocol
+    protocol_source: SourceFile
+    protocol_findings: Sequence[Diagnostic] = ()
+    author: SignedBy
+    verifier: SignedBy
+    reasons: Sequence[Reason] = ()
+    interventions: Sequence[Intervention] = ()
+    before: Acceptance | None = None
+    before_source: SourceFile | None = None
+    again: Collection[str] = ()
+    equipment: Sequence[str] = ()
+    environment: str = ""
+    attachments: Sequence[SourceFile] = ()
+    longest_ms: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class _Gathered:
+    refusals: list[Refusal] = field(default_factory=list)
+    findings: list[JustifiedFinding] = field(default_factory=list)
+    steps: list[JustifiedStep] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
+
+    def refuse(self, what: str, fix: str) -> None:
+        self.refusals.append(Refusal(what=what, fix=fix))
+
+
+def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
+    """Return the record, or every reason why there is none; a pure function."""
+    g, out = grounds, _Gathered()
+    fingerprint = fingerprint_of(g.plan)
+    _people(g, out)
+    _circumstances(g, out)
+    _report(g, fingerprint.whole, out)
+    _findings(g, out)
+    if not g.report.of_machine:
+        why = "the report has no evidence of the machine"
+        _let_pass("bus evidence", why, "give `report` a --evidence scan.json", g, out)
+    _steps(g, fingerprint.whole, out)
+    _history(g, fingerprint.whole, out)
+    for subject, count in Counter(r.subject for r in g.reasons).items():
+        if count > 1:
+            out.refuse(f"--justify {subject} is there {counted(count, 'time')}", "keep one of them")
+    for r in g.reasons:
+        if r.subject not in out.used:
+            out.refuse(
+                f"--justify {r.subject}: there is no such warning or open step",
+                "write CODE@file:line as the report shows it, the id of a step, or `loss *`; the "
+                "others as a refusal names them",
+            )
+    if out.refusals:
+        return None, tuple(out.refusals)
+    network = g.resolution.network
+    before = g.before
+    record = Acceptance(
+        network=network.name,
+        project=network.project or "",
+        made_with=g.version,
+        whole=fingerprint.whole,
+        sections=fingerprint.sections,
+        plan=g.plan.to_bytes(),
+        safety_functions=network.safety_functions,
+        inputs=tuple(network.sources),
+        reports=g.report.sources,
+        open_points=g.report.open_points,
+        assumptions=g.report.assumptions,
+        protocol=g.protocol_source,
+        steps=len(g.protocol.machine_steps),
+        author=g.author,
+        verifier=g.verifier,
+        findings=tuple(out.findings),
+        steps_left_out=tuple(out.steps),
+        equipment=tuple(g.equipment),
+        environment=g.environment,
+        attachments=tuple(g.attachments),
+        interventions=(*(before.interventions if before else ()), *g.interventions),
+        replaces=(
+            Replaced(source=g.before_source, whole=before.whole)
+            if before is not None and g.before_source is not None
+            else None
+        ),
+    )
+    return record, ()
+
+
+def _people(g: Grounds, out: _Gathered) -> None:
+    for role, person in (("author", g.author), ("verifier", g.verifier)):
+        if not says_something(person.name):
+            out.refuse(f"the {role} has no name", f"name a person with --{role}")
+        elif not names_a_person(person.name):
+            out.refuse(
+                f"the {role} is {person.name!r}: that names nobody",
+                f"write the name of the person with --{role}",
+            )
+        elif not person.name.isprintable():
+            out.refuse(
+                f"the name of the {role} holds characters that nobody sees: {person.name!r}",
+                "write it without them",
+            )
+    for r in g.reasons:
+        if not names_a_person(r.by):
+            out.refuse(
+                f"--justify {r.subject} is by {r.by!r}: that names nobody",
+                "write the name of the person behind `by`",
+            )
+    if g.author.name.strip() and same_person(g.author.name, g.verifier.name):
+        out.refuse(
+            f"author and verifier are one person: {g.verifier.name}",
+            "somebody who is not the author verifies",
+        )
+
+
+def _circumstances(g: Grounds, out: _Gathered) -> None:
+    """The records of ISO 13849-2 and IEC 62061 say who validated, by what means and where."""
+    for role, person in (("author", g.author), ("verifier", g.verifier)):
+        if not says_something(person.competence):
+            out.refuse(
+                f"the competence of the {role} is not stated",
+                f"name training, certificate or experience with --{role}-competence",
+            )
+    if not g.equipment:
+        out.refuse(
+            "no test equipment is stated",
+            "name instrument, serial number and calibration with --equipment, or why there is none",
+        )
+    if not says_something(g.environment):
+        out.refuse(
+            "the environment of the tests is not stated",
+            "name place and conditions with --environment",
+        )
+
+
+def _report(g: Grounds, whole: str, out: _Gathered) -> None:
+    if g.report.whole != whole:
+        code = g.report.whole[:16].upper() or "none"
+        out.refuse(
+            f"the report is not of this configuration: its fingerprint begins with {code}, that of "
+            f"the network with {whole[:16].upper()}",
+            "write the report anew, and have it signed",
+        )
+    if g.report.against and not any(f.level is Severity.ERROR for f in g.report.findings):
+        out.refuse(
+            f"the report says: {g.report.against}",
+            "fix what its first page names, and write it anew",
+        )
+    if not g.report.pages:
+        out.refuse(
+            "there is no page of the report among the files: people sign that one",
+            "name it with --report beside the JSON form",
+        )
+    for path, hashes in g.report.hashes.items():
+        if path not in g.report.not_of and g.protocol_source.sha256 not in hashes:
+            out.refuse(
+                f"{path} does not show {g.protocol_source.path} as it is now",
+                f"write the report anew with --protocol {g.protocol_source.path}, and have it "
+                "signed",
+            )
+    for path in g.report.not_of:
+        out.refuse(
+            f"{path} does not hold the fingerprint of the report in JSON",
+            "write both with the same options",
+        )
+
+
+def _findings(g: Grounds, out: _Gathered) -> None:
+    reported = Counter((f.code, f.level, f.message) for f in g.report.findings)
+    for d in g.diagnostics:
+        key = d.code, d.level, d.message
+        reported[key] -= 1
+        if d.level is not Severity.INFO and reported[key] < 0:
+            out.refuse(
+                f"{d.code} at {d.span} is not in the report: {d.message}",
+                "write the report anew from the files of today, and have it signed",
+            )
+    for f in g.report.findings:
+        if f.level is Severity.ERROR:
+            out.refuse(f"{f.code} at {f.span}: {f.message}", "fix it; no reason is accepted for it")
+        elif f.level is Severity.WARNING:
+            _warning(f, g, out)
+
+
+def _warning(found: Diagnostic, g: Grounds, out: _Gathered) -> None:
+    places = _places(found)
+    reason = next((r for r in g.reasons if r.subject in places), None)
+    if reason is None:
+        out.refuse(
+            f"{found.code} at {found.span} is not justified: {found.message}",
+            f'fix it, or --justify "{places[-1]}=reason by name"',
+        )
+        return
+    out.used.add(reason.subject)
+    row = JustifiedFinding(
+        code=found.code,
+        place=str(found.span),
+        message=found.message,
+        reason=reason.reason,
+        by=reason.by,
+    )
+    if row not in out.findings:
+        out.findings.append(row)
+
+
+def _places(found: Diagnostic) -> tuple[str, ...]:
+    """Return how a user may name it: with or without folder and column, shortest last."""
+    span = found.span
+    names = (span.file, PurePath(span.file).name)
+    whole = [str(Span(name, span.line, span.column)) for name in names]
+    line = f":{span.line}" if span.line else ""
+    return tuple(f"{found.code}@{place}" for place in (*whole, *(name + line for name in names)))
+
+
+def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
+    errors = [d for d in g.protocol_findings if d.level is Severity.ERROR]
+    for d in errors:
+        out.refuse(f"{d.code} at {d.span}: {d.message}", d.hint)
+    if g.protocol.fingerprint == whole:
+        for step in g.protocol.steps:
+            _step(step, g, out)
+        _devices(g, out)
+        if not g.protocol.made.strip():
+            out.refuse(
+                f"{g.protocol_source.path} does not say since when there is this configuration",
+                "write it again with `fsoe-net test-protocol … --overwrite`: it keeps what is "
+                "filled in",
+            )
+    elif not errors:  # the steps of another configuration say nothing
+        out.refuse(
+            f"{g.protocol_source.path} is the protocol of another configuration",
+            "write one with `fsoe-net test-protocol` and do its steps",
+        )
+
+
+def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
+    failed = next(_failures(step), "")
+    if failed:
+        out.refuse(f"step {step.id} at {step.span}: {failed}", "fix the cause and do it again")
+        return
+    missing = _missing(step)
+    if not missing:
+        _done(step, g, out)
+    elif step.kind not in _LEFT_OUT and (g.before is None or step.id in g.again):
+        out.refuse(f"step {step.id} at {step.span}: {missing}", _DO_IT)
+    else:
+        _let_pass(step.id, f"step {step.id} at {step.span}: {missing}", _DO_IT, g, out)
+
+
+def _devices(g: Grounds, out: _Gathered) -> None:
+    """Look whether firmware, serial number and project CRC of each FSoE device were read."""
+    for device in g.protocol.devices:
+        for key in device.blank():
+            what = f"{key} {device.subdevice}"
+            why = f"{what} at {device.span}: nobody has read it at the machine"
+            fix = "read it; where there is none, write `not applicable: why`"
+            _let_pass(what, why, fix, g, out)
+
+
+def _done(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
+    """Look at a step that went as expected: by whom, when, and whether its time can be."""
+    if not step.kind.at_machine:
+        return
+    who, day = step.machine.by, step.machine.date.strip()[:10]
+    if not names_a_person(who):
+        out.refuse(
+            f"step {step.id} at {step.span}: done by {who!r}, which names nobody",
+            "write the name of who did it",
+        )
+    if day > g.verifier.date:
+        out.refuse(
+            f"step {step.id} at {step.span}: done on {day}, after the day of the signatures, "
+            f"{g.verifier.date}",
+            "sign after the last step, --date says when",
+        )
+    doubts = [text for text in (_too_early(day, g), _doubt(step, g)) if text]
+    if doubts:
+        why = f"step {step.id} at {step.span}: {'; '.join(doubts)}"
+        _let_pass(step.id, why, "do it again and measure", g, out)
+
+
+def _too_early(day: str, g: Grounds) -> str:
+    """Say that a step was done before there was such a configuration; empty when it was not."""
+    made = g.protocol.made.strip()[:10]
+    return "" if day >= made else f"done on {day}, before this configuration was there: {made}"
+
+
+def _doubt(step: ProtocolStep, g: Grounds) -> str:
+    """Say why a measured time is hard to believe; empty when it is not."""
+    measured = step.machine.measured_ms
+    if step.kind is not StepKind.TRIGGER or measured is None:
+        return ""
+    least, most = 2 * g.plan.cycle_ns / 1e6, g.longest_ms.get(step.subject)
+    if measured < least:
+        return f"{measured:g} ms at the machine; the bus alone takes two cycles, {least:g} ms"
+    if most is not None and measured > most:
+        return (
+            f"{measured:g} ms at the machine; by the stated times it is {most:g} ms at most "
+            "without a fault"
+        )
+    return ""
+
+
+def _let_pass(what: str, why: str, fix: str, g: Grounds, out: _Gathered) -> None:
+    """Take a reason for a step or for what is missing, or refuse it."""
+    meant = [r for r in g.reasons if r.subject in (what, f"{what.partition(' ')[0]} *")]
+    meant.sort(key=lambda r: r.subject != what)  # its own before the one for all
+    reason = next(iter(meant), None)
+    if reason is None:
+        out.refuse(why, f'{fix}, or --justify "{what}=reason by name"')
+        return
+    out.used.add(reason.subject)
+    out.steps.append(JustifiedStep(step=what, reason=reason.reason, by=reason.by))
+
+
+def _failures(step: ProtocolStep) -> Iterator[str]:
+    """Yield what went wrong, on whatever bus: a fault that an emulation shows is one."""
+    for where, seen in (("emulated", step.emulated), ("live", step.live)):
+        if seen is not None and seen.outcome is StepOutcome.NOT_AS_EXPECTED:
+            yield f"{where}: not as expected"
+    if step.is_late:
+        yield f"{step.machine.measured_ms:g} ms at the machine, {step.limit_ms:g} ms allowed"
+    elif step.is_failed:
+        yield "not as expected at the machine"
+
+
+def _missing(step: ProtocolStep) -> str:
+    if step.is_open:
+        return "open at the machine"
+    timed = step.kind is StepKind.TRIGGER and step.limit_ms is not None
+    return "no time measured at the machine" if timed and step.machine.measured_ms is None else ""
+
+
+def _history(g: Grounds, whole: str, out: _Gathered) -> None:
+    if g.before is not None and g.before.whole != whole and not g.interventions:
+        out.refuse(
+            "this configuration is not the one accepted before, and nothing says what was changed",
+            '--intervention "what was changed and why by NAME"',
+        )

@@ -1,0 +1,167 @@
+"""Signatures beside an acceptance record: who agreed to it, and whether it is still the same."""
+
+from __future__ import annotations
+
+import datetime
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from fsoe_net.acceptance.sign_off import Refusal
+from fsoe_net.acceptance.ssh_signatures import SshSigners, ssh_sign
+from fsoe_net.errors import InputError
+from fsoe_net.formats.shared.files import read_source, replaced_files
+from fsoe_net.formats.shared.limits import MAX_LARGE_BYTES, MAX_RECORD_BYTES
+from fsoe_net.formats.shared.write_files import STDOUT, write_whole
+from fsoe_net.model.acceptance import Acceptance, CheckedSignature, SignedBy
+from fsoe_net.model.network import SourceFile
+from fsoe_net.model.written import principal_of
+from fsoe_net.project.known import AcceptedRecord, read_record
+
+ROLES = ("author", "verifier")
+_MOST_BYTES = 1 << 16
+_AS_SIGNED = "take it as it was signed, or have the record made and signed anew"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SignedRecord:
+    """A record with the signatures that hold, and all that is against them."""
+
+    path: str
+    record: AcceptedRecord
+    signatures: tuple[CheckedSignature, ...]
+    refusals: tuple[Refusal, ...]
+
+
+def sign_record(path: str, role: str, key: str, *, overwrite: bool) -> CheckedSignature:
+    """Write the signature of a person of a record beside it.
+
+    Args:
+        path: The record.
+        role: As which of `ROLES`.
+        key: File of an SSH key.
+        overwrite: Whether a signature that is there is replaced.
+
+    Raises:
+        InputError: The record cannot be signed as it is, or the signature is there already.
+        EnvironmentFault: There is no ``ssh-keygen``, or the file cannot be written.
+    """
+    found, data = _read(path)
+    wrong = next(_changed(found.record, path), None)
+    if wrong is not None:
+        raise InputError(f"nothing signed: {wrong.what}; {wrong.fix}")
+    person = _person(found.record, role)
+    principal = _principal(role, person)
+    signature, made_by = ssh_sign(data, key)
+    write_whole(_beside(path, role), signature, overwrite=overwrite)
+    return CheckedSignature(
+        role=role, name=person.name, principal=principal, date=person.date, key=made_by
+    )
+
+
+def check_signatures(path: str, signers: SshSigners) -> SignedRecord:
+    """Check the signatures of a record, and the files that it holds the SHA-256 of.
+
+    Raises:
+        InputError: The record cannot be read, or does not hold together.
+        EnvironmentFault: What checks signatures is not installed.
+    """
+    found, data = _read(path)
+    signatures: list[CheckedSignature] = []
+    refusals: list[Refusal] = []
+    for role in ROLES:
+        try:
+            signatures.append(_checked(path, data, role, _person(found.record, role), signers))
+        except InputError as exc:
+            refusals.append(Refusal(what=str(exc), fix=_next(path, role)))
+    refusals += _alike(signatures)
+    refusals += _changed(found.record, path)
+    return SignedRecord(
+        path=path, record=found, signatures=tuple(signatures), refusals=tuple(refusals)
+    )
+
+
+def _read(path: str) -> tuple[AcceptedRecord, bytes]:
+    """Return a record and its bytes, read once: what is checked is what was signed."""
+    if path == STDOUT:
+        raise InputError("name the record by its file: signatures are beside it")
+    _, data = read_source(path, most=MAX_RECORD_BYTES)
+    with replaced_files({path: data}):
+        return read_record(path), data
+
+
+def _beside(path: str, role: str) -> str:
+    return f"{path}.{role}.sig"
+
+
+def _next(path: str, role: str) -> str:
+    return f"`fsoe-net accept {path} --sign KEY --as {role}` by that person"
+
+
+def _person(record: Acceptance, role: str) -> SignedBy:
+    return record.author if role == "author" else record.verifier
+
+
+def _principal(role: str, person: SignedBy) -> str:
+    found = principal_of(person.name)
+    if not found:
+        raise InputError(
+            f"the {role} {person.name!r} has no principal behind the name; make the record with "
+            f'--{role} "NAME <PRINCIPAL>", as the file of allowed signers has it'
+        )
+    return found
+
+
+def _checked(
+    path: str, data: bytes, role: str, person: SignedBy, signers: SshSigners
+) -> CheckedSignature:
+    principal = _principal(role, person)
+    if person.date > datetime.date.today().isoformat():
+        raise InputError(f"the {role} {person.name} signed on {person.date}, a day to come")
+    beside = _beside(path, role)
+    try:
+        _, signature = read_source(beside, most=_MOST_BYTES)
+    except InputError as exc:
+        raise InputError(f"no signature of the {role} {person.name}: {_why(exc)}") from exc
+    try:
+        key = signers.key_of(data, signature, principal=principal, day=person.date)
+    except InputError as exc:
+        raise InputError(f"{beside} is no signature of {path} by {person.name}: {exc}") from exc
+    return CheckedSignature(
+        role=role, name=person.name, principal=principal, date=person.date, key=key
+    )
+
+
+def _why(exc: InputError) -> str:
+    return exc.diagnostics[0].message if exc.diagnostics else str(exc)
+
+
+def _alike(signatures: list[CheckedSignature]) -> Iterator[Refusal]:
+    if len(signatures) != len(ROLES):
+        return
+    author, verifier = signatures  # of two principals: a record with one is FSN163
+    if author.key == verifier.key:
+        fix = "somebody who is not the author verifies, and signs with a key of their own"
+        yield Refusal(what=f"author and verifier signed with one key: {author.key}", fix=fix)
+
+
+def _changed(record: Acceptance, path: str) -> Iterator[Refusal]:
+    """Yield each file of report, protocol and attachments that is not the one that was signed."""
+    folder = os.path.realpath(os.path.dirname(path) or ".")
+    for source in (*record.reports, record.protocol, *record.attachments):
+        why = _difference(source, folder)
+        if why:
+            yield Refusal(what=f"{source.path}: {why}", fix=_AS_SIGNED)
+
+
+def _difference(source: SourceFile, folder: str) -> str:
+    whole = os.path.realpath(os.path.join(folder, source.path))
+    if os.path.commonpath([whole, folder]) != folder:
+        return "it is not in the folder of the record, or leads out of it"
+    try:
+        found, _ = read_source(whole, most=MAX_LARGE_BYTES)
+    except InputError as exc:
+        return _why(exc)
+    if found.sha256 == source.sha256:
+        return ""
+    return f"not the file that was signed: SHA-256 {found.sha256}, in the record {source.sha256}"

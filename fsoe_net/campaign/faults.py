@@ -1,0 +1,235 @@
+"""What can happen to frames on their way: small parts, each for one direction and some time.
+
+A fault is data, not code with a memory: what it shows in a cycle follows from the cycle and from
+what the channel has sent. It can thus be repeated, shortened and put together with others. Which
+faults a class of the catalogue consists of is in `fsoe_net.campaign.fault_classes`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from fsoe_net.campaign.channel import BACK, Channel, Fault, Way
+from fsoe_net.campaign.witness import block_crcs
+from fsoe_net.fsoe.pdu import Pdu, assemble, decode_pdu, is_frame_length
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Span:
+    """Attributes common to all: ``way`` and the cycles from ``start`` to before ``until``."""
+
+    way: Way
+    start: int
+    until: int
+
+    def _on(self, channel: Channel) -> bool:
+        return self.start <= channel.cycle < self.until
+
+    def next_change(self, channel: Channel) -> int | None:
+        """Return the next cycle in which it may act otherwise than in the one before."""
+        if channel.cycle <= self.start:
+            return self.start
+        return self.until if channel.cycle <= self.until else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flip(_Span):
+    """Bits turn: ``mask`` is XORed to the frame, as a whole number, first byte lowest."""
+
+    mask: int
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the image with the bits turned."""
+        if image is None or not self._on(channel):
+            return image
+        size = len(image)
+        value = int.from_bytes(image, "little") ^ (self.mask & ((1 << 8 * size) - 1))
+        return value.to_bytes(size, "little")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swap(_Span):
+    """Another frame stands in the place of the right one."""
+
+    frame: bytes
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the other frame."""
+        return self.frame if self._on(channel) else image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Freeze(_Span):
+    """Nothing arrives: the image stays as it was before ``start``."""
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the image of the cycle before."""
+        return channel.image(self.way, self.start - 1) if self._on(channel) else image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Early(_Span):
+    """Every bus cycle from ``start`` on begins earlier, by less than one; frames stay."""
+
+    early_ns: int
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the image as it is."""
+        return image
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Late(_Span):
+    """What becomes visible from ``start`` on arrives ``cycles`` bus cycles later."""
+
+    cycles: int
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return what was to be seen so many cycles ago."""
+        if not self._on(channel):
+            return image
+        return channel.image(self.way, max(self.start - 1, channel.cycle - self.cycles))
+
+    def next_change(self, channel: Channel) -> int | None:
+        """Return when the next frame comes out of the delay, or when the delay ends."""
+        if not self.start < channel.cycle < self.until:
+            return _Span.next_change(self, channel)
+        first = max(self.start, channel.cycle - self.cycles)
+        delayed = [visible for visible, _ in channel.sent[self.way] if visible >= first]
+        return min(self.until, delayed[0] + self.cycles) if delayed else self.until
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Torn(_Span):
+    """The copy is cut: the first ``head_bytes`` are new, the rest is still the frame before."""
+
+    head_bytes: int
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the mixture."""
+        frames = channel.sent[self.way]
+        if image is None or not self._on(channel):
+            return image
+        older = [frame for visible, frame in frames if visible <= channel.cycle and frame != image]
+        rest = older[-1] if older else bytes(len(image))
+        return image[: self.head_bytes] + rest[self.head_bytes :]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Slip(_Span):
+    """The copy starts at a wrong byte: ``shift`` bytes too late or (negative) too early.
+
+    The gap is filled with what lies beside the frame, ``beside``, repeated.
+    """
+
+    shift: int
+    beside: bytes = b"\0"
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the shifted bytes."""
+        if image is None or not self._on(channel) or not self.shift:
+            return image
+        size, gap = len(image), min(abs(self.shift), len(image))
+        fill = (self.beside * (-(-gap // len(self.beside))))[:gap]
+        return (image + fill)[-size:] if self.shift > 0 else (fill + image)[:size]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Forge(_Span):
+    """The frame is made anew with CRCs that fit it: only what is named is wrong.
+
+    Attributes:
+        command: Another command.
+        connection_id: Another ConnID.
+        turned: Bits turned in the safe data, first byte lowest.
+        ahead: Added to the sequence number.
+        spoiled: XORed to the CRC of the last block.
+        from_start: Old CRC 0 and number 1, as for a Reset or the first Session frame.
+    """
+
+    command: int | None = None
+    connection_id: int | None = None
+    turned: int = 0
+    ahead: int = 0
+    spoiled: int = 0
+    from_start: bool = False
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the frame made anew."""
+        table = channel.tables[self.way]
+        if image is None or table is None or not self._on(channel):
+            return image
+        if not is_frame_length(len(image)):
+            return image
+        right = decode_pdu(image)
+        size = len(right.safe_data)
+        data = int.from_bytes(right.safe_data, "little") ^ self.turned & ((1 << 8 * size) - 1)
+        pdu = Pdu(
+            command=right.command if self.command is None else self.command,
+            safe_data=data.to_bytes(size, "little"),
+            crcs=right.crcs,
+            connection_id=(
+                right.connection_id if self.connection_id is None else self.connection_id
+            ),
+        )
+        old, sequence = table.last, table.due_sequence(pdu)
+        if self.from_start:
+            old, sequence = 0, 1
+        sequence = (sequence - 1 + self.ahead) % 0xFFFF + 1
+        crcs = list(block_crcs(old, sequence, pdu))
+        crcs[-1] ^= self.spoiled
+        return assemble(pdu.command, pdu.safe_data, tuple(crcs), pdu.connection_id)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replay(_Span):
+    """Frames of another time, one after the other: the next one once its receiver has answered."""
+
+    frames: tuple[bytes, ...]
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the frame whose turn it is; the last one stays."""
+        if not self._on(channel):
+            return image
+        back = BACK[self.way]
+        first = self.start + channel.delay_cycles[back]
+        answers = 0
+        for visible, _ in reversed(channel.sent[back]):
+            if visible < first:
+                break
+            answers += 1
+        return self.frames[min(answers, len(self.frames) - 1)]
+
+    def next_change(self, channel: Channel) -> int | None:
+        """Return this cycle: it changes with every answer."""
+        return channel.cycle if self._on(channel) else _Span.next_change(self, channel)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alternate(_Span):
+    """Two writers share an image: in every second cycle it shows ``frame``."""
+
+    frame: bytes
+
+    def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
+        """Return the other writer's frame or the right one, in turn."""
+        other = self._on(channel) and (channel.cycle - self.start) % 2 == 0
+        return self.frame if other else image
+
+    def next_change(self, channel: Channel) -> int | None:
+        """Return this cycle: it changes in each."""
+        return channel.cycle if self._on(channel) else _Span.next_change(self, channel)
+
+
+def compose(*parts: Fault | tuple[Fault, ...]) -> tuple[Fault, ...]:
+    """Put faults together: each acts on what the ones before it left."""
+    return tuple(
+        fault for part in parts for fault in (part if isinstance(part, tuple) else (part,))
+    )
+
+
+def shortened(fault: Fault, cycles: int) -> Fault:
+    """Return the same fault for fewer cycles."""
+    if not isinstance(fault, _Span) or fault.until - fault.start <= cycles:
+        return fault
+    return replace(fault, until=fault.start + cycles)

@@ -1,0 +1,91 @@
+"""One case of a fault class, and short ways to draw one."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from fsoe_net.campaign.channel import Application, Fault, Way
+from fsoe_net.campaign.faults import Flip, Swap
+from fsoe_net.campaign.walk import Scene, TrialConnection, Walker, other_link
+from fsoe_net.fsoe.pdu import Command
+
+DATA_COMMANDS = (int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA))
+CRC_CHANCE = 2.0**-16  # that a CRC of 16 bits fits by accident
+
+
+@dataclass(slots=True, kw_only=True)  # not frozen: made a million times
+class Injection:
+    """One case.
+
+    Attributes:
+        faults: What happens on the way.
+        chance: Probability that the CRCs of what is shown fit by accident, if it is a data frame
+            with the right ConnID; ``None`` when nothing is known.
+        patient: Whether the watchdogs of both ends are on trial, not only the quicker one.
+        miswired: Whether the main speaks to a sub that is not its own, from power-up on.
+        signed: Whether the CRCs of what is shown fit on purpose: the state tables alone judge it.
+        stays: Whether the ends are watched to the end of the fault, whatever they notice before.
+        former: Whether what is shown is right for another session id, ``chance`` apart.
+        application: What the applications do from then on; ``None`` for the usual.
+    """
+
+    faults: tuple[Fault, ...]
+    chance: float | None = None
+    patient: bool = False
+    miswired: bool = False
+    signed: bool = False
+    stays: bool = False
+    former: bool = False
+    application: Application | None = None
+
+
+class ForeignFrames:
+    """Frames of other connections of the same sizes, for those classes in which they stray."""
+
+    def __init__(self, link: TrialConnection, seed: int) -> None:
+        self._walkers = [Walker(other_link(link, same_id=same), seed) for same in (False, True)]
+
+    def frames(self, way: Way, number: int, *, same_id: bool) -> tuple[bytes, ...]:
+        """Return all frames of one run; with ``same_id`` of a connection with copied settings."""
+        return self._walkers[same_id].walk(number % 16).frames[way]
+
+
+Make = Callable[[random.Random, Scene, ForeignFrames, int], Injection | None]
+
+
+def below(rng: random.Random, end: int) -> int:
+    """As ``randrange``, which takes five times as long; these ranges are short."""
+    return int(rng.random() * end)
+
+
+def between(rng: random.Random, start: int, end: int) -> int:
+    """Return a number from ``start`` on, below ``end``."""
+    return start + int(rng.random() * (end - start))
+
+
+def span(scene: Scene, cycles: int) -> tuple[Way, int, int]:
+    """Return direction, first cycle and the cycle behind the last of a fault at this point."""
+    start = scene.channel.cycle
+    return scene.way, start, start + cycles
+
+
+def swap(scene: Scene, frame: bytes, cycles: int = 1, chance: float | None = None) -> Injection:
+    """Return a case in which another frame is shown."""
+    way, start, until = span(scene, cycles)
+    return Injection(faults=(Swap(way=way, start=start, until=until, frame=frame),), chance=chance)
+
+
+def again_chance(scene: Scene) -> float | None:
+    """Return the probability that an earlier or later frame of the same run fits by accident.
+
+    Where the data are constant only the frame that is due would fit, which is not a fault.
+    """
+    return None if scene.constant else CRC_CHANCE
+
+
+def flip(scene: Scene, mask: int, chance: float | None, cycles: int = 1) -> Injection:
+    """Return a case in which bits of the frame turn."""
+    way, start, until = span(scene, cycles)
+    return Injection(faults=(Flip(way=way, start=start, until=until, mask=mask),), chance=chance)

@@ -1,0 +1,138 @@
+"""FSoE frames in captured EtherCAT traffic, with the names that a network gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import BinaryIO, NamedTuple
+
+from fsoe_net.capture.names import ConnectionNames, Naming
+from fsoe_net.capture.wire import LogicalImage
+from fsoe_net.core.scan import FoundConnection, ScanCounts, Scanner, Sighting
+from fsoe_net.formats.capture.packets import CaptureReader
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict, FrameDirection
+from fsoe_net.fsoe.pdu import Command
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.compile import compile_plan
+
+_DIRECTIONS = tuple(FrameDirection)
+
+Found = tuple[FoundConnection, ConnectionNames | None, bool]
+
+
+class DecodedFrame(NamedTuple):
+    """One FSoE frame; ``packet`` 0 and ``time_ms`` ``None``: of hex, not captured.
+
+    Attributes:
+        packet: Number of the packet, from 1.
+        time_ms: Since the first packet of the capture.
+        names: The connection of the network that it belongs to, where that is known.
+        number: Of the connection in this capture, from 0.
+        direction: Which end has sent it.
+        frame: Its bytes.
+        verdict: Whether its CRCs are right.
+        state: Of the connection, as these frames show it.
+        sequence: Its number in the chain of CRCs.
+        note: What else is to be said.
+    """
+
+    packet: int
+    time_ms: float | None
+    names: ConnectionNames | None
+    number: int
+    direction: FrameDirection
+    frame: bytes
+    verdict: CrcVerdict
+    state: ConnectionState
+    sequence: int
+    note: str
+
+    @property
+    def connection(self) -> str:
+        """Its name in the network, else its number in this capture."""
+        return f"connection {self.number}" if self.names is None else self.names.name
+
+
+class CaptureFacts(NamedTuple):
+    """What is to be said of a capture.
+
+    Attributes:
+        start_ns: Time of its first packet; -1: there is none.
+        cut: Packets of which only the beginning was kept.
+        other_links: Packets of interfaces that are not Ethernet.
+    """
+
+    start_ns: int
+    cut: int
+    other_links: int
+
+
+def naming_of(resolution: Resolution | None) -> Naming:
+    """Return the names that a network gives to what is captured; none without a network."""
+    if resolution is None:
+        return Naming(None)
+    return Naming(resolution, LogicalImage(compile_plan(resolution)))
+
+
+class CaptureDecoder:
+    """Goes through a capture once; its connections and counts are whole at the end.
+
+    Args:
+        name: Of the capture, for messages.
+        stream: Its bytes.
+        naming: See `naming_of`.
+
+    Raises:
+        CoreMissing: The compiled part is not there.
+    """
+
+    def __init__(self, name: str, stream: BinaryIO, naming: Naming) -> None:
+        self._reader, self._scanner = CaptureReader(name, stream), Scanner()
+        self._naming = naming
+        self._known: dict[int, tuple[ConnectionNames | None, bool]] = {}
+        self._start_ns = -1
+
+    def sightings(self) -> Iterator[Sighting]:
+        """Yield every new FSoE frame, as the core found it.
+
+        Raises:
+            InputError: The capture cannot be read to its end.
+        """
+        now_ns = -1
+        for time_ns, bus, packet in self._reader:
+            if self._start_ns < 0:
+                self._start_ns = time_ns
+            now_ns = max(now_ns, time_ns)  # several interfaces in one file may step back
+            yield from self._scanner.packet(packet, now_ns, bus)
+
+    def frame_of(self, s: Sighting) -> DecodedFrame:
+        """Return a frame with its names."""
+        # A start-up shows the roles for certain, so the guess is taken back.
+        if s.connection not in self._known or s.frame[0] == Command.SESSION:
+            found = self._scanner.connections()[s.connection]
+            self._known[s.connection] = self._naming.find_in(found)
+        names, swapped = self._known[s.connection]
+        return DecodedFrame(
+            s.packet,
+            (s.time_ns - self._start_ns) / 1e6,
+            names,
+            s.connection,
+            _DIRECTIONS[s.direction ^ swapped],
+            s.frame,
+            s.verdict,
+            s.state,
+            s.sequence,
+            "",
+        )
+
+    def connections(self) -> list[Found]:
+        """Return the connections found so far, each with its names and whether it is swapped."""
+        return [(c, *self._naming.find_in(c)) for c in self._scanner.connections()]
+
+    def counts(self) -> ScanCounts:
+        """Return what was counted so far."""
+        return self._scanner.counts()
+
+    @property
+    def facts(self) -> CaptureFacts:
+        """What is to be said of the capture itself."""
+        return CaptureFacts(self._start_ns, self._reader.cut, self._reader.other_links)

@@ -1,0 +1,242 @@
+"""FSN414, FSN501 … FSN515: what is on the bus against what the files of a network say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from fsoe_net.compare.scan_devices import check_health, check_layout, check_revision
+from fsoe_net.compare.scan_fsoe import check_fsoe_values
+from fsoe_net.compare.scan_match import Match, match_scan
+from fsoe_net.diag.diagnostic import (
+    Diagnostic,
+    FindingList,
+    Related,
+    Severity,
+    Span,
+    sort_diagnostics,
+)
+from fsoe_net.model.bus import SubDevice
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scan import Scan, ScannedSubDevice
+from fsoe_net.rules.context import ACCEPTED, SECURED
+
+
+def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
+    """Return each difference between a bus and the files of its network, sorted by place.
+
+    Args:
+        resolution: The network, resolved.
+        scan: What is on the bus.
+    """
+    network, scan = _present(resolution.network, scan)
+    out = FindingList()
+    addresses = {
+        fact.sub: fact.address
+        for net in network.nets
+        for fact in net.connections
+        if fact.address is not None
+    }
+    match = match_scan(network, scan, addresses)
+    _aliases(out, network, scan)
+    _same_place(out, match)
+    _missing(out, network, scan, match)
+    _order(out, match)
+    _other(out, match)
+    _extra(out, network, match)
+    found = {sub.name: there for sub, there in match.pairs}
+    for sub, there in match.pairs:
+        if there.is_silent:
+            _silent(out, sub, there)
+            continue
+        check_revision(out, sub, there)
+        check_layout(out, sub, there)
+    _health(out, network, scan, found)
+    answering = {name: there for name, there in found.items() if not there.is_silent}
+    check_fsoe_values(out, network, answering)
+    return sort_diagnostics(out.diagnostics)
+
+
+def _present(network: NetworkConfig, scan: Scan) -> tuple[NetworkConfig, Scan]:
+    """Leave out the groups whose alias is not on the bus: they may be absent."""
+    here = {there.alias for there in scan.subdevices if not there.is_silent}
+    aliases = {sub.name: sub.alias for sub in network.subdevices}
+    absent = {
+        name
+        for group in network.groups
+        for name in group.subdevices
+        if aliases.get(group.subdevices[0]) not in here
+    }
+    if not absent:
+        return network, scan
+    found = (t for t in scan.subdevices if not (t.is_silent and t.planned in absent))
+    rows = tuple(replace(there, position=place) for place, there in enumerate(found))
+    left = tuple(sub for sub in network.subdevices if sub.name not in absent)
+    return replace(network, subdevices=left), replace(scan, subdevices=rows)
+
+
+def _place(sub: SubDevice) -> Span:
+    return sub.at("alias") if sub.alias else sub.at("position")
+
+
+def _title(found: ScannedSubDevice) -> str:
+    return f"{found.name} ({found.identity})" if found.name else found.identity
+
+
+def _silent(out: FindingList, sub: SubDevice, there: ScannedSubDevice) -> None:
+    out.add(
+        "FSN501",
+        _place(sub),
+        f"{sub.name} is missing: it was at position {there.position} and answers no more",
+        hint=f"{SECURED}look at its power and at the cable before it; the first silent one is "
+        "where it broke",
+        severity=None if sub.required else Severity.INFO,
+    )
+
+
+def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match) -> None:
+    count = len(scan.subdevices)
+    for sub, place in match.missing:
+        where = f"position {place}" if place is not None else f"alias {sub.alias}"
+        if place is None:
+            hint = "no SubDevice has this alias; write it to the device, or address it by position"
+        elif count == 0:
+            hint = "the bus is empty: is the interface right, the cable in, the power on?"
+        elif place >= count:
+            last = scan.subdevices[-1]
+            hint = (
+                f"the bus ends at position {last.position}, {_title(last)}: {SECURED}look at the "
+            )
+            hint += "cable behind it, and at the power of the next"
+        else:
+            hint = f"all behind it moved one place forward; {SECURED}put it back, or take it out "
+            hint += f"here{ACCEPTED}"
+        out.add(
+            "FSN501",
+            _place(sub),
+            f"{sub.name} is missing: nothing on the bus is it, expected at {where}",
+            hint=hint,
+            severity=None if sub.required else Severity.INFO,
+        )
+    for place in match.free_missing:
+        behind = next((s for s in network.subdevices if not s.alias and s.position > place), None)
+        out.add(
+            "FSN501",
+            _place(behind) if behind is not None else network.span,
+            f"position {place}, which the network leaves free, is not there: all behind it moved "
+            "one place forward",
+            hint=f"{SECURED}put the coupler or terminal back, or correct the positions here"
+            f"{ACCEPTED}",
+        )
+
+
+def _order(out: FindingList, match: Match) -> None:
+    for one, found_one, two, found_two in match.swapped:
+        out.add(
+            "FSN503",
+            _place(one),
+            f"{one.name} and {two.name} are exchanged: {one.name} is at position "
+            f"{found_one.position}, {two.name} at position {found_two.position}",
+            hint=f"{SECURED}change their places or cables back, or the positions here{ACCEPTED}",
+            related=(Related(span=_place(two), message=f"{two.name} is expected here"),),
+        )
+    for sub, place, found in match.moved:
+        out.add(
+            "FSN503",
+            _place(sub),
+            f"{sub.name} is at position {found.position}, expected at position {place}",
+            hint=f"{SECURED}put it in its place, or correct the positions here{ACCEPTED}",
+        )
+
+
+def _other(out: FindingList, match: Match) -> None:
+    for sub, found in match.other:
+        device = sub.device
+        expected = (
+            f"vendor 0x{device.vendor_id:08x}, product 0x{device.product_code:08x}"
+            if device is not None
+            else "another"
+        )
+        out.add(
+            "FSN504",
+            _place(sub),
+            f"position {found.position} is {_title(found)}; {sub.name} is {expected}",
+            hint=f"{SECURED}put the right device there, or name the file of this one as its config"
+            f"{ACCEPTED}",
+            related=(
+                (Related(span=device.at("product_id"), message="expected by this file"),)
+                if device is not None
+                else ()
+            ),
+        )
+
+
+def _extra(out: FindingList, network: NetworkConfig, match: Match) -> None:
+    for found in match.extra:
+        plain = not found.process_data
+        effect = (
+            "it moves all behind it one place on"
+            if plain
+            else "it has process data that nobody serves"
+        )
+        out.add(
+            "FSN502",
+            network.span,
+            f"position {found.position} is {_title(found)}, which the network does not name; "
+            f"{effect}",
+            hint=f"{SECURED}take it off the bus, or add it to the network (`fsoe-net scan -o DIR` "
+            f"writes its file){ACCEPTED}",
+        )
+    for found in match.behind:
+        out.add(
+            "FSN502",
+            network.span,
+            f"position {found.position} is {_title(found)}, behind all the network names and "
+            "without process data",
+            severity=Severity.INFO,
+            hint="nothing to do",
+        )
+
+
+def _aliases(out: FindingList, network: NetworkConfig, scan: Scan) -> None:
+    used = {s.alias: s for s in network.subdevices if s.alias}
+    for alias, sub in used.items():
+        places = [str(f.position) for f in scan.subdevices if f.alias == alias]
+        if len(places) > 1:
+            out.add(
+                "FSN515",
+                sub.at("alias"),
+                f"alias {alias} is held by the SubDevices at positions {', '.join(places)}; "
+                f"{sub.name} was looked for from the first",
+                hint="give each its own; the new one counts after power is off and on",
+            )
+
+
+def _same_place(out: FindingList, match: Match) -> None:
+    """FSN414 that only the bus shows: one SubDevice named by its alias and by its position."""
+    first: dict[int, SubDevice] = {}
+    for sub, found in sorted((*match.pairs, *match.other), key=lambda row: row[0].alias):
+        there = first.setdefault(found.position, sub)
+        if there is sub:
+            continue
+        out.add(
+            "FSN414",
+            _place(sub),
+            f"{sub.name} (alias {sub.alias}, position {sub.position}) and {there.name} are the "
+            f"same SubDevice, at position {found.position} of this bus; it would be configured "
+            "twice",
+            hint="keep one of them",
+            related=(Related(span=_place(there), message=f"{there.name} is found here too"),),
+        )
+
+
+def _health(
+    out: FindingList, network: NetworkConfig, scan: Scan, found: Mapping[str, ScannedSubDevice]
+) -> None:
+    by_position = {there.position: name for name, there in found.items()}
+    places = {s.name: s for s in reversed(network.subdevices)}
+    for there in scan.subdevices:
+        name = by_position.get(there.position)
+        span = _place(places[name]) if name is not None else network.span
+        check_health(out, span, name or there.name or "a SubDevice", there)

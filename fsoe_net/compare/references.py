@@ -1,0 +1,445 @@
+"""FSN431 … FSN447: a network against other files that describe the same devices or bus.
+
+One cause is one finding: what follows from another device, another place or other process data is
+not reported again at copies and connections. What a file does not say is no difference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import cast
+
+from fsoe_net.compare.reference_copies import check_copies, check_slots
+from fsoe_net.compare.reference_layout import Remark, compare_layout
+from fsoe_net.compare.reference_twinsafe import check_twinsafe
+from fsoe_net.compare.scan_match import Match, match_scan
+from fsoe_net.diag.diagnostic import (
+    Diagnostic,
+    FindingList,
+    Related,
+    Severity,
+    Span,
+    sort_diagnostics,
+)
+from fsoe_net.diag.words import counted
+from fsoe_net.model.bus import Device, SubDevice
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.joined_descriptions import has_layout
+from fsoe_net.model.library import Library
+from fsoe_net.model.network import NetworkConfig
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
+from fsoe_net.proposal.safety_project import projects_of
+from fsoe_net.rules.context import few
+
+_TYPES = frozenset({"esi", "sii"})
+_WHOLE = frozenset(
+    {"eni", "twincat", "ethercat-slaves", "ethercat-slaves-v", "lcec", "soem-slaveinfo"}
+)
+_SETUP = frozenset({"eni", "ethercat-config"})
+_BLAMED = frozenset({"FSN401", "FSN402", "FSN403", "FSN404", "FSN407", "FSN409", "FSN410"})
+_BLAMED |= {"FSN412", "FSN413"}
+_MOST_PLACES = 65_536
+_WITH_PROJECT = "twincat"  # a bus that has its safety project with it
+
+_Pair = tuple[SubDevice, int]
+
+
+def check_references(
+    resolution: Resolution,
+    references: Sequence[Description],
+    *,
+    library: Library,
+    found: Iterable[Diagnostic] = (),
+) -> list[Diagnostic]:
+    """Return each difference between a network and other files, sorted by place.
+
+    Args:
+        resolution: The network, resolved.
+        references: What the other files say.
+        library: Gives the identity of devices of which a file only has the order number.
+        found: What is already known to be wrong; a device whose file has an error in its process
+            data is not compared.
+    """
+    out = FindingList()
+    broken = {d.span.file for d in found if d.code in _BLAMED}
+    for reference in references:
+        _Check(resolution, reference, library, broken, out).run()
+    return sort_diagnostics(out.diagnostics)
+
+
+@dataclass(slots=True)
+class _Check:
+    """One file against the network."""
+
+    resolution: Resolution
+    file: Description
+    library: Library
+    broken: set[str]
+    out: FindingList
+    blamed: set[str] = field(default_factory=set)
+    guessed: str = ""
+    # By what both sides say: a hundred equal terminals are compared once.
+    compared: dict[tuple[object, ...], list[Remark]] = field(default_factory=dict)
+    remarks: dict[tuple[str, Span, str], tuple[Remark, list[str]]] = field(default_factory=dict)
+
+    def run(self) -> None:
+        """Add all findings."""
+        if self.file.format == "twinsafe":
+            check_twinsafe(self.out, self.resolution, self.file, self.library)
+            return
+        rows = self.file.subdevices
+        if not any(s.device is not None for s in self.network.subdevices):
+            return
+        if self.is_type or all(r.position is None and not r.alias for r in rows):
+            pairs = self._types()
+        else:
+            pairs = self._bus()
+        if pairs is None:
+            return
+        for sub, number in pairs:
+            row = rows[number]
+            self._revision(sub, row)
+            if sub.device is not None:
+                self._layout(sub, sub.device, row)
+        self._say()
+        self._cycle()
+        by_row = {number: sub for sub, number in pairs}
+        check_copies(self.out, self.resolution, self.file, by_row, self.blamed)
+        check_slots(self.out, self.resolution, self.file, by_row, self.blamed)
+        if self.file.format == _WITH_PROJECT:
+            for project in projects_of(self.file):
+                check_twinsafe(self.out, self.resolution, project, self.library, slots=False)
+
+    @property
+    def network(self) -> NetworkConfig:
+        """The network."""
+        return self.resolution.network
+
+    @property
+    def is_type(self) -> bool:
+        """Whether the file describes device types."""
+        return self.file.format in _TYPES
+
+    def identity(self, row: DescribedSubDevice) -> tuple[int, int] | None:
+        """Vendor and product of a row, from its order number where the file has nothing else."""
+        device = row.device
+        if device.vendor_id and device.product_code:
+            return device.vendor_id, device.product_code
+        known = self.library.named(row.order) if row.order else None
+        for item in known.identities if known is not None else ():
+            if item.order.casefold() == row.order.casefold():
+                return item.vendor_id, item.product_code
+        return None
+
+    # -- which SubDevice is which -----------------------------------------------------------------
+
+    def _nothing(self, why: str, hint: str, severity: Severity | None = None) -> None:
+        self.out.add(
+            "FSN443",
+            self.network.span,
+            f"no SubDevice of this network is in {self.file.path}{why}",
+            hint=hint,
+            severity=severity,
+        )
+
+    def _types(self) -> list[_Pair] | None:
+        """Pair by identity; the exact revision first, as `convert` chooses."""
+        rows: dict[tuple[int, int], list[int]] = {}
+        for number, row in enumerate(self.file.subdevices):
+            identity = self.identity(row)
+            if identity is not None:
+                rows.setdefault(identity, []).append(number)
+        pairs = []
+        for sub in self.network.subdevices:
+            if sub.device is None:
+                continue
+            same = rows.get((sub.device.vendor_id, sub.device.product_code), [])
+            exact = [n for n in same if self.file.subdevices[n].revision == sub.revision]
+            if same:
+                pairs.append((sub, (exact or same)[0]))
+        if pairs:
+            return pairs
+        lone = self._lone()
+        if lone is not None:
+            return lone
+        if self.is_type:
+            hint = "nothing of it was compared; leave it out, or give the file of these devices"
+            self._nothing("", hint, Severity.INFO)
+        elif rows:
+            self._nothing("", "is this the output of another machine?")
+        else:
+            hint = "it names no device: `ethercat cstruct` and `ethercat xml` say which one it is"
+            self._nothing(" as far as it says", hint)
+        return None
+
+    def _lone(self) -> list[_Pair] | None:
+        """Pair a text without any identity with the one device type that has its PDOs.
+
+        Where there is only one device type, it is that one.
+        """
+        rows = self.file.subdevices
+        first = enumerate(self.resolution.device_numbers)
+        subs = [self.network.subdevices[n] for n, number in first if n == number]
+        devices = [(s, s.device) for s in subs if s.device is not None]
+        if len(rows) != 1 or self.identity(rows[0]) is not None:
+            return None
+        if len(devices) > 1:
+            wanted = _numbers(rows[0].device)
+            devices = [row for row in devices if _numbers(row[1]) == wanted]
+            self.guessed = " (which names no device; its PDO numbers are those of this one)"
+        return [(devices[0][0], 0)] if len(devices) == 1 else None
+
+    def _bus(self) -> list[_Pair] | None:
+        known = [self.identity(r) for r in self.file.subdevices]
+        ours = {
+            (s.device.vendor_id, s.device.product_code)
+            for s in self.network.subdevices
+            if s.device is not None
+        }
+        if any(known) and ours.isdisjoint(k for k in known if k is not None):
+            what = counted(len(known), "SubDevice")
+            self._nothing(f", which has {what}", "is this the file of another machine?")
+            return None
+        if self.network.partial:
+            first = {k: n for n, k in reversed([*enumerate(known)])}
+            return [
+                (s, first[k])
+                for s in self.network.subdevices
+                if s.device is not None
+                and (k := (s.device.vendor_id, s.device.product_code)) in first
+            ]
+        if self.file.format in _WHOLE and not self.file.truncated:
+            return self._whole(known)
+        return self._by_place(known)
+
+    def _by_place(self, known: list[tuple[int, int] | None]) -> list[_Pair]:
+        """Pair by place, for files that name only some SubDevices."""
+        places: dict[tuple[int, int], int] = {}
+        for number, row in enumerate(self.file.subdevices):
+            if row.alias:
+                places.setdefault((row.alias, 0), number)
+            if row.position is not None:
+                places.setdefault((0, row.position), number)
+        pairs = []
+        for sub in self._first_master():
+            found = places.get((sub.alias, sub.position))
+            if found is None:
+                continue
+            if _same(sub, known[found]):
+                pairs.append((sub, found))
+            else:
+                self._other(sub, found, known[found])
+        return pairs
+
+    def _first_master(self) -> list[SubDevice]:
+        subs = self.network.subdevices
+        master = min((s.master_id for s in subs), default=0)
+        return [s for s in subs if s.master_id == master]
+
+    def _whole(self, known: list[tuple[int, int] | None]) -> list[_Pair]:
+        """Pair all SubDevices of a bus, and say what is missing, moved or another device."""
+        rows = self.file.subdevices
+        numbers: dict[int, int] = {}
+        for number, row in enumerate(rows):
+            if row.position is not None and row.position < _MOST_PLACES:
+                numbers.setdefault(row.position, number)
+        scan = Scan(
+            interface="",
+            subdevices=tuple(
+                _as_scanned(place, rows, known, numbers.get(place))
+                for place in range(max(numbers, default=-1) + 1)
+            ),
+        )
+        subs = self._first_master()
+        if not any(r.alias for r in rows):
+            subs = [s for s in subs if not s.alias]  # the file does not speak about aliases
+        match = match_scan(replace(self.network, subdevices=tuple(subs)), scan, {})
+        for sub, there in match.other:
+            number = numbers[there.position]
+            self._other(sub, number, known[number])
+        self._places(match, numbers)
+        return [
+            (sub, numbers[there.position])
+            for sub, there in match.pairs
+            if there.position in numbers
+        ]
+
+    def _places(self, match: Match, numbers: dict[int, int]) -> None:
+        for one, at_one, two, at_two in match.swapped:
+            self._moved(
+                one,
+                f"{one.name} and {two.name} are exchanged: {one.name} is at position "
+                f"{at_one.position}, {two.name} at position {at_two.position} in {self.file.path}",
+                numbers.get(at_one.position),
+            )
+            self.blamed.add(two.name)
+        for sub, at, found in match.moved:
+            self._moved(
+                sub,
+                f"{sub.name} is at position {at}, at position {found.position} in {self.file.path}",
+                numbers.get(found.position),
+            )
+        free = {self.identity(r) for r in self.file.subdevices if r.position is None} - {None}
+        for sub, _ in match.missing:
+            if _identity(sub) in free:
+                continue  # in a group that comes and goes
+            self._moved(sub, f"{sub.name} is not in {self.file.path}", None)
+        extra = [s.name or s.identity for s in match.extra if s.position in numbers]
+        if extra:
+            self.out.add(
+                "FSN442",
+                self.network.span,
+                f"{self.file.path} has {counted(len(extra), 'SubDevice')} that the network does "
+                f"not name: {few(extra)}",
+                hint="name them here when they have process data in the same ring",
+                severity=Severity.INFO,
+                related=(Related(span=self.file.span, message="described here"),),
+            )
+
+    def _moved(self, sub: SubDevice, text: str, number: int | None) -> None:
+        self.blamed.add(sub.name)
+        there = self.file.span if number is None else self.file.subdevices[number].span
+        self.out.add(
+            "FSN442",
+            _place(sub),
+            text,
+            hint="correct the place here, or make the other file again; `ethercat slaves` and "
+            "`fsoe-net scan` report what is there",
+            severity=None if sub.required else Severity.INFO,
+            related=(Related(span=there, message="the other file"),),
+        )
+
+    def _other(self, sub: SubDevice, number: int, identity: tuple[int, int] | None) -> None:
+        self.blamed.add(sub.name)
+        row = self.file.subdevices[number]
+        own, there = (cast("tuple[int, int]", known) for known in (_identity(sub), identity))
+        name = row.name or row.order
+        place = f"alias {sub.alias}" if sub.alias else f"position {sub.position}"
+        self.out.add(
+            "FSN431",
+            _place(sub),
+            f"{sub.name} at {place} is {_words(*own)}, {f'{name[:60]}, ' if name else ''}"
+            f"{_words(*there)} in {self.file.path}",
+            hint="one of the two files is of another machine or an older state; compare with the "
+            "label of the device",
+            related=(Related(span=row.span, message="the device there"),),
+        )
+
+    # -- one SubDevice ----------------------------------------------------------------------------
+
+    def _revision(self, sub: SubDevice, row: DescribedSubDevice) -> None:
+        if None in (sub.revision, row.revision) or sub.revision == row.revision:
+            return
+        chosen = "; it is compared with that one" if self.is_type else ""
+        self.out.add(
+            "FSN432",
+            sub.at("revision"),
+            f"{sub.name} has revision 0x{sub.revision or 0:08x}, 0x{row.revision or 0:08x} in "
+            f"{self.file.path}{chosen}",
+            hint="was the device exchanged, or is the file older? take the file of this revision",
+            related=(Related(span=row.span, message="the other revision"),),
+        )
+
+    def _layout(self, sub: SubDevice, device: Device, row: DescribedSubDevice) -> None:
+        if device.path in self.broken or not has_layout(device):
+            return
+        source = self.file.path + self.guessed
+        if self.is_type and sub.revision is None and row.revision is not None:
+            source += f" (revision 0x{row.revision:08x})"
+        facts = row.facts
+        key = (
+            device,
+            source,
+            row.device,
+            row.available,
+            row.truncated,
+            (facts.pdos, facts.assignable, facts.modular, tuple(facts.default_bytes.items())),
+        )
+        remarks = self.compared.get(key)
+        if remarks is None:
+            remarks = self.compared[key] = compare_layout(
+                device,
+                row,
+                source=source,
+                is_type=self.is_type,
+                is_setup=self.file.format in _SETUP,
+            )
+        for remark in remarks:
+            known = self.remarks.setdefault((remark.code, remark.span, remark.text), (remark, []))
+            known[1].append(sub.name)
+            if remark.code != "FSN441":
+                self.blamed.add(sub.name)
+
+    def _say(self) -> None:
+        """Add the remarks: once for all SubDevices of one type."""
+        for remark, names in self.remarks.values():
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            self.out.add(
+                remark.code,
+                remark.span,
+                f"{names[0]}{more}: {remark.text}",
+                hint=remark.hint,
+                severity=remark.severity,
+                related=(Related(span=remark.there, message="the other file"),),
+            )
+
+    def _cycle(self) -> None:
+        own, other = self.network.cycle_ns, self.file.cycle_us
+        if own is None or not other or own == 1000 * other:
+            return
+        self.out.add(
+            "FSN445",
+            self.network.at("cycle_us"),
+            f"the bus cycle is {own / 1000:g} us, {other} us in {self.file.path}",
+            hint="FSoE watchdogs are chosen for one cycle time; say the one the bus runs with",
+            related=(Related(span=self.file.span, message="the other file"),),
+        )
+
+
+def _numbers(device: Device) -> dict[int, list[int]]:
+    """Return the PDO numbers by sync manager."""
+    rows = {sm.index: [p.index for p in device.pdos_of(sm)] for sm in device.sync_managers}
+    return {sm: numbers for sm, numbers in rows.items() if numbers}
+
+
+def _as_scanned(
+    place: int,
+    rows: Sequence[DescribedSubDevice],
+    known: list[tuple[int, int] | None],
+    number: int | None,
+) -> ScannedSubDevice:
+    """Return a row as a bus shows it; a place the file leaves out is unknown."""
+    if number is None:
+        return ScannedSubDevice(position=place)
+    row, identity = rows[number], known[number]
+    managers = tuple(
+        ScannedSm(index=sm.index, kind="outputs", size_bytes=1)
+        for sm in row.device.sync_managers
+        if row.device.pdos_of(sm)
+    )
+    return ScannedSubDevice(
+        position=place,
+        alias=row.alias,
+        vendor_id=None if identity is None else identity[0],
+        product_code=None if identity is None else identity[1],
+        name=row.name or row.order,
+        sms=managers,
+    )
+
+
+def _identity(sub: SubDevice) -> tuple[int, int] | None:
+    return None if sub.device is None else (sub.device.vendor_id, sub.device.product_code)
+
+
+def _same(sub: SubDevice, identity: tuple[int, int] | None) -> bool:
+    return None in (_identity(sub), identity) or _identity(sub) == identity
+
+
+def _place(sub: SubDevice) -> Span:
+    return sub.at("alias") if sub.alias else sub.at("position")
+
+
+def _words(vendor: int, product: int) -> str:
+    return f"vendor 0x{vendor:08x}, product 0x{product:08x}"

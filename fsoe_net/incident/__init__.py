@@ -1,0 +1,6 @@
+"""Incident files: what happened around a failure, and its likely causes.
+
+Add here: a piece of evidence that a file holds, a cause with the facts that speak for it. A cause
+is decided by enums and numbers of the evidence, never by a sentence. Do not add: pages that show
+incidents (`report`), or what makes an incident file while a bus runs (`simulate`, the C core).
+"""

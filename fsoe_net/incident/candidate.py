@@ -1,0 +1,73 @@
+"""What a rule about causes returns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fsoe_net.fsoe.pdu import reset_code_text
+from fsoe_net.incident.causes_table import CAUSES
+from fsoe_net.incident.evidence import IncidentEvidence
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A cause that fits, with what speaks for it. ``score`` is from 0 to 100, no probability."""
+
+    key: str
+    score: int
+    title: str
+    looks: str
+    measure: str
+    change: str
+    evidence: tuple[str, ...]
+
+
+def candidate(
+    e: IncidentEvidence, key: str, score: int, *evidence: str, device: str = "", other: str = ""
+) -> Candidate:
+    """Return a candidate with its texts filled in.
+
+    Args:
+        e: What is known.
+        key: Name of the cause.
+        score: How well it fits.
+        evidence: What speaks for it; empty ones are left out.
+        device: Name of the device it is about.
+        other: Name of the other device or connection.
+    """
+    cause = CAUSES[key]
+    plan = e.plan
+    words = {
+        "sub": plan.sub if plan else device or "the SubInstance",
+        "main": plan.main if plan else "the MainInstance",
+        "name": e.name or "the connection",
+        "device": device or "a device",
+        "other": other or "another one",
+    }
+    return Candidate(
+        key=key,
+        score=min(score, 99),
+        title=cause.title.format_map(words),
+        looks=cause.looks.format_map(words),
+        measure=cause.measure.format_map(words),
+        change=cause.change.format_map(words),
+        evidence=tuple(line for line in evidence if line),
+    )
+
+
+def any_of(names: Sequence[str]) -> str:
+    """Return names of which one is meant: `a`, `a or b`, `a, b or c`."""
+    head, last = ", ".join(names[:-1]), names[-1]
+    return f"{head} or {last}" if head else last
+
+
+def ms(ns: int | float) -> str:
+    """Return a time in milliseconds for people."""
+    value = ns / 1e6
+    return f"{value:.0f} ms" if value >= 100 else f"{value:.3g} ms"
+
+
+def code_text(code: int | None) -> str:
+    """Return a reset code with its number."""
+    return "no code" if code is None else f"code {code}: {reset_code_text(code)}"

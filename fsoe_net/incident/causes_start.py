@@ -1,0 +1,145 @@
+"""Causes for a bus that did not open: what its fault and its SubDevices say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fsoe_net.core.bus_documents import Found, SubDeviceSnapshot
+from fsoe_net.incident.candidate import Candidate, any_of, candidate
+from fsoe_net.incident.causes_places import swapped, swapped_key
+from fsoe_net.incident.evidence import IncidentEvidence
+from fsoe_net.incident.incident import BusFault, TriggerKind
+
+_BY_STATUS = {
+    "FSN_E_BUS_BUSY": "other_main_device",
+    "FSN_E_BUS_SILENT": "bus_silent",
+    "FSN_E_BUS_MISSING": "device_missing",
+    "FSN_E_BUS_IDENTITY": "wrong_device",
+    "FSN_E_BUS_MAPPING": "wrong_mapping",
+    "FSN_E_BUS_ADDRESS": "wrong_address",
+    "FSN_E_BUS_SDO": "sdo_refused",
+    "FSN_E_BUS_MAILBOX": "sdo_unanswered",
+    "FSN_E_BUS_STATE": "state_refused",
+}
+_BY_FOUND = {
+    Found.NOTHING: "device_missing",
+    Found.IDENTITY: "wrong_device",
+    Found.MAPPING: "wrong_mapping",
+    Found.ADDRESS: "wrong_address",
+    Found.SDO: "sdo_refused",
+    Found.MAILBOX: "sdo_unanswered",
+    Found.STATE: "state_refused",
+}
+
+
+def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
+    """Yield what fits a bus that did not open, and SubDevices that are not as planned."""
+    trigger = e.head.trigger
+    failed = trigger.kind is TriggerKind.BUS_FAILED
+    text = f"the bus says: {trigger.text}" if failed else ""
+    stopped_at = ""
+    if failed:
+        if trigger.fault is not None:
+            stopped_at = trigger.fault.subdevice
+            yield from _by_status(e, trigger.fault, text)
+        yield from swapped(e)
+    wrong = [s for s in e.head.subdevices if s.known and s.found in _BY_FOUND]
+    yield from _exchanged(e, wrong, text)
+    for number, seen in enumerate(wrong[:8]):
+        if failed:
+            # The first one is what the bus stopped at; the others may follow from it.
+            named = seen.name == stopped_at
+            yield _one(e, seen, 92 - 5 * number + 4 * named, text if named else "")
+        elif seen.found is not Found.NOTHING:  # who is lost while the bus runs: `bus_causes`
+            yield _one(e, seen, _while_running(e, seen))
+
+
+def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
+    """Return how well it fits that a SubDevice is not as planned, while the bus runs.
+
+    What was found in its place is a fact, and those behind it may be gone with it.
+    """
+    if seen.found is Found.IDENTITY:
+        return 97
+    if seen.name == e.head.trigger.subdevice:
+        return 96
+    score = 80 if seen.found is Found.STATE else 93
+    if e.plan is None or seen.name not in (e.plan.main, e.plan.sub):
+        score -= 40  # of another connection
+    return score
+
+
+def _by_status(e: IncidentEvidence, fault: BusFault, text: str) -> Iterator[Candidate]:
+    """What the status of the fault and its SubDevice say."""
+    key, device = _BY_STATUS.get(fault.status, ""), fault.subdevice
+    if fault.link_down:
+        yield candidate(e, "no_link", 95, text)
+        return
+    if not key or (not device and key not in ("other_main_device", "bus_silent")):
+        return
+    other = why = ""
+    if key == "wrong_device":
+        key, other = _identity(e, device)
+        why = f"what stands at the place of {device} is what the plan has as {other}"
+    elif key == "wrong_address":
+        other = _owner(e, device)
+        key = swapped_key(e, device, other) if other else key
+        why = f"the address that {device} has is planned for {other}"
+    score = 97 if other else 94
+    yield candidate(e, key, score, text, why if other else "", device=device, other=other)
+
+
+def _identity(e: IncidentEvidence, device: str) -> tuple[str, str]:
+    """Return which kind of another device it is, and whose identity it has."""
+    seen = e.subdevice(device)
+    if seen is None or not seen.vendor_id:
+        return "wrong_device", ""
+    if e.type_of(device) == seen.identity:
+        return "wrong_revision", ""
+    others = [s for s in e.head.subdevices if e.type_of(s.name) == seen.identity]
+    if all(s.known for s in e.head.subdevices):
+        # Of several of one type it is that in whose place another device was found, too.
+        others = [s for s in others if s.found is Found.IDENTITY]
+    if not others:
+        return "wrong_device", ""
+    return "devices_swapped_places", any_of([s.name for s in others])
+
+
+def _owner(e: IncidentEvidence, device: str) -> str:
+    """Return the SubDevice that should have the FSoE address that another one has."""
+    address = e.address_of(device)
+    names = [p.sub for p in e.planned.values() if p.address == address and p.sub != device]
+    return names[0] if names and address is not None else ""
+
+
+def _one(e: IncidentEvidence, seen: SubDeviceSnapshot, score: int, fault: str = "") -> Candidate:
+    key = _BY_FOUND[seen.found]
+    if key == "wrong_device" and seen.identity == e.type_of(seen.name):
+        key = "wrong_revision"
+    found = f"{seen.name}: {seen.found_text}" + (f": {seen.detail}" if seen.detail else "")
+    code = f"AL status code of {seen.name}: 0x{seen.al_code:04x}" if seen.al_code else ""
+    return candidate(e, key, score, found, code, fault, device=seen.name)
+
+
+def _exchanged(
+    e: IncidentEvidence, wrong: list[SubDeviceSnapshot], fault: str
+) -> Iterator[Candidate]:
+    """Two SubDevices of which each stands where the other one should."""
+    for one in wrong:
+        partners = [
+            two.name
+            for two in wrong
+            if one.identity == e.type_of(two.name) != e.type_of(one.name) == two.identity
+        ]
+        if partners:
+            other = any_of(partners)
+            yield candidate(
+                e,
+                "devices_swapped_places",
+                98,
+                f"at the place of {one.name} stands a device of the type of {other}, and the other "
+                "way round",
+                fault,
+                device=one.name,
+                other=other,
+            )

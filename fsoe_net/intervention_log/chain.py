@@ -1,0 +1,475 @@
+"""Reads the intervention log of ``fsn-master`` and follows its chain, line by line.
+
+A log is what it is: nothing in it is trusted. A line may be long, no UTF-8, no JSON or somebody
+else's; memory stays bounded by the longest entry.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, Protocol
+
+from fsoe_net.core.json_object import clean
+
+_LINE_BYTES = 1 << 20  # as fsn-master writes them
+_VERSION = 1
+_MOST_NUMBER = (1 << 64) - 1
+_MOST_ID = (1 << 32) - 1
+_MOST_FINDINGS = 50
+_MOST_DEPTH = 16
+_BACK_S = 1.0  # clocks are set by less all the time
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+_UTC = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?Z")
+_ABOUT_THE_LOG = ("file", "torn")  # what may stand between torn bytes and the entry about them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogLine:
+    """One line of a file.
+
+    Attributes:
+        at: Number in the file, from 1.
+        data: Without its newline; ``None`` for one that is too long for an entry.
+        size_bytes: With its newline.
+        sha256: Of the line without its newline.
+        ends: Whether it ends with a newline.
+    """
+
+    at: int
+    data: bytes | None
+    size_bytes: int
+    sha256: str
+    ends: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogEntry:
+    """One entry. Texts are fit to print.
+
+    Attributes:
+        number: From 1, on over all files.
+        event: What happened.
+        utc: When, as written; empty where it is no time.
+        level: info, warning, error or detail.
+        text: For people.
+        who: User and program, as far as the entry names them.
+        file: Name of its file.
+        line: Line in it, from 1.
+        sha256: Of the line, as the next entry should hold it.
+        size_bytes: Of the line, with its newline.
+        row: All of it.
+    """
+
+    number: int
+    event: str
+    utc: str
+    level: str
+    text: str
+    who: str
+    file: str
+    line: int
+    sha256: str
+    size_bytes: int
+    row: Mapping[str, Any] = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainFinding:
+    """What is wrong with a chain, and where; ``line`` 0: the file as a whole."""
+
+    file: str
+    line: int
+    text: str
+
+
+@dataclass(slots=True)
+class LogFile:
+    """One file of a log: its name, length, SHA-256, and the numbers of its entries (0: none)."""
+
+    name: str
+    size_bytes: int = 0
+    sha256: str = ""
+    first: int = 0
+    last: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogCheck:
+    """What a walk along the chain has found.
+
+    Attributes:
+        files: In the order they were read.
+        entries: How many.
+        first: Number of the first one; 0: there is none.
+        last: The last one.
+        holds: Nothing was found.
+        findings: At most 50; what was changed, removed, put in or moved.
+        more: How many findings there are beside them.
+        remarks: What a reader should know although the chain holds.
+        since_last: Entries behind the one that ``last`` named; ``None``: none was named.
+    """
+
+    files: tuple[LogFile, ...]
+    entries: int
+    first: int
+    last: LogEntry | None
+    findings: tuple[ChainFinding, ...]
+    more: int
+    remarks: tuple[str, ...]
+    since_last: int | None
+
+    @property
+    def holds(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings
+
+
+class Readable(Protocol):
+    """What lines are read from."""
+
+    def readline(self, most: int, /) -> bytes:
+        """Return bytes up to a newline, at most so many."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogFilter:
+    """Which entries are wanted: of a time, of some events, of a user or program; the newest.
+
+    Attributes:
+        since: Not before; an entry without a time fits no time.
+        until: Before.
+        events: Names; empty: all.
+        who: Part of what `LogEntry.who` is; empty: anybody.
+        most: So many of them, the newest.
+    """
+
+    since: datetime | None = None
+    until: datetime | None = None
+    events: tuple[str, ...] = ()
+    who: str = ""
+    most: int = 200
+
+    def fits(self, entry: LogEntry) -> bool:
+        """Whether an entry is wanted."""
+        at = utc_of(entry.utc)
+        return (
+            (self.since is None or (at is not None and at >= self.since))
+            and (self.until is None or (at is not None and at < self.until))
+            and (not self.events or entry.event in self.events)
+            and self.who in entry.who
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogSelection:
+    """Entries that were wanted, what the chain is like, and how many earlier ones are left out."""
+
+    check: LogCheck
+    entries: tuple[LogEntry, ...]
+    left_out: int
+
+
+def log_lines(stream: Readable) -> Iterator[LogLine]:
+    """Yield the lines of a file; of one that is too long only its length and hash."""
+    at = 0
+    while data := stream.readline(_LINE_BYTES + 1):
+        at += 1
+        size = len(data)
+        digest = hashlib.sha256(data.removesuffix(b"\n"))
+        whole: bytes | None = data.removesuffix(b"\n")
+        while not data.endswith(b"\n") and (data := stream.readline(_LINE_BYTES)):
+            whole = None
+            size += len(data)
+            digest.update(data.removesuffix(b"\n"))
+            if data.endswith(b"\n"):
+                break
+        ends = data.endswith(b"\n")
+        yield LogLine(at=at, data=whole, size_bytes=size, sha256=digest.hexdigest(), ends=ends)
+
+
+def utc_of(text: str) -> datetime | None:
+    """Return the time of an entry; ``None`` where the text is not one."""
+    try:
+        return datetime.fromisoformat(text) if _UTC.fullmatch(text) else None
+    except ValueError:
+        return None
+
+
+class LogChain:
+    """Follows the chain over the lines of all files.
+
+    Args:
+        after: SHA-256 of the entry before the first one, kept elsewhere; empty: the log begins at
+            entry 1.
+        last: SHA-256 that some entry had when it was the last one, kept elsewhere; empty: unknown.
+    """
+
+    def __init__(self, *, after: str = "", last: str = "") -> None:
+        self._after = after
+        self._wanted = last
+        self._wanted_at = 0
+        self._files: list[LogFile] = []
+        self._findings: list[ChainFinding] = []
+        self._more = 0
+        self._remarks: list[str] = []
+        self._entry: LogEntry | None = None
+        self._first = 0
+        self._entries = 0
+        self._counts: dict[str, int] = {}
+        self._back = 0
+        self._is_newer = False
+        self._latest: datetime | None = None
+        self._torn = _Torn()
+
+    def begin(self, name: str) -> LogFile:
+        """Begin a file; its length and hash are for the caller to fill in."""
+        self._files.append(LogFile(name))
+        return self._files[-1]
+
+    def take(self, line: LogLine) -> LogEntry | None:
+        """Take the next line of the file; return its entry, ``None`` where it holds none."""
+        file = self._files[-1]
+        entry = _entry_of(line, file.name)
+        if entry is None:
+            self._torn.add(file.name, line)
+            return None
+        self._compare(entry)
+        self._compare_torn(entry)
+        self._look_at_clock(entry)
+        if entry.event == "file" and entry.row.get("log", _VERSION) != _VERSION:
+            self._is_newer = True
+        self._entry = entry
+        self._entries += 1
+        self._first = self._first or entry.number
+        self._counts[entry.event] = self._counts.get(entry.event, 0) + 1
+        file.first = file.first or entry.number
+        file.last = entry.number
+        if entry.sha256 == self._wanted:
+            self._wanted_at = self._entries
+        return entry
+
+    def end(self) -> LogCheck:
+        """Return what was found; all lines were taken."""
+        torn = self._torn
+        if torn.size_bytes and not torn.ends and torn.file == self._files[-1].name:
+            self._remarks.append(
+                f"{torn.file}:{torn.line}: the last line is not whole: it is being written, or the "
+                "program was stopped in the middle of it; the next start marks it"
+            )
+        elif torn.size_bytes and not torn.marked:
+            self._add(torn.file, torn.line, torn.text)
+        if self._entry is None:
+            name = self._files[-1].name if self._files else ""
+            self._add(name, 0, "there is no entry: not an intervention log, or all was removed")
+        elif self._wanted and not self._wanted_at:
+            self._add(
+                self._entry.file,
+                self._entry.line,
+                f"no entry has the SHA-256 {self._wanted}: the end was cut off, or entries up to "
+                "there were written anew",
+            )
+        return LogCheck(
+            files=tuple(self._files),
+            entries=self._entries,
+            first=self._first,
+            last=self._entry,
+            findings=tuple(self._findings),
+            more=self._more,
+            remarks=(*self._remarks, *self._counted()),
+            since_last=self._entries - self._wanted_at if self._wanted_at else None,
+        )
+
+    def _counted(self) -> Iterator[str]:
+        for event, one, many in (
+            ("unfinished", "1 run has no stop", "{} runs have no stop"),
+            ("torn", "1 entry was not written whole", "{} entries were not written whole"),
+            ("entries_lost", "entries were lost once", "entries were lost {} times"),
+        ):
+            if count := self._counts.get(event, 0):
+                yield one if count == 1 else many.format(count)
+        if self._is_newer:
+            yield "a file is in another form than this version knows: entries may mean more"
+        if self._back:
+            yield f"times go back by more than 1 s: {self._back} (the clock was set)"
+
+    def _add(self, file: str, line: int, text: str) -> None:
+        if len(self._findings) >= _MOST_FINDINGS:
+            self._more += 1
+        else:
+            self._findings.append(ChainFinding(file=file, line=line, text=text))
+
+    def _compare(self, entry: LogEntry) -> None:
+        """Compare number and hash with those of the entry before."""
+        before, stated = self._entry, entry.row["previous"]
+        if before is None:
+            text = self._wrong_begin(entry.number, stated)
+        elif entry.number > before.number + 1:
+            text = f"{_numbers(before.number + 1, entry.number - 1)} missing before entry "
+            text += str(entry.number)
+        elif entry.number == 1 and stated is None:
+            text = f"another log begins here, behind entry {before.number}"
+        elif entry.number <= before.number:
+            text = f"entry {entry.number} comes behind entry {before.number}: lines were moved, "
+            text += "repeated or put in"
+        elif stated != before.sha256:
+            text = f"entry {before.number} was changed, or entry {entry.number} is not the one "
+            text += "that was written behind it: its SHA-256 does not match"
+        else:
+            return
+        if text:
+            self._add(entry.file, entry.line, text)
+
+    def _wrong_begin(self, number: int, stated: str | None) -> str:
+        """Return what is wrong with the first entry; empty: nothing."""
+        if self._after:
+            return "" if stated == self._after else f"entry {number} does not follow --after"
+        if number == 1:
+            return "" if stated is None else "entry 1 holds the hash of an entry before it"
+        return (
+            f"{_numbers(1, number - 1)} missing: name the files before, or their last SHA-256 with "
+            "--after"
+        )
+
+    def _compare_torn(self, entry: LogEntry) -> None:
+        """Compare what is no entry with the one that describes it."""
+        torn = self._torn
+        if entry.event == "torn":
+            if not torn.size_bytes:
+                self._add(entry.file, entry.line, "the bytes that this entry names were removed")
+            elif torn.sha256 != entry.row.get("sha256"):
+                self._add(torn.file, torn.line, "bytes of an entry that is not whole were changed")
+            self._torn = _Torn()
+        elif torn.size_bytes and entry.event not in _ABOUT_THE_LOG:
+            self._add(torn.file, torn.line, torn.text)
+            self._torn = _Torn()
+
+    def _look_at_clock(self, entry: LogEntry) -> None:
+        now = utc_of(entry.utc)
+        if now is None:
+            return
+        if self._latest is not None and (self._latest - now).total_seconds() > _BACK_S:
+            self._back += 1
+        self._latest = now
+
+
+class _Torn:
+    """Lines that hold no entry, one behind the other."""
+
+    def __init__(self) -> None:
+        self.file, self.line, self.lines, self.size_bytes = "", 0, 0, 0
+        self.ends, self.marked = True, False  # of the last line
+        self._hash = hashlib.sha256()
+
+    def add(self, file: str, line: LogLine) -> None:
+        if not self.size_bytes:
+            self.file, self.line = file, line.at
+        self.lines += 1
+        self.size_bytes += line.size_bytes
+        self.ends = line.ends
+        self.marked = line.data is not None and line.data.endswith(b" torn")
+        if line.data is not None:
+            self._hash.update(line.data + b"\n" * line.ends)
+        else:
+            self._hash.update(line.sha256.encode())  # no entry describes one that is so long
+
+    @property
+    def sha256(self) -> str:
+        return self._hash.hexdigest()
+
+    @property
+    def text(self) -> str:
+        what = "a line is no entry" if self.lines == 1 else f"{self.lines} lines are no entries"
+        return f"{what}, and no entry says why: put in, or changed"
+
+
+def _numbers(first: int, last: int) -> str:
+    return f"entry {first} is" if first == last else f"entries {first} to {last} are"
+
+
+def _entry_of(line: LogLine, file: str) -> LogEntry | None:
+    """Return the entry of a line; ``None`` where it is not one."""
+    row = _object(line.data) if line.data is not None and line.ends else None
+    if row is None:
+        return None
+    number, event, previous = row.get("number"), row.get("event"), row.get("previous", 0)
+    if (
+        not isinstance(number, int)
+        or isinstance(number, bool)
+        or not 0 < number <= _MOST_NUMBER
+        or not isinstance(event, str)
+        or not (previous is None or (isinstance(previous, str) and _SHA256.fullmatch(previous)))
+    ):
+        return None
+    utc = _text(row, "utc")
+    return LogEntry(
+        number=number,
+        event=clean(event, 40),
+        utc=utc if utc_of(utc) is not None else "",
+        level=_text(row, "level", 10),
+        text=_text(row, "text"),
+        who=_who(row),
+        file=file,
+        line=line.at,
+        sha256=line.sha256,
+        size_bytes=line.size_bytes,
+        row=row,
+    )
+
+
+def _text(row: Mapping[str, Any], key: str, most: int = 2000) -> str:
+    value = row.get(key)
+    return clean(value, most) if isinstance(value, str) else ""
+
+
+def _who(row: Mapping[str, Any]) -> str:
+    """Return user and program of an entry: ``anna, fsoe-net 4711``."""
+    uid, pid = row.get("uid"), row.get("pid")
+    user = _text(row, "user", 40) or (f"uid {uid}" if _is_id(uid) else "")
+    program = _text(row, "program", 40)
+    process = f"{program} {pid}".strip() if _is_id(pid) else program
+    return ", ".join(text for text in (user, process) if text)
+
+
+def _is_id(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= _MOST_ID
+
+
+def _object(data: bytes) -> dict[str, Any] | None:
+    """Return the JSON object of a line, whose keys are there once; ``None``: it is not one."""
+    try:
+        row = json.loads(
+            data.decode("utf-8"),
+            parse_constant=_finite,
+            parse_float=_finite,
+            object_pairs_hook=_once,
+        )
+    except (ValueError, RecursionError):
+        return None
+    return row if isinstance(row, dict) and _is_flat(row, _MOST_DEPTH) else None
+
+
+def _is_flat(value: object, depth: int) -> bool:
+    """Whether objects and lists in each other are at most so many."""
+    if not isinstance(value, dict | list):
+        return True
+    inner = value.values() if isinstance(value, dict) else value
+    return depth > 0 and all(_is_flat(part, depth - 1) for part in inner)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    row = dict(pairs)
+    if len(row) != len(pairs):
+        raise ValueError("a key is there twice")
+    return row
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(number := float(text)):
+        raise ValueError(f"{text} is no number")
+    return number

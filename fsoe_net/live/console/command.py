@@ -1,0 +1,84 @@
+"""What a command of the console is, and what it gets to work with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from fsoe_net.document.model import Column, Document, Table, cell
+from fsoe_net.document.write_terminal import document_text
+from fsoe_net.errors import ConsoleError
+from fsoe_net.live.console.keeper import Keeper
+from fsoe_net.live.console.names import SymbolNames
+
+
+class Room(Protocol):
+    """What commands may use of the console."""
+
+    keeper: Keeper
+    macros: dict[str, str]
+    mine: set[str]
+    stops_on_error: bool
+
+    def out(self, text: str) -> None:
+        """Print a line of the answer."""
+
+    def note(self, text: str) -> None:
+        """Print a line beside the answer, on standard error."""
+
+    def names(self) -> SymbolNames:
+        """Return the symbols of the plan."""
+
+    def forget(self) -> None:
+        """Ask for the symbols again when they are next needed."""
+
+    def events(self) -> list[dict[str, Any]]:
+        """Return the events that have not been returned yet."""
+
+    def run_file(self, path: str, arguments: Sequence[str]) -> None:
+        """Run a script."""
+
+    def commands(self) -> Mapping[str, CommandForm]:
+        """Return every command by name."""
+
+    def sleep(self, wait_s: float) -> None:
+        """Wait; Ctrl-C and a lost connection end it."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandForm:
+    """A command: its usage behind its name, one line of help, an example, what it does."""
+
+    usage: str
+    about: str
+    example: str
+    do: Callable[[Room, Sequence[str]], None]
+
+
+def usage(name: str, form: str) -> ConsoleError:
+    """Return the error that says how a command is written."""
+    return ConsoleError(f"usage: {name} {form}".rstrip(), is_usage=True)
+
+
+def options(words: Sequence[str], *known: str) -> tuple[list[str], set[str]]:
+    """Return words and the options among them.
+
+    Raises:
+        ConsoleError: An option nobody knows.
+    """
+    given = {w for w in words if w.startswith("--")}
+    wrong = sorted(given - set(known))
+    if wrong:
+        hint = f"; here is {' '.join(known)}" if known else ""
+        raise ConsoleError(f"there is no option {wrong[0]}{hint}", is_usage=True)
+    return [w for w in words if w not in given], given
+
+
+def table(rows: Sequence[Sequence[str]], *head: str) -> list[str]:
+    """Return rows as lines with even columns."""
+    if not rows:
+        return []
+    columns = tuple(Column(title) for title in head or [""] * len(rows[0]))
+    cells = tuple(tuple(cell(text) for text in row) for row in rows)
+    return document_text(Document(lead=(Table(columns=columns, rows=cells),))).splitlines()

@@ -1,0 +1,260 @@
+"""The console: runs lines and scripts against one ``fsn-master``."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fsoe_net.diag.guesses import guesses, one_of
+from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
+from fsoe_net.live.console.command import CommandForm
+from fsoe_net.live.console.commands_bus import BUS_COMMANDS, event_line
+from fsoe_net.live.console.commands_device import DEVICE_COMMANDS
+from fsoe_net.live.console.commands_flow import FLOW_COMMANDS
+from fsoe_net.live.console.commands_values import VALUE_COMMANDS
+from fsoe_net.live.console.keeper import Keeper
+from fsoe_net.live.console.names import SymbolNames
+from fsoe_net.live.console.script import ConsoleCommand, ScriptError, expand, parse
+
+COMMANDS: Mapping[str, CommandForm] = (
+    BUS_COMMANDS | VALUE_COMMANDS | DEVICE_COMMANDS | FLOW_COMMANDS
+)
+_DEEPEST = 16
+_SLICE_S = 0.1
+_END_S = 1.0
+_MOST_EVENTS = 1_000
+_MOST_SCRIPT_BYTES = 4 << 20
+
+
+class _Located(ConsoleError):
+    """A failure that already says where."""
+
+
+class Console:
+    """State of one console; it prints through the two functions it gets.
+
+    Args:
+        keeper: The connection.
+        out: Prints a line of an answer.
+        note: Prints a line beside the answers.
+        notes_level: Events that are shown by themselves: ``warning`` for those of this
+            level and above, ``fallback`` for outputs of this console that fell back.
+    """
+
+    def __init__(
+        self,
+        keeper: Keeper,
+        out: Callable[[str], None],
+        note: Callable[[str], None],
+        *,
+        notes_level: str = "fallback",
+    ) -> None:
+        self.keeper = keeper
+        self.macros: dict[str, str] = {}
+        self.mine: set[str] = set()
+        self.stops_on_error = True
+        self.failures = 0
+        self._out = out
+        self._note = note
+        self._notes_level = notes_level
+        self._names: SymbolNames | None = None
+        self._events: deque[dict[str, Any]] = deque(maxlen=_MOST_EVENTS)
+        self._directories: list[Path] = [Path()]
+        self._depth = 0
+        self._client_number = keeper.client_number
+        keeper.subscribe(True)
+
+    def out(self, text: str) -> None:
+        """Print a line of the answer."""
+        self._out(text)
+
+    def note(self, text: str) -> None:
+        """Print a line beside the answer."""
+        self._note(text)
+
+    def names(self) -> SymbolNames:
+        """Return the symbols of the plan."""
+        if self._names is None:
+            self._names = SymbolNames(self.keeper.call(lambda client: client.symbols()))
+        return self._names
+
+    def forget(self) -> None:
+        """Ask for the symbols again when they are next needed."""
+        self._names = None
+
+    def commands(self) -> Mapping[str, CommandForm]:
+        """Return every command by name."""
+        return COMMANDS
+
+    def events(self) -> list[dict[str, Any]]:
+        """Return the events that have not been returned yet."""
+        self.tell()
+        found = list(self._events)
+        self._events.clear()
+        return found
+
+    def tell(self) -> None:
+        """Report what happened beside the commands: a lost connection, outputs that fell back."""
+        if self.keeper.client_number != self._client_number:  # another connection: all fell back
+            self._client_number = self.keeper.client_number
+            self.mine.clear()
+        while self.keeper.notices:
+            self.forget()  # another plan may be loaded now
+            self.note(self.keeper.notices.popleft())
+        for event in self.keeper.events():
+            self._events.append(event)
+            kind = event.get("event")
+            loud = event.get("level") in ("warning", "error") and kind not in ("arm", "edge")
+            if kind == "fallback" and (mine := self.mine & set(event.get("outputs", ()))):
+                self.mine -= mine
+                self.note(f"{event_line(event)}: {' '.join(sorted(mine))}")
+            elif loud and self._notes_level == "warning":
+                self.note(event_line(event))
+
+    def sleep(self, wait_s: float) -> None:
+        """Wait; a lost connection ends it.
+
+        Raises:
+            EnvironmentFault: The connection broke.
+        """
+        until = time.monotonic() + wait_s
+        while (left := until - time.monotonic()) > 0:
+            time.sleep(min(_SLICE_S, left))
+            self.keeper.call(lambda _: None)  # says when it has broken; collects events
+        self.tell()
+
+    def owned(self) -> list[str]:
+        """Return the outputs that belong to this console; what it has set when nobody answers."""
+        me = self.keeper.client_number
+        try:
+            symbols = self.keeper.call(lambda client: client.symbols(), wait_s=_END_S)
+        except (ControlRefused, EnvironmentFault):
+            return sorted(self.mine)
+        return [s.name for s in symbols if s.client == me]
+
+    def run_line(self, text: str) -> None:
+        """Run the commands of a line at the prompt; the first failure ends the line.
+
+        Raises:
+            ConsoleError: A command failed.
+            EnvironmentFault: It was refused, or nobody answers.
+        """
+        for command in parse(text):
+            self._do(command, (), inside=False)
+
+    def run_script(
+        self, text: str, name: str, arguments: Sequence[str] = (), *, first_line: int = 1
+    ) -> None:
+        """Run a script, or a part of one that begins in a given line.
+
+        Nothing is done when it has a word that is no command.
+
+        Raises:
+            ConsoleError: A command failed; the message begins with name, line and column.
+            EnvironmentFault: Nobody answers any more.
+        """
+        try:
+            commands = parse(text)
+            self._check(commands)
+        except ScriptError as exc:
+            raise self._at(name, exc.line + first_line - 1, exc.column, exc) from exc
+        for command in commands:
+            line = command.line + first_line - 1
+            try:
+                self._do(command, arguments, inside=True)
+            except _Located as exc:
+                self._failed(exc)
+            except ScriptError as exc:
+                self._failed(self._at(name, line, exc.column, exc))
+            except (ConsoleError, ControlRefused) as exc:
+                self._failed(self._at(name, line, command.column, exc))
+            except EnvironmentFault as exc:
+                raise EnvironmentFault(f"{name}:{line}:{command.column}: {exc}") from exc
+
+    def run_file(self, path: str, arguments: Sequence[str]) -> None:
+        """Run a script of a file; a path in a script is relative to that script.
+
+        Raises:
+            ConsoleError: It cannot be read, or as `run_script`.
+        """
+        found = self._directories[-1] / path
+        try:
+            if found.stat().st_size > _MOST_SCRIPT_BYTES:
+                raise ConsoleError(f"{found} is no script: more than 4 MiB")
+            text = found.read_text("utf-8")
+        except OSError as exc:
+            raise ConsoleError(f"{found}: {exc.strerror or exc}") from exc
+        except UnicodeDecodeError as exc:
+            raise ConsoleError(f"{found} is no UTF-8 text") from exc
+        self._enter(path)
+        self._directories.append(found.parent)
+        try:
+            self.run_script(text, str(found), arguments)
+        finally:
+            self._depth -= 1
+            self._directories.pop()
+
+    def _enter(self, name: str) -> None:
+        if self._depth >= _DEEPEST:
+            raise ConsoleError(f"{name}: more than {_DEEPEST} scripts inside each other")
+        self._depth += 1
+
+    def _failed(self, error: ConsoleError) -> None:
+        self.failures += 1
+        if self.stops_on_error:
+            raise error
+        self.note(f"error: {error}")
+
+    @staticmethod
+    def _at(name: str, line: int, column: int, error: Exception) -> _Located:
+        is_usage = isinstance(error, ScriptError)
+        return _Located(f"{name}:{line}:{column}: {error}", is_usage=is_usage)
+
+    def _check(self, commands: Sequence[ConsoleCommand]) -> None:
+        """Refuse a script with a word that is no command.
+
+        Raises:
+            ScriptError: At the first one.
+        """
+        known = {*COMMANDS, *self.macros}
+        for command in commands:
+            if command.name == "run" or "$" in command.name:
+                return  # what it defines is known when it has run
+            if command.name == "let" and len(command.words) > 1:
+                known.add(command.words[1].text)
+            if command.name not in known:
+                raise ScriptError(_unknown(command.name, known), command.line, command.column)
+
+    def _do(self, command: ConsoleCommand, arguments: Sequence[str], *, inside: bool) -> None:
+        words = expand(command, arguments, self.macros, inside=inside)
+        name, rest = words[0].text, [word.text for word in words[1:]]
+        form = COMMANDS.get(name)
+        if form is not None:
+            form.do(self, rest)
+            self.tell()
+        elif name in self.macros:
+            self._macro(name, rest)
+        else:
+            known = {*COMMANDS, *self.macros}
+            raise ScriptError(_unknown(name, known), command.line, command.column)
+
+    def _macro(self, name: str, arguments: Sequence[str]) -> None:
+        self._enter(name)
+        try:
+            for command in parse(self.macros[name]):
+                self._do(command, arguments, inside=True)
+        except _Located:
+            raise
+        except (ConsoleError, ControlRefused) as exc:
+            raise ConsoleError(f"{name}: {exc}") from exc
+        finally:
+            self._depth -= 1
+
+
+def _unknown(name: str, known: set[str]) -> str:
+    close = guesses(name, sorted(known), cutoff=0.5)
+    hint = f"did you mean {one_of(close)}?" if close else "help lists them"
+    return f"there is no command {name}; {hint}"

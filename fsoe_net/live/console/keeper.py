@@ -1,0 +1,212 @@
+"""Holds one connection to ``fsn-master`` and renews its lease while nobody asks anything.
+
+A thread of its own owns the connection. So a Ctrl-C in the main thread never cuts a reply in two,
+outputs stay leased at a prompt and in a script that waits, and a dead server blocks nobody.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any, TypeVar
+
+from fsoe_net.errors import ControlRefused, EnvironmentFault
+from fsoe_net.live.client import Client
+
+_T = TypeVar("_T")
+_MOST_EVENTS = 1_000
+_PARTS_OF_A_LEASE = 4
+_LEAST_RENEW_S = 0.02
+_MOST_RENEW_S = 1.0
+_END_S = 1.0
+
+
+class Keeper:
+    """A connection that stays; every call may come from one thread, the main one.
+
+    Args:
+        path: The control socket.
+        lease_ms: Requested lease; ``None`` for that of the server, 0 for one without an end.
+        reconnect: Whether a call connects again after the connection broke.
+        timeout_s: How long to wait for a reply.
+
+    Raises:
+        EnvironmentFault: Nobody answers there. Every call raises it when the connection breaks.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        *,
+        lease_ms: int | None = None,
+        reconnect: bool = False,
+        timeout_s: float = 5.0,
+    ) -> None:
+        self.path = str(path)
+        self.notices: deque[str] = deque(maxlen=_MOST_EVENTS)
+        self.client_number = 0
+        self._lease_ms = lease_ms
+        self._reconnect = reconnect
+        self._timeout_s = timeout_s
+        self._subscribed = False
+        self._events: deque[dict[str, Any]] = deque(maxlen=_MOST_EVENTS)
+        self._jobs: queue.SimpleQueue[tuple[Callable[[Client], Any], Future[Any]] | None]
+        self._jobs = queue.SimpleQueue()
+        self._client: Client | None = None
+        self._lost = ""
+        self._renew_s = _MOST_RENEW_S
+        self._renewed = 0.0
+        self._thread = threading.Thread(target=self._work, daemon=True)
+        self._thread.start()
+        try:
+            self.call(lambda _: None)
+        except BaseException:
+            self.close()
+            raise
+
+    def call(self, job: Callable[[Client], _T], *, wait_s: float | None = None) -> _T:
+        """Do something with the connection and return what it returns.
+
+        A Ctrl-C leaves it at once; a request is still brought to its end behind it.
+
+        Raises:
+            EnvironmentFault: Nothing has come within ``wait_s``, or the connection broke.
+        """
+        try:
+            return self.post(job).result(wait_s)
+        except TimeoutError as exc:
+            raise EnvironmentFault(f"fsn-master does not answer on {self.path}") from exc
+
+    def post(self, job: Callable[[Client], _T]) -> Future[_T]:
+        """Have something done; nobody need wait for it."""
+        future: Future[_T] = Future()
+        self._jobs.put((job, future))
+        return future
+
+    def aside(self, job: Callable[[Client], _T]) -> _T:
+        """Do something slow with a connection of its own, while this one keeps its lease."""
+        future: Future[_T] = Future()
+
+        def work() -> None:
+            try:
+                with Client(self.path, timeout_s=self._timeout_s) as client:
+                    future.set_result(job(client))
+            except BaseException as exc:  # handed to the caller
+                future.set_exception(exc)
+
+        threading.Thread(target=work, daemon=True).start()
+        return future.result()
+
+    def subscribe(self, on: bool) -> None:
+        """Have events collected from now on, or no longer."""
+        self._subscribed = on
+        self.call(lambda client: client.request("events", "on" if on else "off"))
+
+    def events(self) -> list[dict[str, Any]]:
+        """Return the events that have come since the last call; the last 1000 at most."""
+        found = []
+        while self._events:
+            found.append(self._events.popleft())
+        return found
+
+    def lease(self, lease_ms: int) -> int:
+        """Ask for another lease; return what the server gives."""
+        given = self.call(lambda client: client.lease(lease_ms))
+        self._lease_ms = given
+        self._pace(given)
+        return given
+
+    def close(self) -> None:
+        """End the connection; what was set falls back."""
+        self._jobs.put(None)
+        self._thread.join(_END_S)
+
+    def _work(self) -> None:
+        while True:
+            left = self._renewed + self._renew_s - time.monotonic()
+            try:
+                item = self._jobs.get(timeout=max(0.0, left))
+            except queue.Empty:
+                item = (_renew, Future())
+                self._renewed = time.monotonic()
+                if self._client is None:
+                    continue
+            if item is None:
+                break
+            self._do(*item)
+            if self._client is not None and self._overdue():
+                self._do(_renew, Future())
+        self._drop()
+
+    def _overdue(self) -> bool:
+        return time.monotonic() - self._renewed >= self._renew_s
+
+    def _do(self, job: Callable[[Client], _T], future: Future[_T]) -> None:
+        """Do a job; its end, good or bad, is the future's."""
+        is_renewal = job is _renew
+        if is_renewal:
+            self._renewed = time.monotonic()
+        try:
+            client = self._connected()
+            result = job(client)
+            self._events += client.events()
+            future.set_result(result)
+        except ControlRefused as exc:
+            future.set_exception(exc)
+        except EnvironmentFault as exc:
+            self._break(str(exc), tell=is_renewal)
+            future.set_exception(exc)
+        except BaseException as exc:  # handed to the caller
+            future.set_exception(exc)
+
+    def _connected(self) -> Client:
+        if self._client is not None:
+            return self._client
+        if self._lost and not self._reconnect:
+            raise EnvironmentFault(self._lost)
+        client = Client(self.path, timeout_s=self._timeout_s)
+        try:
+            given = int(client.hello.get("lease_ms", 1000))
+            if self._lease_ms is not None:
+                given = client.lease(self._lease_ms)
+            if self._subscribed:
+                client.subscribe()
+        except BaseException:
+            client.close()
+            raise
+        if self._lost:
+            self.notices.append(
+                f"connected again to {self.path}; what was set before has fallen back"
+            )
+            self._lost = ""
+        self._client = client
+        self.client_number = int(client.hello.get("client", 0))
+        self._renewed = time.monotonic()
+        self._pace(given)
+        return client
+
+    def _pace(self, lease_ms: int) -> None:
+        each_s = lease_ms / 1000 / _PARTS_OF_A_LEASE if lease_ms else _MOST_RENEW_S
+        self._renew_s = min(_MOST_RENEW_S, max(_LEAST_RENEW_S, each_s))
+
+    def _break(self, text: str, *, tell: bool) -> None:
+        had = self._client is not None
+        self._drop()
+        if had:
+            self._lost = text
+            if tell:
+                self.notices.append(text)
+
+    def _drop(self) -> None:
+        if self._client is not None:
+            self._client.close()
+        self._client = None
+
+
+def _renew(client: Client) -> None:
+    client.renew()

@@ -1,0 +1,96 @@
+"""Where the ``fsn-master`` that drives an interface has its control socket."""
+
+from __future__ import annotations
+
+import glob
+import os
+import socket as socketlib
+import struct
+import tempfile
+from collections.abc import Iterator
+
+from fsoe_net.errors import EnvironmentFault
+from fsoe_net.live.client import Client
+
+_ANSWER_S = 2.0
+_SERVICE = "/run/fsn-master"  # of the example unit
+
+
+def control_socket(interface: str) -> str:
+    """Return the socket of the ``fsn-master`` that drives an interface, else where it would be.
+
+    Raises:
+        EnvironmentFault: There is one, but this user may not connect.
+    """
+    found = find_socket(interface)
+    if found is not None:
+        return found
+    choices = _own_choices(interface)
+    return next(p for p in choices if os.path.dirname(p) != _SERVICE)
+
+
+def find_socket(interface: str) -> str | None:
+    """Return the control socket of the ``fsn-master`` that drives an interface, if one answers.
+
+    Raises:
+        EnvironmentFault: There is one, but this user may not connect.
+    """
+    for path in _sockets(interface):
+        if not os.access(path, os.W_OK):
+            if os.path.basename(path) != "control.sock":
+                raise EnvironmentFault(
+                    f"{path}: an fsn-master may drive {interface}, but you may not connect; "
+                    "--allow-user NAME of fsn-master permits it"
+                )
+            continue
+        try:
+            if _same_network(path) and interface_of(path) == interface:
+                return path
+        except EnvironmentFault:
+            continue  # left behind by one that is dead, or of another version
+    return None
+
+
+def _folders() -> list[str]:
+    own = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
+    folders = [own, os.environ.get("XDG_RUNTIME_DIR", ""), _SERVICE, "/run"]
+    return list(dict.fromkeys(f for f in folders if f))
+
+
+def _own_choices(interface: str) -> list[str]:
+    name = f"fsn-master-{interface.replace('/', '_')}.sock"
+    return [os.path.join(folder, name) for folder in _folders()]
+
+
+def _sockets(interface: str) -> Iterator[str]:
+    """Yield the places of `fsn-master`'s own choice, and those of `fsoe-net run`."""
+    for path in _own_choices(interface):
+        if os.path.exists(path):
+            yield path
+    for folder in dict.fromkeys((*_folders(), tempfile.gettempdir())):
+        yield from sorted(glob.glob(os.path.join(glob.escape(folder), "fsoe-net-*/control.sock")))
+
+
+def interface_of(socket: str) -> str:
+    """Return the interface that the ``fsn-master`` behind a socket drives.
+
+    Raises:
+        EnvironmentFault: Nobody answers there.
+    """
+    with Client(socket, timeout_s=_ANSWER_S) as client:
+        return str(client.request("status").get("interface", ""))
+
+
+def _same_network(path: str) -> bool:
+    """Whether who listens has our interfaces: a container can have another of the same name."""
+    with socketlib.socket(socketlib.AF_UNIX) as probe:
+        try:
+            probe.settimeout(_ANSWER_S)
+            probe.connect(path)
+            peer = probe.getsockopt(socketlib.SOL_SOCKET, socketlib.SO_PEERCRED, 12)
+            pid, _, _ = struct.unpack("3i", peer)
+            if pid == 0:  # out of our sight: in another container
+                return False
+            return os.readlink(f"/proc/{pid}/ns/net") == os.readlink("/proc/self/ns/net")
+        except OSError:
+            return True  # the client will say so, or nobody can

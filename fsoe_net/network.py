@@ -1,0 +1,367 @@
+"""The library: a network from its files, and everything that can be done with it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fsoe_net.diag.diagnostic import Severity, sort_diagnostics
+from fsoe_net.errors import InputError
+from fsoe_net.formats.own.options import LoadOptions
+from fsoe_net.formats.own.scan import load_scan
+from fsoe_net.formats.shared.files import open_file
+from fsoe_net.plan.compile import compile_plan
+from fsoe_net.plan.fingerprint import Fingerprint
+from fsoe_net.plan.model import Plan
+from fsoe_net.project.check import check_loaded, library_of, load_files, whole_network
+from fsoe_net.project.findings import Findings
+from fsoe_net.proposal.draft import Draft, Inputs, make_draft
+from fsoe_net.proposal.gather import gather
+from fsoe_net.timing.budget import Budget, make_budget
+
+if TYPE_CHECKING:
+    from fsoe_net.acceptance.report import Report
+    from fsoe_net.capture.decode import DecodedFrame
+    from fsoe_net.compare.diff import Difference
+    from fsoe_net.compare.diff_side import Side
+    from fsoe_net.live.client import Client
+    from fsoe_net.live.result import Run
+    from fsoe_net.model.resolve import Resolution
+    from fsoe_net.project.convert import Conversion
+    from fsoe_net.project.edit import NetworkEdit
+
+AnyPath = str | os.PathLike[str]
+
+
+def load(
+    *paths: AnyPath,
+    packages: Mapping[str, str] | None = None,
+    xacro_args: Mapping[str, str] | None = None,
+    xacro_env: Sequence[str] = (),
+    trust_xacro: bool = False,
+) -> Network:
+    """Read the files of a network, and check them.
+
+    A mistake in a file is a finding of `Network.check`, not an exception.
+
+    Args:
+        paths: A network YAML; or a URDF or xacro with its transfer YAML. Other files beside them
+            are compared with it: ESI, ENI, SII image, TwinSAFE export and more, known by content.
+        packages: ROS package name to folder, for ``$(find NAME)`` and ``package://NAME``.
+        xacro_args: Values of ``$(arg NAME)``.
+        xacro_env: Names of the environment variables that ``$(env NAME)`` may read.
+        trust_xacro: Expand xacro without confinement: the file may then do all that you may do.
+
+    Raises:
+        ValueError: No path.
+        EnvironmentFault: xacro cannot be confined on this machine.
+    """
+    if not paths:
+        raise ValueError("load() takes at least one path")
+    options = LoadOptions(
+        packages=packages or {},
+        xacro_args=xacro_args or {},
+        xacro_env=tuple(xacro_env),
+        trust_xacro=trust_xacro,
+    )
+    return Network([os.fspath(path) for path in paths], options)
+
+
+class Network:
+    """A network as its files described it when they were read; see `load`.
+
+    Attributes:
+        name: Of the network; that of the first file where nothing could be read.
+        paths: The files that were named.
+    """
+
+    def __init__(self, paths: Sequence[str], options: LoadOptions) -> None:
+        self.paths = tuple(paths)
+        self._options = options
+        self._loaded = load_files(self.paths, options, compared=True)
+        self._checked = check_loaded(self._loaded)
+        config = self._checked.network
+        self.name = Path(paths[0]).stem if config is None else config.name
+
+    def __repr__(self) -> str:
+        return f"<Network {self.name!r}: {self.check()!r}>"
+
+    def check(self, scan: AnyPath | None = None) -> Findings:
+        """Return what is wrong, each finding with its place and the next step.
+
+        It is what ``fsoe-net check`` reports: the files, their timing, the device library and the
+        files beside them.
+
+        Args:
+            scan: A ``scan.json`` of the bus, to be compared with the network.
+
+        Raises:
+            InputError: The scan cannot be used, or there is no whole network to compare it with.
+        """
+        if scan is None:
+            return Findings(self._checked.diagnostics)
+        seen, damage = load_scan(os.fspath(scan))
+        if seen is None:
+            raise InputError(f"{os.fspath(scan)} is no whole scan document", damage)
+        return Findings(check_loaded(self._loaded, scan=seen).diagnostics)
+
+    def compile(self) -> Plan:
+        """Return the copy plan.
+
+        Raises:
+            InputError: The network has errors, which the exception carries; or it is only a part of
+                one, or moves nothing.
+        """
+        return compile_plan(self._whole("no plan"))
+
+    @property
+    def fingerprint(self) -> Fingerprint:
+        """What identifies everything safety-relevant in the network; raises as `compile`."""
+        return self.compile().fingerprint
+
+    def timing(
+        self, *, cycle_ms: float | None = None, copy_cycles: int = 2, drift: float = 0.0
+    ) -> Budget:
+        """Return the timing budget: every watchdog with its limits, every safety function.
+
+        Args:
+            cycle_ms: Another bus cycle, in ms.
+            copy_cycles: Bus cycles per direction: 2 for fsn-master.
+            drift: Share by which a clock of a device may be slow, 0 to 0.1.
+
+        Raises:
+            InputError: As `compile`.
+        """
+        resolution = self._whole("no budget")
+        return make_budget(
+            resolution,
+            library_of(resolution.network),
+            cycle=cycle_ms,
+            copy_cycles=copy_cycles,
+            drift=drift,
+        )
+
+    def simulate(
+        self,
+        scenario: AnyPath | None = None,
+        *,
+        duration_s: float | None = None,
+        virtual: bool = True,
+        capture: AnyPath | None = None,
+        incidents: AnyPath | None = None,
+    ) -> Run:
+        """Run the network on the emulated bus; nothing is sent to a real one.
+
+        Args:
+            scenario: YAML with steps and expectations.
+            duration_s: Seconds; otherwise those of the scenario, or 3.
+            virtual: Simulated time: as fast as the machine goes, and the same every time. Otherwise
+                the C core cycles in real time.
+            capture: File for the frames of a virtual run (pcapng).
+            incidents: Folder for a file when a connection fails; made if missing.
+
+        Raises:
+            InputError: As `compile`; or the scenario cannot be used.
+            ValueError: ``capture`` without ``virtual``.
+            CoreMissing: The compiled part is not there.
+            EnvironmentFault: A file cannot be written.
+        """
+        from fsoe_net.formats.shared.write_files import make_folder
+        from fsoe_net.project.simulate import simulate
+
+        if capture is not None and not virtual:
+            raise ValueError("capture needs virtual=True: a run in real time carries no frames")
+        resolution = self._whole("nothing started")
+        make_folder(_text(incidents), "incidents")
+        return simulate(
+            resolution,
+            scenario_file=_text(scenario),
+            duration_ns=None if duration_s is None else round(duration_s * 1e9),
+            virtual=virtual,
+            capture=_text(capture),
+            incidents=_text(incidents),
+        )
+
+    def diff(self, other: Network | Plan | AnyPath) -> Difference:
+        """Return what differs by meaning: comments, order and names of files do not.
+
+        Args:
+            other: The other side; as a path all that ``fsoe-net diff`` reads.
+
+        Raises:
+            InputError: One of the two cannot be compared; the exception carries the errors.
+        """
+        from fsoe_net.compare.diff import compare
+        from fsoe_net.compare.diff_read import side_of_plan
+
+        mine = self._side()
+        if isinstance(other, Network):
+            return compare(mine, other._side())
+        if isinstance(other, Plan):
+            return compare(mine, side_of_plan(other, "plan"))
+        from fsoe_net.compare.read import read_side
+
+        name = os.fspath(other)
+        side, found = read_side(name, self._options)
+        if side is None:
+            errors = [d for d in found if d.level is Severity.ERROR]
+            raise InputError(f"{name} cannot be compared", errors)
+        return compare(mine, side)
+
+    def report(
+        self,
+        *,
+        scenario: AnyPath | None = None,
+        evidence: Sequence[AnyPath] = (),
+        plan: AnyPath | None = None,
+        against: AnyPath | None = None,
+        accepted: AnyPath | None = None,
+        protocol: AnyPath | None = None,
+        self_test: AnyPath | None = None,
+    ) -> Report:
+        """Return the report that a safety engineer hands in; one with errors says so first.
+
+        Args:
+            scenario: A scenario to run in virtual time, with its result.
+            evidence: ``scan.json``, results of runs (JSON), incident files.
+            plan: A plan file that shall be the plan of this network.
+            against: An earlier plan or network: the change log starts from it.
+            accepted: An acceptance record: the change log starts from it otherwise.
+            protocol: A test protocol of this network.
+            self_test: The result (JSON) of ``fsoe-net self-test``.
+
+        Raises:
+            InputError: There is no network to report on, or a file cannot be used.
+            ValueError: Both ``against`` and ``accepted``.
+        """
+        from fsoe_net.acceptance.report import make_report
+        from fsoe_net.project.known import read_record
+        from fsoe_net.report.evidence import read_evidence
+
+        if against is not None and accepted is not None:
+            raise ValueError("against and accepted: the change log starts from one of them")
+        return make_report(
+            self._checked,
+            evidence=[read_evidence(os.fspath(path)) for path in evidence],
+            plan=_text(plan),
+            scenario=_text(scenario),
+            against=_text(against),
+            accepted=None if accepted is None else read_record(os.fspath(accepted)),
+            protocol=_text(protocol),
+            self_test=_text(self_test),
+            loading=self._options,
+        )
+
+    def edit(self, path: AnyPath | None = None) -> NetworkEdit:
+        """Change a YAML file of this network; comments and layout stay.
+
+        `NetworkEdit.document` is what is in the file; `NetworkEdit.save` writes it and returns the
+        network as it is then. This one stays as it was read.
+
+        Args:
+            path: The file; otherwise the first one of `paths`.
+
+        Raises:
+            InputError: The file is not YAML, or cannot be read.
+        """
+        from fsoe_net.project.edit import NetworkEdit
+
+        name = self.paths[0] if path is None else os.fspath(path)
+        return NetworkEdit(name, lambda: Network(self.paths, self._options))
+
+    def _whole(self, refusal: str) -> Resolution:
+        return whole_network(self._checked, refusal)
+
+    def _side(self) -> Side:
+        from fsoe_net.compare.diff_read import side_of_network
+
+        if self._checked.resolution is None:
+            raise InputError(f"{self.name} cannot be compared", self.check().errors)
+        return side_of_network(self._checked.resolution, self.paths[0])
+
+
+def propose(*paths: AnyPath, answers: AnyPath | None = None) -> Draft:
+    """Propose a network from whatever files there are, as ``fsoe-net init`` does.
+
+    Args:
+        paths: All that `convert` reads, a ``scan.json``, and folders with such files.
+        answers: YAML that answers what files do not say; `Draft.questions` are open otherwise.
+
+    Raises:
+        InputError: A file or an answer cannot be used; the exception carries the findings.
+    """
+    found = gather([os.fspath(path) for path in paths], LoadOptions(), answers=_text(answers))
+    draft = make_draft(Inputs.of(found), found.answers)
+    errors = [d for d in draft.findings if d.level is Severity.ERROR]
+    if errors:
+        raise InputError("nothing proposed", sort_diagnostics(errors))
+    return draft
+
+
+def convert(*paths: AnyPath, to: str, name: str = "network.yaml") -> Conversion:
+    """Return the bus that files describe together in another format.
+
+    Args:
+        paths: Files, or folders that a conversion wrote; each is known by content.
+        to: ``network``, ``driver``, ``eni``, ``igh``, ``c`` or ``lcec``.
+        name: Of the file that is made; a format of several files chooses theirs.
+
+    Raises:
+        ValueError: There is no such format.
+        InputError: A file cannot be used, or the format cannot hold the bus.
+    """
+    from fsoe_net.formats.registry import all_targets
+    from fsoe_net.project.convert import convert_files
+
+    if to not in all_targets():
+        raise ValueError(f"to={to!r} is not a format; there are {', '.join(all_targets())}")
+    return convert_files([os.fspath(path) for path in paths], to, name=name)
+
+
+def decode(capture: AnyPath, network: Network | None = None) -> Iterator[DecodedFrame]:
+    """Yield the FSoE frames of captured EtherCAT traffic (pcap, pcapng), in order.
+
+    They are found without a network: by command, connection ID and CRCs.
+
+    Args:
+        capture: The file.
+        network: Gives connections and signals their names.
+
+    Raises:
+        InputError: The capture cannot be read, or not to its end; as `Network.compile`.
+        CoreMissing: The compiled part is not there.
+    """
+    from fsoe_net.capture.decode import CaptureDecoder, naming_of
+
+    naming = naming_of(None if network is None else network._whole("nothing decoded"))
+    name = os.fspath(capture)
+    with open_file(name, regular=False) as stream:
+        decoder = CaptureDecoder(name, stream, naming)
+        for sighting in decoder.sightings():
+            yield decoder.frame_of(sighting)
+
+
+def connect(
+    socket: AnyPath | None = None, *, interface: str = "", timeout_s: float = 5.0
+) -> Client:
+    """Connect to a running ``fsn-master``; a context manager.
+
+    Args:
+        socket: Its control socket; otherwise that of the ``fsn-master`` on ``interface``.
+        interface: Network interface of the bus.
+        timeout_s: How long to wait for a connection or a reply, in seconds.
+
+    Raises:
+        EnvironmentFault: Nobody answers there, or you may not connect.
+    """
+    from fsoe_net.live.client import Client
+    from fsoe_net.live.sockets import control_socket
+
+    path = control_socket(interface) if socket is None else os.fspath(socket)
+    return Client(path, timeout_s=timeout_s)
+
+
+def _text(path: AnyPath | None) -> str | None:
+    return None if path is None else os.fspath(path)

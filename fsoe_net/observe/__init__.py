@@ -1,1 +1,0 @@
-"""Looks at FSoE frames of others: hex, captures, a dissector for Wireshark. Sends nothing."""

@@ -1,0 +1,185 @@
+"""SubDevices that can be added to a network: types of the device library and of files, whole buses.
+
+Each goes the way of ``fsoe-net init`` with one SubDevice on the bus, so that its device file is the
+one that ``init`` writes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from fsoe_net.diag.diagnostic import FindingList, Severity, sort_diagnostics
+from fsoe_net.errors import InputError
+from fsoe_net.formats.own.library import load_library
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers
+from fsoe_net.model.bus import Device
+from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.model.joined_descriptions import has_layout
+from fsoe_net.model.library import Library
+from fsoe_net.model.library_fill import fill_from_library, library_device
+from fsoe_net.proposal.draft import Draft, Inputs, make_draft
+from fsoe_net.proposal.gather import Gathered
+from fsoe_net.proposal.ring import DeviceType, list_types
+
+_LIBRARY = "device library"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offer:
+    """A SubDevice that can be added.
+
+    Attributes:
+        order: Order number or type.
+        about: What it is, in words; may be empty.
+        path: Where it is described: a file, or ``device library``.
+        position: Ring position, where a file says what is on the bus.
+        revision: Revision number, where known.
+        process_data: Which process data of the device library it gets; empty: those of its file.
+        frames: Bytes of each pair of FSoE frames, to the device and from it; empty: not known yet.
+        obstacle: Why it cannot be added, and the next step; empty: it can.
+        source: What describes it.
+    """
+
+    order: str
+    about: str = ""
+    path: str = _LIBRARY
+    position: int | None = None
+    revision: int | None = None
+    process_data: str = ""
+    frames: tuple[tuple[int, int], ...] = ()
+    obstacle: str = ""
+    source: DeviceType | DescribedSubDevice = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Addition:
+    """What is added to a network for an offer.
+
+    Attributes:
+        name: Proposed name.
+        position: Ring position, where the offer has one.
+        revision: Revision number, where known.
+        config: Name of its device file.
+        config_text: What is in that file.
+        notes: What a person has to know or to do, in words.
+    """
+
+    name: str
+    position: int | None
+    revision: int | None
+    config: str
+    config_text: str
+    notes: tuple[str, ...]
+
+
+def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
+    """Return what can be added: SubDevices of buses in files, types of files, the device library.
+
+    Args:
+        found: What files say; empty: the device library alone.
+        out: Takes what is wrong with ESI files; one that cannot be read gives nothing.
+    """
+    library, _ = load_library()
+    types: list[DeviceType] = []
+    for path in found.esis:
+        mine = Collector()
+        types += list_types([path], (), Library(devices=()), mine)
+        out.diagnostics += mine.diagnostics
+    types += list_types((), found.types, library, Collector())
+    offers: list[Offer] = []
+    if found.buses:
+        bus, _, _ = Inputs(found, library, types).ring(Answers())
+        for sub in () if bus is None else bus.subdevices:
+            row = Offer(
+                order=sub.order or sub.name,
+                about=sub.name,
+                path=found.buses[0].path,
+                position=sub.position,
+                source=sub,
+            )
+            offers += _ways(row, sub, library)
+    for kind in types:
+        row = Offer(
+            order=kind.order, about=kind.name, path=kind.path, revision=kind.revision, source=kind
+        )
+        if kind.path == _LIBRARY:
+            device = library.find(kind.vendor, kind.product)
+            row = replace(row, about="" if device is None else device.about)
+        offers += [row] if kind.sub is None else _ways(row, kind.sub, library)
+    return tuple(offers)
+
+
+def addition_of(offer: Offer) -> Addition:
+    """Return what adding an offer brings.
+
+    Raises:
+        InputError: Its file cannot be read, or its device file cannot hold it.
+    """
+    library, _ = load_library()
+    if isinstance(offer.source, DeviceType):
+        inputs = Inputs(Gathered(used=[offer.path]), library, [offer.source])
+        row = AnsweredDevice(type=offer.source.order, revision=offer.source.revision)
+        answers = Answers(subdevices=(row,))
+    else:
+        bus = Description(format="files", path=offer.path, subdevices=(offer.source,))
+        inputs = Inputs(Gathered(buses=[bus], used=[offer.path]), library, [])
+        answers = Answers()
+    made = make_draft(inputs, answers)
+    if made.proposal is not None and offer.process_data:
+        name = made.proposal.bus.subdevices[0].name
+        word = AnsweredWord(text=offer.process_data)
+        made = make_draft(inputs, replace(answers, process_data={name: word}))
+    return _made(made, offer)
+
+
+def _made(made: Draft, offer: Offer) -> Addition:
+    errors = [d for d in made.findings if d.level is Severity.ERROR]
+    if errors or made.proposal is None:
+        raise InputError(f"{offer.order} cannot be added", sort_diagnostics(errors))
+    written = made.files()
+    (config,) = (name for name in written.files if name != "network.yaml")
+    sub = made.proposal.bus.subdevices[0]
+    proposal = made.proposal
+    rows = (
+        *proposal.sources[0],
+        *proposal.remarks[0],
+        *made.notes,
+        *proposal.open_devices,
+        *written.notes,
+    )
+    notes = (text.removeprefix(f"{sub.name}: ") for text in rows)
+    return Addition(
+        name=sub.name,
+        position=offer.position,
+        revision=sub.revision,
+        config=config,
+        config_text=written.files[config],
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _ways(row: Offer, sub: DescribedSubDevice, library: Library) -> list[Offer]:
+    """Return an offer for each set of process data that the SubDevice may have."""
+    row = replace(row, revision=sub.revision)
+    if has_layout(sub.device):
+        return [replace(row, frames=_frames(sub.device))]
+    known = library_device(sub, library)
+    fill = fill_from_library(sub, "it", library, Answers())
+    if known is None or (fill.question is None and not has_layout(fill.sub.device)):
+        return [replace(row, obstacle="no file here has its process data; add its ESI or a scan")]
+    names = {m.name: m for m in known.mappings}
+    if fill.question is None:
+        return [replace(row, frames=_frames(fill.sub.device))]
+    return [
+        replace(
+            row,
+            process_data=name,
+            frames=_frames(names[name].device(known.identities[0], "")),
+        )
+        for name, _ in fill.question.choices
+    ]
+
+
+def _frames(device: Device) -> tuple[tuple[int, int], ...]:
+    return tuple((p.taken_bytes, p.sent_bytes) for p in device.layout.frame_pairs)

@@ -1,1 +1,0 @@
-"""Live sessions: emulated devices, the C core and a scenario, in virtual or real time."""

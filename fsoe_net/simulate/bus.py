@@ -1,0 +1,201 @@
+"""All emulated devices of a network, and the safe signals by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property
+
+from fsoe_net.fsoe.sub_instance import SubInstance
+from fsoe_net.model.bus import Direction, SubDevice
+from fsoe_net.model.drives import AXIS_STEP, DriveSetup, drive_axes
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.scenario import LogicChoice
+from fsoe_net.model.signals import split_name
+from fsoe_net.simulate.device import EmulatedDevice
+from fsoe_net.simulate.drive.axis import EmulatedAxis
+from fsoe_net.simulate.drive.wiring import WiredAxis
+from fsoe_net.simulate.port import Port, main_port, sub_port
+from fsoe_net.simulate.setup import FsoeSetup, choose_setups
+
+# Input area of modular devices (ETG.5001). Status bits of a safety drive lie elsewhere (0x2xxx,
+# 0x66xx of the drive profile) and are no e-stop buttons.
+_CYCLE_NS = 1_000_000  # when no file states a bus cycle
+_INPUT_OBJECTS = range(0x6000, 0x6600)
+
+
+class EmulatedDevices:
+    """Devices in bus order, connections in plan order.
+
+    Args:
+        setups: Facts of every connection.
+        devices: Devices by SubDevice name.
+    """
+
+    def __init__(self, setups: list[FsoeSetup], devices: dict[str, EmulatedDevice]) -> None:
+        self.setups = setups
+        self.devices = devices
+        self.mains: dict[str, Port] = {}
+        self.subs: dict[str, Port] = {}
+        for device in devices.values():
+            for port in device.ports:
+                ends = self.mains if port.is_main else self.subs
+                ends[port.setup.connection.name] = port
+
+    @cached_property
+    def masters(self) -> list[EmulatedDevice]:
+        """Devices that hold a MainInstance, so have a logic."""
+        return [d for d in self.devices.values() if any(p.is_main for p in d.ports)]
+
+    @cached_property
+    def safe_inputs(self) -> dict[str, Port]:
+        """Safe inputs of all SubInstances by name."""
+        return {name: port for port in self.subs.values() for name in port.sends}
+
+    @cached_property
+    def safe_outputs(self) -> dict[str, Port]:
+        """Safe outputs of all SubInstances by name."""
+        return {name: port for port in self.subs.values() for name in port.receives}
+
+    def default_inputs(self) -> list[str]:
+        """Return the safe inputs the default logic watches: single bits, drive status excluded."""
+        return [
+            name
+            for name, port in self.safe_inputs.items()
+            if port.sends[name].bits == 1 and port.sends[name].index in _INPUT_OBJECTS
+        ]
+
+    def has_safe_input(self, name: str) -> bool:
+        """Return whether there is a safe input of that name."""
+        return normal_name(name) in self.safe_inputs
+
+    def set_safe_input(self, name: str, value: int) -> None:
+        """Set what a SubInstance sees at its terminals; a mirrored value mirrors no longer.
+
+        Raises:
+            KeyError: No safe input of that name.
+        """
+        name = normal_name(name)
+        port = self.safe_inputs[name]
+        if name in port.mirrored:
+            port.mirrored.remove(name)
+        port.reported.pop(name, None)
+        port.sends[name].write(port.safe, value)
+
+    def set_good(self, name: str) -> None:
+        """Set a safe input to 1, unless it follows what the device receives.
+
+        Raises:
+            KeyError: No safe input of that name.
+        """
+        name = normal_name(name)
+        if name not in self.safe_inputs[name].mirrored:
+            self.set_safe_input(name, 1)
+
+    def set_address(self, subdevice: str, address: int) -> None:
+        """Give the SubInstances of a SubDevice another address; it counts in the next Connection.
+
+        Raises:
+            ValueError: Not in 1 … 65535.
+        """
+        for port in self.subs.values():
+            instance = port.instance
+            if port.setup.connection.sub.name == subdevice and isinstance(instance, SubInstance):
+                instance.config = replace(instance.config, address=address)
+
+    def safe_output(self, name: str) -> int:
+        """Return what a SubInstance hands to its outputs; 0 while not valid.
+
+        Raises:
+            KeyError: No safe output of that name.
+        """
+        name = normal_name(name)
+        return self.safe_outputs[name].received(name)
+
+    @cached_property
+    def axes(self) -> dict[str, WiredAxis]:
+        """Emulated axes by name, as `fsoe_net.model.drives.axis_name` has it."""
+        return {wired.name: wired for device in self.devices.values() for wired in device.axes}
+
+    def choose_drives(self, setups: Mapping[str, DriveSetup]) -> None:
+        """Give axes another motor, load and wiring; one without a setup keeps that of before.
+
+        Raises:
+            KeyError: No axis or safe output of a name.
+        """
+        axes = self.axes
+        for name, setup in setups.items():
+            axes[name].configure(setup, self._port_of)
+
+    def _port_of(self, output: str) -> tuple[Port, str]:
+        name = normal_name(output)
+        return self.safe_outputs[name], name
+
+    def choose_logic(self, choice: LogicChoice) -> None:
+        """Configure for every safety master which inputs it watches and which outputs it switches.
+
+        Raises:
+            KeyError: A name is no safe input or output.
+        """
+        inputs = self.default_inputs() if choice.inputs is None else choice.inputs
+        outputs = list(self.safe_outputs) if choice.outputs is None else choice.outputs
+        watched = {(n := normal_name(x)): self.safe_inputs[n].setup.connection.name for x in inputs}
+        switched = {
+            (n := normal_name(x)): self.safe_outputs[n].setup.connection.name for x in outputs
+        }
+        delays = {normal_name(name): ns for name, ns in choice.delays_ns.items()}
+        for device in self.masters:
+            device.logic.delays_ns = delays
+            own = {p.setup.connection.name: p for p in device.ports if p.is_main}
+            device.logic_inputs = [(own[c], n) for n, c in watched.items() if c in own]
+            device.logic_outputs = [(own[c], n) for n, c in switched.items() if c in own]
+
+
+def normal_name(text: str) -> str:
+    """Return the canonical spelling of a signal name."""
+    parts = split_name(text)
+    return text if parts is None else f"{parts[0]}.0x{parts[1]:04x}:{parts[2]:02x}"
+
+
+def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> EmulatedDevices:
+    """Build a device for every SubDevice with an FSoE end or standard inputs.
+
+    Args:
+        resolution: A network without errors.
+        session_ids: Source of session ids: random live, counted in virtual time.
+    """
+    setups = choose_setups(resolution)
+    cycle_s = (resolution.network.cycle_ns or _CYCLE_NS) / 1e9
+    ports: dict[str, list[Port]] = {}
+    for setup in setups:
+        c = setup.connection
+        ports.setdefault(c.main.name, []).append(main_port(setup, session_ids))
+        ports.setdefault(c.sub.name, []).append(sub_port(setup, session_ids))
+    devices: dict[str, EmulatedDevice] = {}
+    for sub in resolution.network.subdevices:
+        inputs = {
+            sm.sm.index: bytearray(sm.size_bytes)
+            for sm in (sub.layout.managers if sub.layout else ())
+            if sm.sm.direction is Direction.INPUT and sm.registered
+        }
+        if inputs or sub.name in ports:
+            own = ports.get(sub.name, [])
+            devices[sub.name] = EmulatedDevice(
+                name=sub.name, ports=own, inputs=inputs, axes=_axes(sub, own, cycle_s)
+            )
+    return EmulatedDevices(setups, devices)
+
+
+def _axes(sub: SubDevice, ports: list[Port], cycle_s: float) -> list[WiredAxis]:
+    """Build the axes of a drive; none for any other device."""
+    if sub.device is None or sub.layout is None:
+        return []
+    found = []
+    for axis in drive_axes(sub.layout):
+        stated = {
+            (sdo.index - axis.base, sdo.subindex): sdo.value
+            for sdo in sub.device.sdos
+            if 0x6000 <= sdo.index - axis.base < 0x6000 + AXIS_STEP
+        }
+        found.append(WiredAxis(sub.name, EmulatedAxis(axis, stated, cycle_s), ports))
+    return found

@@ -1,0 +1,326 @@
+"""A fault campaign over the connections of a network, on all cores."""
+
+from __future__ import annotations
+
+import gc
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, MutableSequence, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from fsoe_net.campaign.shrink import shrink
+from fsoe_net.campaign.trials import (
+    CampaignConfig,
+    ClassResult,
+    Trials,
+    merge,
+    run_trials,
+    trial_count,
+)
+from fsoe_net.campaign.walk import MainFactory, SubFactory, TrialConnection
+from fsoe_net.errors import EnvironmentFault, InputError
+from fsoe_net.fsoe.config import MainConfig
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.simulate.device_logic import divert_stdout
+from fsoe_net.simulate.scenario_run import DEFAULT_CYCLE_NS
+from fsoe_net.simulate.setup import choose_setups
+
+_CHUNK = 8192  # the same whatever the number of processes, so that sums are the same too
+_FEW = 4096  # trials which are not worth starting processes for
+_SHOWN_EVERY_S = 0.25  # progress within a piece of work
+_STOP_S = 2.0  # for a process to end by itself
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CampaignResult:
+    """What a campaign found.
+
+    Attributes:
+        config: Connections and seed.
+        faults: Requested faults per class.
+        classes: One row per class, in the requested order; classes never begun are missing.
+        interrupted: Whether it was stopped before its end.
+    """
+
+    config: CampaignConfig
+    faults: int
+    classes: tuple[ClassResult, ...]
+    interrupted: bool
+
+    @property
+    def passed(self) -> bool:
+        """Whether no end failed, every rate is plausible and not too much was tolerated."""
+        return all(row.passed for row in self.classes)
+
+
+def campaign_links(
+    resolution: Resolution,
+    *,
+    connection: str | None = None,
+    main_factory: MainFactory | None = None,
+    sub_factory: SubFactory | None = None,
+) -> tuple[TrialConnection, ...]:
+    """Return the connections of a network, ready for a campaign.
+
+    Args:
+        resolution: The network; cycle 1 ms when it states none.
+        connection: Only this one.
+        main_factory: Makes a foreign main.
+        sub_factory: Makes a foreign sub.
+
+    Raises:
+        InputError: No connection at all, or none of this name.
+    """
+    setups = choose_setups(resolution)
+    if not setups:
+        raise InputError("nothing to try: these files hold no FSoE connection")
+    names = [setup.connection.name for setup in setups]
+    if connection is not None and connection not in names:
+        raise InputError(f"no connection {connection!r}; there are {', '.join(names)}")
+    cycle_ns = resolution.network.cycle_ns or DEFAULT_CYCLE_NS
+    mains = [setup.main for setup in setups]
+    return tuple(
+        TrialConnection(
+            name=setup.connection.name,
+            main=setup.main,
+            sub=setup.sub,
+            other=_other(setup.main, mains),
+            cycle_ns=cycle_ns,
+            main_factory=main_factory,
+            sub_factory=sub_factory,
+        )
+        for setup in setups
+        if connection in (None, setup.connection.name)
+    )
+
+
+def _other(main: MainConfig, mains: Sequence[MainConfig]) -> MainConfig:
+    """Return another connection of the same sizes: of the network if there is one."""
+    sizes = (main.safe_out_bytes, main.safe_in_bytes)
+    for row in mains:
+        if row is not main and (row.safe_out_bytes, row.safe_in_bytes) == sizes:
+            return row
+    used = {row.connection_id for row in mains}
+    free = next(number for number in range(1, 0x10000) if number not in used)
+    return replace(main, connection_id=free, address=main.address ^ 1)
+
+
+def run_campaign(
+    config: CampaignConfig,
+    names: Sequence[str],
+    faults: int,
+    *,
+    jobs: int | None = None,
+    on_progress: Progress | None = None,
+) -> CampaignResult:
+    """Run a campaign.
+
+    Args:
+        config: Connections and seed.
+        names: Classes of faults.
+        faults: Faults per class.
+        jobs: Processes; default: one per core, or this one when the faults are few.
+        on_progress: Called in this process several times a second, if a fault takes no longer, with
+            faults done, faults in all, class last worked on.
+
+    Returns:
+        What was found. After Ctrl-C what had been found until then, marked so.
+
+    Raises:
+        ConfigError: No such class, or a connection that never reaches state Data.
+        EnvironmentFault: A device under test raised an exception or took its process with it.
+    """
+    work = [
+        (name, range(at, min(at + _CHUNK, count)))
+        for name in names
+        for count in [trial_count(config, name, faults)]
+        for at in range(0, count, _CHUNK)
+    ]
+    total = sum(len(trials) for _, trials in work)
+    parts: dict[int, ClassResult] = {}
+    reports = _Reports(on_progress, total)
+    if jobs is None:
+        jobs = 1 if total <= _FEW else _cores()
+    steps = _alone(config, work, reports) if jobs == 1 else _together(config, work, jobs, reports)
+    interrupted = False
+    try:
+        for index, part in steps:
+            parts[index] = part
+            reports.finished(len(work[index][1]), part.name)
+    except KeyboardInterrupt:
+        interrupted = True
+    found = [parts[index] for index in sorted(parts)]
+    rows = [[part for part in found if part.name == name] for name in names]
+    return CampaignResult(
+        config=config,
+        faults=faults,
+        classes=tuple(merge(row) for row in rows if row),
+        interrupted=interrupted,
+    )
+
+
+def save_failures(result: CampaignResult, folder: Path) -> dict[tuple[str, int], Path | None]:
+    """Make the first wrong acceptances of each class small and write them as recordings.
+
+    Args:
+        result: What the campaign found.
+        folder: Where to; made if needed.
+
+    Returns:
+        Class and trial, and the file `fsoe_net.campaign.recording.replay.replay_file` takes;
+        ``None`` for a case that fails only after the long run it was found in.
+    """
+    saved: dict[tuple[str, int], Path | None] = {}
+    for row in result.classes:
+        if not row.failures:
+            continue
+        trials = Trials(result.config, row.name)
+        for failure in row.failures:
+            small = shrink(trials.case(failure.trial))
+            saved[row.name, failure.trial] = None
+            if small is not None:
+                path = folder / f"{row.name.replace('+', '-and-')}-{failure.trial}.jsonl"
+                folder.mkdir(parents=True, exist_ok=True)
+                path.write_text("\n".join(small.lines) + "\n", encoding="utf-8")
+                saved[row.name, failure.trial] = path
+    return saved
+
+
+_Work = Sequence[tuple[str, range]]
+_Steps = Iterator[tuple[int, ClassResult]]
+
+
+class _Reports:
+    """Reports how far a campaign is; never the same number twice, never a smaller one."""
+
+    def __init__(self, on_progress: Progress | None, total: int) -> None:
+        self.call, self._total = on_progress, total
+        self._done, self._last = 0, 0
+
+    def finished(self, trials: int, name: str) -> None:
+        """A piece of work is done."""
+        self._done += trials
+        self._tell(self._done, name)
+
+    def within(self, trials: int, name: str) -> None:
+        """So many trials of the pieces being worked on are done."""
+        self._tell(min(self._done + trials, self._total - 1), name)
+
+    def _tell(self, done: int, name: str) -> None:
+        if self.call is not None and done > self._last:
+            self._last = done
+            self.call(done, self._total, name)
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))  # those this process may use
+    return os.cpu_count() or 1
+
+
+def _alone(config: CampaignConfig, work: _Work, reports: _Reports) -> _Steps:
+    for index, (name, trials) in enumerate(work):
+        on_trial = _now_and_then(reports.within, name) if reports.call else None
+        yield index, run_trials(config, name, trials, on_trial)
+
+
+def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int], None]:
+    due_s = time.monotonic() + _SHOWN_EVERY_S
+
+    def on_trial(done: int) -> None:
+        nonlocal due_s
+        if time.monotonic() >= due_s:
+            tell(done, name)
+            due_s = time.monotonic() + _SHOWN_EVERY_S
+
+    return on_trial
+
+
+def _together(config: CampaignConfig, work: _Work, jobs: int, reports: _Reports) -> _Steps:
+    """Share the work; at most a few pieces are handed out ahead, so that an end comes quickly."""
+    context = multiprocessing.get_context("spawn")
+    # Each piece of work has a place of its own: no lock that a dying process could keep.
+    counts: MutableSequence[int] = context.RawArray("i", len(work))
+    pool = ProcessPoolExecutor(
+        max_workers=min(jobs, len(work)),
+        mp_context=context,
+        initializer=_prepare_process,
+        initargs=(counts,),
+    )
+    queue = iter(enumerate(work))
+    running: dict[Future[ClassResult], int] = {}
+    try:
+        while True:
+            for index, (name, trials) in queue:
+                running[pool.submit(_run_piece, config, name, trials, index)] = index
+                if len(running) > 2 * jobs:
+                    break
+            if not running:
+                return
+            finished, _ = wait(running, timeout=_SHOWN_EVERY_S, return_when=FIRST_COMPLETED)
+            for future in finished:
+                yield running.pop(future), future.result()
+            if not finished:
+                at = [index for index in running.values() if counts[index]]
+                if at:
+                    reports.within(sum(counts[index] for index in at), work[min(at)][0])
+    except BrokenProcessPool as exc:
+        raise EnvironmentFault(
+            "a process of the campaign died, as by os._exit() or a crash of the device; "
+            "--jobs 1 shows what a crash prints"
+        ) from exc
+    finally:
+        _stop(pool)
+
+
+def _stop(pool: ProcessPoolExecutor) -> None:
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        process.join(_STOP_S)
+        process.kill()  # a device may have taken SIGTERM for itself
+        process.join()
+
+
+_counts: MutableSequence[int] = []
+"""Trials done per piece of work; shared with the parent of this process."""
+
+
+def _prepare_process(counts: MutableSequence[int]) -> None:
+    global _counts  # the only way from the start of a process to its calls
+    _counts = counts
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
+    gc.set_threshold(200_000)  # trials leave no cycles behind; looking for them takes a tenth
+    divert_stdout()  # what a device prints is no part of the report
+    sys.stdout = sys.stderr
+
+
+def _end_with_parent() -> None:  # pragma: no cover - ends its process, and the counts with it
+    """End this process when its parent has ended, even by SIGKILL.
+
+    It would wait for work for ever otherwise, and with it the process of `multiprocessing` that
+    removes the semaphores of the parent.
+    """
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # noqa: S101 - a process of the pool has one
+    parent.join()
+    os._exit(1)
+
+
+def _run_piece(config: CampaignConfig, name: str, trials: range, index: int) -> ClassResult:
+    def on_trial(done: int) -> None:
+        _counts[index] = done
+
+    return run_trials(config, name, trials, on_trial)

@@ -1,0 +1,139 @@
+"""Emulated SubDevices: FSoE ends at their places in the process data, and what they do with it."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from fsoe_net.fsoe.event import State
+from fsoe_net.model.signals import write_bits
+from fsoe_net.simulate.drive.wiring import WiredAxis
+from fsoe_net.simulate.logic import SafetyLogic
+from fsoe_net.simulate.port import Port
+
+
+class ProcessData(Protocol):
+    """The sync managers of one SubDevice, seen from the device; numbers are SM numbers."""
+
+    def read_outputs(self, sm: int) -> bytes:
+        """Return the newest outputs."""
+
+    def write_inputs(self, sm: int, data: bytes) -> None:
+        """Publish inputs, whole."""
+
+    def operational(self) -> bool:
+        """Return whether outputs come: the SubDevice is in OP."""
+
+
+@dataclass(slots=True)
+class EmulatedDevice:
+    """One SubDevice: its FSoE ends, and its input process data as last published."""
+
+    name: str
+    ports: list[Port]
+    inputs: dict[int, bytearray]
+    logic: SafetyLogic = field(default_factory=SafetyLogic)
+    logic_inputs: list[tuple[Port, str]] = field(default_factory=list)
+    logic_outputs: list[tuple[Port, str]] = field(default_factory=list)
+    away: set[str] = field(default_factory=set)  # connections that the logic does not ask for
+    axes: list[WiredAxis] = field(default_factory=list)
+    _unpublished: set[int] = field(default_factory=set)
+    _set: set[tuple[int, int]] = field(default_factory=set)
+    _shown: dict[tuple[int, int], int] = field(default_factory=dict)
+    _mains: tuple[Port, ...] = ()
+    _rx_sms: tuple[int, ...] = ()  # a logic has many ends in one sync manager
+
+    def __post_init__(self) -> None:
+        self._mains = tuple(port for port in self.ports if port.is_main)
+        self._rx_sms = tuple({port.rx_sm for port in self.ports})
+
+    def set_input(self, sm: int, bit: int, bits: int, value: int) -> None:
+        """Set standard input bits of a sync manager; the next step publishes them.
+
+        What an emulated axis would show there stays as it was set.
+        """
+        self._set.add((sm, bit))
+        self._write(sm, bit, bits, value)
+
+    def _write(self, sm: int, bit: int, bits: int, value: int) -> None:
+        write_bits(self.inputs[sm], bit, bits, value)
+        self._unpublished.add(sm)
+
+    def step(self, now_ns: int, io: ProcessData) -> None:
+        """Read outputs, let every FSoE end take one step, publish inputs that changed."""
+        changed = self._unpublished
+        images = {sm: io.read_outputs(sm) for sm in self._rx_sms}
+        for port in self.ports:
+            frame = images[port.rx_sm][port.rx_byte : port.rx_byte + port.rx_bytes]
+            if not port.is_main:
+                self._prepare_sub(port)
+            port.instance.set_safe_data(bytes(port.safe))
+            answer = port.instance.step(now_ns, frame)
+            if answer is not None:
+                self.inputs[port.tx_sm][port.tx_byte : port.tx_byte + len(answer)] = answer
+                changed.add(port.tx_sm)
+        self._decide(now_ns)
+        self._move(now_ns, io)
+        for sm in changed:
+            io.write_inputs(sm, bytes(self.inputs[sm]))
+        changed.clear()
+
+    def _prepare_sub(self, port: Port) -> None:
+        """A SubInstance sends its values whenever it is in Data; drives echo what is commanded."""
+        port.instance.enable = port.instance.state is State.DATA
+        for name in port.mirrored:
+            port.sends[name].write(port.safe, port.received(name))
+        for name, value in port.reported.items():
+            port.sends[name].write(port.safe, value)
+
+    def _move(self, now_ns: int, io: ProcessData) -> None:
+        """Let every axis take one step."""
+        if not self.axes:
+            return
+        image = functools.cache(io.read_outputs)
+        operational = io.operational()
+        for wired in self.axes:
+            axis = wired.axis
+            axis.step(now_ns, image, wired.demand(), operational=operational)
+            wired.report()
+            for sm, bit, bits, value in axis.objects.inputs():
+                if self._shown.get((sm, bit)) != value and (sm, bit) not in self._set:
+                    self._shown[sm, bit] = value
+                    self._write(sm, bit, bits, value)
+
+    def _decide(self, now_ns: int) -> None:
+        """Run the logic of a safety master over all its connections."""
+        if not self._mains:
+            return
+        due = {p for p in self._mains if p.setup.connection.name not in self.away}
+        good = all(p.instance.state is State.DATA and p.instance.data_valid for p in due)
+        good = good and all(p.received(name) for p, name in self.logic_inputs if p in due)
+        self.logic.update(good, now_ns)
+        self._switch()
+
+    def _switch(self) -> None:
+        """Give the outputs of the logic to the frames of its connections."""
+        held = [(port, name) for port, name in self.logic_outputs if self.logic.is_on(name)]
+        holding = {port for port, _ in held}
+        for port in self._mains:
+            port.safe[:] = bytes(len(port.safe))
+            enabled = self.logic.on or port in holding
+            port.instance.enable = enabled and port.instance.state is State.DATA
+        for port, name in held:
+            signal = port.sends[name]
+            signal.write(port.safe, (1 << signal.bits) - 1)
+
+    def power_cycle(self) -> None:
+        """Switch the device off and on: everything volatile is lost.
+
+        The bus shows the inputs of before until the device publishes anew, as a memory does.
+        """
+        for port in self.ports:
+            port.instance.power_cycle()
+        for wired in self.axes:
+            wired.axis.power_cycle()
+        self._shown.clear()
+        for data in self.inputs.values():
+            data[:] = bytes(len(data))
+        self.logic.power_cycle()

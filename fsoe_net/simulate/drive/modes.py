@@ -1,0 +1,290 @@
+"""Modes of operation of an emulated axis: each makes a reference or a torque in every time step."""
+
+from __future__ import annotations
+
+import abc
+import math
+from dataclasses import dataclass
+
+from fsoe_net.simulate.drive.objects import AxisObjects
+from fsoe_net.simulate.drive.servo import Limits, Servo
+
+TARGET_REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
+_SMOOTH = 0.08  # of a target that is not where it was expected: so much in a cycle
+_NEW_SET_POINT, _AT_ONCE, _RELATIVE = 1 << 4, 1 << 5, 1 << 6
+
+
+@dataclass(slots=True)
+class MotionContext:
+    """What a mode works on.
+
+    Attributes:
+        origin: Angle in rad where the axis shows 0.
+        counts_per_rad: Of the position it shows.
+        switches: Negative limit, positive limit, home switch.
+    """
+
+    objects: AxisObjects
+    servo: Servo
+    limits: Limits
+    counts_per_rad: float
+    torque_nm_per_mille: float
+    origin: float = 0.0
+    switches: tuple[bool, bool, bool] = (False, False, False)
+
+    def rad(self, index: int, subindex: int = 0) -> float:
+        """Return a length, speed or acceleration in rad."""
+        return self.objects.value(index, subindex) / self.counts_per_rad
+
+    def ramp(self, index: int) -> float:
+        """Return an acceleration; 0 would never get anywhere."""
+        return max(abs(self.rad(index)), 1 / self.counts_per_rad)
+
+    def angle_of(self, counts: int) -> float:
+        """Return the angle of a position in counts: of all that look so in 32 bits, the nearest."""
+        shown = self.shown(self.servo.plant.angle)
+        away = (counts - shown + (1 << 31)) % (1 << 32) - (1 << 31)
+        return (shown + away) / self.counts_per_rad + self.origin
+
+    def shown(self, angle: float) -> int:
+        """Return the position in counts, not yet cut to 32 bits."""
+        return round((angle - self.origin) * self.counts_per_rad)
+
+    def within_limits(self, angle: float) -> float:
+        """Return the nearest angle that the position limits (0x607D) allow."""
+        low, high = (self.objects.value(0x607D, n) for n in (1, 2))
+        if low >= high:
+            return angle
+        counts = self.counts_per_rad
+        return max(low / counts + self.origin, min(high / counts + self.origin, angle))
+
+
+class ModeBase(abc.ABC):
+    """A mode; made anew when the mode changes and when operation is enabled."""
+
+    watches_error = False
+    """Whether a following error is a fault."""
+    minds_switches = False
+    """Whether a limit switch stops it: it has no target that position limits could cut."""
+
+    def __init__(self, context: MotionContext) -> None:
+        self.c = context
+
+    @abc.abstractmethod
+    def command(self, controlword: int, passed_s: float) -> None:
+        """Take what has been received.
+
+        Args:
+            controlword: As it is.
+            passed_s: Time that this step of the device is going to take.
+        """
+
+    @abc.abstractmethod
+    def move(self, step_s: float) -> None:
+        """Take a time step."""
+
+    @abc.abstractmethod
+    def bits(self) -> int:
+        """Return the bits of the mode in the statusword."""
+
+
+class NoMode(ModeBase):
+    """Nothing chosen: the axis is held where it is."""
+
+    def command(self, controlword: int, passed_s: float) -> None:
+        """Ignore it."""
+
+    def move(self, step_s: float) -> None:
+        """Stop and hold."""
+        ramp = self.c.ramp(0x6084)
+        self.c.servo.ramp(0.0, ramp, ramp, step_s)
+        self.c.servo.follow(self.c.limits, step_s)
+
+    def bits(self) -> int:
+        """Return none."""
+        return 0
+
+
+class CyclicPosition(ModeBase):
+    """CSP: the target of each cycle.
+
+    A device that is not synchronous to the bus sees one target twice now and then, and the next one
+    not at all. What it follows is smoothed so that this does not shake the motor: a target that
+    moves at constant speed is followed without lag.
+    """
+
+    watches_error = True
+
+    def __init__(self, context: MotionContext) -> None:
+        super().__init__(context)
+        self._angle, self._speed = context.servo.angle, context.servo.speed
+        self._left_s = 0.0
+        self._cut = False
+
+    def command(self, controlword: int, passed_s: float) -> None:
+        """Take the target and its offset."""
+        c = self.c
+        wanted = c.angle_of(c.objects.value(0x607A) + c.objects.value(0x60B0))
+        target = c.within_limits(wanted)
+        self._cut = target != wanted
+        if passed_s <= 0:
+            return
+        # What came in a step that was longer than a cycle is as old as several targets.
+        weight = min(1.0, _SMOOTH * passed_s / c.objects.interpolation_s)
+        expected = self._angle + self._speed * passed_s
+        away = target - expected
+        self._angle = expected + weight * away
+        self._speed += weight**2 / (2 - weight) * away / passed_s
+        self._left_s = passed_s
+
+    def move(self, step_s: float) -> None:
+        """Go on to where the target is expected at the end of this step of the device."""
+        servo = self.c.servo
+        servo.interpolate(self._angle, self._speed, max(self._left_s, step_s), step_s)
+        self._left_s -= step_s
+        servo.follow(self.c.limits, step_s)
+        servo.limited |= self._cut
+
+    def bits(self) -> int:
+        """Return bit 12: the target is what is controlled, whatever limits it."""
+        return BIT_12
+
+
+class CyclicVelocity(ModeBase):
+    """CSV: the speed of each cycle."""
+
+    minds_switches = True
+
+    def __init__(self, context: MotionContext) -> None:
+        super().__init__(context)
+        self._speed = 0.0
+
+    def command(self, controlword: int, passed_s: float) -> None:
+        """Take the target and its offset."""
+        self._speed = self.c.rad(0x60FF) + self.c.rad(0x60B1)
+
+    def move(self, step_s: float) -> None:
+        """Control the speed."""
+        servo = self.c.servo
+        servo.angle, servo.speed, servo.rate = servo.plant.angle, self._speed, 0.0
+        servo.control_speed(self._speed, self.c.limits, step_s)
+
+    def bits(self) -> int:
+        """Return bit 12: the target is what is controlled, whatever limits it."""
+        return BIT_12
+
+
+class CyclicTorque(ModeBase):
+    """CST: the torque of each cycle."""
+
+    minds_switches = True
+
+    def __init__(self, context: MotionContext) -> None:
+        super().__init__(context)
+        self._torque_nm = 0.0
+
+    def command(self, controlword: int, passed_s: float) -> None:
+        """Take the target and its offset."""
+        objects = self.c.objects
+        per_mille = objects.value(0x6071) + objects.value(0x60B2)
+        self._torque_nm = per_mille * self.c.torque_nm_per_mille
+
+    def move(self, step_s: float) -> None:
+        """Apply it."""
+        self.c.servo.control_torque(self._torque_nm, self.c.limits, step_s)
+        self.c.servo.take_over()
+
+    def bits(self) -> int:
+        """Return bit 12: the target is what is controlled, whatever limits it."""
+        return BIT_12
+
+
+class ProfileVelocity(ModeBase):
+    """PV: ramps to a speed."""
+
+    minds_switches = True
+
+    def __init__(self, context: MotionContext) -> None:
+        super().__init__(context)
+        self._speed = 0.0
+
+    def command(self, controlword: int, passed_s: float) -> None:
+        """Take the target."""
+        limit = self.c.limits.speed
+        self._speed = max(-limit, min(limit, self.c.rad(0x60FF)))
+
+    def move(self, step_s: float) -> None:
+        """Ramp."""
+        c = self.c
+        c.servo.ramp(self._speed, c.ramp(0x6083), c.ramp(0x6084), step_s)
+        c.servo.follow(c.limits, step_s)
+
+    def bits(self) -> int:
+        """Return target reached, and bit 12: the speed is 0."""
+        servo = self.c.servo
+        reached = servo.speed == self._speed and math.isclose(
+            servo.plant.speed, self._speed, rel_tol=0.01, abs_tol=0.05
+        )
+        return TARGET_REACHED * reached | BIT_12 * (servo.speed == 0.0)
+
+
+class ProfilePosition(ModeBase):
+    """PP: goes to a set-point by a trapezoid of speed; one more can wait.
+
+    Bit 4 of the controlword rises with a new set-point, bit 12 of the statusword acknowledges it
+    until bit 4 is taken back and there is room for another one.
+    """
+
+    watches_error = True
+
+    def __init__(self, context: MotionContext) -> None:
+        super().__init__(context)
+        self._goal: float | None = None
+        self._next: float | None = None
+        self._was_new = True  # an edge before the mode counts for nothing
+        self._acknowledged = False
+
+    def command(self, controlword: int, passed_s: float) -> None:
+        """Take a new set-point."""
+        new = bool(controlword & _NEW_SET_POINT)
+        if new and not self._was_new and not self._acknowledged:
+            self._take(controlword)
+        self._was_new = new
+        if not new and self._next is None:
+            self._acknowledged = False
+
+    def _take(self, controlword: int) -> None:
+        c = self.c
+        last = c.servo.angle if self._goal is None else self._goal
+        if controlword & _RELATIVE:
+            goal = last + c.rad(0x607A)
+        else:
+            goal = c.angle_of(c.objects.value(0x607A))
+        goal = c.within_limits(goal)
+        self._acknowledged = True
+        if controlword & _AT_ONCE or self._reached():
+            self._goal, self._next = goal, None
+        else:
+            self._next = goal
+
+    def _reached(self) -> bool:
+        servo = self.c.servo
+        return self._goal is None or (servo.angle == self._goal and servo.speed == 0.0)
+
+    def move(self, step_s: float) -> None:
+        """Go on."""
+        c = self.c
+        if self._next is not None and self._reached():
+            self._goal, self._next = self._next, None
+        rise, fall = c.ramp(0x6083), c.ramp(0x6084)
+        if self._goal is None:
+            c.servo.ramp(0.0, rise, fall, step_s)
+        else:
+            top = min(abs(c.rad(0x6081)), c.limits.speed)
+            c.servo.profile(self._goal, top, rise, fall, step_s)
+        c.servo.follow(c.limits, step_s)
+
+    def bits(self) -> int:
+        """Return target reached and the acknowledgement."""
+        settled = self._reached() and abs(self.c.servo.error) * self.c.counts_per_rad < 16
+        return TARGET_REACHED * settled | BIT_12 * self._acknowledged

@@ -1,0 +1,299 @@
+"""A test protocol on a live bus: what a running ``fsn-master`` can show, and no more.
+
+It sees frames and AL states, no terminals and no outputs: triggers are left to people. It disturbs
+nothing by itself; a SubDevice is taken off the bus by hand, after a confirmation for each step that
+the area is guarded.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+from typing import Protocol as Interface
+
+from fsoe_net.core.bus_documents import SubDeviceSnapshot
+from fsoe_net.core.snapshot import ConnectionSnapshot
+from fsoe_net.diag.words import counted
+from fsoe_net.fsoe.observed import ConnectionState
+from fsoe_net.live.control_values import Status
+from fsoe_net.live.in_use import check_in_use, emulated_bus
+from fsoe_net.model.protocol import (
+    EMULATED_NOTE,
+    Protocol,
+    ProtocolStep,
+    StepKind,
+    StepOutcome,
+    StepResult,
+)
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.plan.fingerprint import Fingerprint
+from fsoe_net.test_record.steps import connections_of
+from fsoe_net.test_record.times import LossTimes
+
+_PERSON_S = 300.0  # for what a person does at the machine
+_SETTLE_S = 20.0  # for what connections do by themselves
+_POLL_S = 0.02
+
+
+class Observer(Interface):
+    """What is needed of a running ``fsn-master``; `fsoe_net.live.client.Client` is one."""
+
+    def status(self) -> Status:
+        """Return state and plan."""
+
+    def connections(self) -> tuple[ConnectionSnapshot, ...]:
+        """Return the connections."""
+
+    def subdevices(self) -> tuple[SubDeviceSnapshot, ...]:
+        """Return the SubDevices."""
+
+    def subscribe(self) -> None:
+        """Subscribe to every change."""
+
+    def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
+        """Return what was reported, after waiting at most ``wait_s`` for the first of it."""
+
+
+class Person(Interface):
+    """The person at the machine."""
+
+    def guarded(self, step: ProtocolStep) -> bool:
+        """Return whether the person confirms for this step that the area is guarded."""
+
+    def tell(self, text: str) -> None:
+        """Say what to do now."""
+
+
+def run_protocol_live(
+    protocol: Protocol,
+    resolution: Resolution,
+    observer: Observer,
+    person: Person,
+    *,
+    fingerprint: Fingerprint | None = None,
+    person_s: float = _PERSON_S,
+    settle_s: float = _SETTLE_S,
+    clock: Callable[[], float] = time.monotonic,
+    on_step: Callable[[Protocol, ProtocolStep], None] | None = None,
+) -> Protocol:
+    """Return the protocol with the column of the live bus filled in where it shows something.
+
+    Args:
+        protocol: Of this network.
+        resolution: A network without errors.
+        observer: A running ``fsn-master``.
+        person: Confirms each loss, and does it.
+        fingerprint: Of these files; without it the hashes of the plans are compared.
+        person_s: How long to wait for each thing a person does.
+        settle_s: How long to wait for what connections do by themselves.
+        clock: Seconds.
+        on_step: Called after each step that was looked at, with the protocol as it then is: what
+            was seen is kept when a later step breaks off.
+
+    Raises:
+        InputError: ``fsn-master`` runs another configuration.
+        EnvironmentFault: It does not answer.
+    """
+    status = observer.status()
+    check_in_use(status, fingerprint, protocol.plan_sha256)
+    rig = emulated_bus(status)
+    if rig:
+        person.tell(f"{EMULATED_NOTE}: {rig}.")
+    observer.subscribe()
+    watch = _Watch(resolution, observer, person, status, person_s, settle_s, clock)
+    bus = f"{status.backend} on {status.interface}" if status.interface else status.backend
+    mark = f"{EMULATED_NOTE}: {rig}" if rig else bus
+    for number, step in enumerate(protocol.steps):
+        seen = watch.seen(step)
+        if seen is None:
+            continue
+        seen = replace(seen, remark=f"{mark}; {seen.remark}")
+        tried = replace(step, live=_kept(step.live, seen))
+        steps = (*protocol.steps[:number], tried, *protocol.steps[number + 1 :])
+        protocol = replace(protocol, steps=steps)
+        if on_step is not None:
+            on_step(protocol, replace(tried, live=seen))
+    return protocol
+
+
+def _kept(before: StepResult | None, now: StepResult) -> StepResult:
+    """A step that is left out this time keeps what was seen when it was run."""
+    if before is not None and now.outcome is StepOutcome.NOT_RUN:
+        return before
+    return now
+
+
+class _Watch:
+    """Looks at a running bus, step by step."""
+
+    def __init__(
+        self,
+        resolution: Resolution,
+        observer: Observer,
+        person: Person,
+        status: Status,
+        person_s: float,
+        settle_s: float,
+        clock: Callable[[], float],
+    ) -> None:
+        self._resolution = resolution
+        self._observer = observer
+        self._person = person
+        self._cycle_ms = status.cycle_ns / 1e6
+        self._person_s = person_s
+        self._settle_s = settle_s
+        self._clock = clock
+
+    def seen(self, step: ProtocolStep) -> StepResult | None:
+        """Return what this step shows; ``None`` when it cannot show anything."""
+        if step.kind is StepKind.START_UP:
+            return self._start_up(step.subject)
+        if step.kind is StepKind.LOSS:
+            return self._loss(step)
+        return None
+
+    def _idle(self, own: set[str]) -> str:
+        states = self._states()
+        idle = (name for name in own if states.get(name) is ConnectionState.DATA_FAILSAFE)
+        return ", ".join(sorted(idle))
+
+    def _states(self) -> dict[str, ConnectionState]:
+        return {c.name: c.state for c in self._observer.connections()}
+
+    def _start_up(self, name: str) -> StepResult:
+        if name not in self._states():
+            return _not_run("fsn-master knows no connection of this name")
+        reached = self._until(lambda: self._states()[name].in_data, self._settle_s)
+        return StepResult(
+            outcome=StepOutcome.AS_EXPECTED if reached else StepOutcome.NOT_AS_EXPECTED,
+            remark=f"now {self._states()[name].text}; outputs before a reset are not seen here",
+        )
+
+    # -- loss -------------------------------------------------------------------------------------
+
+    def _loss(self, step: ProtocolStep) -> StepResult:
+        own = {c.name for c in connections_of(self._resolution, step.subject)}
+        if why := self._unfit(step.subject, own):
+            return _not_run(why)
+        if idle := self._idle(own):
+            self._person.tell(
+                f"{idle} sends FailSafeData: outputs are off already. Press reset before you go on."
+            )
+        if not self._person.guarded(step):
+            return _not_run("nobody confirmed that the area is guarded")
+        if why := self._unfit(step.subject, own):
+            return _not_run(why)
+        before, away = self._states(), self._off()
+        self._observer.events()
+        times = LossTimes(own)
+        self._person.tell(f"Take {step.subject} off the bus now.")
+        if why := self._taken(step.subject, away, times):
+            return _not_run(why)
+        left = self._until(lambda: not any(s.in_data for s in self._of(own)), self._settle_s, times)
+        stayed = sum(s.in_data for s in self._states().values())
+        self._person.tell(f"Put {step.subject} back.")
+        back = self._back(before, away)
+        return self._judged(step, before, own, times, left=left, back=back, stayed=stayed)
+
+    def _judged(
+        self,
+        step: ProtocolStep,
+        before: Mapping[str, ConnectionState],
+        own: set[str],
+        times: LossTimes,
+        *,
+        left: bool,
+        back: bool,
+        stayed: int,
+    ) -> StepResult:
+        words = [f"{stayed} of {counted(len(before), 'connection')} in Data without it"]
+        if idle := sorted(n for n in own if before[n] is ConnectionState.DATA_FAILSAFE):
+            words.append(f"{', '.join(idle)} sent FailSafeData before, so outputs were off already")
+        if times.silent:
+            words.append(
+                f"{', '.join(times.silent)} fell silent with both ends off the bus: no time seen"
+            )
+        if times.interruptions:
+            words.append(
+                f"{counted(times.interruptions, 'time')} the bus lost frames before it: the "
+                f"time is uncertain"
+            )
+        if not left:
+            words.append("its connections stayed in Data")
+        if not back:
+            words.append("not all came back into Data")
+        took = times.took_ms()
+        if took is not None:
+            took += self._cycle_ms  # from the last bus cycle with it, as on the emulated bus
+        late = took is not None and step.limit_ms is not None and took > step.limit_ms
+        if late:
+            words.append(f"later than {step.limit_ms:g} ms")
+        fine = left and back and not late
+        return StepResult(
+            outcome=StepOutcome.AS_EXPECTED if fine else StepOutcome.NOT_AS_EXPECTED,
+            measured_ms=took,
+            time_is=""
+            if took is None
+            else "from the last bus cycle with it until its connections had left Data on the "
+            f"bus, to the bus cycle of {self._cycle_ms:g} ms; devices and outputs not in it",
+            remark="; ".join([*words, "outputs are not seen here"]),
+        )
+
+    def _unfit(self, name: str, own: set[str]) -> str:
+        states = self._states()
+        if missing := sorted(own - states.keys()):
+            return f"fsn-master knows no connection {missing[0]}"
+        if idle := sorted(n for n in own if not states[n].in_data):
+            return f"its connections were not in Data: {idle[0]} in {states[idle[0]].text}"
+        return f"{name} was not in OP" if name in self._off() else ""
+
+    def _taken(self, name: str, away: set[str], times: LossTimes) -> str:
+        """Wait until it is gone; return why it was not."""
+        others: set[str] = set()
+
+        def gone() -> bool:
+            off = self._off() - away
+            if name not in off and off - others:
+                others.update(off)
+                self._person.tell(f"{', '.join(sorted(off))} left the bus, {name} is still there.")
+            return name in off
+
+        if self._until(gone, self._person_s, times):
+            return ""
+        self._person.tell(f"{name} has not left the bus: leave it as it is. Next step.")
+        wrong = f"; {', '.join(sorted(others))} left instead" if others else ""
+        return f"{name} stayed on the bus{wrong}"
+
+    def _back(self, before: Mapping[str, ConnectionState], away: set[str]) -> bool:
+        """Wait until all SubDevices and connections are back: those behind it are lost with it."""
+        inside = [name for name, state in before.items() if state.in_data]
+        return self._until(
+            lambda: self._off() <= away and all(s.in_data for s in self._of(inside)), self._person_s
+        )
+
+    def _of(self, names: set[str] | list[str]) -> list[ConnectionState]:
+        states = self._states()
+        return [states[name] for name in names]
+
+    def _off(self) -> set[str]:
+        return {sub.name for sub in self._observer.subdevices() if not sub.in_op}
+
+    def _until(
+        self, done: Callable[[], bool], wait_s: float, times: LossTimes | None = None
+    ) -> bool:
+        """Look until it is done, and keep the times of what is reported meanwhile."""
+        end = self._clock() + wait_s
+        while True:
+            found = done()
+            over = self._clock() >= end
+            for event in self._observer.events(0.0 if found or over else _POLL_S):
+                if times is not None:
+                    times.take(event)
+            if found or over:
+                return found
+
+
+def _not_run(why: str) -> StepResult:
+    return StepResult(outcome=StepOutcome.NOT_RUN, remark=why)

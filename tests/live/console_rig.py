@@ -1,0 +1,22 @@
+"""A console on a made-up fsn-master."""
+
+from __future__ import annotations
+
+from fsoe_net.live.console.console import Console
+from fsoe_net.live.console.keeper import Keeper
+
+
+class Rig:
+    def __init__(self, path, **more):
+        self.lines, self.notes = [], []
+        self.keeper = Keeper(path, **more)
+        self.console = Console(self.keeper, self.lines.append, self.notes.append)
+
+    def do(self, text):
+        """Run a line and return what it printed."""
+        self.lines.clear()
+        self.console.run_line(text)
+        return list(self.lines)
+
+    def script(self, text, *arguments):
+        self.console.run_script(text, "s.fsn", arguments)

@@ -1,0 +1,156 @@
+"""The reference pages say what the program does."""
+
+import dataclasses
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from cli.signed_folder import ANNA, BERT, RECORD, make_signed, public_key
+from cli.tool import fsn
+from live.support import ESTOP, ROOT, document, needs_core, run, session_of
+from networks import example
+
+from fsoe_net.campaign.fault_classes import CATALOGUE
+from fsoe_net.campaign.trials import CampaignConfig
+from fsoe_net.formats.own.json_schema import read_schema
+from fsoe_net.formats.own.scenario import load_scenario
+from fsoe_net.formats.registry import all_formats, all_targets
+from fsoe_net.fsoe.config import SubConfig
+from fsoe_net.report.campaign import to_json
+from fsoe_net.simulate.campaign import campaign_links, run_campaign
+from fsoe_net.simulate.session import run_virtual
+
+PAGES = ROOT / "docs" / "reference"
+
+
+def page(name: str) -> str:
+    return (PAGES / name).read_text("utf-8")
+
+
+def code(text: str, language: str) -> str:
+    found = re.search(rf"```{language}\n(.*?)```", text, re.S)
+    assert found
+    return found.group(1)
+
+
+@needs_core
+def test_example_of_the_scenario_page_passes(tmp_path: Path):
+    path = tmp_path / "s.yaml"
+    path.write_text(code(page("scenario-file.md"), "yaml"), "utf-8")
+    result = run(ESTOP, path)
+    assert [v.held for v in result.verdicts] == [True, True, True]
+
+
+@needs_core
+def test_failed_expectation_reads_as_shown(tmp_path: Path):
+    text = "duration_s: 0.2\nexpect:\n  - {at_ms: 100, state: data_process}\n"
+    session = session_of(ESTOP, text, tmp=tmp_path)
+    (v,) = run_virtual(session, session.duration_ns).verdicts
+    shown = f"s.yaml{v.place.rpartition('.yaml')[2]}: not observed: {v.text}; {v.seen}\n"
+    assert shown == code(page("scenario-file.md"), "text")
+
+
+def test_every_key_of_the_schema_is_on_the_page():
+    schema, text = read_schema("scenario"), page("scenario-file.md")
+    keys = set(schema["properties"]) - {"logic"}
+    for name in ("step", "expectation"):
+        keys |= set(schema["$defs"][name]["properties"])
+    keys |= set(schema["$defs"]["expectation"]["properties"]["state"]["enum"])
+    assert [k for k in sorted(keys) if not re.search(rf"`{k}[`:]", text)] == []
+
+
+@needs_core
+def test_every_key_of_the_json_is_on_the_page():
+    text, found = page("run-output.md"), document(run(ESTOP))
+    keys = {*found, *found["connections"][0], *found["statistics"], *found["events"][0]}
+    listed = {word for row in re.findall(r"^\| (`.*?) \|", text, re.M) for word in row.split("`")}
+    listed |= {word for row in re.findall(r"\{([a-z_, ]+)\}", text) for word in row.split(", ")}
+    assert sorted(keys - listed) == []
+    fields = {f.name for f in dataclasses.fields(run(ESTOP).statistics)}
+    assert sorted(fields - listed) == []
+
+
+@pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="needs ssh-keygen of OpenSSH")
+def test_the_page_on_signatures_runs_as_it_stands(tmp_path: Path):
+    folder = make_signed(tmp_path)
+    for name in ("anna", "anna.pub", RECORD, f"{RECORD}.author.sig", f"{RECORD}.verifier.sig"):
+        (folder / name).unlink()
+    text = (ROOT / "docs" / "howto" / "sign.md").read_text("utf-8")
+    make_key, *others = re.findall(r"^\$ (.*)$", text, re.MULTILINE)
+    subprocess.run(shlex.split(make_key), cwd=folder, check=True)
+    allowed = [(ANNA, "anna"), (BERT, "bert")]
+    lines = [f"{who} {public_key(folder, key)}" for who, key in allowed]
+    (folder / "signers").write_text("".join(lines), "utf-8")
+    shown = []
+    for command in others:
+        program, *given = shlex.split(command)
+        done = fsn(*given, cwd=folder)
+        assert (program, done.returncode) == ("fsoe-net", 0), done.stderr
+        shown.append(done.stdout)
+    assert len(shown) == 3
+    assert f"signed as author by {ANNA}" in shown[0]
+    assert f"signed as verifier by {BERT}" in shown[1]
+    assert "timed.yaml: the same" in shown[2]
+
+
+@pytest.mark.parametrize("name", ["estop", "el6910"])
+def test_the_scenario_examples_are_valid(name: str):
+    scenario, found = load_scenario(ROOT / "examples" / name / "scenario.yaml")
+    assert scenario is not None
+    assert found == []
+
+
+def test_every_format_and_target_is_on_the_page():
+    page = (ROOT / "docs" / "reference" / "input-files.md").read_text("utf-8")
+    rows = "".join(line for line in page.splitlines() if line.startswith("|"))
+    missing = [name for name in (*all_formats(), *all_targets()) if f"`{name}`" not in rows]
+    assert missing == []
+
+
+def test_fault_catalogue_names_every_class():
+    named = re.findall(r"^\| `(\w+)` \|", page("fault-catalogue.md"), re.M)
+    assert list(dict.fromkeys(named)) == list(CATALOGUE)  # some stand in a second table too
+
+
+def test_every_key_of_a_campaign_is_documented():
+    config = CampaignConfig(links=campaign_links(example("estop")))
+    found = to_json(run_campaign(config, ("loss",), 8, jobs=1))
+    text = page("json-output.md").partition("# Output of `campaign")[2]
+    named = set(re.findall(r"`(\w+)(?:\[\])?`", text))
+    keys = {*found, *found["classes"][0], *found["connections"][0]}
+    assert keys <= named, keys - named
+
+
+def test_device_of_the_how_to_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The wrapper works with a library that has the functions of the header."""
+    text = (ROOT / "docs" / "howto" / "test-your-device.md").read_text("utf-8")
+    source = tmp_path / "my_sub.c"
+    silent = "#include <stdint.h>\n" + code(text, "c").replace(";", " {", 4)
+    bodies = iter(
+        [
+            "}",
+            "(void)now_ns;(void)in;(void)in_len;(void)out;return 0;}",
+            "return 0;}",
+            "(void)data;}",
+        ]
+    )
+    lines = []
+    for line in silent.splitlines():
+        lines.append(line + (next(bodies) if " {" in line else ""))
+    source.write_text("\n".join(lines).replace("/* bytes sent, 0 for none */", ""), "utf-8")
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    library = tmp_path / "libmy_sub.so"
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", library, source], check=True)
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    exec(code(text, "python"), names)
+    sub = names["make_sub"](SubConfig(address=1, safe_out_bytes=2, safe_in_bytes=2))
+    assert sub.step(0, None) is None
+    assert sub.step(1, bytes(7)) is None
+    assert not sub.data_valid
+    assert sub.received_safe_data == bytes(2)
