@@ -21,13 +21,13 @@ _EPILOG = """\b
 Examples:
   fsoe-net console --interface eth1
   fsoe-net console --socket /tmp/fsn.sock -c "state; get drive_1"
-  fsoe-net console --interface eth1 --run examples/console/drives.fsn drive_1
-  echo "wait until connection all in Data for 20s" | fsoe-net console --interface eth1
+  fsoe-net console --interface eth1 --run look.fsn
+  echo "start; connections" | fsoe-net console --interface eth1
 
 `help` at the prompt lists the commands. What a console or script has set stays while it runs and
 falls back to its stop values when it ends.
 
-Exit codes: 0 all was done, 1 a command or an expectation failed, 2 usage, 3 nobody answers.
+Exit codes: 0 all was done, 1 a command failed, 2 usage, 3 nobody answers.
 
 Part of the black channel: no safety function, not certified; stop is no emergency stop."""
 
@@ -43,24 +43,17 @@ Part of the black channel: no safety function, not certified; stop is no emergen
     metavar="TIME",
     help="Outputs fall back when the console says nothing for so long; 0: never.",
 )
-@click.argument("arguments", nargs=-1)
 def command(
     socket: str | None,
     interface: str | None,
     script: str | None,
     text: str | None,
     lease_ns: int | None,
-    arguments: tuple[str, ...],
 ) -> int:
-    """Start, stop, watch and set a running fsn-master, by hand or by script.
-
-    ARGUMENTS are those of the script of --run, or of the commands of -c.
-    """
+    """Start, stop, watch and set a running fsn-master, by hand or by a list of commands."""
     path = master_socket(socket, interface)
     if script is not None and text is not None:
         raise click.UsageError("--run and -c exclude each other")
-    if arguments and script is None and text is None:
-        raise click.UsageError("arguments are for --run SCRIPT and -c")
     at_prompt = script is None and text is None and sys.stdin.isatty()
     lease_ms = None if lease_ns is None else lease_ns // 1_000_000
     keeper = Keeper(path, lease_ms=lease_ms, reconnect=at_prompt)
@@ -70,9 +63,9 @@ def command(
         if at_prompt:
             return _prompt(console)
         if script is not None:
-            return _unattended(console, lambda: console.run_file(script, arguments))
+            return _unattended(console, lambda: console.run_file(script))
         if text is not None:
-            return _unattended(console, lambda: console.run_script(text, "-c", arguments))
+            return _unattended(console, lambda: console.run_script(text, "-c"))
         return _unattended(console, lambda: _standard_input(console))
     finally:
         keeper.close()

@@ -30,9 +30,7 @@ def line_editor(console: Console) -> Iterator[None]:
             before = readline.get_line_buffer()[: readline.get_begidx()]
             try:
                 names = console.names()
-                found = complete(
-                    before, word, names, commands=list(COMMANDS), macros=console.macros
-                )
+                found = complete(before, word, names, list(COMMANDS))
             except FsnError:
                 found = []
         return f"{found[state]} " if state < len(found) else None

@@ -43,22 +43,20 @@ def test_commands_of_the_line(master):
     )
 
 
-def test_a_script_with_arguments(master, tmp_path):
+def test_a_script_says_where_it_failed(master, tmp_path):
     path = tmp_path / "a.fsn"
-    path.write_text("echo $1\nexpect $1.0x6041 39\n\n  expect $1.0x6041 40; echo no\n", "utf-8")
-    code, out, err = console(master, "--run", str(path), "drive_1")
-    assert (code, out) == (1, "drive_1\n")
-    assert err == (
-        f"error: {path}:4:3: expected drive_1.0x6041 40; drive_1.0x6041:00 is 39 = 0x0027\n"
-    )
+    path.write_text("echo drive_1\nget drive_1.0x6041\n\n  get drive_9; echo no\n", "utf-8")
+    code, out, err = console(master, "--run", str(path))
+    assert (code, out) == (1, "drive_1\ndrive_1.0x6041:00  39  0x0027\n")
+    assert err.startswith(f"error: {path}:4:3: no input or output is called drive_9")
 
 
 def test_standard_input_is_a_script(master):
     code, out, err = console(master, text="# a\n\necho a; quit\necho b\n")
     assert (code, out, err) == (0, "a\n", "")
-    code, out, err = console(master, text="on-error continue\nexpect state failed\necho b\n")
+    code, out, err = console(master, text="on-error continue\nget nothing\necho b\n")
     assert (code, out) == (1, "b\n")
-    assert err == "error: stdin:2:1: expected state failed; it is running\n"
+    assert err == "error: stdin:2:1: no input or output is called nothing; list shows the names\n"
 
 
 def test_standard_input_of_any_bytes(master):
@@ -74,7 +72,7 @@ def test_standard_input_of_any_bytes(master):
         (["-c", "stat"], r"error: -c:1:1: there is no command stat; did you mean"),
         (["-c", "echo 'a"], r"error: -c:1:6: this quote ' has no end"),
         (["-c", "state", "--run", "x"], "exclude each other"),
-        (["x"], "arguments are for"),
+        (["x"], "unexpected extra argument"),
         (["--lease", "-1"], "--lease"),
     ],
 )

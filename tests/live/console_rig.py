@@ -18,5 +18,5 @@ class Rig:
         self.console.run_line(text)
         return list(self.lines)
 
-    def script(self, text, *arguments):
-        self.console.run_script(text, "s.fsn", arguments)
+    def script(self, text):
+        self.console.run_script(text, "s.fsn")

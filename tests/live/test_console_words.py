@@ -9,9 +9,7 @@ from live.console_rig import Rig
 
 from fsoe_net.errors import ConsoleError, ControlRefused, EnvironmentFault
 from fsoe_net.live.console.completion import complete
-from fsoe_net.live.console.conditions import _holds
-from fsoe_net.live.console.names import batches, number, shown, value_of
-from fsoe_net.live.console.script import ScriptError, expand, parse
+from fsoe_net.live.console.names import number, shown
 from fsoe_net.testing.fake_master import STATISTICS, STATUS, FakeMaster
 
 
@@ -29,54 +27,11 @@ def rig(master):
 
 
 @pytest.mark.parametrize(
-    ("text", "value"),
-    [("true", True), ("false", False), ("0x0c", 12), ("-3", -3), ("1.5", 1.5)],
-)
-def test_values_of_a_condition(text, value):
-    assert value_of(text) is value or value_of(text) == value
-    assert type(value_of(text)) is type(value)
-
-
-@pytest.mark.parametrize(
     ("value", "text"),
     [(None, "no number"), (True, "true"), (False, "false"), (1.5, "1.5"), (7, "7")],
 )
 def test_values_for_people(value, text):
     assert shown(value) == text
-
-
-def test_what_is_no_number_holds_nothing():
-    assert not _holds(None, None, "!=", 1)
-    assert not _holds(1.5, 3, "!=", 1)
-    assert _holds(7, 3, "==", 3)
-    assert list(batches([])) == []
-
-
-@pytest.mark.parametrize(
-    ("text", "arguments", "words"),
-    [
-        ("echo $$ $1", ["a b"], ["echo", "$", "a", "b"]),
-        ('echo "$*" $*', ["a", "b"], ["echo", "a b", "a", "b"]),
-    ],
-)
-def test_what_a_command_becomes(text, arguments, words):
-    (command,) = parse(text)
-    assert [w.text for w in expand(command, arguments, {}, inside=True)] == words
-
-
-@pytest.mark.parametrize(
-    ("text", "argument", "place", "message"),
-    [
-        ("echo a$1", "\x07", (1, 6), "a control character"),
-        (" $1", "", (1, 2), "nothing is left of this command"),
-    ],
-)
-def test_what_a_command_cannot_become(text, argument, place, message):
-    (command,) = parse(text)
-    with pytest.raises(ScriptError) as caught:
-        expand(command, [argument], {}, inside=True)
-    assert (caught.value.line, caught.value.column) == place
-    assert message in str(caught.value)
 
 
 SDO = "usage: sdo read SUBDEVICE INDEX[:SUB] [TYPE] | write SUBDEVICE INDEX[:SUB] TYPE VALUE"
@@ -85,7 +40,7 @@ SDO = "usage: sdo read SUBDEVICE INDEX[:SUB] [TYPE] | write SUBDEVICE INDEX[:SUB
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("run", "usage: run SCRIPT [ARGUMENT…]"),
+        ("run", "usage: run SCRIPT"),
         ("lease", "usage: lease MS"),
         ("lease 1 2", "usage: lease MS"),
         ("sdo write drive_1 0x1c12:0 uint8", SDO),
@@ -123,12 +78,6 @@ def test_a_cycle_image_whole(rig, monkeypatch):
 def test_the_lease_that_is_given_is_kept(rig):
     assert rig.keeper.lease(300) == 300
     assert rig.do("lease 250") == ["lease 250 ms"]
-
-
-def test_a_macro_that_nobody_defined(rig):
-    with pytest.raises(ConsoleError) as caught:
-        rig.do("echo $cw")
-    assert str(caught.value).endswith("$cw: nothing is called so; let cw = … defines it")
 
 
 def test_a_script_that_is_too_long(rig, tmp_path):
@@ -229,27 +178,6 @@ def test_values_that_are_refused(master, rig):
     ]  # fmt: skip
     with pytest.raises(ControlRefused, match="get: the bus does not run"):
         rig.do("get logic.ack")
-    with pytest.raises(ConsoleError, match=r"expected .*; get: the bus does not run"):
-        rig.do("expect logic.ack == 1")
-    master.refuse["get"] = {"error": "FSN_E_NAME", "text": "no such name"}
-    with pytest.raises(ControlRefused, match="get: no such name"):
-        rig.do("expect logic.ack == 1")
-
-
-@pytest.mark.parametrize(
-    ("before", "word", "found"),
-    [
-        ("expect ", "", "connection"),
-        ("expect logic.ack ", "", "!= & == for"),
-        ("wait until ", "st", "state"),
-        ("expect connection ", "", "all"),
-    ],
-)
-def test_what_a_condition_may_go_on_with(rig, before, word, found):
-    names = rig.console.names()
-    told = complete(before, word, names, commands=[], macros={})
-    assert set(found.split()) <= set(told)
-    assert len(told) == len(found.split()) or before == "expect "
 
 
 def test_loud_events_are_noted_at_the_prompt(master, rig, monkeypatch):
@@ -283,12 +211,7 @@ def test_events_are_told_for_a_time(master, rig):
 )
 def test_words_that_complete_a_command(before, words, rig):
     names = rig.console.names()
-    assert sorted(complete(before, "", names, commands=[], macros={})) == words
-
-
-def test_the_body_of_a_macro_has_its_place():
-    (command,) = parse("  let  cw =  echo 1")
-    assert [(w.text, w.column) for w in command.words[1:]] == [("cw", 8), ("echo 1", 12)]
+    assert sorted(complete(before, "", names, [])) == words
 
 
 def test_the_longest_number_has_64_bits_one_by_one():
@@ -296,20 +219,6 @@ def test_the_longest_number_has_64_bits_one_by_one():
     with pytest.raises(ConsoleError) as caught:
         number("0b" + "1" * 65, "value")
     assert str(caught.value) == f"0b{'1' * 22}: a value is a number from 0"
-
-
-def test_a_word_that_is_no_state_is_wrong_use(rig):
-    with pytest.raises(ConsoleError) as caught:
-        rig.do("wait until state up")
-    assert caught.value.is_usage
-
-
-def test_an_argument_that_is_not_there_has_its_place():
-    (command,) = parse("\n\n  echo a $3")
-    with pytest.raises(ScriptError) as caught:
-        expand(command, ["x", "y"], {}, inside=True)
-    assert (caught.value.line, caught.value.column) == (3, 10)
-    assert "$3: there are only 2 arguments" in str(caught.value)
 
 
 def test_a_server_that_does_not_answer(master, rig):

@@ -17,7 +17,6 @@ class Room(Protocol):
     """What commands may use of the console."""
 
     keeper: Keeper
-    macros: dict[str, str]
     mine: set[str]
     stops_on_error: bool
 
@@ -36,7 +35,7 @@ class Room(Protocol):
     def events(self) -> list[dict[str, Any]]:
         """Return the events that have not been returned yet."""
 
-    def run_file(self, path: str, arguments: Sequence[str]) -> None:
+    def run_file(self, path: str) -> None:
         """Run a script."""
 
     def commands(self) -> Mapping[str, CommandForm]:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.live.console.names import SymbolNames
-from fsoe_net.live.control_values import BusState
 
-_CONNECTION_STATES = ["Data", *(s.value for s in ConnectionState if not s.in_data)]
 _WORDS = {
     "events": ["on", "off", "for"],
     "on-error": ["stop", "continue"],
@@ -20,14 +17,7 @@ _TYPES = ["bool", *(f"{s}int{n}" for s in ("", "u") for n in (8, 16, 32, 64))]
 _TYPES += ["real32", "real64", "string", "hex"]
 
 
-def complete(
-    before: str,
-    word: str,
-    names: SymbolNames,
-    *,
-    commands: Sequence[str],
-    macros: Mapping[str, str],
-) -> list[str]:
+def complete(before: str, word: str, names: SymbolNames, commands: Sequence[str]) -> list[str]:
     """Return what the word may become.
 
     Args:
@@ -35,24 +25,17 @@ def complete(
         word: What is written of it.
         names: Symbols of the plan.
         commands: Names of the commands.
-        macros: What ``let`` has defined.
     """
     words = before.rpartition(";")[2].split()
-    found = [*commands, *macros] if not words else _behind(words, word, names, macros, commands)
+    found = commands if not words else _behind(words, names, commands)
     return sorted({text for text in found if text.startswith(word)})
 
 
-def _behind(
-    words: list[str],
-    word: str,
-    names: SymbolNames,
-    macros: Mapping[str, str],
-    commands: Sequence[str],
-) -> list[str]:
+def _behind(words: list[str], names: SymbolNames, commands: Sequence[str]) -> Sequence[str]:
     name = words[0]
     subdevices = list(names.subdevices)
     if name == "help":
-        return [*commands, *macros]
+        return commands
     if name in _WORDS:
         return _WORDS[name]
     if name in ("state", "sii", "alias", "history"):
@@ -60,8 +43,6 @@ def _behind(
     if name == "sdo":
         rows = [["read", "write"], subdevices, [], _TYPES]
         return rows[len(words) - 1] if len(words) <= len(rows) else []
-    if name in ("wait", "expect"):
-        return _condition(words, names)
     if name == "set":
         return _set(words, names)
     if name == "arm":
@@ -76,16 +57,3 @@ def _set(words: list[str], names: SymbolNames) -> list[str]:
     if not scope:
         return [*(s.name for s in outputs), *names.subdevices, "all", "--typed"]
     return [s.entry for s in outputs if scope in ("all", s.subdevice)]
-
-
-def _condition(words: list[str], names: SymbolNames) -> list[str]:
-    if words == ["wait"]:
-        return ["until"]
-    rest = words[2:] if words[0] == "wait" else words[1:]
-    if not rest:
-        return ["connection", "state", *names.labels]
-    if rest[0] == "state":
-        return [str(state) for state in BusState] if len(rest) == 1 else ["for"]
-    if rest[0] == "connection":
-        return [["all"], ["in"], _CONNECTION_STATES, ["for"]][min(len(rest) - 1, 3)]
-    return ["for", "==", "!=", "&"]

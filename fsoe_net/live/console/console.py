@@ -17,7 +17,7 @@ from fsoe_net.live.console.commands_flow import FLOW_COMMANDS
 from fsoe_net.live.console.commands_values import VALUE_COMMANDS
 from fsoe_net.live.console.keeper import Keeper
 from fsoe_net.live.console.names import SymbolNames
-from fsoe_net.live.console.script import ConsoleCommand, ScriptError, expand, parse
+from fsoe_net.live.console.script import ConsoleCommand, ScriptError, parse
 
 COMMANDS: Mapping[str, CommandForm] = (
     BUS_COMMANDS | VALUE_COMMANDS | DEVICE_COMMANDS | FLOW_COMMANDS
@@ -53,7 +53,6 @@ class Console:
         notes_level: str = "fallback",
     ) -> None:
         self.keeper = keeper
-        self.macros: dict[str, str] = {}
         self.mine: set[str] = set()
         self.stops_on_error = True
         self.failures = 0
@@ -63,7 +62,6 @@ class Console:
         self._names: SymbolNames | None = None
         self._events: deque[dict[str, Any]] = deque(maxlen=_MOST_EVENTS)
         self._directories: list[Path] = [Path()]
-        self._depth = 0
         self._client_number = keeper.client_number
         keeper.subscribe(True)
 
@@ -143,14 +141,12 @@ class Console:
             EnvironmentFault: It was refused, or nobody answers.
         """
         for command in parse(text):
-            self._do(command, (), inside=False)
+            self._do(command)
 
-    def run_script(
-        self, text: str, name: str, arguments: Sequence[str] = (), *, first_line: int = 1
-    ) -> None:
+    def run_script(self, text: str, name: str, *, first_line: int = 1) -> None:
         """Run a script, or a part of one that begins in a given line.
 
-        Nothing is done when it has a word that is no command.
+        Nothing is done when a command of it is not known.
 
         Raises:
             ConsoleError: A command failed; the message begins with name, line and column.
@@ -164,7 +160,7 @@ class Console:
         for command in commands:
             line = command.line + first_line - 1
             try:
-                self._do(command, arguments, inside=True)
+                self._do(command)
             except _Located as exc:
                 self._failed(exc)
             except ScriptError as exc:
@@ -174,7 +170,7 @@ class Console:
             except EnvironmentFault as exc:
                 raise EnvironmentFault(f"{name}:{line}:{command.column}: {exc}") from exc
 
-    def run_file(self, path: str, arguments: Sequence[str]) -> None:
+    def run_file(self, path: str) -> None:
         """Run a script of a file; a path in a script is relative to that script.
 
         Raises:
@@ -189,18 +185,13 @@ class Console:
             raise ConsoleError(f"{found}: {exc.strerror or exc}") from exc
         except UnicodeDecodeError as exc:
             raise ConsoleError(f"{found} is no UTF-8 text") from exc
-        self._enter(path)
+        if len(self._directories) > _DEEPEST:
+            raise ConsoleError(f"{path}: more than {_DEEPEST} scripts inside each other")
         self._directories.append(found.parent)
         try:
-            self.run_script(text, str(found), arguments)
+            self.run_script(text, str(found))
         finally:
-            self._depth -= 1
             self._directories.pop()
-
-    def _enter(self, name: str) -> None:
-        if self._depth >= _DEEPEST:
-            raise ConsoleError(f"{name}: more than {_DEEPEST} scripts inside each other")
-        self._depth += 1
 
     def _failed(self, error: ConsoleError) -> None:
         self.failures += 1
@@ -214,47 +205,25 @@ class Console:
         return _Located(f"{name}:{line}:{column}: {error}", is_usage=is_usage)
 
     def _check(self, commands: Sequence[ConsoleCommand]) -> None:
-        """Refuse a script with a word that is no command.
+        """Refuse a script with a command that is not known.
 
         Raises:
             ScriptError: At the first one.
         """
-        known = {*COMMANDS, *self.macros}
         for command in commands:
-            if command.name == "run" or "$" in command.name:
-                return  # what it defines is known when it has run
-            if command.name == "let" and len(command.words) > 1:
-                known.add(command.words[1].text)
-            if command.name not in known:
-                raise ScriptError(_unknown(command.name, known), command.line, command.column)
+            if command.name not in COMMANDS:
+                raise _unknown(command)
 
-    def _do(self, command: ConsoleCommand, arguments: Sequence[str], *, inside: bool) -> None:
-        words = expand(command, arguments, self.macros, inside=inside)
-        name, rest = words[0].text, [word.text for word in words[1:]]
-        form = COMMANDS.get(name)
-        if form is not None:
-            form.do(self, rest)
-            self.tell()
-        elif name in self.macros:
-            self._macro(name, rest)
-        else:
-            known = {*COMMANDS, *self.macros}
-            raise ScriptError(_unknown(name, known), command.line, command.column)
-
-    def _macro(self, name: str, arguments: Sequence[str]) -> None:
-        self._enter(name)
-        try:
-            for command in parse(self.macros[name]):
-                self._do(command, arguments, inside=True)
-        except _Located:
-            raise
-        except (ConsoleError, ControlRefused) as exc:
-            raise ConsoleError(f"{name}: {exc}") from exc
-        finally:
-            self._depth -= 1
+    def _do(self, command: ConsoleCommand) -> None:
+        form = COMMANDS.get(command.name)
+        if form is None:
+            raise _unknown(command)
+        form.do(self, list(command.words[1:]))
+        self.tell()
 
 
-def _unknown(name: str, known: set[str]) -> str:
-    close = guesses(name, sorted(known), cutoff=0.5)
+def _unknown(command: ConsoleCommand) -> ScriptError:
+    close = guesses(command.name, sorted(COMMANDS), cutoff=0.5)
     hint = f"did you mean {one_of(close)}?" if close else "help lists them"
-    return f"there is no command {name}; {hint}"
+    message = f"there is no command {command.name}; {hint}"
+    return ScriptError(message, command.line, command.column)

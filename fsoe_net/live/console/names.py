@@ -65,23 +65,6 @@ class SymbolNames:
             raise ConsoleError(f"no {_noun(side)} is called {word}{self._hint(word, symbols)}")
         return found
 
-    def single(self, text: str) -> list[Symbol]:
-        """Return the symbols a word stands for where each name has to be that of one symbol.
-
-        Raises:
-            ConsoleError: It stands for nothing, or for an input and an output of one name.
-        """
-        found = self.some(text)
-        seen: set[str] = set()
-        for symbol in found:
-            if symbol.name in seen:
-                raise ConsoleError(
-                    f"{symbol.name} is an input and an output; write in:{text} or out:{text}",
-                    is_usage=True,
-                )
-            seen.add(symbol.name)
-        return found
-
     def outputs(self, text: str) -> list[str]:
         """Return the names of the outputs a word stands for; raises as `some`."""
         outputs = [s.name for s in self.some(text) if s.is_output]
@@ -211,26 +194,6 @@ def object_address(text: str) -> tuple[int, int]:
             f"{sub[:24]!r} is no subindex; hexadecimal as in 0x1c12:0a", is_usage=True
         )
     return found, int(sub, 16)
-
-
-def value_of(text: str) -> Value:
-    """Return a value of a condition.
-
-    Raises:
-        ConsoleError: It is not a value of this type.
-    """
-    if text in _WORDS:
-        return _WORDS[text]
-    try:
-        return int(text, 0)
-    except ValueError:
-        pass
-    try:
-        return float(text)
-    except ValueError:
-        raise ConsoleError(
-            f"{text[:40]!r} is no value; write 12, 0x0c, 1.5 or true", is_usage=True
-        ) from None
 
 
 def shown(value: Value, symbol: Symbol | None = None) -> str:
