@@ -38,7 +38,7 @@ def counted(config: str, folder: str) -> None:
     counter = coverage.Coverage(data_file=None, config_file=config)
     try:
         file = os.open(f"{folder}/child.{uuid.uuid4().hex}", os.O_WRONLY | os.O_CREAT, 0o600)
-    except OSError:  # bubblewrap hides the folder
+    except OSError:  # the folder is gone
         main()
         return
     # Far up, where the hostile files of the tests do not look for the answer.

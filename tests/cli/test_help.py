@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
@@ -137,21 +136,20 @@ def test_ctrl_c_while_the_tool_is_loaded(tmp_path: Path):
 
 
 def test_a_file_system_that_is_read_only_is_named():
-    if shutil.which("bwrap") is None:
-        pytest.skip("bubblewrap is not installed")
-    call = [sys.executable, "-m", "fsoe_net.cli", "plan", "-o", "x.fsnplan"]
-    confined = ["bwrap", "--ro-bind", "/", "/", "--dev", "/dev"]
+    mounts = 'mount --bind . . && mount -o remount,bind,ro . && cd . && exec "$@"'
+    apart = ["unshare", "--map-root-user", "--mount", "sh", "-c", mounts, "sh"]
+    if subprocess.run([*apart, "true"], check=False, capture_output=True).returncode:
+        pytest.skip("no name spaces for mounts here")
+    call = [sys.executable, "-m", "fsoe_net.cli", "plan", "-o", f"{EXAMPLES}/estop/x.fsnplan"]
     done = subprocess.run(
-        [*confined, *call],
+        [*apart, *call],
         cwd=EXAMPLES / "estop",
         capture_output=True,
         text=True,
         check=False,
     )
-    if "bwrap:" in done.stderr:
-        pytest.skip(done.stderr)
     assert done.returncode == 3
-    assert "error: cannot write x.fsnplan: the file system is read-only\n" in done.stderr
+    assert "x.fsnplan: the file system is read-only\n" in done.stderr
 
 
 def completed(words: str) -> list[str]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import socket
 import stat
@@ -498,32 +497,10 @@ def test_without_confinement_nothing_is_expanded(tmp_path: Path, monkeypatch: py
     assert _only(path, LoadOptions(trust_xacro=True)).code == "FSN125"
 
 
-def test_neither_landlock_nor_bubblewrap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.shows("R7")
+def test_without_landlock_nothing_is_expanded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(confine, "_landlock_version", lambda: 0)
-    monkeypatch.setenv("PATH", str(tmp_path))
     assert _only(_robot(tmp_path, "<a>${1}</a>")).message == NOTHING
-    (tmp_path / "bwrap").write_text("#!/bin/sh\nexit 1\n")  # user namespaces are switched off
-    (tmp_path / "bwrap").chmod(0o755)
-    assert _only(_robot(tmp_path, "<a>${1}</a>")).message == NOTHING
-
-
-@pytest.mark.skipif(shutil.which("bwrap") is None, reason="bubblewrap is not installed")
-def test_bubblewrap_hides_what_landlock_would(
-    folders: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
-):
-    robot, other = folders
-    monkeypatch.setattr(confine, "_landlock_version", lambda: 0)
-    monkeypatch.chdir(robot)
-    (robot / "near.xacro").write_text("<robot/>")
-    path = _robot(robot, '<xacro:include filename="near.xacro"/>')
-    assert _only(Path("main.xacro")).code == "FSN125"
-    path = _robot(robot, f"<a>${{xacro.load_yaml('{other}/values.yaml')}}</a>")
-    found = _only(path)
-    assert (
-        found.message
-        == f"xacro: '{other}/values.yaml' is outside the folders that this file may read"
-    )
-    assert _only(path, LoadOptions(packages={"any": str(other)})).code == "FSN125"
 
 
 def test_the_child_ends_with_the_tool(tmp_path: Path):

@@ -4,8 +4,7 @@ Python cannot confine Python: an expression that reaches a frame reaches the int
 kernel says what the process may do:
 
 - Landlock: it opens files for reading below a few folders, and nothing else
-  (https://docs.kernel.org/userspace-api/landlock.html). Where the kernel has no Landlock,
-  bubblewrap shows the process those folders only.
+  (https://docs.kernel.org/userspace-api/landlock.html).
 - seccomp, by the libseccomp of the system: a list of calls that reading, computing and writing to
   open files need. No socket, no process, no signal, no file opened for writing.
 """
@@ -15,9 +14,6 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
-import shutil
-import subprocess
-import sys
 import sysconfig
 from collections.abc import Sequence
 from ctypes import CDLL, c_char_p, c_int, c_uint, c_uint32, c_uint64, c_void_p
@@ -75,44 +71,9 @@ def python_folders() -> list[str]:
     return sorted({paths["stdlib"], paths["platstdlib"]})
 
 
-def sandbox_command(readable: Sequence[str]) -> list[str] | None:
-    """Return what a command line has to begin with, so that its process can be confined.
-
-    Args:
-        readable: Folders whose files the process may read.
-
-    Returns:
-        Nothing where the process can confine itself; a call of bubblewrap where only that can hide
-        the file system; ``None`` where neither is to be had.
-    """
-    if _libseccomp() is None:
-        return None
-    if _landlock_version() > 0:
-        return []
-    program = shutil.which("bwrap")
-    if program is None:
-        return None
-    command = [program, "--unshare-all", "--die-with-parent", "--new-session"]
-    python = [*sys.path, sys.prefix, sys.base_prefix, *python_folders()]
-    system = ["/usr", "/lib", "/lib64", "/bin", "/etc/ld.so.cache"]
-    folders = (os.path.abspath(folder) for folder in (*system, *python, *readable) if folder)
-    command += ["--dir", os.getcwd()]
-    # Outer folders first: a mount hides what was mounted below it.
-    for folder in sorted(set(folders)):
-        command += ["--ro-bind-try", folder, folder]
-    command += ["--chdir", os.getcwd()]
-    try:
-        tried = subprocess.run(  # noqa: S603 - the system's bubblewrap with our arguments
-            [*command, sys.executable, "-S", "-c", ""],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            timeout=10,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired):
-        return None
-    return command if tried.returncode == 0 else None
+def can_confine() -> bool:
+    """Whether this machine has Landlock and libseccomp."""
+    return _libseccomp() is not None and _landlock_version() > 0
 
 
 def end_with_parent() -> None:
@@ -134,9 +95,7 @@ def confine(readable: Sequence[str]) -> None:
     if seccomp is None:
         raise OSError(errno.ENOSYS, "libseccomp is missing")
     _checked(libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0))
-    version = _landlock_version()
-    if version > 0:
-        _restrict_files(libc, version, readable)
+    _restrict_files(libc, _landlock_version(), readable)
     _restrict_calls(seccomp)
 
 

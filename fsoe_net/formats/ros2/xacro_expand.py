@@ -19,7 +19,7 @@ from typing import IO, Any, TypeVar
 
 from fsoe_net.diag.diagnostic import Related, Span
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.ros2.confine import inside, sandbox_command
+from fsoe_net.formats.ros2.confine import can_confine, inside
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.xml_tree import Element, shown_attributes
 
@@ -51,8 +51,8 @@ _MOST_CHARACTERS = 1000  # of a message or hint
 # What an interpreter that lies in an unusual place needs to start.
 _PYTHON_NEEDS = ("LD_LIBRARY_PATH", "PYTHONHOME")
 _NO_CONFINEMENT = (
-    "install libseccomp2, and bubblewrap where the kernel has no Landlock (Linux 5.13 or newer); "
-    "or pass --trust-xacro if you trust the file like a program"
+    "install libseccomp2, and boot a kernel with Landlock (Linux 5.13 or newer); or pass "
+    "--trust-xacro if you trust the file like a program"
 )
 _T = TypeVar("_T")
 _CHILD = "from fsoe_net.formats.ros2.xacro_child import main; main()"
@@ -90,8 +90,7 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
         folders = [os.path.dirname(path), os.path.dirname(os.path.realpath(path))]
         folders += [*options.packages.values(), *shares]
         readable = list(map(os.path.abspath, folders))
-    begin = [] if readable is None else sandbox_command(readable)
-    if begin is None:
+    if readable is not None and not can_confine():
         message = "this machine cannot confine the expansion, and the file may hold any program"
         _fail(out, Span(path, 1, 1), message, hint=_NO_CONFINEMENT)
         return None
@@ -101,7 +100,7 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
         try:
             subprocess.run(  # noqa: S603 - our own interpreter and code, no shell
                 # -P: modules that lie in the current folder are not the ones meant.
-                [*begin, sys.executable, "-P", "-c", _CHILD],
+                [sys.executable, "-P", "-c", _CHILD],
                 input=json.dumps(request).encode(),
                 stdout=answer,
                 stderr=subprocess.DEVNULL,
