@@ -5,6 +5,7 @@ What hangs is ended by the time-out of the suite (``pyproject.toml``), with what
 
 import signal
 
+import pytest
 from count_child import count_confined_children
 from hypothesis import HealthCheck, settings
 from repeat import pytest_cmdline_main, pytest_runtest_makereport  # noqa: F401 - hooks
@@ -25,3 +26,13 @@ if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 count_confined_children()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--shows", help="only tests that show this requirement, such as R5")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    wanted = config.getoption("--shows")
+    if wanted:
+        items[:] = [i for i in items if any(wanted in m.args for m in i.iter_markers("shows"))]

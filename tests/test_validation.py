@@ -108,3 +108,10 @@ def test_markers_are_read_where_they_count(name: str, tmp_path: Path):
     text, expected = MARKED[name]
     (tmp_path / name).write_text(text)
     assert list(shown_in(tmp_path / name)) == expected
+
+
+def test_each_requirement_is_broken_once():
+    breaks = yaml.safe_load((ROOT / "tests" / "broken_requirements.yaml").read_text("utf-8"))
+    assert breaks.keys() == _requirements().keys()
+    for row in breaks.values():
+        assert row["find"] in (ROOT / row["file"]).read_text("utf-8"), row

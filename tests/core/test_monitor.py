@@ -73,6 +73,7 @@ def test_whole_life_is_right(out, inn, seed):
     assert both.python.gaps == 0
 
 
+@pytest.mark.shows("R18")
 @pytest.mark.parametrize("size", [2, 6])
 @pytest.mark.parametrize("rounds", [2, 4])
 def test_a_collision_while_the_number_is_searched_for_and_known(size, rounds):

@@ -159,6 +159,15 @@ def test_registers_of_a_simple_subdevice_are_written():
     assert re.findall(r"<DataLength>(\d+)</DataLength><Cnt>(\d+)</Cnt>", text) == [("30", "6")]
 
 
+def test_each_state_is_requested_and_checked_as_the_bus_expects_it():
+    """ETG.1000.6: AL control 0x0120 and AL status 0x0130, 16 bits, little endian."""
+    text = write_eni(bus(1))
+    requested = set(re.findall(r"<Ado>288</Ado><Data>([0-9a-f]+)</Data>", text))
+    checked = set(re.findall(r"<Validate><Data>([0-9a-f]+)</Data><DataMask>0f00", text))
+    assert requested >= {"0200", "0400", "0800"}
+    assert requested | {"0100"} == checked | {"0100"} <= {"0100", "0200", "0400", "0800"}
+
+
 def test_what_cannot_be_written_is_refused():
     one = bus(1)
     sub = one.subdevices[0]

@@ -6,6 +6,7 @@ import struct
 
 import pytest
 
+from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.crc import block_crc
 from fsoe_net.fsoe.event import State
@@ -93,6 +94,7 @@ def _answers(end: Instance, data: bytes, frames: list[bytes | None]) -> list[str
     return answers
 
 
+@pytest.mark.shows("R17")
 def test_both_ends_send_the_frames_of_a_drive_that_passed_the_conformance_test() -> None:
     """15 frames of a start-up: 8 bytes out and 12 in, ConnID 7, address 3, watchdog 100 ms."""
     mains, subs = (tuple(bytes.fromhex(text) for text in frames) for frames in (MAIN, SUB))
@@ -108,3 +110,32 @@ def test_both_ends_send_the_frames_of_a_drive_that_passed_the_conformance_test()
     )
     assert _answers(sub, INPUTS, [*mains[:-1]]) == [frame.hex() for frame in subs]
     assert sub.received_safe_data == outputs
+
+
+@pytest.mark.shows("R17")
+@pytest.mark.parametrize("both", [True, False], ids=["the rule", "without the rule"])
+def test_a_crc_that_would_repeat_takes_the_next_number(both: bool) -> None:
+    """ETG.5100: the sequence number skips where CRC_0 would equal that of the frame before."""
+    command, connection_id = 0x36, 7
+
+    def crc(old: int, sequence: int, safe: bytes) -> int:
+        return _annex_a(struct.pack("<HHHB", old, connection_id, sequence, command) + safe)
+
+    first = b"\x01\x00"
+    before = crc(0, 1, first)
+    every = (struct.pack("<H", value) for value in range(1 << 16))
+    second = next(safe for safe in every if crc(before, 2, safe) == before)
+    crcs = (before, crc(before, 3 if both else 2, second))
+    frames = [
+        struct.pack("<B2sHH", command, safe, number, connection_id)
+        for safe, number in zip((first, second), crcs, strict=True)
+    ]
+    sender, receiver = Chain(), Chain()
+    sent = [sender.send(command, safe, connection_id) for safe in (first, second)]
+    assert (sent == frames) is both
+    received = [receiver.receive(decode_pdu(frame)) for frame in frames]
+    assert received == [True, both]
+    if both:  # the number goes on behind the one that was skipped
+        third = sender.send(command, first, connection_id)
+        assert decode_pdu(third).crcs == (crc(crcs[1], 4, first),)
+        assert receiver.receive(decode_pdu(third))

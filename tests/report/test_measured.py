@@ -100,6 +100,17 @@ def test_an_emulated_run_says_so_and_a_running_bus_counts() -> None:
     assert running[6][0].value == 1.0001
 
 
+@pytest.mark.shows("R13")
+def test_a_recorded_run_counts_for_the_machine_unless_it_was_emulated() -> None:
+    for backend, of_machine in (("emulated", False), ("soem", True)):
+        evidence = run(histogram(100_000, 0, 0), backend)
+        document = compose_report(inputs_of(TIMED, evidence=(evidence,)))
+        assert document.of_machine is of_machine
+        missing = [p for p in document.points if "no evidence of the machine" in p[1].text]
+        assert bool(missing) is not of_machine
+    assert not compose_report(inputs_of(TIMED)).of_machine
+
+
 def test_the_block_on_timing_has_it_or_says_that_nothing_was_measured() -> None:
     for evidence, words in (
         (run(histogram(100_000, 0, 0)), "upper end of the histogram bucket"),
