@@ -5,10 +5,14 @@ BUILD := $(or $(FSN_BUILD),build)
 PY := $(VENV)/bin/python
 FSN := $(VENV)/bin/fsoe-net
 
-.PHONY: demo robot-cell test test-python test-c master clean
+.PHONY: help demo robot-cell test test-python test-c master clean
 .DEFAULT_GOAL := demo
 
-demo: $(VENV)/.ready
+help: ## this list
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
+	@echo '  scripts/ has what a developer runs, scripts/rig/ what needs root, a bus or hours; CONTRIBUTING.md says when.'
+
+demo: $(VENV)/.ready ## check, plan, run and report of the e-stop example, on an emulated bus
 	@echo '== check: what is wrong in the files, at file, line and column'
 	$(FSN) check examples/estop/network.yaml
 	@echo; echo '== plan: compiled to a self-checking copy plan'
@@ -19,15 +23,13 @@ demo: $(VENV)/.ready
 	@echo; echo '== report'
 	$(FSN) report examples/estop/network.yaml --scenario examples/estop/scenario.yaml -o report.html --overwrite
 
-# Two axes over fsn-master and an emulated segment, an e-stop while they move, a picture.
-robot-cell: $(VENV)/bin/fsn-master
+robot-cell: $(VENV)/bin/fsn-master ## two axes, an e-stop while they move, a picture
 	$(PY) examples/robot-cell/cell.py
 
-# The real-time executable, beside the tool in the virtual environment.
-master: $(VENV)/bin/fsn-master
+master: $(VENV)/bin/fsn-master ## the real-time executable fsn-master, with SOEM where the network has it
 
-# One after the other; make -j2 runs both at once, and what they build knows nothing of it.
-test: test-python test-c
+# What the two build knows nothing of each other.
+test: test-python test-c ## the Python tests and the C tests; -j2 runs both at once
 
 test-python test-c: $(VENV)/.ready-test master
 
@@ -61,5 +63,5 @@ $(VENV)/bin/fsn-master: $(VENV)/.ready-test $(SOURCES) $(shell find master_core/
 		$$install || $$install --without-soem
 	@touch $@
 
-clean:
+clean: ## removes what was built
 	rm -rf $(VENV) build dist report.html estop.fsnplan robot-cell.svg motion.csv

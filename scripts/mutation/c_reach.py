@@ -58,7 +58,7 @@ _PYTHON = {
     "app": ("tests/master", "tests/incident"),
 }
 _SKIPPED = 77
-_COUNTED = re.compile(r"CMakeFiles/fsn[_-]|/app/|/src/client/")
+_COUNTED = re.compile(r"CMakeFiles/fsn[_-]|/app/|/src/client/|/backends/igh/")
 _LONGEST_S = 600.0
 
 

@@ -1,7 +1,7 @@
 """Kills, freezes and stops the `fsn-master` that drives a bus, again and again.
 
 Call: ``standby_kills.py TIMES [SEED]``, as root in a network namespace of its own
-(``scripts/standby-kills`` makes it). A standby takes over
+(``scripts/rig/standby-kills`` makes it). A standby takes over
 each time, and the next one is started.  The wire itself shows who sends, and how long nobody does.
 """
 

@@ -1,7 +1,7 @@
 """Plan bytes for tests of the C core, written from docs/reference/plan-format.md alone.
 
 It imports nothing of the package, so that a mistake in the package's writer cannot hide one in the
-loader. ``python plan_builder.py FILE`` writes the e-stop pair, for `scripts/consumer`.
+loader. ``python plan_builder.py FILE`` writes the e-stop pair, for `scripts/rig/consumer`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The verdict of ``scripts/soak``: which losses a stall of the machine explains."""
+"""The verdict of ``scripts/rig/soak``: which losses a stall of the machine explains."""
 
 import os
 import subprocess

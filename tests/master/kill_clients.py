@@ -1,6 +1,6 @@
 """Clients in the cycle that misbehave, and that are stopped and killed at random moments.
 
-    scripts/realtime-kills [COUNT [SEED]]
+    scripts/rig/realtime-kills [COUNT [SEED]]
 
 Another client goes on in every cycle meanwhile. It looks at the whole process image: nothing in it
 is ever written but its own output and the one that the misbehaving client owns.

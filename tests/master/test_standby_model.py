@@ -13,7 +13,7 @@ def test_the_rule_holds_in_every_state():
         required = "spin" in os.environ.get("FSN_REQUIRE", "").split(",")
         (pytest.fail if required else pytest.skip)("SPIN is not installed: apt install spin")
     done = subprocess.run(
-        [ROOT / "scripts/standby-model"], capture_output=True, text=True, check=False
+        [ROOT / "scripts/rig/standby-model"], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
     page = (ROOT / "docs/explanation/standby.md").read_text("utf-8")
