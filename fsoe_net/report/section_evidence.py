@@ -25,6 +25,7 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
+from fsoe_net.fsoe.parameters import SeenParameters, differences
 from fsoe_net.live.health import (
     Health,
     HealthLevel,
@@ -36,11 +37,34 @@ from fsoe_net.model.scan import Scan, ScannedSubDevice
 from fsoe_net.report.evidence import Evidence, LiveEvidence, RunEvidence
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
-from fsoe_net.report.observed import observed_cell
 from fsoe_net.report.section_identity import files_table
 
 if TYPE_CHECKING:
     from fsoe_net.incident.incident import IncidentHead
+
+
+def observed_cell(name: str, seen: SeenParameters) -> Cell:
+    """Return what the MainInstance sent in its last start-up, and what speaks against it."""
+    against = tuple(_against(name, seen))
+    if against:
+        return against
+    o = seen.observed
+    if o.watchdog_ms is None:
+        return cell(Verdict("not observed", Level.OPEN))
+    words = f"ConnID {o.connection_id}, address {o.address}, {o.watchdog_ms} ms"
+    if not o.app_bytes:
+        return cell(Verdict("as stated", Level.CLEAR), muted(words))
+    words += f", {o.app_bytes} bytes of application parameters"
+    if seen.configured.app_bytes is None:
+        words += ", which the network does not state"
+        return cell(Verdict("application parameters not compared", Level.OPEN), muted(words))
+    return cell(Verdict("as stated", Level.CLEAR), muted(words))
+
+
+def _against(name: str, seen: SeenParameters) -> Iterator[Item]:
+    for text in differences(seen.differs, seen.configured, seen.observed):
+        yield Verdict(f"{name}: {text}", Level.ERROR)
+
 
 HEALTH_LEVELS = {
     HealthLevel.GOOD: Level.CLEAR,

@@ -6,6 +6,7 @@ import hashlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 
+from fsoe_net.compare.scan_match import match_scan
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.diag.printable import printable
 from fsoe_net.document.model import outward
@@ -14,15 +15,50 @@ from fsoe_net.model.description import DescribedSubDevice
 from fsoe_net.model.layout import FramePair
 from fsoe_net.model.library import Library
 from fsoe_net.model.library_fill import library_role
+from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.scan import Scan
 from fsoe_net.model.transfer_ends import ResolvedTransfer
+from fsoe_net.model.wiring import wiring_of
 from fsoe_net.project.check import Checked, library_of
-from fsoe_net.studio.cables import cables_of
 from fsoe_net.studio.changes import FACTS
 from fsoe_net.studio.workspace import Workspace
 from fsoe_net.timing.budget import make_budget
 from fsoe_net.timing.watchdogs import Limit, WatchdogBudget
+
+
+def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, object]:
+    """Return the cables as plain JSON values; see ``assets/types.d.ts``.
+
+    Args:
+        network: Its SubDevices are found in the scan as ``fsoe-net check --scan`` finds them.
+        scan: The bus; of several in the network, the first.
+    """
+    match = match_scan(network, scan, {})
+    names = {there.position: sub.name for sub, there in (*match.other, *match.pairs)}
+    names |= {there.position: sub.name for sub, _, there in match.moved}
+    for one, there, two, where in match.swapped:
+        names |= {there.position: one.name, where.position: two.name}
+    others = {there.position for _, there in match.other}
+    wiring = wiring_of(scan)
+    cables = () if wiring is None else wiring.cables
+    ring = None if wiring is None else wiring.ring_from
+    return {
+        "is_known": wiring is not None,
+        "ring_from": None if ring is None else list(ring),
+        "nodes": [
+            {
+                "position": cable.position,
+                "parent": cable.parent,
+                "port": cable.port,
+                "subdevice": names.get(cable.position, ""),
+                "is_other": cable.position in others,
+                "type": printable(scan.subdevices[cable.position].name.split(" ")[0]),
+            }
+            for cable in cables
+        ],
+    }
+
 
 Row = dict[str, object]
 

@@ -1,7 +1,7 @@
 """The bus for an hour or a day, with a verdict: faults of ours apart from stalls of the machine.
 
 Call: ``soak.py [SECONDS] [--cpu N] [--copies N]``, as root in a network namespace of its own
-(``scripts/rig/soak`` makes it, and builds the two programs). The el6910 example runs over a veth pair
+(``scripts/rig/soak`` makes it, and builds both programs). The el6910 example runs over a veth pair
 at 1 kHz. On every CPU a program above all others only watches the clock. A connection that leaves
 Data is explained by a stall longer than its watchdog, and by nothing else. Then copies of the core
 are compared with a shadow.
@@ -248,7 +248,9 @@ def print_bus(last: BusSnapshot, stalls: Sequence[Stall], lost: Sequence[Loss]) 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="scripts/rig/soak", description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="scripts/rig/soak", description=__doc__.partition("\n")[0]
+    )
     parser.add_argument("seconds", nargs="?", type=float, default=3600.0)
     parser.add_argument("--cpu", type=int, default=max(os.sched_getaffinity(0)))
     parser.add_argument("--copies", type=int, default=1_000_000_000)

@@ -112,7 +112,7 @@ def no_priority():
 
 
 def test_a_few_kills(tmp_path):
-    """`scripts/rig/standby-kills`, short: no connection leaves Data, nobody sends beside another."""
+    """`scripts/rig/standby-kills`, short: no connection leaves Data, one sends at a time."""
     if why := why_not() or no_priority():
         (pytest.fail if REQUIRED else pytest.skip)(why)
     done = run_program("bench/standby_kills.py", "8", cwd=tmp_path)

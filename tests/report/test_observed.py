@@ -8,7 +8,7 @@ import pytest
 from fsoe_net.document.model import Level, Verdict
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters
 from fsoe_net.report.evidence import RunRow
-from fsoe_net.report.observed import observed_cell
+from fsoe_net.report.section_evidence import observed_cell
 
 APP = bytes.fromhex("01000000")
 

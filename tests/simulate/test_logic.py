@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fsoe_net.simulate.logic import SafetyLogic
+from fsoe_net.simulate.device import SafetyLogic
 
 # Each story: (inputs good, reset pressed) per step, and the outputs that must follow.
 STORIES = {

@@ -11,8 +11,8 @@ import pytest
 from fsoe_net.errors import InputError
 from fsoe_net.studio.begin import empty_network
 from fsoe_net.studio.document import state_of
+from fsoe_net.studio.server import try_network
 from fsoe_net.studio.shelf import Shelf
-from fsoe_net.studio.trial import try_network
 from fsoe_net.studio.workspace import Workspace
 
 ROOT = Path(__file__).parents[2]

@@ -12,7 +12,7 @@ from fsoe_net.plan.compile import compile_plan
 from fsoe_net.studio.changes import DRAWN, change_of
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.rows import remove_row, row_of
-from fsoe_net.studio.trial import try_network
+from fsoe_net.studio.server import try_network
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
 
 ROOT = Path(__file__).parents[2]

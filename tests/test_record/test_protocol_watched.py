@@ -15,8 +15,7 @@ from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of, fingerprint_of_sections
-from fsoe_net.test_record.live import run_protocol_live
-from fsoe_net.test_record.times import LossTimes
+from fsoe_net.test_record.live import LossTimes, run_protocol_live
 
 PAIRS = {"logic-io": {"logic", "io"}, "logic-io2": {"logic", "io2"}}
 CYCLE_NS = 1_000_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from fsoe_net.timing.sources import names_a_revision, names_a_source
+from fsoe_net.timing.elements import names_a_revision, names_a_source
 
 OPEN = (
     "", " ", "-", "?", "...", "0", "1", "4711", "x", "m", "xxx", "tbd", "T.B.D.", "t b d",

@@ -108,7 +108,7 @@ export interface State {
   findings: Finding[];
 }
 
-/** Cables by a scan, see fsoe_net/studio/cables.py. */
+/** Cables by a scan, see fsoe_net/studio/document.py. */
 export interface Wiring {
   file: string;
   /** Whether the links of the scan leave one way only. */
@@ -130,7 +130,7 @@ export interface WiredNode {
   type: string;
 }
 
-/** A try on the emulated bus, see fsoe_net/studio/trial.py. */
+/** A try on the emulated bus, see fsoe_net/studio/server.py. */
 export interface Tried {
   error: string;
   content: string;
