@@ -8,7 +8,7 @@ SCRIPTS = {
     path.name: path
     for folder in ("scripts", "scripts/rig")
     for path in (ROOT / folder).iterdir()
-    if path.is_file()
+    if path.is_file() and not path.suffix
 }
 
 
