@@ -20,7 +20,7 @@
 #include "app/log/log.h"
 #include "app/master.h"
 #include "app/scan.h"
-#include "app/takeover/former.h"
+#include "app/takeover/predecessor.h"
 #include "control/base/words.h"
 
 enum { MAX_PLAN_BYTES = 64 << 20 };
@@ -197,7 +197,7 @@ struct late {
     const struct words *words;
 };
 
-/** The log of the former may be the same: it is ours when that one has ended. */
+/** The log of the predecessor may be the same: it is ours when that one has ended. */
 static int keep_log_late(void *self) {
     const struct late *late = self;
     const int code = keep_log(late->options, late->words);
@@ -229,7 +229,7 @@ static int run(struct options *options, const struct words *words) {
         return scan_run(options, backend);
     }
     struct fsn_plan *plan = NULL;
-    struct former former;
+    struct predecessor predecessor;
     int code = load(options, &plan);
     if (code == -1) {
         code = check_plan(plan, options);
@@ -239,7 +239,7 @@ static int run(struct options *options, const struct words *words) {
     }
     const bool second = options->take_over || options->standby;
     if (code == -1 && second) {
-        code = former_find(&former, options, plan, backend);
+        code = predecessor_find(&predecessor, options, plan, backend);
     }
     if (code == -1) {
         code = buses_choose(options, plan, &backend);
@@ -251,7 +251,7 @@ static int run(struct options *options, const struct words *words) {
         notify_begin();
         const int signal_fd = block_signals();
         confine(options);
-        code = master_run(options, plan, backend, path, signal_fd, second ? &former : NULL,
+        code = master_run(options, plan, backend, path, signal_fd, second ? &predecessor : NULL,
                           keep_log_late, &late);
         close(signal_fd);
     }

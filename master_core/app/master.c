@@ -17,8 +17,8 @@
 #include "app/base/notify.h"
 #include "app/log/log.h"
 #include "app/runner.h"
-#include "app/takeover/door.h"
-#include "app/takeover/former.h"
+#include "app/takeover/handover_listener.h"
+#include "app/takeover/predecessor.h"
 #include "control/base/clock.h"
 #include "control/base/peer.h"
 #include "fsn/handover.h"
@@ -50,16 +50,16 @@ struct master {
     bool locked;
     uint64_t started_ns, run_until_ns, end_until_ns;
     uint64_t watchdog_ns, watched_cycles;
-    bool logs;                              /**< there is an intervention log */
-    bool log_fails;                         /**< reported: it is not written */
-    bool log_limited;                       /**< reported: half of its limit is used */
-    struct fsn_interventions interventions; /**< how it was in this turn */
-    struct door door;                       /**< for the process that goes on with the bus */
-    bool turns;                             /**< the runner begins or ends a rest */
+    bool logs;                                  /**< there is an intervention log */
+    bool log_fails;                             /**< reported: it is not written */
+    bool log_limited;                           /**< reported: half of its limit is used */
+    struct fsn_interventions interventions;     /**< how it was in this turn */
+    struct handover_listener handover_listener; /**< for the process that goes on with the bus */
+    bool turns;                                 /**< the runner begins or ends a rest */
     const char *socket_path;
-    struct former *former; /**< whose bus is taken over; NULL: none, or it is ours */
-    bool follows;          /**< as standby */
-    bool listener_waits;   /**< its control socket will be ours as well */
+    struct predecessor *predecessor; /**< whose bus is taken over; NULL: none, or it is ours */
+    bool follows;                    /**< as standby */
+    bool listener_waits;             /**< its control socket will be ours as well */
     int (*taken)(void *self);
     void *self;
 };
@@ -82,8 +82,9 @@ static void host_status(void *self, struct fsn_control_status *status) {
         .state = m->state == RUNNING && !m->ready ? "starting"
                  : m->follows                     ? "standby"
                                                   : state_name[m->state],
-        .standby_pid = m->door.state == DOOR_FOLLOWED ? m->door.pid : 0,
-        .standby_held = m->door.held,
+        .standby_pid =
+            m->handover_listener.state == HANDOVER_LISTENER_FOLLOWED ? m->handover_listener.pid : 0,
+        .standby_held = m->handover_listener.held,
         .fault = m->fault[0] != 0 ? m->fault : NULL,
         .backend = m->backend->name,
         .interface = o->interface,
@@ -145,10 +146,10 @@ static fsn_status host_request(void *self, enum fsn_program_request request,
         return FSN_OK;
     case FSN_PROGRAM_HOLD:
     case FSN_PROGRAM_RESUME:
-        door_hold(&m->door, request == FSN_PROGRAM_HOLD);
+        handover_listener_hold(&m->handover_listener, request == FSN_PROGRAM_HOLD);
         fsn_control_state_changed(m->control, FSN_LOG_WARNING,
-                                  m->door.held ? "maintenance: no standby takes over"
-                                               : "a standby takes over again");
+                                  m->handover_listener.held ? "maintenance: no standby takes over"
+                                                            : "a standby takes over again");
         return FSN_OK;
     default:
         begin_end(m, "a client requests the end");
@@ -174,7 +175,7 @@ static void advance(struct master *m) {
     }
     if (m->state == RUNNING && leave) {
         m->again = false;
-        door_close(&m->door);
+        handover_listener_close(&m->handover_listener);
         fsn_control_close_outputs(m->control);
         set_state(m, LEAVING, FSN_LOG_INFO, "stops: SubDevices leave OP, copying goes on");
         runner_ask(m->runner, RUNNER_LEAVE);
@@ -199,11 +200,11 @@ static void failed(struct master *m, const struct runner_result *result) {
     const bool given_up = !m->wanted;
     m->wanted = false;
     m->follows = false;
-    if (m->options->standby && m->former != NULL && !m->former->ended) {
+    if (m->options->standby && m->predecessor != NULL && !m->predecessor->ended) {
         snprintf(text, sizeof text, "the standby takes nothing over: %s", m->fault);
-    } else if (m->former != NULL && !m->former->ended) {
+    } else if (m->predecessor != NULL && !m->predecessor->ended) {
         snprintf(text, sizeof text, "the take-over is refused, and process %d goes on: %s",
-                 (int)m->former->pid, m->fault);
+                 (int)m->predecessor->pid, m->fault);
     } else {
         snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
     }
@@ -236,18 +237,19 @@ static void warn_of_throttling(void) {
     }
 }
 
-/** The former has ended, and this process has what was its own. */
+/** The predecessor has ended, and this process has what was its own. */
 static void took_over(struct master *m, const struct runner_result *result) {
-    struct former *former = m->former;
+    struct predecessor *predecessor = m->predecessor;
     struct fsn_refusal refusal;
-    m->former = NULL;
+    m->predecessor = NULL;
     m->follows = false;
     if (m->listener_waits) {
         m->listener_waits = false;
-        if (fsn_control_adopt(m->control, former->listener, m->socket_path, &refusal) != FSN_OK) {
+        if (fsn_control_adopt(m->control, predecessor->listener, m->socket_path, &refusal) !=
+            FSN_OK) {
             log_line(FSN_LOG_ERROR, "no control socket: %s", refusal.text);
         }
-        former->listener = -1;
+        predecessor->listener = -1;
     }
     if (m->taken(m->self) != -1) {
         log_line(FSN_LOG_ERROR, "goes on without it: the bus is not given up for that");
@@ -255,9 +257,9 @@ static void took_over(struct master *m, const struct runner_result *result) {
     log_line(FSN_LOG_WARNING,
              "took the bus over from process %d: %.3f ms and %llu cycles from its last frame to "
              "the first of this one",
-             (int)former->pid, (double)result->gap_ns / 1e6,
+             (int)predecessor->pid, (double)result->gap_ns / 1e6,
              (unsigned long long)result->gap_cycles);
-    former_release(former);
+    predecessor_release(predecessor);
 }
 
 static void opened(struct master *m, const struct runner_result *result) {
@@ -267,10 +269,10 @@ static void opened(struct master *m, const struct runner_result *result) {
         failed(m, result);
         return;
     }
-    if (m->former != NULL) {
+    if (m->predecessor != NULL) {
         took_over(m, result);
     }
-    door_open(&m->door, result->attachment.lock);
+    handover_listener_open(&m->handover_listener, result->attachment.lock);
     m->opened_once = true;
     m->core = result->core;
     m->policy = result->policy;
@@ -298,13 +300,14 @@ static void ask_rest(struct master *m, enum runner_job job) {
 }
 
 static void rested(struct master *m, const struct runner_result *result) {
-    const struct door_gift gift = {.attachment = result->attachment,
-                                   .listener = fsn_control_listener(m->control),
-                                   .room = result->room,
-                                   .room_bytes = result->room_bytes};
+    const struct handover_listener_gift gift = {.attachment = result->attachment,
+                                                .listener = fsn_control_listener(m->control),
+                                                .room = result->room,
+                                                .room_bytes = result->room_bytes};
     m->turns = false;
     fsn_core_show_first(m->core, result->done == RUNNER_REST);
-    if (result->done == RUNNER_REST && door_give(&m->door, &gift) == DOOR_GO_ON) {
+    if (result->done == RUNNER_REST &&
+        handover_listener_give(&m->handover_listener, &gift) == HANDOVER_LISTENER_GO_ON) {
         ask_rest(m, RUNNER_GO_ON);
     }
 }
@@ -320,24 +323,25 @@ static void hand_over(struct master *m) {
     const bool differs = m->options->require_observed && fsn_control_differed(m->control);
     const int code = log_end(differs ? EXIT_DIFFERS : EXIT_FINE);
     fsn_core_stop(m->core);
-    door_say_end(&m->door);
+    handover_listener_say_end(&m->handover_listener);
     _exit(code); /* the socket's file and the states of the bus stay as they are */
 }
 
-static void serve_door(struct master *m, const struct pollfd *fds) {
+static void serve_handover_listener(struct master *m, const struct pollfd *fds) {
     const bool in_op = m->state == RUNNING && m->wanted && !m->again && runner_in_op(m->runner);
-    const struct door_facts facts = {.options = m->options, .plan = m->plan, .in_op = in_op};
+    const struct handover_listener_facts facts = {
+        .options = m->options, .plan = m->plan, .in_op = in_op};
     if (m->turns) {
         return;
     }
-    switch (door_serve(&m->door, fds, &facts)) {
-    case DOOR_REST:
+    switch (handover_listener_serve(&m->handover_listener, fds, &facts)) {
+    case HANDOVER_LISTENER_REST:
         ask_rest(m, RUNNER_REST);
         return;
-    case DOOR_GO_ON:
+    case HANDOVER_LISTENER_GO_ON:
         ask_rest(m, RUNNER_GO_ON);
         return;
-    case DOOR_END:
+    case HANDOVER_LISTENER_END:
         hand_over(m);
         return;
     default:
@@ -367,7 +371,7 @@ static void take_result(struct master *m) {
     }
     if (m->state == OPENING && !m->follows && runner_follows(m->runner)) {
         m->follows = true;
-        snprintf(text, sizeof text, "follows process %d as standby", (int)m->former->pid);
+        snprintf(text, sizeof text, "follows process %d as standby", (int)m->predecessor->pid);
         set_state(m, OPENING, FSN_LOG_INFO, text);
         notify("READY=1");
     }
@@ -452,7 +456,7 @@ static void watch_log(struct master *m) {
 }
 
 static void turn(struct master *m) {
-    enum { SIGNALS = FSN_CONTROL_FDS, RUNNER, DOOR, ALL = DOOR + DOOR_FDS };
+    enum { SIGNALS = FSN_CONTROL_FDS, RUNNER, HANDOVER, ALL = HANDOVER + HANDOVER_LISTENER_FDS };
     struct pollfd fds[ALL];
     uint64_t wait_ns;
     fsn_control_prepare(m->control, fds, &wait_ns);
@@ -460,9 +464,9 @@ static void turn(struct master *m) {
                                   .tv_nsec = (long)(wait_ns % 1000000000u)};
     fds[SIGNALS] = (struct pollfd){.fd = m->signal_fd, .events = POLLIN};
     fds[RUNNER] = (struct pollfd){.fd = runner_fd(m->runner), .events = POLLIN};
-    door_prepare(&m->door, &fds[DOOR]);
-    for (int i = 0; i < DOOR_FDS && m->turns; i++) {
-        fds[DOOR + i].fd = -1; /* it waits */
+    handover_listener_prepare(&m->handover_listener, &fds[HANDOVER]);
+    for (int i = 0; i < HANDOVER_LISTENER_FDS && m->turns; i++) {
+        fds[HANDOVER + i].fd = -1; /* it waits */
     }
     if (ppoll(fds, ALL, &wait, NULL) < 0) {
         return; /* interrupted */
@@ -473,8 +477,8 @@ static void turn(struct master *m) {
     if (fds[RUNNER].revents != 0) {
         take_result(m);
     }
-    serve_door(m, &fds[DOOR]);
-    fsn_core_show_first(m->core, door_is_followed(&m->door));
+    serve_handover_listener(m, &fds[HANDOVER]);
+    fsn_core_show_first(m->core, handover_listener_is_followed(&m->handover_listener));
     fsn_control_serve(m->control, fds, FSN_CONTROL_FDS);
     watch_time(m, fsn_now_ns());
     watch_log(m);
@@ -527,7 +531,7 @@ static void give_up(const struct options *options) {
 
 int master_run(const struct options *options, const struct fsn_plan *plan,
                const struct fsn_backend *backend, const char *socket_path, int signal_fd,
-               struct former *former, int (*taken)(void *self), void *self) {
+               struct predecessor *predecessor, int (*taken)(void *self), void *self) {
     struct master m = {.options = options,
                        .plan = plan,
                        .backend = backend,
@@ -535,7 +539,7 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
                        .started_ns = fsn_now_ns(),
                        .wanted = true,
                        .socket_path = socket_path,
-                       .former = former,
+                       .predecessor = predecessor,
                        .taken = taken,
                        .self = self,
                        .policy = options->policy};
@@ -549,16 +553,16 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
         log_line(FSN_LOG_ERROR, "out of memory");
         return EXIT_ENVIRONMENT;
     }
-    door_init(&m.door);
+    handover_listener_init(&m.handover_listener);
     watch_log(&m);
     m.code = keep_incidents(&m);
-    m.listener_waits = former != NULL && is_socket_at(former->listener, socket_path);
+    m.listener_waits = predecessor != NULL && is_socket_at(predecessor->listener, socket_path);
     if (m.code == -1 && !m.listener_waits) {
         m.code = listen_on(&m, socket_path);
     }
     if (m.code == -1) {
         m.code = EXIT_FINE;
-        m.runner = runner_create(options, plan, backend, former);
+        m.runner = runner_create(options, plan, backend, predecessor);
         if (m.runner == NULL) {
             log_line(FSN_LOG_ERROR, "the thread for the bus cannot be started: %s",
                      strerror(errno));
@@ -577,8 +581,8 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
     }
     fsn_control_flush(m.control, 200);
     runner_free(m.runner);
-    if (m.former != NULL) {
-        former_release(m.former);
+    if (m.predecessor != NULL) {
+        predecessor_release(m.predecessor);
     }
     fsn_control_free(m.control);
     return m.code;

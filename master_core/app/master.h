@@ -5,14 +5,14 @@
 #include "app/base/backends.h"
 #include "app/base/options.h"
 
-struct former;
+struct predecessor;
 
 /** Runs until a signal or a client ends it.   @return the exit code. Signals must be blocked and in
  *  `signal_fd`.
- *  @param[in] former  whose bus is taken over; NULL: none. Then `taken` is called once, when it has
- *                     ended: it may open what the former had open. */
+ *  @param[in] predecessor  whose bus is taken over; NULL: none. Then `taken` is called once, when
+ * it has ended: it may open what the predecessor had open. */
 int master_run(const struct options *options, const struct fsn_plan *plan,
                const struct fsn_backend *backend, const char *socket_path, int signal_fd,
-               struct former *former, int (*taken)(void *self), void *self);
+               struct predecessor *predecessor, int (*taken)(void *self), void *self);
 
 #endif

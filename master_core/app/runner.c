@@ -15,7 +15,7 @@
 
 #include "app/base/schedule.h"
 #include "app/log/log.h"
-#include "app/takeover/former.h"
+#include "app/takeover/predecessor.h"
 #include "control/base/clock.h"
 #include "plan/plan_internal.h"
 
@@ -50,9 +50,9 @@ struct runner {
     /* The thread's own. */
     void *bus;
     struct fsn_core *core;
-    struct former *former; /**< whose bus is taken over; NULL: none, or none any more */
-    bool rests;            /**< nothing but the cycle touches the bus */
-    void *room;            /**< where the core shows its cycles; NULL: to nobody */
+    struct predecessor *predecessor; /**< whose bus is taken over; NULL: none, or none any more */
+    bool rests;                      /**< nothing but the cycle touches the bus */
+    void *room;                      /**< where the core shows its cycles; NULL: to nobody */
     size_t room_bytes;
     int room_fd;
     struct fsn_bus_subdevice *found; /**< of the last bus that did not open */
@@ -134,7 +134,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
         .dc_host = o->dc_host,
         .dc_shift_ns = o->dc_shift_ns,
         .dc_window_ns = o->dc_window_ns,
-        .attach = runner->former != NULL ? &runner->former->attachment : NULL,
+        .attach = runner->predecessor != NULL ? &runner->predecessor->attachment : NULL,
     };
     fsn_status status = runner->backend->create(&live, &runner->bus, fault);
     if (status == FSN_OK) {
@@ -151,7 +151,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
 
 static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
     /* Nothing is disturbed while it attaches, and a frame that came late is no reason to refuse. */
-    const uint64_t least_ns = runner->former != NULL ? attach_ns : 0;
+    const uint64_t least_ns = runner->predecessor != NULL ? attach_ns : 0;
     const uint64_t wait_ns = runner->options->wait_ns;
     const uint64_t until = fsn_now_ns() + (wait_ns > least_ns ? wait_ns : least_ns);
     char reported[FSN_DETAIL_BYTES] = "";
@@ -190,7 +190,7 @@ static uint64_t cycles_of(struct runner *runner) {
 static void set_stop_values(struct runner *runner) {
     struct fsn_symbol_info symbol;
     for (uint32_t i = 0; fsn_plan_symbol(runner->plan, i, &symbol) == FSN_OK; i++) {
-        if ((symbol.stop_value != 0 || runner->former != NULL) &&
+        if ((symbol.stop_value != 0 || runner->predecessor != NULL) &&
             fsn_core_set_output(runner->core, i, symbol.stop_value) != FSN_OK) {
             continue; /* a copy owns it */
         }
@@ -215,8 +215,8 @@ static bool first_cycle(struct runner *runner, uint64_t before) {
 static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
                               struct runner_result *result) {
     const struct options *o = runner->options;
-    /* The former has ended: what it drove is not given up for the sake of scheduling. */
-    const bool strict = o->policy_given && runner->former == NULL;
+    /* The predecessor has ended: what it drove is not given up for the sake of scheduling. */
+    const bool strict = o->policy_given && runner->predecessor == NULL;
     pid_t before[SCHEDULE_THREADS];
     pid_t after[SCHEDULE_THREADS];
     struct fsn_thread_options thread = {
@@ -312,7 +312,7 @@ static void describe(struct runner *runner, struct runner_result *result) {
     }
 }
 
-/** One turn of a standby: what comes in for the cycle of the former would fill the socket. */
+/** One turn of a standby: what comes in for the cycle of the predecessor would fill the socket. */
 static bool follow_on(void *self) {
     struct runner *runner = self;
     runner->backend->ops->discard(runner->bus);
@@ -329,21 +329,21 @@ static fsn_status follow(struct runner *runner, struct fsn_fault *fault) {
     atomic_store(&runner->follows, true);
     wake(runner);
     const fsn_status status =
-        former_follow(runner->former, cycle_of(runner), follow_on, runner, fault);
+        predecessor_follow(runner->predecessor, cycle_of(runner), follow_on, runner, fault);
     atomic_store(&runner->follows, false);
     return status;
 }
 
-/** All is prepared: ends the former, and goes on where it was. Whatever may be refused is refused
- *  before. */
+/** All is prepared: ends the predecessor, and goes on where it was. Whatever may be refused is
+ * refused before. */
 static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
                             struct fsn_statistics *last) {
-    struct former *former = runner->former;
+    struct predecessor *predecessor = runner->predecessor;
     if (runner->options->policy != POLICY_OTHER) {
         (void)mlockall(MCL_CURRENT | MCL_FUTURE); /* takes a while; fsn_core_start() reports it */
     }
-    if (fsn_room_read(former->room, former->room_bytes, fsn_core_image_bytes(runner->core), NULL,
-                      NULL) == FSN_E_ARG) {
+    if (fsn_room_read(predecessor->room, predecessor->room_bytes,
+                      fsn_core_image_bytes(runner->core), NULL, NULL) == FSN_E_ARG) {
         return fsn_refuse_all(
             fault, FSN_E_STATE,
             "its version counts in another way; stop the bus, and start this one");
@@ -351,16 +351,17 @@ static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
     fsn_status status = FSN_OK;
     if (runner->options->standby) {
         status = follow(runner, fault);
-        status = status != FSN_OK ? status
-                                  : former_kill(former, options_priority(runner->options), fault);
+        status = status != FSN_OK
+                     ? status
+                     : predecessor_kill(predecessor, options_priority(runner->options), fault);
     } else {
-        status = former_end(former, fault);
+        status = predecessor_end(predecessor, fault);
     }
     if (status != FSN_OK) {
         return status;
     }
     runner->backend->ops->discard(runner->bus);
-    return former_continue(former, runner->core, last);
+    return predecessor_continue(predecessor, runner->core, last);
 }
 
 /** How long nobody sent. */
@@ -384,11 +385,11 @@ static fsn_status begin_cycle(struct runner *runner, struct runner_result *resul
     set_stop_values(runner);
     fsn_status status = fsn_core_keep(runner->core, runner->options->record_ns, RECORD_BYTES);
     status = status != FSN_OK ? status : open_room(runner);
-    if (status == FSN_OK && runner->former != NULL) {
+    if (status == FSN_OK && runner->predecessor != NULL) {
         status = take_over(runner, fault, &last);
     }
     status = status != FSN_OK ? status : start_cycle(runner, fault, result);
-    if (status == FSN_OK && runner->former != NULL) {
+    if (status == FSN_OK && runner->predecessor != NULL) {
         measure_gap(runner, &last, result);
     }
     return status;
@@ -405,7 +406,7 @@ static void job_open(struct runner *runner, struct runner_result *result) {
     }
     const struct sched_param usual = {.sched_priority = 0};
     (void)pthread_setschedparam(pthread_self(), SCHED_OTHER, &usual);
-    runner->former = NULL;
+    runner->predecessor = NULL;
     describe(runner, result);
     result->environment = result->status == FSN_E_SYS || result->status == FSN_E_NOMEM;
     result->core = runner->core;
@@ -555,7 +556,7 @@ static void *run(void *argument) {
 }
 
 struct runner *runner_create(const struct options *options, const struct fsn_plan *plan,
-                             const struct fsn_backend *backend, struct former *former) {
+                             const struct fsn_backend *backend, struct predecessor *predecessor) {
     struct runner *runner = calloc(1, sizeof *runner);
     if (runner == NULL) {
         return NULL;
@@ -563,7 +564,7 @@ struct runner *runner_create(const struct options *options, const struct fsn_pla
     runner->options = options;
     runner->plan = plan;
     runner->backend = backend;
-    runner->former = former;
+    runner->predecessor = predecessor;
     runner->room_fd = -1;
     runner->found = calloc((size_t)fsn_plan_subdevice_count(plan) + 1, sizeof *runner->found);
     runner->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);

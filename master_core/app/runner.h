@@ -9,7 +9,7 @@
 #include "fsn/core.h"
 
 struct runner;
-struct former;
+struct predecessor;
 
 enum runner_job {
     RUNNER_IDLE,
@@ -33,7 +33,8 @@ struct runner_result {
     struct fsn_bus_attachment attachment;
     int room;          /**< descriptor of the memory in which cycles are shown; -1: none */
     size_t room_bytes; /**< of it */
-    /** Of RUNNER_OPEN that took a bus over: from the last cycle of the former to the first here. */
+    /** Of RUNNER_OPEN that took a bus over: from the last cycle of the predecessor to the first
+     * here. */
     uint64_t gap_ns, gap_cycles;
     /** When the bus did not open: what was found of each SubDevice of the plan, until RUNNER_OPEN
      *  is requested again; NULL: nothing. */
@@ -41,10 +42,10 @@ struct runner_result {
 };
 
 /** Starts the thread.
- *  @param[in] former  whose bus is taken over when it is opened first; NULL: none.
+ *  @param[in] predecessor  whose bus is taken over when it is opened first; NULL: none.
  *  @retval NULL  the system refused. */
 struct runner *runner_create(const struct options *options, const struct fsn_plan *plan,
-                             const struct fsn_backend *backend, struct former *former);
+                             const struct fsn_backend *backend, struct predecessor *predecessor);
 
 /** Ends the thread; the bus must be closed. NULL is allowed. */
 void runner_free(struct runner *runner);
@@ -67,7 +68,7 @@ int runner_fd(const struct runner *runner);
 /** Takes the result. */
 void runner_take(struct runner *runner, struct runner_result *result);
 
-/** Whether it follows the former, as a standby. */
+/** Whether it follows the predecessor, as a standby. */
 bool runner_follows(const struct runner *runner);
 
 /** Whether every SubDevice is in OP; of a bus without states at once. */

@@ -30,7 +30,7 @@ enum handover_fd {
     HANDOVER_LISTENER,   /**< of the control socket */
     HANDOVER_ROOM,       /**< in which every cycle is shown, see fsn/handover.h */
     HANDOVER_ATTACHMENT, /**< what the bus knows, see fsn_bus_attachment */
-    HANDOVER_HELD,       /**< and more: kept open until the former has ended */
+    HANDOVER_HELD,       /**< and more: kept open until the predecessor has ended */
     HANDOVER_FDS = HANDOVER_HELD + FSN_HELD
 };
 
@@ -45,9 +45,9 @@ struct handover_answer {
 
 /** What follows, one 32 bit number each. */
 enum handover_word {
-    HANDOVER_END = 1, /**< to the former: end without leaving OP */
+    HANDOVER_END = 1, /**< to the predecessor: end without leaving OP */
     HANDOVER_ENDS,    /**< from it: the cycle has stopped, the process ends now */
-    HANDOVER_FOLLOWS, /**< to the former: attached; the acyclic work may go on */
+    HANDOVER_FOLLOWS, /**< to the predecessor: attached; the acyclic work may go on */
     HANDOVER_LEAVES,  /**< from it: it closes the bus, and nobody is to take it over */
     HANDOVER_HOLD,    /**< from it: maintenance, take nothing over until the next one */
     HANDOVER_RESUME,  /**< from it: the maintenance is over */

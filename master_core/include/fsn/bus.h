@@ -177,7 +177,8 @@ struct fsn_bus_attachment {
     size_t len_bytes;
     int lock; /**< descriptor that keeps others off the interface */
     /** Descriptors to be kept open until the first cycle of the successor: closing the last one of
-     * a raw socket takes the kernel 10 ms, for which the end of the former would have to wait. */
+     * a raw socket takes the kernel 10 ms, for which the end of the predecessor would have to wait.
+     */
     int held[FSN_HELD];
     size_t held_count;
 };

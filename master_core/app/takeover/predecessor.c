@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "app/takeover/former.h"
+#include "app/takeover/predecessor.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -39,22 +39,22 @@ static void close_fd(int *fd) {
     *fd = -1;
 }
 
-void former_release(struct former *former) {
-    if (former->room != NULL) {
-        munmap(former->room, former->room_bytes);
-        former->room = NULL;
+void predecessor_release(struct predecessor *predecessor) {
+    if (predecessor->room != NULL) {
+        munmap(predecessor->room, predecessor->room_bytes);
+        predecessor->room = NULL;
     }
-    if (former->attachment.bytes != NULL) {
-        munmap((void *)(uintptr_t)former->attachment.bytes, former->attachment.len_bytes);
-        former->attachment.bytes = NULL;
+    if (predecessor->attachment.bytes != NULL) {
+        munmap((void *)(uintptr_t)predecessor->attachment.bytes, predecessor->attachment.len_bytes);
+        predecessor->attachment.bytes = NULL;
     }
     for (size_t i = 0; i < FSN_HELD; i++) {
-        close_fd(&former->attachment.held[i]);
+        close_fd(&predecessor->attachment.held[i]);
     }
-    close_fd(&former->listener);
-    close_fd(&former->lock);
-    close_fd(&former->pidfd);
-    close_fd(&former->fd);
+    close_fd(&predecessor->listener);
+    close_fd(&predecessor->lock);
+    close_fd(&predecessor->pidfd);
+    close_fd(&predecessor->fd);
 }
 
 /** Maps what came, if it is as long as was said; NULL: it is not, or the system refused. */
@@ -69,20 +69,21 @@ static void *map(int *fd, uint64_t len_bytes) {
     return bytes != MAP_FAILED ? bytes : NULL;
 }
 
-static bool take_answer(struct former *former, const struct handover_answer *answer, int *fds) {
-    former->pidfd = fds[HANDOVER_SELF];
-    former->pid = (pid_t)answer->pid;
-    former->lock = former->attachment.lock = fds[HANDOVER_LOCK];
-    former->listener = fds[HANDOVER_LISTENER];
-    former->room_bytes = (size_t)answer->room_bytes;
-    former->room = map(&fds[HANDOVER_ROOM], answer->room_bytes);
-    former->attachment.len_bytes = (size_t)answer->attachment_bytes;
-    former->attachment.bytes = map(&fds[HANDOVER_ATTACHMENT], answer->attachment_bytes);
+static bool take_answer(struct predecessor *predecessor, const struct handover_answer *answer,
+                        int *fds) {
+    predecessor->pidfd = fds[HANDOVER_SELF];
+    predecessor->pid = (pid_t)answer->pid;
+    predecessor->lock = predecessor->attachment.lock = fds[HANDOVER_LOCK];
+    predecessor->listener = fds[HANDOVER_LISTENER];
+    predecessor->room_bytes = (size_t)answer->room_bytes;
+    predecessor->room = map(&fds[HANDOVER_ROOM], answer->room_bytes);
+    predecessor->attachment.len_bytes = (size_t)answer->attachment_bytes;
+    predecessor->attachment.bytes = map(&fds[HANDOVER_ATTACHMENT], answer->attachment_bytes);
     for (size_t i = 0; i < FSN_HELD; i++) {
-        former->attachment.held[i] = fds[HANDOVER_HELD + i];
+        predecessor->attachment.held[i] = fds[HANDOVER_HELD + i];
     }
-    return former->pidfd >= 0 && former->lock >= 0 && former->room != NULL &&
-           former->attachment.bytes != NULL;
+    return predecessor->pidfd >= 0 && predecessor->lock >= 0 && predecessor->room != NULL &&
+           predecessor->attachment.bytes != NULL;
 }
 
 /** Waits for a message; false when its time is over. */
@@ -91,13 +92,14 @@ static bool wait_for(int fd, int wait_ms) {
     return poll(&polled, 1, wait_ms) == 1;
 }
 
-static int refuse(struct former *former, const char *text) {
+static int refuse(struct predecessor *predecessor, const char *text) {
     log_line(FSN_LOG_ERROR, "the take-over is refused, and the process before goes on: %s", text);
-    former_release(former);
+    predecessor_release(predecessor);
     return EXIT_REFUSED;
 }
 
-static int request(struct former *former, const struct options *o, const struct fsn_plan *plan) {
+static int request(struct predecessor *predecessor, const struct options *o,
+                   const struct fsn_plan *plan) {
     struct handover_hello hello = {.format = HANDOVER_FORMAT,
                                    .dc_every = o->dc_every,
                                    .dc_host = o->dc_host,
@@ -109,60 +111,63 @@ static int request(struct former *former, const struct options *o, const struct 
     fsn_plan_sha256(plan, hello.plan);
     snprintf(hello.version, sizeof hello.version, "%s", fsn_version());
     /* Where it was refused at once sending fails, and its answer is there all the same. */
-    (void)handover_send(former->fd, &hello, sizeof hello, NULL, 0);
-    if (!wait_for(former->fd, ANSWER_MS)) {
-        return refuse(former, "it does not answer; where it hangs, end it with SIGKILL, and start "
-                              "the bus without --take-over");
+    (void)handover_send(predecessor->fd, &hello, sizeof hello, NULL, 0);
+    if (!wait_for(predecessor->fd, ANSWER_MS)) {
+        return refuse(predecessor,
+                      "it does not answer; where it hangs, end it with SIGKILL, and start "
+                      "the bus without --take-over");
     }
-    const bool heard = handover_receive(former->fd, &answer, sizeof answer, fds) == 1;
-    const bool whole = heard && take_answer(former, &answer, fds);
+    const bool heard = handover_receive(predecessor->fd, &answer, sizeof answer, fds) == 1;
+    const bool whole = heard && take_answer(predecessor, &answer, fds);
     if (!heard || answer.format != HANDOVER_FORMAT) {
-        return refuse(former, "it answers in another way; stop the bus, and start this version");
+        return refuse(predecessor,
+                      "it answers in another way; stop the bus, and start this version");
     }
     answer.text[sizeof answer.text - 1] = 0;
-    former->again = answer.taken == 0 && answer.again != 0;
-    if (former->again && o->standby) {
-        former_release(former);
+    predecessor->again = answer.taken == 0 && answer.again != 0;
+    if (predecessor->again && o->standby) {
+        predecessor_release(predecessor);
         return EXIT_REFUSED; /* and tries again, without a line each time */
     }
     if (answer.taken == 0) {
-        return refuse(former, answer.text);
+        return refuse(predecessor, answer.text);
     }
     if (!whole) {
-        return refuse(former, "what it handed over is not whole");
+        return refuse(predecessor, "what it handed over is not whole");
     }
-    if (syscall(SYS_pidfd_send_signal, former->pidfd, 0, NULL, 0) != 0) {
-        return refuse(former, "this process may not end it: it needs the same user, or CAP_KILL");
+    if (syscall(SYS_pidfd_send_signal, predecessor->pidfd, 0, NULL, 0) != 0) {
+        return refuse(predecessor,
+                      "this process may not end it: it needs the same user, or CAP_KILL");
     }
     return -1;
 }
 
-static int find_once(struct former *former, const struct options *o, const struct fsn_plan *plan,
-                     const struct fsn_backend *backend) {
+static int find_once(struct predecessor *predecessor, const struct options *o,
+                     const struct fsn_plan *plan, const struct fsn_backend *backend) {
     struct fsn_fault fault;
-    *former = (struct former){.fd = -1, .pidfd = -1, .lock = -1, .listener = -1};
-    memset(former->attachment.held, 0xFF, sizeof former->attachment.held); /* none: -1 */
-    if (backend->reach(o->interface, &former->fd, &fault) != FSN_OK) {
-        former->again = o->standby && fault.status == FSN_E_BUS_SILENT;
-        if (former->again) {
+    *predecessor = (struct predecessor){.fd = -1, .pidfd = -1, .lock = -1, .listener = -1};
+    memset(predecessor->attachment.held, 0xFF, sizeof predecessor->attachment.held); /* none: -1 */
+    if (backend->reach(o->interface, &predecessor->fd, &fault) != FSN_OK) {
+        predecessor->again = o->standby && fault.status == FSN_E_BUS_SILENT;
+        if (predecessor->again) {
             return EXIT_REFUSED;
         }
         log_line(FSN_LOG_ERROR, "--take-over: %s; without --take-over this one starts the bus",
                  fault.detail[0] != 0 ? fault.detail : fsn_status_text(fault.status));
         return EXIT_REFUSED;
     }
-    return request(former, o, plan);
+    return request(predecessor, o, plan);
 }
 
-int former_find(struct former *former, const struct options *o, const struct fsn_plan *plan,
-                const struct fsn_backend *backend) {
+int predecessor_find(struct predecessor *predecessor, const struct options *o,
+                     const struct fsn_plan *plan, const struct fsn_backend *backend) {
     if (backend->reach == NULL) {
         log_line(FSN_LOG_ERROR, "a bus of %s cannot be handed over", backend->name);
         return EXIT_REFUSED;
     }
     for (int tries = 0;; tries++) {
-        const int code = find_once(former, o, plan, backend);
-        if (code == -1 || !o->standby || !former->again) {
+        const int code = find_once(predecessor, o, plan, backend);
+        if (code == -1 || !o->standby || !predecessor->again) {
             return code;
         }
         if (tries == 0) {
@@ -175,48 +180,48 @@ int former_find(struct former *former, const struct options *o, const struct fsn
     }
 }
 
-/** Takes what the former says; false: it closes the bus. */
-static bool hear(struct former *former, bool *held) {
+/** Takes what the predecessor says; false: it closes the bus. */
+static bool hear(struct predecessor *predecessor, bool *held) {
     uint32_t word = 0;
-    const int got = handover_receive(former->fd, &word, sizeof word, NULL);
+    const int got = handover_receive(predecessor->fd, &word, sizeof word, NULL);
     if (got == 1 && (word == HANDOVER_HOLD || word == HANDOVER_RESUME)) {
         *held = word == HANDOVER_HOLD;
         log_line(FSN_LOG_WARNING, *held ? "maintenance: takes nothing over" : "follows again");
     }
     /* A connection that is lost without a word is that of a process at its end. */
     return !(got == 1 && word == HANDOVER_LEAVES) &&
-           (got >= 0 || handover_has_ended(former->pidfd, KILLED_MS));
+           (got >= 0 || handover_has_ended(predecessor->pidfd, KILLED_MS));
 }
 
-fsn_status former_follow(struct former *former, uint64_t cycle_ns, bool (*turn)(void *self),
-                         void *self, struct fsn_fault *fault) {
+fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns,
+                              bool (*turn)(void *self), void *self, struct fsn_fault *fault) {
     const uint64_t step_ns = cycle_ns / 2 > LEAST_STEP_NS ? cycle_ns / 2 : LEAST_STEP_NS;
-    const uint64_t cycles_ns = FORMER_STILL_CYCLES * cycle_ns;
-    const uint64_t least_ns = FORMER_STILL_MS * UINT64_C(1000000);
+    const uint64_t cycles_ns = PREDECESSOR_STILL_CYCLES * cycle_ns;
+    const uint64_t least_ns = PREDECESSOR_STILL_MS * UINT64_C(1000000);
     const uint64_t threshold_ns = cycles_ns > least_ns ? cycles_ns : least_ns;
     const struct timespec step = {.tv_sec = (time_t)(step_ns / 1000000000u),
                                   .tv_nsec = (long)(step_ns % 1000000000u)};
-    uint32_t pictures = fsn_room_pictures(former->room);
+    uint32_t pictures = fsn_room_pictures(predecessor->room);
     uint64_t still_ns = 0;
     bool held = false;
     const uint32_t word = HANDOVER_FOLLOWS;
-    (void)handover_send(former->fd, &word, sizeof word, NULL, 0);
+    (void)handover_send(predecessor->fd, &word, sizeof word, NULL, 0);
     while (turn(self)) {
-        struct pollfd polled[] = {{.fd = former->pidfd, .events = POLLIN},
-                                  {.fd = former->fd, .events = POLLIN}};
+        struct pollfd polled[] = {{.fd = predecessor->pidfd, .events = POLLIN},
+                                  {.fd = predecessor->fd, .events = POLLIN}};
         const uint64_t slept_ns = fsn_now_ns();
         (void)ppoll(polled, 2, &step, NULL);
-        if (polled[1].revents != 0 && !hear(former, &held)) {
+        if (polled[1].revents != 0 && !hear(predecessor, &held)) {
             return fsn_refuse_all(fault, FSN_E_BUS_BUSY,
                                   "the process before closes the bus itself");
         }
-        const bool ended = handover_has_ended(former->pidfd, 0);
+        const bool ended = handover_has_ended(predecessor->pidfd, 0);
         if (ended && held) {
             break;
         }
         /* A wake-up that came late says that this machine stood still, and counts as one step. */
         const uint64_t waited_ns = fsn_now_ns() - slept_ns;
-        const uint32_t now = fsn_room_pictures(former->room);
+        const uint32_t now = fsn_room_pictures(predecessor->room);
         still_ns = now != pictures || held
                        ? 0
                        : still_ns + (waited_ns < 2 * step_ns ? waited_ns : step_ns);
@@ -225,7 +230,7 @@ fsn_status former_follow(struct former *former, uint64_t cycle_ns, bool (*turn)(
             log_line(FSN_LOG_ERROR,
                      ended ? "process %d has ended: takes the bus over"
                            : "process %d runs no cycle any more: takes the bus over",
-                     (int)former->pid);
+                     (int)predecessor->pid);
             return FSN_OK;
         }
     }
@@ -235,28 +240,29 @@ fsn_status former_follow(struct former *former, uint64_t cycle_ns, bool (*turn)(
                               : "the standby ends");
 }
 
-/** Waits until the former says that its cycle has stopped, or has ended, or stands still. */
-static fsn_status wait_for_its_word(const struct former *former) {
+/** Waits until the predecessor says that its cycle has stopped, or has ended, or stands still. */
+static fsn_status wait_for_its_word(const struct predecessor *predecessor) {
     const uint64_t until_ns = fsn_now_ns() + END_MS * UINT64_C(1000000);
-    uint32_t pictures = fsn_room_pictures(former->room);
+    uint32_t pictures = fsn_room_pictures(predecessor->room);
     uint64_t moved_ns = fsn_now_ns();
     for (uint64_t now_ns = moved_ns; now_ns < until_ns; now_ns = fsn_now_ns()) {
-        struct pollfd polled[] = {{.fd = former->fd, .events = POLLIN},
-                                  {.fd = former->pidfd, .events = POLLIN}};
+        struct pollfd polled[] = {{.fd = predecessor->fd, .events = POLLIN},
+                                  {.fd = predecessor->pidfd, .events = POLLIN}};
         uint32_t word = 0;
         (void)poll(polled, 2, 1);
         if (polled[1].revents != 0) {
             return FSN_OK;
         }
-        const int got = handover_receive(former->fd, &word, sizeof word, NULL);
+        const int got = handover_receive(predecessor->fd, &word, sizeof word, NULL);
         if (got == 1 && word == HANDOVER_ENDS) {
             return FSN_OK;
         }
-        if (got < 0) { /* it has shut the door, and closes the bus, unless it is at its end */
-            return handover_has_ended(former->pidfd, EXIT_MS) ? FSN_OK : FSN_E_BUS_BUSY;
+        if (got < 0) { /* it has shut the handover_listener, and closes the bus, unless it is at its
+                          end */
+            return handover_has_ended(predecessor->pidfd, EXIT_MS) ? FSN_OK : FSN_E_BUS_BUSY;
         }
-        if (fsn_room_pictures(former->room) != pictures) {
-            pictures = fsn_room_pictures(former->room);
+        if (fsn_room_pictures(predecessor->room) != pictures) {
+            pictures = fsn_room_pictures(predecessor->room);
             moved_ns = now_ns;
         } else if (now_ns - moved_ns > STILL_MS * UINT64_C(1000000)) {
             return FSN_OK;
@@ -265,24 +271,26 @@ static fsn_status wait_for_its_word(const struct former *former) {
     return FSN_OK;
 }
 
-fsn_status former_end(struct former *former, struct fsn_fault *fault) {
+fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fault) {
     const uint32_t word = HANDOVER_END;
-    const bool said = handover_send(former->fd, &word, sizeof word, NULL, 0);
-    /* A door that was shut means that the former goes on without us, unless it is at its end. */
-    if (said ? wait_for_its_word(former) != FSN_OK : !handover_has_ended(former->pidfd, EXIT_MS)) {
+    const bool said = handover_send(predecessor->fd, &word, sizeof word, NULL, 0);
+    /* A handover_listener that was shut means that the predecessor goes on without us, unless it is
+     * at its end. */
+    if (said ? wait_for_its_word(predecessor) != FSN_OK
+             : !handover_has_ended(predecessor->pidfd, EXIT_MS)) {
         return fsn_refuse_all(fault, FSN_E_BUS_BUSY, "the process before closes the bus itself");
     }
-    if (!handover_has_ended(former->pidfd, EXIT_MS)) {
-        log_line(FSN_LOG_WARNING, "process %d does not end; it is killed", (int)former->pid);
+    if (!handover_has_ended(predecessor->pidfd, EXIT_MS)) {
+        log_line(FSN_LOG_WARNING, "process %d does not end; it is killed", (int)predecessor->pid);
     }
-    return former_kill(former, 0, fault);
+    return predecessor_kill(predecessor, 0, fault);
 }
 
 /** The pidfd keeps the number from being used again while this looks at it. */
-static void hasten(const struct former *former, int priority) {
+static void hasten(const struct predecessor *predecessor, int priority) {
     const struct sched_param urgent = {.sched_priority = priority};
     char path[32];
-    snprintf(path, sizeof path, "/proc/%d/task", (int)former->pid);
+    snprintf(path, sizeof path, "/proc/%d/task", (int)predecessor->pid);
     DIR *threads = priority > 0 ? opendir(path) : NULL;
     const struct dirent *entry;
     while (threads != NULL && (entry = readdir(threads)) != NULL) {
@@ -296,26 +304,28 @@ static void hasten(const struct former *former, int priority) {
     }
 }
 
-fsn_status former_kill(struct former *former, int priority, struct fsn_fault *fault) {
-    if (!handover_has_ended(former->pidfd, 0)) {
-        hasten(former, priority);
+fsn_status predecessor_kill(struct predecessor *predecessor, int priority,
+                            struct fsn_fault *fault) {
+    if (!handover_has_ended(predecessor->pidfd, 0)) {
+        hasten(predecessor, priority);
     }
-    (void)syscall(SYS_pidfd_send_signal, former->pidfd, SIGKILL, NULL, 0);
-    if (!handover_has_ended(former->pidfd, KILLED_MS)) {
+    (void)syscall(SYS_pidfd_send_signal, predecessor->pidfd, SIGKILL, NULL, 0);
+    if (!handover_has_ended(predecessor->pidfd, KILLED_MS)) {
         return fsn_refuse_all(fault, FSN_E_STATE,
                               "the process before cannot be ended; nothing was sent");
     }
-    former->ended = true;
+    predecessor->ended = true;
     return FSN_OK;
 }
 
-fsn_status former_continue(const struct former *former, struct fsn_core *core,
-                           struct fsn_statistics *last) {
+fsn_status predecessor_continue(const struct predecessor *predecessor, struct fsn_core *core,
+                                struct fsn_statistics *last) {
     const uint32_t image_bytes = fsn_core_image_bytes(core);
     uint8_t *image = malloc((size_t)image_bytes + 1);
     fsn_status status = image != NULL ? FSN_OK : FSN_E_NOMEM;
     if (status == FSN_OK) {
-        status = fsn_room_read(former->room, former->room_bytes, image_bytes, last, image);
+        status =
+            fsn_room_read(predecessor->room, predecessor->room_bytes, image_bytes, last, image);
     }
     if (status == FSN_OK) {
         status = fsn_core_continue(core, last, image);

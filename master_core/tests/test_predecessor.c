@@ -2,7 +2,7 @@
  *  goes on. The process before is a child that plays a part with messages of its own. */
 #define _GNU_SOURCE
 
-#include "app/takeover/former.h"
+#include "app/takeover/predecessor.h"
 
 #include <signal.h>
 #include <stdlib.h>
@@ -16,8 +16,8 @@
 #include "app/log/log.h"
 #include "app/takeover/handover.h"
 #include "builder.h"
-#include "door_rig.h"
 #include "emulated_rig.h"
+#include "takeover_rig.h"
 
 enum { ROOM_BYTES = 1 << 18 }; /**< enough for the e-stop pair */
 
@@ -34,7 +34,7 @@ static fsn_status reach(const char *interface, int *fd, struct fsn_fault *fault)
         *fault = (struct fsn_fault){.status = unreachable};
         return unreachable;
     }
-    *fd = door_rig_connect(listening);
+    *fd = takeover_rig_connect(listening);
     return FSN_OK;
 }
 
@@ -76,12 +76,12 @@ static void play(const struct part *part) {
     }
     const size_t len = part->answer_bytes != 0 ? part->answer_bytes : sizeof answer;
     int fds[HANDOVER_FDS];
-    const int room = door_rig_memory(part->room_bytes);
+    const int room = takeover_rig_memory(part->room_bytes);
     fds[HANDOVER_SELF] = (int)syscall(SYS_pidfd_open, getpid(), 0);
     fds[HANDOVER_LOCK] = listening;
     fds[HANDOVER_LISTENER] = listening;
     fds[HANDOVER_ROOM] = room;
-    fds[HANDOVER_ATTACHMENT] = door_rig_memory(8);
+    fds[HANDOVER_ATTACHMENT] = takeover_rig_memory(8);
     void *shown = mmap(NULL, part->room_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, room, 0);
     CHECK(shown != MAP_FAILED);
     answer.pid = getpid();
@@ -94,9 +94,9 @@ static void play(const struct part *part) {
 
 static pid_t child = -1;
 
-static struct former found(const struct part *part, int expected) {
-    struct former former;
-    listening = door_rig_listen();
+static struct predecessor found(const struct part *part, int expected) {
+    struct predecessor predecessor;
+    listening = takeover_rig_listen();
     CHECK(listen(listening, 1) == 0);
     child = fork();
     CHECK(child >= 0);
@@ -104,13 +104,13 @@ static struct former found(const struct part *part, int expected) {
         play(part);
         exit(0);
     }
-    CHECK(former_find(&former, &options, plan, &backend) == expected);
-    return former;
+    CHECK(predecessor_find(&predecessor, &options, plan, &backend) == expected);
+    return predecessor;
 }
 
-static void end(struct former *former, bool killed) {
+static void end(struct predecessor *predecessor, bool killed) {
     int status = 0;
-    former_release(former);
+    predecessor_release(predecessor);
     close(listening);
     CHECK(waitpid(child, &status, 0) == child);
     CHECK(killed ? WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL : status == 0);
@@ -129,9 +129,10 @@ static struct part with(void (*then)(int fd, void *room)) {
 }
 
 static void refused(const struct part *part) {
-    struct former former = found(part, EXIT_REFUSED);
-    CHECK(former.fd == -1 && former.room == NULL && former.pidfd == -1 && !former.ended);
-    end(&former, false);
+    struct predecessor predecessor = found(part, EXIT_REFUSED);
+    CHECK(predecessor.fd == -1 && predecessor.room == NULL && predecessor.pidfd == -1 &&
+          !predecessor.ended);
+    end(&predecessor, false);
 }
 
 static void wait_for_the_end(int fd, void *room) {
@@ -173,35 +174,38 @@ static void odd_answers_are_refused(void) {
 /** A standby waits for a bus that is not there yet; a take-over does not, nor does either wait
  *  where another cause stands in the way. */
 static void only_a_standby_waits(void) {
-    struct former former;
+    struct predecessor predecessor;
     tries_left = 1;
-    CHECK(former_find(&former, &options, plan, &backend) == EXIT_REFUSED && tries_left == 0);
+    CHECK(predecessor_find(&predecessor, &options, plan, &backend) == EXIT_REFUSED &&
+          tries_left == 0);
     options.standby = true;
     tries_left = 1;
     unreachable = FSN_E_SYS;
-    CHECK(former_find(&former, &options, plan, &backend) == EXIT_REFUSED && tries_left == 0);
+    CHECK(predecessor_find(&predecessor, &options, plan, &backend) == EXIT_REFUSED &&
+          tries_left == 0);
     unreachable = FSN_E_BUS_SILENT;
     tries_left = 2;
     const struct part part = with(wait_for_the_end);
-    former = found(&part, -1);
-    CHECK(tries_left == 0 && former.pid == child && former.room_bytes == ROOM_BYTES);
-    end(&former, false);
+    predecessor = found(&part, -1);
+    CHECK(tries_left == 0 && predecessor.pid == child && predecessor.room_bytes == ROOM_BYTES);
+    end(&predecessor, false);
     options.standby = false;
-    CHECK(former_find(&former, &options, plan, &(struct fsn_backend){.name = "none"}) ==
+    CHECK(predecessor_find(&predecessor, &options, plan, &(struct fsn_backend){.name = "none"}) ==
           EXIT_REFUSED);
 }
 
-static unsigned turns; /**< of former_follow(), from which it gives up */
+static unsigned turns; /**< of predecessor_follow(), from which it gives up */
 
 static bool turn(void *self) {
     (void)self;
     return turns-- > 0;
 }
 
-static fsn_status follow(const struct former *former, unsigned most) {
+static fsn_status follow(const struct predecessor *predecessor, unsigned most) {
     struct fsn_fault fault;
     turns = most;
-    return former_follow((struct former *)(uintptr_t)former, options.cycle_ns, turn, NULL, &fault);
+    return predecessor_follow((struct predecessor *)(uintptr_t)predecessor, options.cycle_ns, turn,
+                              NULL, &fault);
 }
 
 /** Runs and shows a cycle now and then, as one that is alive. */
@@ -260,32 +264,32 @@ static void ends(int fd, void *room) {
 static void a_standby_follows(void) {
     enum { LONG = 100000 };
     struct part part = with(lives_and_leaves);
-    struct former former = found(&part, -1);
-    CHECK(follow(&former, LONG) == FSN_E_BUS_BUSY);
-    end(&former, false);
+    struct predecessor predecessor = found(&part, -1);
+    CHECK(follow(&predecessor, LONG) == FSN_E_BUS_BUSY);
+    end(&predecessor, false);
     part = with(ends);
-    former = found(&part, -1);
-    CHECK(follow(&former, LONG) == FSN_OK);
-    CHECK(former_kill(&former, 0, NULL) == FSN_OK && former.ended);
-    end(&former, false);
+    predecessor = found(&part, -1);
+    CHECK(follow(&predecessor, LONG) == FSN_OK);
+    CHECK(predecessor_kill(&predecessor, 0, NULL) == FSN_OK && predecessor.ended);
+    end(&predecessor, false);
     part = with(is_held_and_ends);
-    former = found(&part, -1);
-    struct pollfd held = {.fd = former.fd, .events = POLLIN};
+    predecessor = found(&part, -1);
+    struct pollfd held = {.fd = predecessor.fd, .events = POLLIN};
     CHECK(poll(&held, 1, 10000) == 1);
-    CHECK(follow(&former, LONG) == FSN_E_STATE);
-    end(&former, false);
+    CHECK(follow(&predecessor, LONG) == FSN_E_STATE);
+    end(&predecessor, false);
     void (*const stopped[])(int fd, void *room) = {stands_still, is_held_and_goes_on};
     for (size_t i = 0; i < 2; i++) {
         part = with(stopped[i]);
-        former = found(&part, -1);
-        CHECK(follow(&former, LONG) == FSN_OK && !former.ended);
-        CHECK(former_kill(&former, 1, NULL) == FSN_OK && former.ended);
-        end(&former, true);
+        predecessor = found(&part, -1);
+        CHECK(follow(&predecessor, LONG) == FSN_OK && !predecessor.ended);
+        CHECK(predecessor_kill(&predecessor, 1, NULL) == FSN_OK && predecessor.ended);
+        end(&predecessor, true);
     }
     part = with(is_given_up);
-    former = found(&part, -1);
-    CHECK(follow(&former, 2) == FSN_E_STATE); /* it is told to end itself */
-    end(&former, false);
+    predecessor = found(&part, -1);
+    CHECK(follow(&predecessor, 2) == FSN_E_STATE); /* it is told to end itself */
+    end(&predecessor, false);
 }
 
 static void says_that_it_ends(int fd, void *room) {
@@ -307,7 +311,7 @@ static void says_it_and_stays(int fd, void *room) {
 }
 
 /** Hears what is requested, and says nothing more. */
-static void shuts_the_door(int fd, void *room) {
+static void shuts_the_handover_listener(int fd, void *room) {
     shutdown(fd, SHUT_WR);
     (void)room;
     pause(); /* it closes the bus in its own time */
@@ -320,37 +324,40 @@ static void does_not_listen(int fd, void *room) {
 }
 
 /** A take-over asks, kills what does not answer, and leaves alone what goes its own way. */
-static void a_take_over_ends_the_former(void) {
+static void a_take_over_ends_the_predecessor(void) {
     static const struct {
         void (*part)(int fd, void *room);
         fsn_status status;
         bool killed;
-    } parts[] = {{says_that_it_ends, FSN_OK, false},      {ends_without_a_word, FSN_OK, false},
-                 {says_it_and_stays, FSN_OK, true},       {stands_still, FSN_OK, true},
-                 {shuts_the_door, FSN_E_BUS_BUSY, false}, {does_not_listen, FSN_E_BUS_BUSY, false}};
+    } parts[] = {{says_that_it_ends, FSN_OK, false},
+                 {ends_without_a_word, FSN_OK, false},
+                 {says_it_and_stays, FSN_OK, true},
+                 {stands_still, FSN_OK, true},
+                 {shuts_the_handover_listener, FSN_E_BUS_BUSY, false},
+                 {does_not_listen, FSN_E_BUS_BUSY, false}};
     for (size_t i = 0; i < sizeof parts / sizeof parts[0]; i++) {
         struct part part = with(parts[i].part);
-        struct former former = found(&part, -1);
+        struct predecessor predecessor = found(&part, -1);
         struct fsn_fault fault;
         if (parts[i].part == stands_still) {
-            say(former.fd, HANDOVER_FOLLOWS);
+            say(predecessor.fd, HANDOVER_FOLLOWS);
         }
         if (parts[i].status == FSN_E_BUS_BUSY) { /* before it is requested: however late it runs */
-            struct pollfd polled = {.fd = former.fd, .events = POLLIN};
+            struct pollfd polled = {.fd = predecessor.fd, .events = POLLIN};
             CHECK(poll(&polled, 1, 10000) == 1);
         }
-        CHECK(former_end(&former, &fault) == parts[i].status);
-        CHECK(former.ended == (parts[i].status == FSN_OK));
-        if (!former.ended) {
+        CHECK(predecessor_end(&predecessor, &fault) == parts[i].status);
+        CHECK(predecessor.ended == (parts[i].status == FSN_OK));
+        if (!predecessor.ended) {
             CHECK(kill(child, SIGTERM) == 0); /* it was left alone until now */
         }
         int status = 0;
-        former_release(&former);
+        predecessor_release(&predecessor);
         close(listening);
         CHECK(waitpid(child, &status, 0) == child);
         /* Who is about to end by itself may be faster than the signal. */
-        CHECK(parts[i].killed || !former.ended ? WIFSIGNALED(status) : true);
-        CHECK(!WIFSIGNALED(status) || WTERMSIG(status) == (former.ended ? SIGKILL : SIGTERM));
+        CHECK(parts[i].killed || !predecessor.ended ? WIFSIGNALED(status) : true);
+        CHECK(!WIFSIGNALED(status) || WTERMSIG(status) == (predecessor.ended ? SIGKILL : SIGTERM));
     }
 }
 
@@ -363,30 +370,31 @@ static void goes_on_from_the_last_picture(void) {
     struct emulated_rig second = emulated_rig_load(bytes, len);
     const size_t room_bytes = fsn_core_room_bytes(first.core);
     CHECK(room_bytes <= ROOM_BYTES);
-    struct former former = {.room_bytes = room_bytes};
+    struct predecessor predecessor = {.room_bytes = room_bytes};
     struct fsn_statistics last;
-    former.room = mmap(NULL, room_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    CHECK(former.room != MAP_FAILED && fsn_core_share(first.core, former.room) == FSN_OK);
+    predecessor.room =
+        mmap(NULL, room_bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    CHECK(predecessor.room != MAP_FAILED && fsn_core_share(first.core, predecessor.room) == FSN_OK);
     for (int i = 0; i < 5; i++) {
         emulated_rig_cycle(&first);
     }
-    CHECK(former_continue(&former, second.core, &last) == FSN_OK && last.cycles == 5);
+    CHECK(predecessor_continue(&predecessor, second.core, &last) == FSN_OK && last.cycles == 5);
     CHECK(fsn_core_last_cycle(second.core) == 5);
-    former.room_bytes--;
-    CHECK(former_continue(&former, second.core, &last) == FSN_E_ARG);
+    predecessor.room_bytes--;
+    CHECK(predecessor_continue(&predecessor, second.core, &last) == FSN_E_ARG);
     emulated_rig_end(&first);
     emulated_rig_end(&second);
-    munmap(former.room, room_bytes);
+    munmap(predecessor.room, room_bytes);
 }
 
 int main(void) {
     log_line(FSN_LOG_INFO, "the first line opens what the log keeps");
     const int files = open_files();
-    plan = door_rig_plan();
+    plan = takeover_rig_plan();
     odd_answers_are_refused();
     only_a_standby_waits();
     a_standby_follows();
-    a_take_over_ends_the_former();
+    a_take_over_ends_the_predecessor();
     goes_on_from_the_last_picture();
     fsn_plan_free(plan);
     CHECK(open_files() == files);

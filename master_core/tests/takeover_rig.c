@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 
-#include "door_rig.h"
+#include "takeover_rig.h"
 
 #include <stdlib.h>
 #include <sys/mman.h>
@@ -10,7 +10,7 @@
 
 #include "builder.h"
 
-struct fsn_plan *door_rig_plan(void) {
+struct fsn_plan *takeover_rig_plan(void) {
     size_t len;
     struct fsn_plan *plan;
     uint8_t *bytes = build_full(&len);
@@ -19,14 +19,14 @@ struct fsn_plan *door_rig_plan(void) {
     return plan;
 }
 
-int door_rig_listen(void) {
+int takeover_rig_listen(void) {
     const struct sockaddr_un any = {.sun_family = AF_UNIX};
     const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     CHECK(fd >= 0 && bind(fd, (const struct sockaddr *)&any, sizeof any.sun_family) == 0);
     return fd;
 }
 
-int door_rig_connect(int listening) {
+int takeover_rig_connect(int listening) {
     struct sockaddr_un name;
     socklen_t size = sizeof name;
     const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
@@ -35,7 +35,7 @@ int door_rig_connect(int listening) {
     return fd;
 }
 
-int door_rig_memory(size_t len_bytes) {
+int takeover_rig_memory(size_t len_bytes) {
     const int fd = memfd_create("test", MFD_CLOEXEC);
     CHECK(fd >= 0 && ftruncate(fd, (off_t)len_bytes) == 0);
     return fd;

@@ -1,0 +1,89 @@
+/** The side of the process that drives the bus: who may follow it, and when. Control thread. */
+#ifndef FSN_APP_HANDOVER_LISTENER_H
+#define FSN_APP_HANDOVER_LISTENER_H
+
+#include <poll.h>
+
+#include "app/base/options.h"
+#include "app/takeover/handover.h"
+#include "fsn/bus.h"
+
+enum { HANDOVER_LISTENER_FDS = 2 };
+
+enum handover_listener_state {
+    HANDOVER_LISTENER_FREE,    /**< nobody is connected */
+    HANDOVER_LISTENER_KNOCKS,  /**< somebody is, and has not said yet what it wants */
+    HANDOVER_LISTENER_RESTS,   /**< the acyclic work is to rest before anything is given */
+    HANDOVER_LISTENER_GIVEN,   /**< it has the lock, and all it needs to follow */
+    HANDOVER_LISTENER_FOLLOWED /**< it is the standby; the acyclic work goes on */
+};
+
+struct handover_listener {
+    int lock; /**< of the interface, the bus's; -1: the bus is closed */
+    int peer; /**< the process that is connected, or -1 */
+    /** Of the last process that was given the lock; -1: none. Nobody else is, before it has ended:
+     *  one that is frozen thaws, and would believe that it is the next. */
+    int successor;
+    int pidfd;         /**< of the peer, until it is given the lock */
+    pid_t pid;         /**< of the peer */
+    uint64_t given_ns; /**< when the peer was given the lock */
+    uint64_t away_ns;  /**< when somebody was turned away and logged, the last time */
+    bool held;         /**< maintenance: the standby takes nothing over */
+    enum handover_listener_state state;
+};
+
+/** What it needs to know to answer. */
+struct handover_listener_facts {
+    const struct options *options;
+    const struct fsn_plan *plan;
+    bool in_op; /**< every SubDevice is in OP, and no stop is under way */
+};
+
+/** What is to be done. */
+enum handover_listener_event {
+    HANDOVER_LISTENER_NOTHING,
+    HANDOVER_LISTENER_REST,  /**< let the acyclic work rest, then call handover_listener_give() */
+    HANDOVER_LISTENER_GO_ON, /**< the peer has gone or was refused: the acyclic work goes on */
+    HANDOVER_LISTENER_END    /**< the bus is the successor's: stop the cycle,
+                                handover_listener_say_end(), end the process */
+};
+
+/** What is given. */
+struct handover_listener_gift {
+    struct fsn_bus_attachment attachment;
+    int listener, room;
+    size_t room_bytes;
+};
+
+/** Nobody can reach it. */
+void handover_listener_init(struct handover_listener *handover_listener);
+
+/** The bus is open: takes successors by its lock. -1: the bus cannot be handed over. */
+void handover_listener_open(struct handover_listener *handover_listener, int lock);
+
+/** Says to the standby whether it may take over, also the next one; see HANDOVER_HOLD. */
+void handover_listener_hold(struct handover_listener *handover_listener, bool held);
+
+/** Whether somebody has all it needs to go on where this process ends. */
+bool handover_listener_is_followed(const struct handover_listener *handover_listener);
+
+/** The bus is to be closed: nobody follows any more. */
+void handover_listener_close(struct handover_listener *handover_listener);
+
+/** What to wait for. */
+void handover_listener_prepare(const struct handover_listener *handover_listener,
+                               struct pollfd fds[HANDOVER_LISTENER_FDS]);
+
+/** Serves what poll() found. */
+enum handover_listener_event handover_listener_serve(struct handover_listener *handover_listener,
+                                                     const struct pollfd fds[HANDOVER_LISTENER_FDS],
+                                                     const struct handover_listener_facts *facts);
+
+/** Gives the peer what it needs; the acyclic work rests. */
+enum handover_listener_event handover_listener_give(struct handover_listener *handover_listener,
+                                                    const struct handover_listener_gift *gift);
+
+/** The cycle has stopped. */
+void handover_listener_say_end(const struct handover_listener *handover_listener);
+
+#endif

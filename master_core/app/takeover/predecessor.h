@@ -1,0 +1,64 @@
+/** The side of a process that takes a running bus over from another one: the predecessor. */
+#ifndef FSN_APP_PREDECESSOR_H
+#define FSN_APP_PREDECESSOR_H
+
+#include "app/base/backends.h"
+#include "app/base/options.h"
+#include "fsn/handover.h"
+
+/** So many bus cycles, as counted in wake-ups of the standby that came in time, and at least
+ *  PREDECESSOR_STILL_MS: the predecessor has stopped. A machine that stands still stops both, and
+ * counts nothing. */
+enum { PREDECESSOR_STILL_CYCLES = 10, PREDECESSOR_STILL_MS = 5 };
+
+struct predecessor {
+    int fd;    /**< connection to it */
+    int pidfd; /**< shows its end; what sends it a signal */
+    pid_t pid;
+    int lock, listener;
+    void *room; /**< in which it shows its cycles */
+    size_t room_bytes;
+    struct fsn_bus_attachment attachment;
+    bool ended; /**< its bus is ours */
+    bool again; /**< it refuses for now; later it may not */
+};
+
+/** Connects to the process that drives the bus, and gets from it what the bus needs to attach. The
+ *  predecessor goes on; its acyclic work rests until predecessor_release().
+ *  @return -1, else the exit code; then it has said why. */
+int predecessor_find(struct predecessor *predecessor, const struct options *options,
+                     const struct fsn_plan *plan, const struct fsn_backend *backend);
+
+/** Follows as standby: until the predecessor has ended by itself, or its cycles have stopped.
+ *  @param[in] cycle_ns  the bus cycle; PREDECESSOR_STILL_CYCLES without a cycle are a stop.
+ *  @param[in] turn      called again and again, with what follows; false: give up.
+ *  @retval FSN_OK           predecessor_kill(), then the bus may be taken over.
+ *  @retval FSN_E_BUS_BUSY   the predecessor closes the bus itself.
+ *  @retval FSN_E_STATE      given up, or the predecessor has ended while the take-over was held.
+ *  Costs some microseconds in every half bus cycle. */
+fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns,
+                              bool (*turn)(void *self), void *self, struct fsn_fault *fault);
+
+/** Ends the predecessor with SIGKILL and waits for its end.
+ *  @param[in] priority  of SCHED_FIFO for its threads, where this is permitted: a thread that is
+ *                       killed has to run to its end, and would wait for others; 0: as they are.
+ *  @retval  as predecessor_end(). */
+fsn_status predecessor_kill(struct predecessor *predecessor, int priority, struct fsn_fault *fault);
+
+/** Ends the predecessor, which leaves every SubDevice in OP, and waits for its end: requests it,
+ * and sends SIGKILL where it is silent or its cycle stands.
+ *  @retval FSN_OK       it has ended: whoever attached may send.
+ *  @retval FSN_E_STATE  it has not, whatever was done; nothing may be sent.
+ *  @retval FSN_E_BUS_BUSY  it closes the bus itself. */
+fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fault);
+
+/** Goes on from what the predecessor has shown last.   @retval as fsn_room_read(),
+ * fsn_core_continue()
+ */
+fsn_status predecessor_continue(const struct predecessor *predecessor, struct fsn_core *core,
+                                struct fsn_statistics *last);
+
+/** Closes all that came from it; where it goes on, it goes on alone. */
+void predecessor_release(struct predecessor *predecessor);
+
+#endif
