@@ -6,6 +6,7 @@ import random
 from dataclasses import replace
 
 from fsoe_net.campaign.channel import BACK, Fault, Way
+from fsoe_net.campaign.clean_run import Scene
 from fsoe_net.campaign.faults import Early, Flip, Forge, Freeze, Replay
 from fsoe_net.campaign.injection import (
     CRC_CHANCE,
@@ -16,7 +17,6 @@ from fsoe_net.campaign.injection import (
     between,
     span,
 )
-from fsoe_net.campaign.walk import Scene
 from fsoe_net.fsoe.chain import reset_frame
 from fsoe_net.fsoe.crc import frame_crcs
 from fsoe_net.fsoe.pdu import Command, assemble, safe_data_length

@@ -9,7 +9,7 @@ from itertools import combinations
 from math import comb
 
 from fsoe_net.campaign.channel import Way
-from fsoe_net.campaign.walk import TrialConnection
+from fsoe_net.campaign.clean_run import TrialConnection
 from fsoe_net.fsoe.crc import block_crc
 from fsoe_net.fsoe.pdu import frame_length
 

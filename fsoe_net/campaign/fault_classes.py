@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from fsoe_net.campaign.beyond_crc import make_edge, make_enable, make_forged, make_former
 from fsoe_net.campaign.bit_errors import block_bits, block_count
 from fsoe_net.campaign.channel import BACK, Way
+from fsoe_net.campaign.clean_run import STARTUP_SHARE, Scene
 from fsoe_net.campaign.faults import (
     Alternate,
     Freeze,
@@ -34,7 +35,6 @@ from fsoe_net.campaign.injection import (
     span,
     swap,
 )
-from fsoe_net.campaign.walk import STARTUP_SHARE, Scene
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.pdu import Command
 

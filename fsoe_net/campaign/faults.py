@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from fsoe_net.campaign.channel import BACK, Channel, Fault, Way
-from fsoe_net.campaign.witness import block_crcs
+from fsoe_net.campaign.collision_proof import block_crcs
 from fsoe_net.fsoe.pdu import Pdu, assemble, decode_pdu, is_frame_length
 
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from fsoe_net.campaign.channel import Application, Fault, Way
+from fsoe_net.campaign.clean_run import RunSource, Scene, TrialConnection, other_link
 from fsoe_net.campaign.faults import Flip, Swap
-from fsoe_net.campaign.walk import Scene, TrialConnection, Walker, other_link
 from fsoe_net.fsoe.pdu import Command
 
 DATA_COMMANDS = (int(Command.PROCESS_DATA), int(Command.FAIL_SAFE_DATA))
@@ -45,7 +45,7 @@ class ForeignFrames:
     """Frames of other connections of the same sizes, for those classes in which they stray."""
 
     def __init__(self, link: TrialConnection, seed: int) -> None:
-        self._walkers = [Walker(other_link(link, same_id=same), seed) for same in (False, True)]
+        self._walkers = [RunSource(other_link(link, same_id=same), seed) for same in (False, True)]
 
     def frames(self, way: Way, number: int, *, same_id: bool) -> tuple[bytes, ...]:
         """Return all frames of one run; with ``same_id`` of a connection with copied settings."""

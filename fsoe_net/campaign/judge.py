@@ -6,10 +6,10 @@ import enum
 from dataclasses import dataclass
 
 from fsoe_net.campaign.channel import Way, short_hex
+from fsoe_net.campaign.clean_run import Scene
+from fsoe_net.campaign.collision_proof import Collision, CollisionProof, collision
 from fsoe_net.campaign.departure import frame_text
 from fsoe_net.campaign.injection import Injection
-from fsoe_net.campaign.walk import Scene
-from fsoe_net.campaign.witness import Collision, Witness, collision
 from fsoe_net.fsoe.pdu import Command, decode_pdu
 
 _RESET, _SESSION = int(Command.RESET), int(Command.SESSION)
@@ -195,14 +195,14 @@ class _Run:
     def _accepted(self, way: Way, shown: bytes | None, due: bytes | None) -> TrialFinding:
         """An end went on after a frame that is not the one due: was it bound to?"""
         channel = self.channel
-        witness = Witness(
+        replayed = CollisionProof(
             channel.base[way],
             is_main=way is Way.TO_MAIN,
             exchanges=channel.exchanges[way][:-1],
         )
-        if witness.chain is not None and shown is not None and due is not None:
+        if replayed.chain is not None and shown is not None and due is not None:
             right = shown if self.injection.former else due
-            proof = collision(witness.chain, _ENDS[way], shown, right)
+            proof = collision(replayed.chain, _ENDS[way], shown, right)
             if proof is not None:
                 found = self._found(TrialOutcome.COLLISION)
                 found.proof = proof

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from fsoe_net.campaign.channel import Channel, Peer, SessionIds, Way
-from fsoe_net.campaign.walk import TrialConnection
+from fsoe_net.campaign.clean_run import TrialConnection
 from fsoe_net.fsoe.chain import fits_start
 from fsoe_net.fsoe.event import EventKind
 from fsoe_net.fsoe.instance import Instance

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 from fsoe_net.campaign.channel import Fault, Way
+from fsoe_net.campaign.clean_run import Scene
 from fsoe_net.campaign.faults import Alternate, Flip, Swap, shortened
 from fsoe_net.campaign.injection import Injection
 from fsoe_net.campaign.judge import FAILURES, TrialFinding, judge
 from fsoe_net.campaign.recorder import Recorder
 from fsoe_net.campaign.trials import Case
-from fsoe_net.campaign.walk import Scene
 
 _SEED = 1
 _POINTS = 64  # new frames from power-up at which a fault is tried

@@ -9,8 +9,8 @@ from __future__ import annotations
 import struct
 from typing import Any
 
+from fsoe_net.campaign.collision_proof import block_crcs
 from fsoe_net.campaign.departure import Departure, Due, frame_text
-from fsoe_net.campaign.witness import block_crcs
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.event import State
 from fsoe_net.fsoe.pdu import (

@@ -14,14 +14,14 @@ from dataclasses import dataclass, field, replace
 
 from fsoe_net.campaign.bit_errors import error_sets
 from fsoe_net.campaign.channel import Channel, Way
+from fsoe_net.campaign.clean_run import RunSource, Scene, TrialConnection, miswired
+from fsoe_net.campaign.collision_proof import Collision
 from fsoe_net.campaign.fault_classes import CATALOGUE, FaultClass
 from fsoe_net.campaign.faults import Flip
+from fsoe_net.campaign.faulty_main import FaultyMain
 from fsoe_net.campaign.injection import ForeignFrames, Injection
 from fsoe_net.campaign.judge import FAILURES, TrialFinding, TrialOutcome, judge
-from fsoe_net.campaign.odd_main import OddMain
 from fsoe_net.campaign.statistics import count_interval
-from fsoe_net.campaign.walk import Scene, TrialConnection, Walker, miswired
-from fsoe_net.campaign.witness import Collision
 from fsoe_net.diag.guesses import guesses, one_of
 from fsoe_net.errors import ConfigError
 
@@ -234,9 +234,9 @@ class _Lane:
         self.miswires = name == _ADDRESSING
         self.odd = name == _PARAMETERS
         self._startup_share = max(row.startup_share for row in self.classes)
-        self._odd = replace(link, name=f"{link.name}/odd", main_factory=OddMain)
+        self._odd = replace(link, name=f"{link.name}/odd", main_factory=FaultyMain)
         self._wrong: Channel | None = None
-        self.walker, self.foreign = Walker(link, seed), ForeignFrames(link, seed)
+        self.walker, self.foreign = RunSource(link, seed), ForeignFrames(link, seed)
         text = f"{seed}/{link.name}/{name}"
         self._key = int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "little")
         self._rng = random.Random()  # noqa: S311 - repeatable is the point
@@ -246,7 +246,7 @@ class _Lane:
         rng.seed(self._key ^ number)
         walk = _walk_of(number)
         if self.odd:
-            return self._odd_main(rng)
+            return self._faulty_main(rng)
         if self.miswires and rng.random() < _MISWIRED_SHARE:
             return self._miswired(rng.getrandbits(63))
         for _ in range(_MAX_DRAWS):
@@ -275,11 +275,11 @@ class _Lane:
     def _miswired(self, seed: int) -> Case:
         return self._from_power_up(miswired(self.link), seed)
 
-    def _odd_main(self, rng: random.Random) -> Case:
+    def _faulty_main(self, rng: random.Random) -> Case:
         if self._wrong is None:
             self._wrong = self._odd.channel(0)
         main = self._wrong.main
-        assert isinstance(main, OddMain)  # noqa: S101 - made by the factory above
+        assert isinstance(main, FaultyMain)  # noqa: S101 - made by the factory above
         main.change(rng)
         case = self._from_power_up(self._odd, rng.getrandbits(63))
         case.scene.channel.tables = (case.scene.channel.tables[Way.TO_SUB], None)

@@ -14,7 +14,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import ConsoleError, FsnError
 from fsoe_net.live.console.commands_flow import ConsoleEnd
 from fsoe_net.live.console.console import Console
-from fsoe_net.live.console.keeper import Keeper
+from fsoe_net.live.console.leased_client import LeasedClient
 
 _PROMPT = "fsn> "
 _EPILOG = """\b
@@ -56,10 +56,10 @@ def command(
         raise click.UsageError("--run and -c exclude each other")
     at_prompt = script is None and text is None and sys.stdin.isatty()
     lease_ms = None if lease_ns is None else lease_ns // 1_000_000
-    keeper = Keeper(path, lease_ms=lease_ms, reconnect=at_prompt)
+    link = LeasedClient(path, lease_ms=lease_ms, reconnect=at_prompt)
     try:
         level = "warning" if at_prompt else "fallback"
-        console = Console(keeper, _out, _note, notes_level=level)
+        console = Console(link, _out, _note, notes_level=level)
         if at_prompt:
             return _prompt(console)
         if script is not None:
@@ -68,7 +68,7 @@ def command(
             return _unattended(console, lambda: console.run_script(text, "-c"))
         return _unattended(console, lambda: _standard_input(console))
     finally:
-        keeper.close()
+        link.close()
 
 
 def _out(text: str) -> None:
@@ -112,7 +112,7 @@ def _say_fallback(console: Console) -> None:
 
 
 def _prompt(console: Console) -> int:
-    status = console.keeper.call(lambda client: client.status())
+    status = console.link.call(lambda client: client.status())
     where = status.interface or status.backend
     echo(f"fsn-master on {where}: {status.state}. help lists commands, quit leaves.")
     with line_editor(console):

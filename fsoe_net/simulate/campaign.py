@@ -15,6 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from fsoe_net.campaign.clean_run import MainFactory, SubFactory, TrialConnection
 from fsoe_net.campaign.shrink import shrink
 from fsoe_net.campaign.trials import (
     CampaignConfig,
@@ -24,7 +25,6 @@ from fsoe_net.campaign.trials import (
     run_trials,
     trial_count,
 )
-from fsoe_net.campaign.walk import MainFactory, SubFactory, TrialConnection
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.config import MainConfig
 from fsoe_net.model.resolve import Resolution

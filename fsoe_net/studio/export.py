@@ -13,7 +13,7 @@ from fsoe_net.diag.printable import printable
 from fsoe_net.errors import InputError
 from fsoe_net.formats.registry import all_formats, all_targets
 from fsoe_net.project.convert import Conversion, convert_files
-from fsoe_net.studio.workspace import Behind, Workspace
+from fsoe_net.studio.workspace import StaleVersion, Workspace
 
 Row = dict[str, object]
 
@@ -53,7 +53,7 @@ def preview(
         named: Returns a text that can be shown.
 
     Raises:
-        Behind: ``version`` is not the present one.
+        StaleVersion: ``version`` is not the present one.
         InputError: There is no such format, or it cannot hold the network.
     """
     made = _converted(workspace, version, target, esis)
@@ -85,7 +85,7 @@ def download(workspace: Workspace, version: int, target: str, esis: Sequence[str
 
 def _converted(workspace: Workspace, version: int, target: str, esis: Sequence[str]) -> Conversion:
     if version != workspace.version:
-        raise Behind
+        raise StaleVersion
     known = all_targets().get(target)
     if known is None:
         raise InputError(f"there is no format {target!r}; there are {', '.join(all_targets())}")

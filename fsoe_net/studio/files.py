@@ -11,34 +11,34 @@ from starlette.routing import Route
 
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.studio import export
-from fsoe_net.studio.shelf import Shelf
-from fsoe_net.studio.workspace import Behind, Workspace
+from fsoe_net.studio.uploads import Uploads
+from fsoe_net.studio.workspace import StaleVersion, Workspace
 
 UPLOADS = "/api/files"
 """Where files are sent to."""
 
 
-def file_routes(workspace: Workspace, shelf: Shelf) -> list[Route]:
+def file_routes(workspace: Workspace, uploads: Uploads) -> list[Route]:
     """Return the routes.
 
     Args:
         workspace: The network in the page.
-        shelf: Takes the files.
+        uploads: Takes the files.
     """
 
     async def offers(_: Request) -> Response:
-        return await _answered(shelf, shelf.shown)
+        return await _answered(uploads, uploads.shown)
 
     async def upload(request: Request) -> Response:
         try:
-            refusal = await _received(request, shelf)
+            refusal = await _received(request, uploads)
         except OSError as exc:
             return _refused(f"the file cannot be kept: {exc.strerror}")
-        return await _answered(shelf, shelf.shown) if refusal is None else refusal
+        return await _answered(uploads, uploads.shown) if refusal is None else refusal
 
     async def clear(_: Request) -> Response:
-        await run_in_threadpool(shelf.clear)
-        return await _answered(shelf, shelf.shown)
+        await run_in_threadpool(uploads.clear)
+        return await _answered(uploads, uploads.shown)
 
     async def targets(_: Request) -> Response:
         return JSONResponse({"error": "", "targets": await run_in_threadpool(export.targets)})
@@ -46,15 +46,18 @@ def file_routes(workspace: Workspace, shelf: Shelf) -> list[Route]:
     async def preview(request: Request) -> Response:
         version, target = _export(request)
         return await _answered(
-            shelf, lambda: export.preview(workspace, version, target, shelf.esis, named=shelf.place)
+            uploads,
+            lambda: export.preview(workspace, version, target, uploads.esis, named=uploads.place),
         )
 
     async def download(request: Request) -> Response:
         version, target = _export(request)
         try:
-            file = await run_in_threadpool(export.download, workspace, version, target, shelf.esis)
-        except (Behind, FsnError, ValueError) as exc:
-            return _refused(_words(exc, shelf.place))
+            file = await run_in_threadpool(
+                export.download, workspace, version, target, uploads.esis
+            )
+        except (StaleVersion, FsnError, ValueError) as exc:
+            return _refused(_words(exc, uploads.place))
         headers = {"content-disposition": f'attachment; filename="{file.name}"'}
         return Response(file.data, media_type="application/octet-stream", headers=headers)
 
@@ -74,13 +77,13 @@ def _export(request: Request) -> tuple[int, str]:
     return number, request.path_params["target"]
 
 
-async def _received(request: Request, shelf: Shelf) -> Response | None:
+async def _received(request: Request, uploads: Uploads) -> Response | None:
     """Take a file; return why it was not taken."""
     try:
-        file = await run_in_threadpool(shelf.begin, request.query_params.get("name", ""))
+        file = await run_in_threadpool(uploads.begin, request.query_params.get("name", ""))
     except InputError as exc:
         return _refused(str(exc))
-    room, got = await run_in_threadpool(shelf.room_bytes), 0
+    room, got = await run_in_threadpool(uploads.room_bytes), 0
     whole = False
     try:
         async for data in request.stream():
@@ -93,19 +96,19 @@ async def _received(request: Request, shelf: Shelf) -> Response | None:
         return _refused("the file did not come whole")
     finally:
         await run_in_threadpool(file.close, keep=whole)
-    await run_in_threadpool(shelf.put, file)
+    await run_in_threadpool(uploads.put, file)
     return None
 
 
-async def _answered(shelf: Shelf, make: Callable[[], dict[str, object]]) -> Response:
+async def _answered(uploads: Uploads, make: Callable[[], dict[str, object]]) -> Response:
     try:
         return JSONResponse({"error": "", **await run_in_threadpool(make)})
-    except (Behind, FsnError, ValueError) as exc:
-        return _refused(_words(exc, shelf.place))
+    except (StaleVersion, FsnError, ValueError) as exc:
+        return _refused(_words(exc, uploads.place))
 
 
 def _words(exc: Exception, named: Callable[[str], str]) -> str:
-    if isinstance(exc, Behind):
+    if isinstance(exc, StaleVersion):
         return "something else has changed meanwhile; look at it, and do it again"
     rows = exc.diagnostics if isinstance(exc, InputError) else ()
     return named("; ".join([str(exc), *(f"{row.span}: {row.message}" for row in rows[:5])]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fsoe_net.errors import InputError
-from fsoe_net.project.beside import Beside, BesideKind, files_beside
+from fsoe_net.project.companion_files import CompanionFile, CompanionKind, files_beside
 
 
 class Folder:
@@ -17,12 +17,12 @@ class Folder:
         self._network = network
         self._numbers: dict[str, int] = {}
 
-    def look(self) -> list[tuple[int, Beside]]:
+    def look(self) -> list[tuple[int, CompanionFile]]:
         """Return what is there now; a file keeps its number for as long as the server runs."""
         rows = files_beside(self._network)
         return [(self._numbers.setdefault(row.path, len(self._numbers)), row) for row in rows]
 
-    def find(self, number: object, *kinds: BesideKind) -> Beside:
+    def find(self, number: object, *kinds: CompanionKind) -> CompanionFile:
         """Return a file of these kinds by its number.
 
         Raises:

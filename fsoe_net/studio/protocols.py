@@ -17,8 +17,8 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepResult
-from fsoe_net.project.beside import BesideKind
 from fsoe_net.project.check import whole_network
+from fsoe_net.project.companion_files import CompanionKind
 from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.workspace import Workspace
 from fsoe_net.test_record.entries import (
@@ -72,7 +72,7 @@ class Protocols:
         return await _answered(self._entered, body)
 
     def _state(self, number: str | None) -> Row:
-        files = [(n, row) for n, row in self._folder.look() if row.kind is BesideKind.PROTOCOL]
+        files = [(n, row) for n, row in self._folder.look() if row.kind is CompanionKind.PROTOCOL]
         state: Row = {
             "error": "",
             "files": [{"number": n, "name": printable(row.name)} for n, row in files],
@@ -86,7 +86,7 @@ class Protocols:
         if not files:
             return state
         chosen = next((n for n, _ in files if str(n) == number), files[0][0])
-        path = self._folder.find(chosen, BesideKind.PROTOCOL).path
+        path = self._folder.find(chosen, CompanionKind.PROTOCOL).path
         protocol, found = self._read(path)
         notes = [printable(f"{d.message}; {d.hint}") for d in found if d.level is Severity.ERROR]
         more = {"number": chosen, "notes": notes[:_MOST_NOTES], "key": _key(path, protocol)}
@@ -113,7 +113,7 @@ class Protocols:
         return self._state(None)
 
     def _entered(self, body: Mapping[str, object]) -> Row:
-        path = self._folder.find(body.get("file"), BesideKind.PROTOCOL).path
+        path = self._folder.find(body.get("file"), CompanionKind.PROTOCOL).path
         entry = MachineEntry(
             step=_text(body, "step"),
             subdevice=_text(body, "subdevice"),

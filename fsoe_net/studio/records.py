@@ -38,8 +38,8 @@ from fsoe_net.intervention_log.chain import LogFilter
 from fsoe_net.intervention_log.document import log_document
 from fsoe_net.intervention_log.files import log_files, select_entries
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.project.beside import Beside, BesideKind
 from fsoe_net.project.check import Checked
+from fsoe_net.project.companion_files import CompanionFile, CompanionKind
 from fsoe_net.project.known import read_record
 from fsoe_net.report.incident_document import incident_document
 from fsoe_net.studio.folder import Folder
@@ -108,13 +108,13 @@ class Records:
             raise InputError("the text is no network at present: correct it first")
         return checked, checked.resolution
 
-    def _of(self, query: Query, key: str, *kinds: BesideKind) -> Beside | None:
+    def _of(self, query: Query, key: str, *kinds: CompanionKind) -> CompanionFile | None:
         number = query.get(key, "")
         return self._folder.find(number, *kinds) if number else None
 
     def _report(self, query: Query) -> Document:
-        protocol = self._of(query, "protocol", BesideKind.PROTOCOL)
-        accepted = self._of(query, "accepted", BesideKind.RECORD)
+        protocol = self._of(query, "protocol", CompanionKind.PROTOCOL)
+        accepted = self._of(query, "accepted", CompanionKind.RECORD)
         return make_report(
             self._network()[0],
             protocol=None if protocol is None else protocol.path,
@@ -125,7 +125,7 @@ class Records:
     def _difference(self, query: Query) -> Document:
         checked, resolution = self._network()
         path = self._workspace.path
-        kinds = (BesideKind.RECORD, BesideKind.OTHER)
+        kinds = (CompanionKind.RECORD, CompanionKind.OTHER)
         other = self._of(query, "file", *kinds)  # without one: the network file as it is saved
         before, found = read_side(path if other is None else other.path, self._workspace.loading)
         if before is None:
@@ -134,7 +134,7 @@ class Records:
         now = side_of_network(resolution, f"{path}, as it is in the page")
         difference = compare(before, now)
         sections: list[Section] = []
-        if other is not None and other.kind is BesideKind.RECORD:
+        if other is not None and other.kind is CompanionKind.RECORD:
             plan = plan_to_show(resolution, checked.diagnostics)
             again = since(read_record(other.path), resolution, plan).again
             parts: tuple[Part, ...] = (Bullets(tuple(cell(step) for step in again)),)
@@ -152,13 +152,13 @@ class Records:
         )
 
     def _incident(self, query: Query) -> Document:
-        row = self._folder.find(query.get("file"), BesideKind.INCIDENT)
+        row = self._folder.find(query.get("file"), CompanionKind.INCIDENT)
         with open_file(row.path) as stream:
             facts = facts_of(gather(IncidentReader(row.name, stream)))
         return incident_document(facts, __version__)
 
     def _log(self, query: Query) -> Document:
-        row = self._folder.find(query.get("file"), BesideKind.LOG)
+        row = self._folder.find(query.get("file"), CompanionKind.LOG)
         wanted = LogFilter(most=_MOST_ENTRIES)
         return log_document(select_entries(log_files([row.path]), wanted), __version__)
 
@@ -190,11 +190,11 @@ def document_response(document: Document, status: int = 200) -> Response:
     return HTMLResponse(text, status, headers)
 
 
-def _commands(network: str, rows: list[Beside]) -> list[str]:
+def _commands(network: str, rows: list[CompanionFile]) -> list[str]:
     """Return what a person types in the folder of the network to sign it off."""
     name = os.path.basename(network)
-    protocol = next((row.name for row in rows if row.kind is BesideKind.PROTOCOL), None)
-    before = next((row.name for row in rows if row.kind is BesideKind.RECORD), None)
+    protocol = next((row.name for row in rows if row.kind is CompanionKind.PROTOCOL), None)
+    before = next((row.name for row in rows if row.kind is CompanionKind.RECORD), None)
     record = "acceptance.yaml" if before is None else "acceptance-new.yaml"
     replaces = "" if before is None else f"--replaces {shlex.quote(before)} "
     net, test = shlex.quote(name), shlex.quote(protocol or "protocol.yaml")

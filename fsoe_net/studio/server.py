@@ -32,8 +32,8 @@ from fsoe_net.studio.listening import Listening, bound_socket
 from fsoe_net.studio.live import Live
 from fsoe_net.studio.protocols import Protocols
 from fsoe_net.studio.records import Records
-from fsoe_net.studio.shelf import MAX_UPLOAD_BYTES, Shelf
-from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
+from fsoe_net.studio.uploads import MAX_UPLOAD_BYTES, Uploads
+from fsoe_net.studio.workspace import MAX_TEXT_BYTES, StaleVersion, Workspace
 
 TRIAL_MS = 1000
 """Simulated time of a try."""
@@ -156,7 +156,7 @@ class Studio:
         allow_control: bool = False,
     ) -> None:
         self._workspace = workspace
-        self._shelf = Shelf()
+        self._shelf = Uploads()
         self._acts: dict[str, Act] = {
             **_ACTS,
             "add": self._shelf.add,
@@ -235,7 +235,7 @@ class Studio:
             return JSONResponse({"error": "the request names no version"}, 400)
         try:
             said = await run_in_threadpool(act, self._workspace, version, body)
-        except Behind:
+        except StaleVersion:
             text = "something else has changed meanwhile; look at it, and do it again"
             return await self._answer(error=text, status=409)
         except (FsnError, ValueError) as exc:

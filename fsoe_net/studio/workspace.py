@@ -33,7 +33,7 @@ _MOST_STEPS = 200  # of undo
 _MOST_KEPT_BYTES = 64 * 1024 * 1024  # of all steps together
 
 
-class Behind(Exception):
+class StaleVersion(Exception):
     """The page has sent a change of a text that is not the present one any more."""
 
 
@@ -136,7 +136,7 @@ class Workspace:
         """Take a text as a person has typed it.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
             InputError: It is too long.
         """
         with self._lock:
@@ -150,7 +150,7 @@ class Workspace:
         """Make a change of the network; see `fsoe_net.studio.changes`.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
             InputError: There is no such change, or the text is no YAML.
         """
         with self._lock:
@@ -177,7 +177,7 @@ class Workspace:
             text: What it changes instead of the present text.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
             InputError: The text is no YAML.
         """
         with self._lock:
@@ -200,7 +200,7 @@ class Workspace:
             number: Of the finding, from 0.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
             InputError: The finding has no such hint, or it is about another file.
         """
         with self._lock:
@@ -226,7 +226,7 @@ class Workspace:
         New device files that it names are written before it.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
             InputError: Somebody else has changed the file: `take_file` shows theirs; or has made
                 a device file meanwhile that has another content.
             EnvironmentFault: It cannot be written; what was there is unchanged.
@@ -252,7 +252,7 @@ class Workspace:
         """Take the text that is in the file now; the one before comes back with `undo`.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
             InputError: The file cannot be read.
         """
         with self._lock:
@@ -294,7 +294,7 @@ class Workspace:
 
     def _expect(self, version: int) -> None:
         if version != self.version:
-            raise Behind
+            raise StaleVersion
 
     def _set(self, text: str) -> None:
         _limit(text)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from fsoe_net.campaign.clean_run import TrialConnection
 from fsoe_net.campaign.fault_classes import CATALOGUE
 from fsoe_net.campaign.trials import CampaignConfig
-from fsoe_net.campaign.walk import TrialConnection
 from fsoe_net.fsoe.config import MainConfig, SubConfig
 
 DRAWN = [name for name in CATALOGUE if name != "bit_errors"]

@@ -17,6 +17,8 @@ from fsoe.devices import (
 )
 
 from fsoe_net.campaign import trials as campaign_module
+from fsoe_net.campaign.clean_run import TrialConnection
+from fsoe_net.campaign.collision_proof import Collision
 from fsoe_net.campaign.fault_classes import CATALOGUE
 from fsoe_net.campaign.recording.replay import replay
 from fsoe_net.campaign.shrink import shrink
@@ -32,8 +34,6 @@ from fsoe_net.campaign.trials import (
     run_trials,
     trial_count,
 )
-from fsoe_net.campaign.walk import TrialConnection
-from fsoe_net.campaign.witness import Collision
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.main_instance import MainInstance
 from fsoe_net.fsoe.pdu import Command, decode_pdu

@@ -8,19 +8,19 @@ from campaign.lossy_links import SIZES, make_config, make_link
 from fsoe.devices import strange_sub
 
 from fsoe_net.campaign.channel import Channel, Way
+from fsoe_net.campaign.clean_run import RunSource, Scene, TrialConnection
+from fsoe_net.campaign.collision_proof import CollisionProof, collision
 from fsoe_net.campaign.faults import Freeze, Swap
 from fsoe_net.campaign.injection import Injection
 from fsoe_net.campaign.judge import TrialFinding, TrialOutcome, judge
 from fsoe_net.campaign.statistics import count_interval
 from fsoe_net.campaign.trials import run_trials
-from fsoe_net.campaign.walk import Scene, TrialConnection, Walker
-from fsoe_net.campaign.witness import Witness, collision
 from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.pdu import Command, decode_pdu
 
 
 def _scene_in_data(link: TrialConnection, number: int = 0):
-    walker, rng = Walker(link, 1), random.Random(number)
+    walker, rng = RunSource(link, 1), random.Random(number)
     return walker.scene(number, rng, data_to=Way(number % 2))
 
 
@@ -71,10 +71,10 @@ def test_the_witness_follows_the_chain_from_outside(sizes):
         channel.turn()
         # Each is followed from its start: not all of the turns in Data, which are alike.
         for way in Way if n < 60 or n % 50 < 12 else ():
-            witness = Witness(
+            proof = CollisionProof(
                 channel.base[way], is_main=way is Way.TO_MAIN, exchanges=channel.exchanges[way]
             )
-            assert witness.chain == channel.ends[way]._chain
+            assert proof.chain == channel.ends[way]._chain
 
 
 def test_the_witness_does_not_explain_what_does_not_fit():
@@ -83,13 +83,13 @@ def test_the_witness_does_not_explain_what_does_not_fit():
     rows = channel.exchanges[Way.TO_SUB]
     seen, sent = rows[-1]
     for wrong in ((seen[:1] + b"\x55" + seen[2:], sent), (seen, sent[:1] + b"\x55" + sent[2:])):
-        assert Witness(Chain(), is_main=False, exchanges=[*rows[:-1], wrong]).chain is None
-    assert Witness(Chain(), is_main=False, exchanges=[(None, sent), *rows]).chain is None
+        assert CollisionProof(Chain(), is_main=False, exchanges=[*rows[:-1], wrong]).chain is None
+    assert CollisionProof(Chain(), is_main=False, exchanges=[(None, sent), *rows]).chain is None
 
 
 def test_collisions_come_as_often_as_they_should(monkeypatch):
     """With a CRC cut to its low 8 bits, one fault in 256 passes, and each is shown."""
-    from fsoe_net.campaign import fault_classes, witness
+    from fsoe_net.campaign import collision_proof, fault_classes
     from fsoe_net.fsoe import chain as chain_module
     from fsoe_net.fsoe import crc
 
@@ -99,7 +99,7 @@ def test_collisions_come_as_often_as_they_should(monkeypatch):
     def short_block(*args):
         return crc.block_crc(*args) & 0xFF
 
-    for module in (chain_module, witness, fault_classes):
+    for module in (chain_module, collision_proof, fault_classes):
         for name, value in (("frame_crcs", short), ("block_crc", short_block)):
             if hasattr(module, name):
                 monkeypatch.setattr(module, name, value)

@@ -12,6 +12,7 @@ from fsoe.devices import watches_changes
 
 from fsoe_net.campaign.bit_errors import code_distance, error_sets
 from fsoe_net.campaign.channel import Way
+from fsoe_net.campaign.clean_run import RunSource
 from fsoe_net.campaign.fault_classes import CATALOGUE
 from fsoe_net.campaign.faults import (
     Alternate,
@@ -28,7 +29,6 @@ from fsoe_net.campaign.faults import (
 from fsoe_net.campaign.injection import CRC_CHANCE, ForeignFrames
 from fsoe_net.campaign.judge import FAILURES, TrialOutcome
 from fsoe_net.campaign.trials import CampaignConfig, Trials, run_trials, trial_count
-from fsoe_net.campaign.walk import Walker
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.pdu import Command, decode_pdu, frame_length
 
@@ -125,7 +125,7 @@ def test_the_catalogue_draws_in_every_corner():
     """No class fails at any point of a run, the very first frames included."""
     link = make_link(1, 1, app=b"ab")
     foreign, rng = ForeignFrames(link, 1), random.Random(2)
-    walker = Walker(link, 1)
+    walker = RunSource(link, 1)
     walk = walker.walk(0)
     assert walk.startup[0].frame[0] == Command.RESET
     for name in DRAWN:
@@ -147,7 +147,7 @@ def test_constant_data_find_an_end_whose_watchdog_wants_new_data():
 
 
 def test_frames_of_a_run_with_constant_data_differ_in_their_crcs_alone():
-    walk = Walker(make_link(2, 4), 1).walk(1)
+    walk = RunSource(make_link(2, 4), 1).walk(1)
     for way in Way:
         frames = walk.frames[way][-40:]
         assert len(set(frames)) == 40

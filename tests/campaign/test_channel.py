@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.campaign.channel import BACK, Application, Channel, SessionIds, Way, set_sequence
+from fsoe_net.campaign.clean_run import RunSource
 from fsoe_net.campaign.faults import Freeze
-from fsoe_net.campaign.walk import Walker
 from fsoe_net.errors import ConfigError
 from fsoe_net.fsoe.event import State
 
@@ -209,7 +209,7 @@ def test_impossible_channels():
 
 
 def test_walks_cross_the_wrap():
-    walker, crossed = Walker(make_link(), 1), 0
+    walker, crossed = RunSource(make_link(), 1), 0
     for number in range(24):
         walk = walker.walk(number)
         states = [spot.state for spot in walk.data]
@@ -226,7 +226,7 @@ def test_walks_that_never_come_to_data():
         def step(self, now_ns, received):
             steps.append(now_ns)
 
-    walker = Walker(make_link(sub_factory=Dead, watchdog_ms=1000, app=b"abc", delay=(2, 3)), 1)
+    walker = RunSource(make_link(sub_factory=Dead, watchdog_ms=1000, app=b"abc", delay=(2, 3)), 1)
     with pytest.raises(ConfigError, match="does not reach state Data"):
         walker.scene(0, random.Random(1))
     exchanges, slow_cycles = 20 + 3, 20
@@ -235,8 +235,8 @@ def test_walks_that_never_come_to_data():
 
 def test_a_watchdog_shorter_than_an_exchange():
     with pytest.raises(ConfigError, match=r"watchdog of 1 ms must exceed .* 2 ms"):
-        Walker(make_link(watchdog_ms=1), 1).scene(0, random.Random(1))
+        RunSource(make_link(watchdog_ms=1), 1).scene(0, random.Random(1))
 
 
 def test_the_longest_start_up_is_waited_for():
-    assert Walker(make_link(1, 1, app=bytes(2000)), 1).scene(0, random.Random(1))
+    assert RunSource(make_link(1, 1, app=bytes(2000)), 1).scene(0, random.Random(1))

@@ -17,6 +17,7 @@ from fsoe.devices import (
 )
 
 from fsoe_net.campaign.channel import Way
+from fsoe_net.campaign.clean_run import Scene
 from fsoe_net.campaign.fault_classes import CATALOGUE
 from fsoe_net.campaign.faults import Flip, Freeze, Swap
 from fsoe_net.campaign.injection import ForeignFrames
@@ -32,7 +33,6 @@ from fsoe_net.campaign.shrink import (
     shrink,
 )
 from fsoe_net.campaign.trials import CampaignConfig, Trials, run_trials
-from fsoe_net.campaign.walk import Scene
 
 DRAWN = [name for name in CATALOGUE if name != "bit_errors"]
 

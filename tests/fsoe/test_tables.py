@@ -9,9 +9,9 @@ from campaign.lossy_links import make_link
 from changed import compare, whole
 
 from fsoe_net.campaign.channel import Way
+from fsoe_net.campaign.collision_proof import block_crcs
 from fsoe_net.campaign.departure import frame_text
 from fsoe_net.campaign.tables import StateTable
-from fsoe_net.campaign.witness import block_crcs
 from fsoe_net.fsoe.chain import reset_frame
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
 

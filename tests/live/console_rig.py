@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from fsoe_net.live.console.console import Console
-from fsoe_net.live.console.keeper import Keeper
+from fsoe_net.live.console.leased_client import LeasedClient
 
 
 class Rig:
     def __init__(self, path, **more):
         self.lines, self.notes = [], []
-        self.keeper = Keeper(path, **more)
-        self.console = Console(self.keeper, self.lines.append, self.notes.append)
+        self.link = LeasedClient(path, **more)
+        self.console = Console(self.link, self.lines.append, self.notes.append)
 
     def do(self, text):
         """Run a line and return what it printed."""

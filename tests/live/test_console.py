@@ -29,7 +29,7 @@ def master():
 def rig(master):
     found = Rig(master.path)
     yield found
-    found.keeper.close()
+    found.link.close()
 
 
 def words(text):
@@ -261,16 +261,16 @@ def test_the_lease_is_renewed_while_nothing_is_asked(master):
         master.renewed.clear()
         assert master.renewed.wait(PATIENCE_S)
     assert rig.do("lease 0") == ["lease without an end"]
-    rig.keeper.close()
+    rig.link.close()
 
 
 def test_a_slow_request_does_not_hold_the_lease_up(master):
     rig = Rig(master.path, lease_ms=100)
-    renewed = rig.keeper.aside(
+    renewed = rig.link.aside(
         lambda _: [master.renewed.clear(), master.renewed.wait(PATIENCE_S)][1],
     )
     assert renewed
-    rig.keeper.close()
+    rig.link.close()
 
 
 def test_a_script_ends_when_the_connection_breaks(master, rig):
@@ -289,8 +289,8 @@ def test_the_prompt_connects_again(master):
         rig.do("state")  # this one, or the renewal before it, finds it broken
     rig.do("state")
     assert any("connected again" in note for note in rig.notes)
-    assert rig.keeper.client_number == 2
-    rig.keeper.close()
+    assert rig.link.client_number == 2
+    rig.link.close()
 
 
 def test_outputs_that_fell_back_are_told(master, rig):
@@ -392,7 +392,7 @@ def test_what_is_not_well_is_shown_with_the_state(monkeypatch):
     with FakeMaster() as found:
         rig = Rig(found.path)
         first, fault, *rows = rig.do("state")
-        rig.keeper.close()
+        rig.link.close()
     assert first.startswith("running, cycle 1 ms, 5 cycles, working counter 9 of 9")
     assert fault == "error: the bus did not open: the bus is lost"
     assert all("SAFEOP" in row for row in rows)

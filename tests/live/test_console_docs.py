@@ -5,7 +5,7 @@ import re
 from live.support import ROOT
 
 from fsoe_net.live.console.console import COMMANDS, Console
-from fsoe_net.live.console.keeper import Keeper
+from fsoe_net.live.console.leased_client import LeasedClient
 from fsoe_net.live.console.script import parse
 from fsoe_net.testing.fake_master import FakeMaster
 
@@ -22,9 +22,9 @@ def test_the_examples_of_the_page_are_taken():
     blocks = re.findall(r"^```\n(.*?)^```", PAGE, re.M | re.S)
     (script,) = (b for b in blocks if b.startswith("# look"))
     with FakeMaster() as master:
-        console = Console(Keeper(master.path), lambda _: None, lambda _: None)
+        console = Console(LeasedClient(master.path), lambda _: None, lambda _: None)
         console.run_script(script.replace("100ms", "1ms"), "page")
-        console.keeper.close()
+        console.link.close()
     assert master.asked[-1].startswith("get drive_1.0x6040")
     typed = re.findall(r"^fsn> (.*)$", PAGE, re.M)
     assert {c.name for line in typed for c in parse(line)} <= set(COMMANDS)

@@ -5,7 +5,7 @@ from master import rig
 
 from fsoe_net.errors import ConsoleError
 from fsoe_net.live.console.console import Console
-from fsoe_net.live.console.keeper import Keeper
+from fsoe_net.live.console.leased_client import LeasedClient
 
 OUTPUT = "drive_1.0x6060:00"  # stop value 8
 
@@ -18,8 +18,8 @@ def master():
 
 def console_of(master, **more):
     lines = []
-    keeper = Keeper(master.path, **more)
-    return Console(keeper, lines.append, lines.append), lines
+    link = LeasedClient(master.path, **more)
+    return Console(link, lines.append, lines.append), lines
 
 
 def test_outputs_stay_while_a_script_waits_and_fall_back_at_its_end(master):
@@ -29,7 +29,7 @@ def test_outputs_stay_while_a_script_waits_and_fall_back_at_its_end(master):
     assert lines[-1].split()[2:4] == ["1", "you"]
     assert console.owned() == [OUTPUT]
     assert not [line for line in lines if "fall" in line]
-    console.keeper.close()
+    console.link.close()
     with master.client() as other:
         other.wait_for(OUTPUT, 8)
 
@@ -45,7 +45,7 @@ def test_start_stop_restart(master):
     assert any(line.endswith(f"outputs have their stop values: {OUTPUT}") for line in lines[6:])
     with pytest.raises(ConsoleError, match=r"s:1:1: set: .*stopped"):
         console.run_script("set drive_1 0x6060 1", "s")
-    console.keeper.close()
+    console.link.close()
 
 
 def test_what_can_restart_a_machine_is_armed_first(master):
@@ -55,7 +55,7 @@ def test_what_can_restart_a_machine_is_armed_first(master):
     console.run_script("arm el6910.logic_control; set el6910.logic_control 1", "s")
     assert lines[-1] == "1 set: el6910.logic_control"
     console.run_script("state; state all; connections; snapshot; get all; events", "s")
-    console.keeper.close()
+    console.link.close()
 
 
 def test_another_client_has_the_output(master):
@@ -65,4 +65,4 @@ def test_another_client_has_the_output(master):
         other.good(f"set {OUTPUT}=3")
         with pytest.raises(ConsoleError, match=r"s:1:1: set: .*client"):
             console.run_script(f"set {OUTPUT} 1", "s")
-    console.keeper.close()
+    console.link.close()

@@ -23,7 +23,7 @@ def master():
 def rig(master):
     found = Rig(master.path)
     yield found
-    found.keeper.close()
+    found.link.close()
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_a_cycle_image_whole(rig, monkeypatch):
 
 
 def test_the_lease_that_is_given_is_kept(rig):
-    assert rig.keeper.lease(300) == 300
+    assert rig.link.lease(300) == 300
     assert rig.do("lease 250") == ["lease 250 ms"]
 
 
@@ -223,5 +223,5 @@ def test_the_longest_number_has_64_bits_one_by_one():
 
 def test_a_server_that_does_not_answer(master, rig):
     with pytest.raises(EnvironmentFault) as caught:
-        rig.keeper.call(lambda _: time.sleep(0.5), wait_s=0.01)
+        rig.link.call(lambda _: time.sleep(0.5), wait_s=0.01)
     assert str(caught.value) == f"fsn-master does not answer on {master.path}"

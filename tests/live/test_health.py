@@ -245,7 +245,7 @@ def console(view: BusView, subject: str) -> HealthLevel:
     if not view.current:
         client.snapshot = lambda: None
     lines: list[str] = []
-    room: Any = Facts(keeper=Facts(call=lambda ask: ask(client)), out=lines.append)
+    room: Any = Facts(link=Facts(call=lambda ask: ask(client)), out=lines.append)
     command, words = {BUS: ("state", []), DEVICE: ("state", ["all"]), LINK: ("connections", [])}[
         subject
     ]

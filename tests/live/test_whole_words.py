@@ -221,7 +221,7 @@ def master():
 def console(master):
     found = ConsoleRig(master.path)
     yield found
-    found.keeper.close()
+    found.link.close()
 
 
 def test_what_the_console_says_of_odd_words(console: ConsoleRig):
@@ -249,7 +249,7 @@ def test_a_name_that_is_there_in_both_cases_is_taken_as_it_is(master: FakeMaster
         assert [s.name for s in rig.console.names().some(name)] == [name]
     with pytest.raises(ConsoleError, match=r"no input or output is called logic\.Ack"):
         rig.console.names().some("logic.Ack")
-    rig.keeper.close()
+    rig.link.close()
 
 
 # -- devices of others -----------------------------------------------------------------------------

@@ -34,8 +34,8 @@ from report.made_blocks import LOCAL, SPARSE
 from scans import scan_of
 from test_record.protocols import protocol_of, timed
 
+from fsoe_net.campaign.collision_proof import Collision
 from fsoe_net.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult, Failure, Shown
-from fsoe_net.campaign.witness import Collision
 from fsoe_net.compare.diff import Difference, compare
 from fsoe_net.compare.diff_read import (
     side_of_description,

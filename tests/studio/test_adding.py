@@ -12,7 +12,7 @@ from fsoe_net.errors import InputError
 from fsoe_net.studio.begin import empty_network
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.server import try_network
-from fsoe_net.studio.shelf import Shelf
+from fsoe_net.studio.uploads import Uploads
 from fsoe_net.studio.workspace import Workspace
 
 ROOT = Path(__file__).parents[2]
@@ -22,10 +22,10 @@ ESI = ROOT / "tests" / "formats" / "esi" / "modular.xml"
 
 
 @pytest.fixture
-def shelf():
-    shelf = Shelf()
-    yield shelf
-    shelf.clear()
+def uploads():
+    uploads = Uploads()
+    yield uploads
+    uploads.clear()
 
 
 @pytest.fixture
@@ -41,25 +41,25 @@ def tools(tmp_path: Path) -> Workspace:
     return Workspace(str(tmp_path / "examples" / "tool-exchange" / "network.yaml"))
 
 
-def _give(shelf: Shelf, name: str, data: bytes) -> None:
-    upload = shelf.begin(name)
+def _give(uploads: Uploads, name: str, data: bytes) -> None:
+    upload = uploads.begin(name)
     upload.write(data)
     upload.close(keep=True)
-    shelf.put(upload)
+    uploads.put(upload)
 
 
-def _number(shelf: Shelf, order: str, process_data: str = "", **more: object) -> int:
+def _number(uploads: Uploads, order: str, process_data: str = "", **more: object) -> int:
     found = [
         row["number"]
-        for row in shelf.shown()["offers"]
+        for row in uploads.shown()["offers"]
         if (row["order"], row["process_data"]) == (order, process_data)
         and all(row[key] == value for key, value in more.items())
     ]
     return found[0]
 
 
-def _add(workspace: Workspace, shelf: Shelf, *numbers: int, bus: int = 0) -> tuple[str, ...]:
-    return shelf.add(workspace, workspace.version, {"offers": list(numbers), "bus": bus})
+def _add(workspace: Workspace, uploads: Uploads, *numbers: int, bus: int = 0) -> tuple[str, ...]:
+    return uploads.add(workspace, workspace.version, {"offers": list(numbers), "bus": bus})
 
 
 def _names(workspace: Workspace) -> list[tuple[str, int]]:
@@ -74,13 +74,13 @@ def _change(workspace: Workspace, change: str, **more: object) -> None:
     workspace.change(workspace.version, {"change": change, **more})
 
 
-def test_from_nothing_to_data_by_the_library(new: Workspace, shelf: Shelf) -> None:
+def test_from_nothing_to_data_by_the_library(new: Workspace, uploads: Uploads) -> None:
     folder = Path(new.path).parent
     assert new.is_new
     assert not new.is_saved
-    said = _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
+    said = _add(new, uploads, _number(uploads, "EK1914", "as devices report it"))
     assert any("unverified: compare them with the device" in text for text in said)
-    _add(new, shelf, _number(shelf, "EL1918", "own safety program, 1 connection"))
+    _add(new, uploads, _number(uploads, "EL1918", "own safety program, 1 connection"))
     assert _names(new) == [("ek1914", 0), ("el1918", 1)]
     shown = state_of(new)
     assert [sub["likely"] for sub in shown["subdevices"]] == ["sub", "main"]
@@ -105,9 +105,9 @@ def test_from_nothing_to_data_by_the_library(new: Workspace, shelf: Shelf) -> No
     assert again.checked.resolution.connections[0].sub.name == "ek1914"
 
 
-def test_steps_back_and_forth_find_the_device_file_again(new: Workspace, shelf: Shelf) -> None:
+def test_steps_back_and_forth_find_the_device_file_again(new: Workspace, uploads: Uploads) -> None:
     before = new.text
-    _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
+    _add(new, uploads, _number(uploads, "EK1914", "as devices report it"))
     added = new.text
     new.undo(new.version)
     assert new.text == before
@@ -120,13 +120,15 @@ def test_steps_back_and_forth_find_the_device_file_again(new: Workspace, shelf: 
     assert (Path(new.path).parent / "devices" / "ek1914.yaml").is_file()
 
 
-def test_a_name_is_free_again_when_nothing_leads_back_to_it(new: Workspace, shelf: Shelf) -> None:
-    _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+def test_a_name_is_free_again_when_nothing_leads_back_to_it(
+    new: Workspace, uploads: Uploads
+) -> None:
+    _add(new, uploads, _number(uploads, "EK1914", "device PDO"))
     new.undo(new.version)
-    _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))  # redo is gone
+    _add(new, uploads, _number(uploads, "EK1914", "as devices report it"))  # redo is gone
     assert new.unwritten == ("devices/ek1914.yaml",)
     _change(new, "remove", subdevice="ek1914")
-    _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+    _add(new, uploads, _number(uploads, "EK1914", "device PDO"))
     assert new.unwritten == ("devices/ek1914_2.yaml",)  # undo leads back to the first
     for _ in range(2):
         new.undo(new.version)
@@ -134,14 +136,16 @@ def test_a_name_is_free_again_when_nothing_leads_back_to_it(new: Workspace, shel
     assert new.unwritten == ("devices/ek1914.yaml",)
 
 
-def test_equal_devices_share_a_file_and_no_file_is_replaced(new: Workspace, shelf: Shelf) -> None:
+def test_equal_devices_share_a_file_and_no_file_is_replaced(
+    new: Workspace, uploads: Uploads
+) -> None:
     mine = Path(new.path).parent / "devices" / "ek1914.yaml"
     mine.parent.mkdir()
     mine.write_text("# mine\n", "utf-8")
-    coupler = _number(shelf, "EK1914", "as devices report it")
-    _add(new, shelf, coupler, coupler)
-    _add(new, shelf, coupler)
-    _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+    coupler = _number(uploads, "EK1914", "as devices report it")
+    _add(new, uploads, coupler, coupler)
+    _add(new, uploads, coupler)
+    _add(new, uploads, _number(uploads, "EK1914", "device PDO"))
     assert _names(new) == [("ek1914", 0), ("ek1914_2", 1), ("ek1914_3", 2), ("ek1914_4", 3)]
     assert new.unwritten == ("devices/ek1914_2.yaml", "devices/ek1914_3.yaml")
     assert new.text.count("config: devices/ek1914_2.yaml") == 3
@@ -149,8 +153,10 @@ def test_equal_devices_share_a_file_and_no_file_is_replaced(new: Workspace, shel
     assert mine.read_text("utf-8") == "# mine\n"
 
 
-def test_a_device_file_that_somebody_makes_meanwhile_is_kept(new: Workspace, shelf: Shelf) -> None:
-    _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
+def test_a_device_file_that_somebody_makes_meanwhile_is_kept(
+    new: Workspace, uploads: Uploads
+) -> None:
+    _add(new, uploads, _number(uploads, "EK1914", "as devices report it"))
     theirs = Path(new.path).parent / "devices" / "ek1914.yaml"
     theirs.parent.mkdir()
     theirs.write_text("# theirs\n", "utf-8")
@@ -159,7 +165,7 @@ def test_a_device_file_that_somebody_makes_meanwhile_is_kept(new: Workspace, she
     assert theirs.read_text("utf-8") == "# theirs\n"
     assert not Path(new.path).exists()
     new.undo(new.version)
-    _add(new, shelf, _number(shelf, "EK1914", "as devices report it"))
+    _add(new, uploads, _number(uploads, "EK1914", "as devices report it"))
     assert new.unwritten == ("devices/ek1914_2.yaml",)
     theirs.unlink()
     theirs.mkdir()  # a folder of that name is no file of ours either
@@ -167,7 +173,7 @@ def test_a_device_file_that_somebody_makes_meanwhile_is_kept(new: Workspace, she
     assert "devices/ek1914_2.yaml" in Path(new.path).read_text("utf-8")
 
 
-def test_a_network_file_that_appears_is_not_replaced(new: Workspace, shelf: Shelf) -> None:
+def test_a_network_file_that_appears_is_not_replaced(new: Workspace, uploads: Uploads) -> None:
     assert not new.look()
     path = Path(new.path)
     shutil.copytree(EXAMPLES / "estop" / "devices", path.parent / "devices")
@@ -184,13 +190,13 @@ def test_a_network_file_that_appears_is_not_replaced(new: Workspace, shelf: Shel
     assert new.outside
 
 
-def test_an_esi_gives_its_devices_with_their_revision(new: Workspace, shelf: Shelf) -> None:
-    _give(shelf, "C:\\esi\\maker<b>.xml", ESI.read_bytes())
-    shown = shelf.shown()
+def test_an_esi_gives_its_devices_with_their_revision(new: Workspace, uploads: Uploads) -> None:
+    _give(uploads, "C:\\esi\\maker<b>.xml", ESI.read_bytes())
+    shown = uploads.shown()
     assert shown["files"] == ["C_/esi/maker_b_.xml"]
     assert shown["proposal"] is None
     assert (shown["error"], shown["findings"]) == ("", [])
-    _add(new, shelf, _number(shelf, "D", file="C_/esi/maker_b_.xml"))
+    _add(new, uploads, _number(uploads, "D", file="C_/esi/maker_b_.xml"))
     (sub,) = new.checked.network.subdevices
     assert (sub.name, sub.revision, sub.device.vendor_id) == ("d", 2, 0xA5F)
     assert "revision: 0x00000002" in new.text
@@ -200,19 +206,19 @@ def test_an_esi_gives_its_devices_with_their_revision(new: Workspace, shelf: She
     assert "fsoe-net-studio" not in text
 
 
-def test_a_scan_gives_its_subdevices_and_a_proposal(new: Workspace, shelf: Shelf) -> None:
-    _give(shelf, "scan.json", (BASE / "scan.json").read_bytes())
-    shown = shelf.shown()
+def test_a_scan_gives_its_subdevices_and_a_proposal(new: Workspace, uploads: Uploads) -> None:
+    _give(uploads, "scan.json", (BASE / "scan.json").read_bytes())
+    shown = uploads.shown()
     scan = json.loads((BASE / "scan.json").read_text("utf-8"))["subdevices"]
     placed = [row for row in shown["offers"] if row["position"] is not None]
     assert [row["position"] for row in placed] == [row["position"] for row in scan]
     assert shown["proposal"]["subdevices"] == len(scan)
-    _add(new, shelf, placed[-1]["number"])
+    _add(new, uploads, placed[-1]["number"])
     assert _names(new)[0][1] == scan[-1]["position"]
     with pytest.raises(InputError, match=f"position {scan[-1]['position']} is taken by"):
-        _add(new, shelf, placed[-1]["number"])
+        _add(new, uploads, placed[-1]["number"])
     new.undo(new.version)
-    shelf.take(new, new.version, {})
+    uploads.take(new, new.version, {})
     assert len(_names(new)) == len(scan)
     assert "fsoe-net-studio" not in new.text
     assert "from scan.json" in new.text
@@ -220,49 +226,51 @@ def test_a_scan_gives_its_subdevices_and_a_proposal(new: Workspace, shelf: Shelf
     assert new.text == empty_network(new.path)
 
 
-def test_a_bus_without_process_data_gets_those_of_the_library(new: Workspace, shelf: Shelf) -> None:
+def test_a_bus_without_process_data_gets_those_of_the_library(
+    new: Workspace, uploads: Uploads
+) -> None:
     row = {"vendor_id": 2, "product_code": 0x077A2C52, "name": "EK1914", "revision": 1}
     scan = {"scan": 1, "interface": "eth1", "subdevices": [{"position": 0, **row}]}
-    _give(shelf, "scan.json", json.dumps(scan).encode())
-    ways = [r for r in shelf.shown()["offers"] if r["position"] == 0]
+    _give(uploads, "scan.json", json.dumps(scan).encode())
+    ways = [r for r in uploads.shown()["offers"] if r["position"] == 0]
     assert [r["process_data"] for r in ways] == [
         "as devices report it",
         "module 0x100C3",
     ]  # "device PDO" is of later revisions
     assert ways[0]["frames"] == [[6, 6]]
-    _add(new, shelf, ways[1]["number"])
+    _add(new, uploads, ways[1]["number"])
     (sub,) = new.checked.network.subdevices
     assert sub.layout.frame_pairs[0].sent_bytes == 6
 
 
-def test_what_cannot_be_added_says_why(new: Workspace, shelf: Shelf) -> None:
+def test_what_cannot_be_added_says_why(new: Workspace, uploads: Uploads) -> None:
     with pytest.raises(InputError, match="no file here has its process data; add its ESI"):
-        _add(new, shelf, _number(shelf, "EL6910"))
+        _add(new, uploads, _number(uploads, "EL6910"))
     with pytest.raises(InputError, match="not here any more; look at the list again"):
-        _add(new, shelf, 99_999)
+        _add(new, uploads, 99_999)
     with pytest.raises(InputError, match="there is no such bus"):
-        _add(new, shelf, 0, bus=1)
+        _add(new, uploads, 0, bus=1)
     for body in ({}, {"offers": [0], "bus": -1}, {"offers": [0], "bus": "0"}):
         with pytest.raises(InputError, match="offers is a list of numbers"):
-            shelf.add(new, new.version, body)
+            uploads.add(new, new.version, body)
     with pytest.raises(InputError, match="these files propose no network"):
-        shelf.take(new, new.version, {})
+        uploads.take(new, new.version, {})
     new.replace(new.version, "nets: [")
     with pytest.raises(InputError, match="no network at present"):
-        _add(new, shelf, 0)
+        _add(new, uploads, 0)
     new.replace(
         new.version,
         "version: 1\nsubdevices:\n  - {name: a, position: 65535, config: a.yaml}\nnets: []\n",
     )
     with pytest.raises(InputError, match="no position is left"):
-        _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+        _add(new, uploads, _number(uploads, "EK1914", "device PDO"))
 
 
-def test_files_that_cannot_be_read_are_named_and_the_library_stays(shelf: Shelf) -> None:
-    library = len(shelf.shown()["offers"])
-    _give(shelf, "../../x.xml", b"<EtherCATInfo><Vendor>")
-    _give(shelf, "\x1b[2J\u202e.bin", b"\0\1")
-    shown = shelf.shown()
+def test_files_that_cannot_be_read_are_named_and_the_library_stays(uploads: Uploads) -> None:
+    library = len(uploads.shown()["offers"])
+    _give(uploads, "../../x.xml", b"<EtherCATInfo><Vendor>")
+    _give(uploads, "\x1b[2J\u202e.bin", b"\0\1")
+    shown = uploads.shown()
     assert shown["files"][0] == "x.xml"
     assert "\x1b" not in json.dumps(shown, ensure_ascii=False)
     assert "\u202e" not in json.dumps(shown, ensure_ascii=False)
@@ -270,31 +278,31 @@ def test_files_that_cannot_be_read_are_named_and_the_library_stays(shelf: Shelf)
     assert len(shown["offers"]) == library
     said = [(row["severity"], row["place"].partition(":")[0]) for row in shown["findings"]]
     assert said == [("warning", shown["files"][1]), ("error", "x.xml")]
-    shelf.clear()
-    _give(shelf, "odd.bin", b"\0\1")  # one alone has to be right
-    shown = shelf.shown()
+    uploads.clear()
+    _give(uploads, "odd.bin", b"\0\1")  # one alone has to be right
+    shown = uploads.shown()
     assert shown["error"] == "nothing written"
     assert [row["severity"] for row in shown["findings"]] == ["error"]
-    shelf.clear()
-    assert shelf.shown()["files"] == []
-    assert shelf.shown()["error"] == ""
+    uploads.clear()
+    assert uploads.shown()["files"] == []
+    assert uploads.shown()["error"] == ""
 
 
-def test_a_file_of_the_same_name_takes_the_place_of_the_first(shelf: Shelf) -> None:
-    _give(shelf, "a.xml", b"<nothing/>")
-    room = shelf.room_bytes()
-    _give(shelf, "a.xml", ESI.read_bytes())
-    assert shelf.shown()["files"] == ["a.xml"]
-    assert shelf.room_bytes() == room + len(b"<nothing/>") - ESI.stat().st_size
-    gone = shelf.begin("b.xml")
+def test_a_file_of_the_same_name_takes_the_place_of_the_first(uploads: Uploads) -> None:
+    _give(uploads, "a.xml", b"<nothing/>")
+    room = uploads.room_bytes()
+    _give(uploads, "a.xml", ESI.read_bytes())
+    assert uploads.shown()["files"] == ["a.xml"]
+    assert uploads.room_bytes() == room + len(b"<nothing/>") - ESI.stat().st_size
+    gone = uploads.begin("b.xml")
     gone.close(keep=False)
     assert not Path(gone.path).exists()
 
 
-def test_no_name_leads_out_of_the_folder(shelf: Shelf) -> None:
+def test_no_name_leads_out_of_the_folder(uploads: Uploads) -> None:
     for name in ("../../a.xml", "/etc/b.xml", "..\\c.xml", ".", "", "a/../..//d.xml", "e" * 999):
-        _give(shelf, name, b"x")
-    assert shelf.shown()["files"] == [
+        _give(uploads, name, b"x")
+    assert uploads.shown()["files"] == [
         "a.xml",
         "etc/b.xml",
         "c.xml",
@@ -303,18 +311,18 @@ def test_no_name_leads_out_of_the_folder(shelf: Shelf) -> None:
         "e" * 120,
     ]
     with pytest.raises(OSError, match=r"exists|director"):
-        _give(shelf, "a.xml/under-a-file.xml", b"x")
-    assert len(shelf.shown()["files"]) == 6
+        _give(uploads, "a.xml/under-a-file.xml", b"x")
+    assert len(uploads.shown()["files"]) == 6
 
 
-def test_a_folder_brings_a_network_with_its_device_files(new: Workspace, shelf: Shelf) -> None:
+def test_a_folder_brings_a_network_with_its_device_files(new: Workspace, uploads: Uploads) -> None:
     folder = EXAMPLES / "el6910"
     for path in sorted(folder.rglob("*.yaml")):
-        _give(shelf, f"cell/{path.relative_to(folder)}", path.read_bytes())
-    shown = shelf.shown()
+        _give(uploads, f"cell/{path.relative_to(folder)}", path.read_bytes())
+    shown = uploads.shown()
     assert shown["proposal"]["subdevices"] == 5
     assert shown["proposal"]["connections"] == 4
-    shelf.take(new, new.version, {})
+    uploads.take(new, new.version, {})
     assert _errors(new) == []
     assert [c.sub.name for c in new.checked.resolution.connections] == [
         "el1904",
@@ -326,26 +334,26 @@ def test_a_folder_brings_a_network_with_its_device_files(new: Workspace, shelf: 
     assert _errors(Workspace(new.path)) == []
 
 
-def test_a_proposal_with_a_damaged_file_is_not_taken(new: Workspace, shelf: Shelf) -> None:
+def test_a_proposal_with_a_damaged_file_is_not_taken(new: Workspace, uploads: Uploads) -> None:
     row = {"vendor_id": 0xA5F, "product_code": 0x10, "name": "D", "revision": 2}
     scan = {"scan": 1, "interface": "eth1", "subdevices": [{"position": 0, **row}]}
-    _give(shelf, "scan.json", json.dumps(scan).encode())
-    _give(shelf, "maker.xml", ESI.read_bytes()[:-400])
-    assert "error" in [row["severity"] for row in shelf.shown()["findings"]]
+    _give(uploads, "scan.json", json.dumps(scan).encode())
+    _give(uploads, "maker.xml", ESI.read_bytes()[:-400])
+    assert "error" in [row["severity"] for row in uploads.shown()["findings"]]
     with pytest.raises(InputError, match="a file has errors, see above; put it away"):
-        shelf.take(new, new.version, {})
+        uploads.take(new, new.version, {})
 
 
-def test_the_number_of_files_is_limited(shelf: Shelf) -> None:
+def test_the_number_of_files_is_limited(uploads: Uploads) -> None:
     for number in range(200):
-        _give(shelf, f"{number}.xml", b"")
+        _give(uploads, f"{number}.xml", b"")
     with pytest.raises(InputError, match="200 files are here; put them away first"):
-        shelf.begin("one more.xml")
+        uploads.begin("one more.xml")
 
 
 def test_the_example_is_one_step(new: Workspace) -> None:
     before = new.text
-    Shelf.example(new, new.version, {})
+    Uploads.example(new, new.version, {})
     assert _errors(new) == []
     assert try_network(new.checked)["passed"] is True
     assert new.text == (EXAMPLES / "estop" / "network.yaml").read_text("utf-8")
@@ -357,12 +365,12 @@ def test_the_example_is_one_step(new: Workspace) -> None:
     assert written.read_bytes() == (EXAMPLES / "estop" / "devices" / "el1918.yaml").read_bytes()
 
 
-def test_the_example_taken_twice_keeps_what_redo_leads_to(new: Workspace, shelf: Shelf) -> None:
-    Shelf.example(new, new.version, {})
-    _add(new, shelf, _number(shelf, "EK1914", "device PDO"))
+def test_the_example_taken_twice_keeps_what_redo_leads_to(new: Workspace, uploads: Uploads) -> None:
+    Uploads.example(new, new.version, {})
+    _add(new, uploads, _number(uploads, "EK1914", "device PDO"))
     added = new.text
     new.undo(new.version)
-    Shelf.example(new, new.version, {})  # the same text: no step
+    Uploads.example(new, new.version, {})  # the same text: no step
     new.redo(new.version)
     assert new.text == added
     assert "FSN133" not in _errors(new)
@@ -481,11 +489,11 @@ def test_subdevices_change_places_and_positions_stay_in_use(tmp_path: Path) -> N
         _change(cell, "place", subdevice="el1904")
 
 
-def test_a_subdevice_is_added_to_the_bus_that_is_meant(tmp_path: Path, shelf: Shelf) -> None:
+def test_a_subdevice_is_added_to_the_bus_that_is_meant(tmp_path: Path, uploads: Uploads) -> None:
     shutil.copytree(EXAMPLES, tmp_path / "examples")
     workspace = Workspace(str(tmp_path / "examples" / "two-buses" / "network.yaml"))
     on_second = [s.position for s in workspace.checked.network.subdevices if s.master_id == 1]
-    _add(workspace, shelf, _number(shelf, "EK1914", "device PDO"), bus=1)
+    _add(workspace, uploads, _number(uploads, "EK1914", "device PDO"), bus=1)
     (made,) = [s for s in workspace.checked.network.subdevices if s.name.startswith("ek1914")]
     assert (made.master_id, made.position) == (1, max(on_second) + 1)
 
@@ -504,13 +512,13 @@ def _bus(*links: str) -> bytes:
     return json.dumps({"scan": 1, "interface": "eth1", "subdevices": subs}).encode()
 
 
-def test_a_scan_shows_how_the_cables_run(tmp_path: Path, shelf: Shelf) -> None:
+def test_a_scan_shows_how_the_cables_run(tmp_path: Path, uploads: Uploads) -> None:
     shutil.copytree(EXAMPLES / "estop", tmp_path / "estop")
     workspace = Workspace(str(tmp_path / "estop" / "network.yaml"))
-    assert state_of(workspace, shelf.scan)["wiring"] is None
-    _give(shelf, "bus.json", _bus("013", "0", "01"))
-    shelf.shown()
-    wiring = state_of(workspace, shelf.scan)["wiring"]
+    assert state_of(workspace, uploads.scan)["wiring"] is None
+    _give(uploads, "bus.json", _bus("013", "0", "01"))
+    uploads.shown()
+    wiring = state_of(workspace, uploads.scan)["wiring"]
     assert (wiring["file"], wiring["is_known"], wiring["ring_from"]) == ("bus.json", True, [2, 1])
     assert [(n["parent"], n["port"], n["subdevice"]) for n in wiring["nodes"]] == [
         (None, 0, "ek1914"),
@@ -519,11 +527,11 @@ def test_a_scan_shows_how_the_cables_run(tmp_path: Path, shelf: Shelf) -> None:
     ]
     assert [n["is_other"] for n in wiring["nodes"]] == [False, True, False]
     assert wiring["nodes"][2]["type"] == "EK1914"
-    _give(shelf, "bus.json", _bus("0123", "0"))
-    shelf.shown()
-    wiring = state_of(workspace, shelf.scan)["wiring"]
+    _give(uploads, "bus.json", _bus("0123", "0"))
+    uploads.shown()
+    wiring = state_of(workspace, uploads.scan)["wiring"]
     assert (wiring["is_known"], wiring["nodes"]) == (False, [])
     workspace.replace(workspace.version, "nets: [")
-    assert state_of(workspace, shelf.scan)["wiring"] is None
-    shelf.clear()
-    assert shelf.scan is None
+    assert state_of(workspace, uploads.scan)["wiring"] is None
+    uploads.clear()
+    assert uploads.scan is None

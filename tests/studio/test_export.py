@@ -131,7 +131,7 @@ def test_a_file_needs_the_header_of_the_page_and_its_length(browser: Browser) ->
 def test_files_that_are_too_large_together_leave_nothing(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(file_routes.Shelf, "room_bytes", lambda _: 10)
+    monkeypatch.setattr(file_routes.Uploads, "room_bytes", lambda _: 10)
     status, answer = browser.give("a.xml", b"12345678901")
     assert status == 413
     assert b"too large; put some away first" in answer
@@ -145,11 +145,11 @@ def test_a_full_disk_and_too_many_files_are_said(
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fsoe_net.studio.shelf.Upload.write", full)
+    monkeypatch.setattr("fsoe_net.studio.uploads.Upload.write", full)
     status, answer = browser.give("a.xml", b"1")
     assert status == 422
     assert b"cannot be kept: No space left on device" in answer
-    monkeypatch.setattr("fsoe_net.studio.shelf._MOST_FILES", 0)
+    monkeypatch.setattr("fsoe_net.studio.uploads._MOST_FILES", 0)
     status, answer = browser.give("a.xml", b"1")
     assert status == 422
     assert b"put them away first" in answer

@@ -14,8 +14,8 @@ from studio.records_folder import made_folder
 from studio.server_rig import Browser, running
 
 from fsoe_net.plan.codec import MAGIC
-from fsoe_net.project import beside
-from fsoe_net.project.beside import BesideKind, files_beside
+from fsoe_net.project import companion_files
+from fsoe_net.project.companion_files import CompanionKind, files_beside
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +58,10 @@ def _page(browser: Browser, where: str, status: int = 200) -> str:
 def test_what_is_beside_a_network_is_known_by_content(path: Path) -> None:
     kinds = {row.name: row.kind for row in files_beside(str(path))}
     assert kinds == {
-        "acceptance.yaml": BesideKind.RECORD,
-        "incidents/a.fsnincident": BesideKind.INCIDENT,
-        "log": BesideKind.LOG,
-        "protocol.yaml": BesideKind.PROTOCOL,
+        "acceptance.yaml": CompanionKind.RECORD,
+        "incidents/a.fsnincident": CompanionKind.INCIDENT,
+        "log": CompanionKind.LOG,
+        "protocol.yaml": CompanionKind.PROTOCOL,
     }
 
 
@@ -85,10 +85,10 @@ def test_what_leads_out_of_the_folder_is_left_out(
     found = {row.name: row.words for row in files_beside(str(network))}
     assert found["bus.json"] == "a scan"
     assert set(found) == {"bus.json", "old.fsnplan", "old.yaml"}
-    monkeypatch.setattr(beside, "_MOST_FILES", 2)
+    monkeypatch.setattr(companion_files, "_MOST_FILES", 2)
     assert {row.name for row in files_beside(str(network))} == {"bus.json"}
-    assert beside._entries(str(tmp_path / "missing")) == []
-    assert beside._known(str(tmp_path / "missing")) is None
+    assert companion_files._entries(str(tmp_path / "missing")) == []
+    assert companion_files._known(str(tmp_path / "missing")) is None
 
 
 def test_a_report_is_of_the_text_as_it_is(browser: Browser) -> None:

@@ -13,7 +13,7 @@ from fsoe_net.studio.changes import DRAWN, change_of
 from fsoe_net.studio.document import state_of
 from fsoe_net.studio.rows import remove_row, row_of
 from fsoe_net.studio.server import try_network
-from fsoe_net.studio.workspace import MAX_TEXT_BYTES, Behind, Workspace
+from fsoe_net.studio.workspace import MAX_TEXT_BYTES, StaleVersion, Workspace
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -78,7 +78,7 @@ def test_a_change_of_an_older_text_is_refused(estop: Workspace) -> None:
         lambda: estop.save(version),
         lambda: estop.take_file(version),
     ):
-        with pytest.raises(Behind):
+        with pytest.raises(StaleVersion):
             late()
     assert estop.text == text
 

@@ -9,14 +9,14 @@ from typing import Any, Protocol
 from fsoe_net.document.model import Column, Document, Table, cell
 from fsoe_net.document.write_terminal import document_text
 from fsoe_net.errors import ConsoleError
-from fsoe_net.live.console.keeper import Keeper
+from fsoe_net.live.console.leased_client import LeasedClient
 from fsoe_net.live.console.names import SymbolNames
 
 
-class Room(Protocol):
+class CommandContext(Protocol):
     """What commands may use of the console."""
 
-    keeper: Keeper
+    link: LeasedClient
     mine: set[str]
     stops_on_error: bool
 
@@ -52,7 +52,7 @@ class CommandForm:
     usage: str
     about: str
     example: str
-    do: Callable[[Room, Sequence[str]], None]
+    do: Callable[[CommandContext, Sequence[str]], None]
 
 
 def usage(name: str, form: str) -> ConsoleError:

@@ -11,7 +11,7 @@ from fsoe_net.core.snapshot import ConnectionSnapshot
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.live.client import Client
-from fsoe_net.live.console.command import CommandForm, Room, table, usage
+from fsoe_net.live.console.command import CommandContext, CommandForm, table, usage
 from fsoe_net.live.console.names import seconds
 from fsoe_net.live.control_values import BusState, Status
 from fsoe_net.live.health import (
@@ -42,22 +42,22 @@ def _for(name: str, words: Sequence[str], default: float | None) -> float | None
     raise usage(name, BUS_COMMANDS[name].usage)
 
 
-def _change(room: Room, name: str, words: Sequence[str]) -> None:
+def _change(context: CommandContext, name: str, words: Sequence[str]) -> None:
     """Ask for start, stop or restart, and wait until the bus is where it should be."""
     limit = _for(name, words, _CHANGE_S) or 0.0
-    before = room.keeper.call(lambda client: client.status().state)
+    before = context.link.call(lambda client: client.status().state)
     if name == "start" and before is BusState.RUNNING:
-        room.out("already running")
+        context.out("already running")
         return
     if name == "stop" and before is BusState.STOPPED:
-        room.out("already stopped")
+        context.out("already stopped")
         return
     wanted = BusState.STOPPED if name == "stop" else BusState.RUNNING
-    room.forget()
-    state, fault = room.keeper.aside(lambda client: _changed(client, name, before, limit))
+    context.forget()
+    state, fault = context.link.aside(lambda client: _changed(client, name, before, limit))
     if state is not wanted:
         raise ConsoleError(f"{name}: fsn-master is {state}{f': {fault}' if fault else ''}")
-    room.out(str(state))
+    context.out(str(state))
 
 
 def _changed(client: Client, name: str, before: BusState, limit_s: float) -> tuple[BusState, str]:
@@ -88,37 +88,37 @@ def _where(client: Client) -> tuple[BusState, str]:
     return status.state, status.fault
 
 
-def _changer(name: str) -> Callable[[Room, Sequence[str]], None]:
-    return lambda room, words: _change(room, name, words)
+def _changer(name: str) -> Callable[[CommandContext, Sequence[str]], None]:
+    return lambda context, words: _change(context, name, words)
 
 
-def _state(room: Room, words: Sequence[str]) -> None:
+def _state(context: CommandContext, words: Sequence[str]) -> None:
     if len(words) > 1:
         raise usage("state", BUS_COMMANDS["state"].usage)
     if words:
-        _state_of(room, words[0])
+        _state_of(context, words[0])
     else:
-        _state_of_bus(room)
+        _state_of_bus(context)
 
 
-def _state_of_bus(room: Room) -> None:
+def _state_of_bus(context: CommandContext) -> None:
     """Show the status, ring and clocks where there are any, and what is not well."""
-    status, rows, seen = room.keeper.call(
+    status, rows, seen = context.link.call(
         lambda client: (client.status(), client.subdevices(), _seen(client))
     )
-    room.out(_status_line(status, () if seen is None else seen.cycle.connections))
+    context.out(_status_line(status, () if seen is None else seen.cycle.connections))
     statistics = None if seen is None else seen.cycle.statistics
     bus = bus_health(status, statistics, current=seen is not None)
     for reason in bus.reasons:
-        room.out(f"{reason.level.name.lower()}: {reason_text(reason, bus)}")
+        context.out(f"{reason.level.name.lower()}: {reason_text(reason, bus)}")
     ring = None if HealthReason.RING_OPEN in bus.reasons else status.ring
     clocks = None if _CLOCKS.intersection(bus.reasons) else status.clocks
     for part in (ring, clocks, *status.in_cycle):
         if part is not None:
-            room.out(part.text)
+            context.out(part.text)
     for health in map(subdevice_health, rows):
         if health.level > HealthLevel.UNKNOWN:
-            room.out("  ".join(part for part in _device(health) if part))
+            context.out("  ".join(part for part in _device(health) if part))
 
 
 def _seen(client: Client) -> BusSnapshot | None:
@@ -130,20 +130,20 @@ def _seen(client: Client) -> BusSnapshot | None:
         return None
 
 
-def _state_of(room: Room, name: str) -> None:
+def _state_of(context: CommandContext, name: str) -> None:
     """Show one SubDevice with its connections, or all of them."""
-    found = room.keeper.call(lambda client: client.subdevices())
+    found = context.link.call(lambda client: client.subdevices())
     chosen = [row for row in found if name in ("all", row.name)]
     if not chosen:
         known = ", ".join(row.name for row in found)
         raise ConsoleError(f"no SubDevice is called {name}; there are: {known}")
     for line in table([_device(subdevice_health(row)) for row in chosen]):
-        room.out(line)
+        context.out(line)
     if name != "all":
-        seen = room.keeper.call(_seen)
+        seen = context.link.call(_seen)
         rows = () if seen is None else seen.cycle.connections
         for line in table([_connection(c, found) for c in rows if name in (c.main, c.sub)]):
-            room.out(line)
+            context.out(line)
 
 
 def _status_line(status: Status, connections: Sequence[ConnectionSnapshot]) -> str:
@@ -182,29 +182,29 @@ def _reasons(health: Health) -> str:
     return texts and f"{health.level.name.lower()}: {texts}"
 
 
-def _show_connections(room: Room, words: Sequence[str]) -> None:
+def _show_connections(context: CommandContext, words: Sequence[str]) -> None:
     if words:
         raise usage("connections", "")
-    seen = room.keeper.call(lambda client: client.snapshot())
+    seen = context.link.call(lambda client: client.snapshot())
     for line in table([_connection(row, seen.subdevices) for row in seen.cycle.connections]):
-        room.out(line)
+        context.out(line)
 
 
-def _snapshot(room: Room, words: Sequence[str]) -> None:
+def _snapshot(context: CommandContext, words: Sequence[str]) -> None:
     if words:
         raise usage("snapshot", "")
-    status, seen = room.keeper.call(lambda client: (client.status(), client.snapshot()))
+    status, seen = context.link.call(lambda client: (client.status(), client.snapshot()))
     s, rows = seen.cycle.statistics, seen.cycle.connections
-    room.out(_status_line(status, rows))
-    room.out(
+    context.out(_status_line(status, rows))
+    context.out(
         f"overruns {s.overruns}, incomplete cycles {s.wkc_errors}, lost frames {s.lost_frames}, "
         f"late {s.latency.p50_ns / 1e3:g} us (half), {s.latency.p99_ns / 1e3:g} us (99 %), "
         f"{s.latency.max_ns / 1e3:g} us (most)"
     )
     for line in table([_connection(row, seen.subdevices) for row in rows]):
-        room.out(line)
+        context.out(line)
     for line in table([_device(subdevice_health(row)) for row in seen.subdevices]):
-        room.out(line)
+        context.out(line)
 
 
 def event_line(event: dict[str, Any]) -> str:
@@ -212,24 +212,24 @@ def event_line(event: dict[str, Any]) -> str:
     return f"{event.get('utc', '')} {event.get('level', '')} {event.get('text', '')}".strip()
 
 
-def _events(room: Room, words: Sequence[str]) -> None:
+def _events(context: CommandContext, words: Sequence[str]) -> None:
     if words in (["on"], ["off"]):
-        room.keeper.subscribe(words[0] == "on")
-        room.out(f"events {words[0]}")
+        context.link.subscribe(words[0] == "on")
+        context.out(f"events {words[0]}")
         return
     limit = _for("events", words, 0.0) or 0.0
     until = time.monotonic() + limit
     while True:
-        for event in room.events():
-            room.out(event_line(event))
+        for event in context.events():
+            context.out(event_line(event))
         if time.monotonic() >= until:
             return
-        room.sleep(_POLL_S)
+        context.sleep(_POLL_S)
 
 
-def _incident(room: Room, words: Sequence[str]) -> None:
-    file = room.keeper.call(lambda client: client.incident(" ".join(words)))
-    room.out(f"incident {file}" if file else "incident requested; an event names its file")
+def _incident(context: CommandContext, words: Sequence[str]) -> None:
+    file = context.link.call(lambda client: client.incident(" ".join(words)))
+    context.out(f"incident {file}" if file else "incident requested; an event names its file")
 
 
 BUS_COMMANDS = {

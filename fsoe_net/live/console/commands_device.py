@@ -8,65 +8,65 @@ from pathlib import Path
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ConsoleError
 from fsoe_net.live.client import Client
-from fsoe_net.live.console.command import CommandForm, Room, table, usage
+from fsoe_net.live.console.command import CommandContext, CommandForm, table, usage
 from fsoe_net.live.console.names import number, object_address, shown
 from fsoe_net.live.control_values import ScanReply
 
 
-def _sdo(room: Room, words: Sequence[str]) -> None:
+def _sdo(context: CommandContext, words: Sequence[str]) -> None:
     if len(words) >= 3 and words[0] in ("read", "write"):
         index, sub = object_address(words[2])
         if words[0] == "read" and len(words) <= 4:
-            return _sdo_read(room, words[1], (index, sub), words[3] if len(words) == 4 else "")
+            return _sdo_read(context, words[1], (index, sub), words[3] if len(words) == 4 else "")
         if words[0] == "write" and len(words) == 5:
             kind, value = words[3:]
 
             def write(client: Client) -> None:
                 client.sdo_write(words[1], index, sub, kind=kind, value=value)
 
-            room.keeper.aside(write)
-            room.out(f"{words[1]} {index:#06x}:{sub:02x} written")
+            context.link.aside(write)
+            context.out(f"{words[1]} {index:#06x}:{sub:02x} written")
             return None
     raise usage("sdo", DEVICE_COMMANDS["sdo"].usage)
 
 
-def _sdo_read(room: Room, subdevice: str, place: tuple[int, int], kind: str) -> None:
-    found = room.keeper.aside(lambda client: client.sdo_read(subdevice, *place, kind))
+def _sdo_read(context: CommandContext, subdevice: str, place: tuple[int, int], kind: str) -> None:
+    found = context.link.aside(lambda client: client.sdo_read(subdevice, *place, kind))
     value = found.value if isinstance(found.value, str) else shown(found.value)
     known = f"  {value}" if kind and found.value is not None else ""
     head = f"{subdevice} {place[0]:#06x}:{place[1]:02x}"
-    room.out(f"{head}{known}  {counted(len(found.data), 'byte')}: {found.data.hex(' ')}")
+    context.out(f"{head}{known}  {counted(len(found.data), 'byte')}: {found.data.hex(' ')}")
 
 
-def _sii(room: Room, words: Sequence[str]) -> None:
+def _sii(context: CommandContext, words: Sequence[str]) -> None:
     if not 1 <= len(words) <= 2:
         raise usage("sii", DEVICE_COMMANDS["sii"].usage)
-    data = room.keeper.aside(lambda client: client.sii_read(words[0]))
+    data = context.link.aside(lambda client: client.sii_read(words[0]))
     if len(words) == 2:
         try:
             Path(words[1]).write_bytes(data)
         except OSError as exc:
             raise ConsoleError(f"{words[1]}: {exc.strerror or exc}") from exc
-        room.out(f"{counted(len(data), 'byte')} written to {words[1]}")
+        context.out(f"{counted(len(data), 'byte')} written to {words[1]}")
         return
     for at in range(0, len(data), 16):
-        room.out(f"{at:04x}  {data[at : at + 16].hex(' ')}")
+        context.out(f"{at:04x}  {data[at : at + 16].hex(' ')}")
 
 
-def _alias(room: Room, words: Sequence[str]) -> None:
+def _alias(context: CommandContext, words: Sequence[str]) -> None:
     if len(words) != 2:
         raise usage("alias", DEVICE_COMMANDS["alias"].usage)
     alias = number(words[1], "alias", 0xFFFF)
-    room.keeper.aside(lambda client: client.alias_write(words[0], alias))
-    room.out(f"{words[0]} has alias {alias} after its next power cycle")
+    context.link.aside(lambda client: client.alias_write(words[0], alias))
+    context.out(f"{words[0]} has alias {alias} after its next power cycle")
 
 
-def _history(room: Room, words: Sequence[str]) -> None:
+def _history(context: CommandContext, words: Sequence[str]) -> None:
     if len(words) != 1:
         raise usage("history", DEVICE_COMMANDS["history"].usage)
-    messages = room.keeper.aside(lambda client: client.history(words[0]))
+    messages = context.link.aside(lambda client: client.history(words[0]))
     if not messages:
-        room.out("no messages")
+        context.out("no messages")
     rows = [
         (
             str(m.number),
@@ -78,15 +78,15 @@ def _history(room: Room, words: Sequence[str]) -> None:
         for m in messages
     ]
     for line in table(rows):
-        room.out(line)
+        context.out(line)
 
 
-def _scan(room: Room, words: Sequence[str]) -> None:
+def _scan(context: CommandContext, words: Sequence[str]) -> None:
     if words:
         raise usage("scan", "")
-    found = room.keeper.aside(lambda client: client.scan())
+    found = context.link.aside(lambda client: client.scan())
     for line in _scan_lines(found):
-        room.out(line)
+        context.out(line)
 
 
 def _scan_lines(found: ScanReply) -> list[str]:

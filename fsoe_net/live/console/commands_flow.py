@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fsoe_net.errors import ConsoleError
-from fsoe_net.live.console.command import CommandForm, Room, table, usage
+from fsoe_net.live.console.command import CommandContext, CommandForm, table, usage
 from fsoe_net.live.console.names import number, seconds
 
 _MOST_LEASE_MS = 600_000
@@ -15,51 +15,51 @@ class ConsoleEnd(Exception):
     """The user wants to leave."""
 
 
-def _wait(room: Room, words: Sequence[str]) -> None:
+def _wait(context: CommandContext, words: Sequence[str]) -> None:
     if len(words) != 1:
         raise usage("wait", FLOW_COMMANDS["wait"].usage)
-    room.sleep(seconds(words[0]))
+    context.sleep(seconds(words[0]))
 
 
-def _run(room: Room, words: Sequence[str]) -> None:
+def _run(context: CommandContext, words: Sequence[str]) -> None:
     if len(words) != 1:
         raise usage("run", FLOW_COMMANDS["run"].usage)
-    room.run_file(words[0])
+    context.run_file(words[0])
 
 
-def _echo(room: Room, words: Sequence[str]) -> None:
-    room.out(" ".join(words))
+def _echo(context: CommandContext, words: Sequence[str]) -> None:
+    context.out(" ".join(words))
 
 
-def _on_error(room: Room, words: Sequence[str]) -> None:
+def _on_error(context: CommandContext, words: Sequence[str]) -> None:
     if words not in (["stop"], ["continue"]):
         raise usage("on-error", FLOW_COMMANDS["on-error"].usage)
-    room.stops_on_error = words == ["stop"]
+    context.stops_on_error = words == ["stop"]
 
 
-def _lease(room: Room, words: Sequence[str]) -> None:
+def _lease(context: CommandContext, words: Sequence[str]) -> None:
     if len(words) != 1:
         raise usage("lease", FLOW_COMMANDS["lease"].usage)
-    given = room.keeper.lease(number(words[0], "lease in ms", _MOST_LEASE_MS))
-    room.out(f"lease {given} ms" if given else "lease without an end")
+    given = context.link.lease(number(words[0], "lease in ms", _MOST_LEASE_MS))
+    context.out(f"lease {given} ms" if given else "lease without an end")
 
 
-def _help(room: Room, words: Sequence[str]) -> None:
-    known = room.commands()
+def _help(context: CommandContext, words: Sequence[str]) -> None:
+    known = context.commands()
     if not words:
         for line in table([(name, form.about) for name, form in known.items()]):
-            room.out(line)
-        room.out("help COMMAND says more. Part of the black channel: no safety function.")
+            context.out(line)
+        context.out("help COMMAND says more. Part of the black channel: no safety function.")
         return
     form = known.get(words[0])
     if form is None:
         raise ConsoleError(f"there is no command {words[0]}; help lists them", is_usage=True)
-    room.out(f"{words[0]} {form.usage}".rstrip())
-    room.out(f"  {form.about}")
-    room.out(f"  example: {form.example}")
+    context.out(f"{words[0]} {form.usage}".rstrip())
+    context.out(f"  {form.about}")
+    context.out(f"  example: {form.example}")
 
 
-def _quit(room: Room, words: Sequence[str]) -> None:
+def _quit(context: CommandContext, words: Sequence[str]) -> None:
     raise ConsoleEnd
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.live.client import Client
-from fsoe_net.live.console.command import CommandForm, Room, options, table, usage
+from fsoe_net.live.console.command import CommandContext, CommandForm, options, table, usage
 from fsoe_net.live.console.names import SymbolNames, batches, number, seconds, shown
 from fsoe_net.live.control_values import Symbol, Value, Values, WatchedCycle
 
@@ -17,20 +17,23 @@ _MOST_EVERY = 1_000_000
 _UNREAD = "-"
 
 
-def _list(room: Room, words: Sequence[str]) -> None:
+def _list(context: CommandContext, words: Sequence[str]) -> None:
     words, given = options(words, "--typed")
     if len(words) > 1:
         raise usage("list", VALUE_COMMANDS["list"].usage)
-    room.forget()  # owners change
-    names = room.names()
+    context.forget()  # owners change
+    names = context.names()
     chosen = names.some(words[0]) if words else list(names.symbols)
-    values = _values(room, chosen, typed=bool(given), may_fail=True)
+    values = _values(context, chosen, typed=bool(given), may_fail=True)
     rows = [
-        (names.label(symbol), *_row(symbol, values.get(symbol, _UNREAD), room.keeper.client_number))
+        (
+            names.label(symbol),
+            *_row(symbol, values.get(symbol, _UNREAD), context.link.client_number),
+        )
         for symbol in chosen
     ]
     for line in table(rows, "NAME", "TYPE", "VALUE", "OWNER", "NOTE"):
-        room.out(line)
+        context.out(line)
 
 
 def _row(symbol: Symbol, value: str, me: int) -> tuple[str, ...]:
@@ -48,7 +51,7 @@ def _row(symbol: Symbol, value: str, me: int) -> tuple[str, ...]:
 
 
 def _values(
-    room: Room, symbols: Sequence[Symbol], *, typed: bool, may_fail: bool = False
+    context: CommandContext, symbols: Sequence[Symbol], *, typed: bool, may_fail: bool = False
 ) -> dict[Symbol, str]:
     """Return values for people; those of a request are of one cycle."""
     inputs: dict[str, Value] = {}
@@ -59,7 +62,7 @@ def _values(
             return client.get(*names, typed=typed)
 
         try:
-            values = room.keeper.call(job)
+            values = context.link.call(job)
         except ControlRefused:
             if not may_fail:
                 raise
@@ -72,26 +75,26 @@ def _values(
     }
 
 
-def _get(room: Room, words: Sequence[str]) -> None:
+def _get(context: CommandContext, words: Sequence[str]) -> None:
     words, given = options(words, "--typed")
     if not words:
         raise usage("get", VALUE_COMMANDS["get"].usage)
-    names = room.names()
+    names = context.names()
     chosen = list(dict.fromkeys(symbol for word in words for symbol in names.some(word)))
-    values = _values(room, chosen, typed=bool(given))
+    values = _values(context, chosen, typed=bool(given))
     for line in table([(names.label(symbol), text) for symbol, text in values.items()]):
-        room.out(line)
+        context.out(line)
 
 
-def _set(room: Room, words: Sequence[str]) -> None:
+def _set(context: CommandContext, words: Sequence[str]) -> None:
     words, given = options(words, "--typed")
-    names = room.names()
+    names = context.names()
     values = _pairs(names, words)
     if not values:
         raise usage("set", VALUE_COMMANDS["set"].usage)
-    done = room.keeper.call(lambda client: client.set(values, typed=bool(given)))
-    room.mine.update(values)
-    room.out(f"{done} set: {' '.join(values)}" if done <= 8 else f"{done} outputs set")
+    done = context.link.call(lambda client: client.set(values, typed=bool(given)))
+    context.mine.update(values)
+    context.out(f"{done} set: {' '.join(values)}" if done <= 8 else f"{done} outputs set")
 
 
 def _pairs(names: SymbolNames, words: Sequence[str]) -> dict[str, str]:
@@ -118,38 +121,40 @@ def _targets(names: SymbolNames, scope: str, name: str) -> list[str]:
     return names.outputs_of(scope, name) if scope else names.outputs(name)
 
 
-def _arm(room: Room, words: Sequence[str]) -> None:
+def _arm(context: CommandContext, words: Sequence[str]) -> None:
     if len(words) != 1:
         raise usage("arm", VALUE_COMMANDS["arm"].usage)
-    names = room.names().outputs(words[0])
+    names = context.names().outputs(words[0])
     if len(names) > 1:
         raise ConsoleError(f"{words[0]} stands for several outputs; arm one", is_usage=True)
     (name,) = names
-    for_ms = room.keeper.call(lambda client: client.arm(name))
-    room.out(f"{name} may change once within {for_ms / 1000:g} s")
+    for_ms = context.link.call(lambda client: client.arm(name))
+    context.out(f"{name} may change once within {for_ms / 1000:g} s")
 
 
-def _watch(room: Room, words: Sequence[str]) -> None:
+def _watch(context: CommandContext, words: Sequence[str]) -> None:
     words, given = options(words, "--typed")
-    words, every, for_s = _watch_words(room, words)
+    words, every, for_s = _watch_words(context, words)
     if not words:
         raise usage("watch", VALUE_COMMANDS["watch"].usage)
-    known = room.names()
+    known = context.names()
     symbols = list(dict.fromkeys(symbol for word in words for symbol in known.some(word)))
     names = dict.fromkeys(symbol.name for symbol in symbols)
     until = None if for_s is None else time.monotonic() + for_s
     typed = bool(given)
     try:
-        room.keeper.call(lambda client: client.watch_on(*names, every=every, typed=typed))
+        context.link.call(lambda client: client.watch_on(*names, every=every, typed=typed))
         while until is None or time.monotonic() < until:
             left = _POLL_S if until is None else min(_POLL_S, until - time.monotonic())
-            for seen in room.keeper.call(lambda client, s=left: client.watched(max(0.0, s))):  # type: ignore[misc]
-                _print_cycle(room, seen, {known.label(s): s for s in symbols})
+            for seen in context.link.call(lambda client, s=left: client.watched(max(0.0, s))):  # type: ignore[misc]
+                _print_cycle(context, seen, {known.label(s): s for s in symbols})
     finally:
-        room.keeper.post(lambda client: client.watch_off())
+        context.link.post(lambda client: client.watch_off())
 
 
-def _watch_words(room: Room, words: Sequence[str]) -> tuple[list[str], int, float | None]:
+def _watch_words(
+    context: CommandContext, words: Sequence[str]
+) -> tuple[list[str], int, float | None]:
     rest: list[str] = []
     every, for_s = 0, None
     found = list(words)
@@ -164,19 +169,19 @@ def _watch_words(room: Room, words: Sequence[str]) -> tuple[list[str], int, floa
         else:
             rest.append(word)
     if every == 0:
-        cycle_ns = room.keeper.call(lambda client: client.status().cycle_ns)
+        cycle_ns = context.link.call(lambda client: client.status().cycle_ns)
         every = max(1, round(_WATCH_S * 1e9 / max(1, cycle_ns)))
     return rest, every, for_s
 
 
-def _print_cycle(room: Room, seen: WatchedCycle, symbols: dict[str, Symbol]) -> None:
+def _print_cycle(context: CommandContext, seen: WatchedCycle, symbols: dict[str, Symbol]) -> None:
     if seen.skipped:
-        room.out(f"… {seen.skipped} left out: this client or the recorder was too slow")
+        context.out(f"… {seen.skipped} left out: this client or the recorder was too slow")
     values = "  ".join(
         f"{label} = {shown(seen.side(symbol.is_output).get(symbol.name))}"
         for label, symbol in symbols.items()
     )
-    room.out(f"cycle {seen.cycle}  {values}")
+    context.out(f"cycle {seen.cycle}  {values}")
 
 
 VALUE_COMMANDS = {

@@ -15,7 +15,7 @@ from fsoe_net.live.console.commands_bus import BUS_COMMANDS, event_line
 from fsoe_net.live.console.commands_device import DEVICE_COMMANDS
 from fsoe_net.live.console.commands_flow import FLOW_COMMANDS
 from fsoe_net.live.console.commands_values import VALUE_COMMANDS
-from fsoe_net.live.console.keeper import Keeper
+from fsoe_net.live.console.leased_client import LeasedClient
 from fsoe_net.live.console.names import SymbolNames
 from fsoe_net.live.console.script import ConsoleCommand, ScriptError, parse
 
@@ -37,7 +37,7 @@ class Console:
     """State of one console; it prints through the two functions it gets.
 
     Args:
-        keeper: The connection.
+        link: The connection.
         out: Prints a line of an answer.
         note: Prints a line beside the answers.
         notes_level: Events that are shown by themselves: ``warning`` for those of this
@@ -46,13 +46,13 @@ class Console:
 
     def __init__(
         self,
-        keeper: Keeper,
+        link: LeasedClient,
         out: Callable[[str], None],
         note: Callable[[str], None],
         *,
         notes_level: str = "fallback",
     ) -> None:
-        self.keeper = keeper
+        self.link = link
         self.mine: set[str] = set()
         self.stops_on_error = True
         self.failures = 0
@@ -62,8 +62,8 @@ class Console:
         self._names: SymbolNames | None = None
         self._events: deque[dict[str, Any]] = deque(maxlen=_MOST_EVENTS)
         self._directories: list[Path] = [Path()]
-        self._client_number = keeper.client_number
-        keeper.subscribe(True)
+        self._client_number = link.client_number
+        link.subscribe(True)
 
     def out(self, text: str) -> None:
         """Print a line of the answer."""
@@ -76,7 +76,7 @@ class Console:
     def names(self) -> SymbolNames:
         """Return the symbols of the plan."""
         if self._names is None:
-            self._names = SymbolNames(self.keeper.call(lambda client: client.symbols()))
+            self._names = SymbolNames(self.link.call(lambda client: client.symbols()))
         return self._names
 
     def forget(self) -> None:
@@ -96,13 +96,13 @@ class Console:
 
     def tell(self) -> None:
         """Report what happened beside the commands: a lost connection, outputs that fell back."""
-        if self.keeper.client_number != self._client_number:  # another connection: all fell back
-            self._client_number = self.keeper.client_number
+        if self.link.client_number != self._client_number:  # another connection: all fell back
+            self._client_number = self.link.client_number
             self.mine.clear()
-        while self.keeper.notices:
+        while self.link.notices:
             self.forget()  # another plan may be loaded now
-            self.note(self.keeper.notices.popleft())
-        for event in self.keeper.events():
+            self.note(self.link.notices.popleft())
+        for event in self.link.events():
             self._events.append(event)
             kind = event.get("event")
             loud = event.get("level") in ("warning", "error") and kind not in ("arm", "edge")
@@ -121,14 +121,14 @@ class Console:
         until = time.monotonic() + wait_s
         while (left := until - time.monotonic()) > 0:
             time.sleep(min(_SLICE_S, left))
-            self.keeper.call(lambda _: None)  # says when it has broken; collects events
+            self.link.call(lambda _: None)  # says when it has broken; collects events
         self.tell()
 
     def owned(self) -> list[str]:
         """Return the outputs that belong to this console; what it has set when nobody answers."""
-        me = self.keeper.client_number
+        me = self.link.client_number
         try:
-            symbols = self.keeper.call(lambda client: client.symbols(), wait_s=_END_S)
+            symbols = self.link.call(lambda client: client.symbols(), wait_s=_END_S)
         except (ControlRefused, EnvironmentFault):
             return sorted(self.mine)
         return [s.name for s in symbols if s.client == me]

@@ -7,7 +7,7 @@ import { offers as fetchOffers, putAway, upload } from "./server.js";
 
 /** @typedef {import("./types").State} State */
 /** @typedef {import("./types").Offer} Offer */
-/** @typedef {import("./types").Shelf} Shelf */
+/** @typedef {import("./types").Uploads} Uploads */
 
 const MOST_SHOWN = 60;
 
@@ -31,7 +31,7 @@ const words = (offer) =>
  *   choose: (what: import("./types").Selected) => void }} props
  */
 export function Adding({ state, act, given, close, choose }) {
-  const [shelf, setShelf] = useState(/** @type {Shelf | null} */ (null));
+  const [uploads, setShelf] = useState(/** @type {Uploads | null} */ (null));
   const [error, setError] = useState("");
   const [busy, setBusy] = useState(false);
   const [said, setSaid] = useState(/** @type {string[]} */ ([]));
@@ -39,7 +39,7 @@ export function Adding({ state, act, given, close, choose }) {
   const [bus, setBus] = useState(0);
   const top = useRef(/** @type {HTMLElement | null} */ (null));
 
-  const take = (/** @type {Shelf | { error: string }} */ answer) => {
+  const take = (/** @type {Uploads | { error: string }} */ answer) => {
     setError(answer.error);
     if (!("offers" in answer)) return;
     setShelf(answer);
@@ -47,7 +47,7 @@ export function Adding({ state, act, given, close, choose }) {
   };
   /** What is given and put away is so in the order in which a person did it. */
   const last = useRef(/** @type {Promise<void>} */ (Promise.resolve()));
-  const inTurn = (/** @type {(() => Promise<Shelf | { error: string }>)[]} */ requests) => {
+  const inTurn = (/** @type {(() => Promise<Uploads | { error: string }>)[]} */ requests) => {
     last.current = last.current.then(async () => {
       setBusy(true);
       for (const request of requests) take(await request());
@@ -80,7 +80,7 @@ export function Adding({ state, act, given, close, choose }) {
   };
   const taken = new Set(onBus(state, bus).filter((s) => !s.alias).map((s) => s.position));
   const parts = wanted.toLowerCase().split(/\s+/);
-  const found = (shelf?.offers ?? []).filter((offer) => {
+  const found = (uploads?.offers ?? []).filter((offer) => {
     const text = `${offer.order} ${offer.about} ${words(offer)}`.toLowerCase();
     return parts.every((part) => text.includes(part));
   });
@@ -102,8 +102,8 @@ export function Adding({ state, act, given, close, choose }) {
     )}
     ${busy && html`<p role="status">Reads the file …</p>`}
     ${error && html`<p class="error" role="alert">${error}</p>`}
-    ${shelf?.files.length
-      ? html`<${Given} shelf=${shelf} taken=${taken} add=${add} propose=${propose} forget=${() => inTurn([putAway])} />`
+    ${uploads?.files.length
+      ? html`<${Given} uploads=${uploads} taken=${taken} add=${add} propose=${propose} forget=${() => inTurn([putAway])} />`
       : null}
     ${said.length > 0 &&
     html`<div role="status">
@@ -133,7 +133,7 @@ export function Adding({ state, act, given, close, choose }) {
       )}
     </ol>
     ${found.length > MOST_SHOWN && html`<p class="help">${found.length - MOST_SHOWN} more: search for a part of the name.</p>`}
-    ${shelf !== null && found.length === 0 && html`<p role="status">Nothing here has that in its name.</p>`}
+    ${uploads !== null && found.length === 0 && html`<p role="status">Nothing here has that in its name.</p>`}
     <p class="help">
       Process data of the device library are unverified: compare them with your device, or take its
       ESI or a scan.
@@ -141,21 +141,21 @@ export function Adding({ state, act, given, close, choose }) {
   </section>`;
 }
 
-/** @param {{ shelf: Shelf, taken: Set<number>, add: (numbers: number[]) => void, propose: () => void, forget: () => void }} props */
-function Given({ shelf, taken, add, propose, forget }) {
-  const { proposal } = shelf;
+/** @param {{ uploads: Uploads, taken: Set<number>, add: (numbers: number[]) => void, propose: () => void, forget: () => void }} props */
+function Given({ uploads, taken, add, propose, forget }) {
+  const { proposal } = uploads;
   const ways = (/** @type {Offer} */ offer) =>
     placed.filter((other) => other.position === offer.position && !other.obstacle).length;
-  const placed = shelf.offers.filter((offer) => offer.position !== null && !taken.has(offer.position));
+  const placed = uploads.offers.filter((offer) => offer.position !== null && !taken.has(offer.position));
   const clear = placed.filter((offer) => !offer.obstacle && ways(offer) === 1);
   const several = new Set(placed.filter((o) => ways(o) > 1).map((o) => o.position)).size;
   return html`<div class="given">
     <p>
-      <b>${shelf.files.join(", ")}</b>${" "}
+      <b>${uploads.files.join(", ")}</b>${" "}
       <button onClick=${forget}>Put away</button>
     </p>
     <ul>
-      ${shelf.findings.map(
+      ${uploads.findings.map(
         (row, n) => html`<li key=${n} class=${row.severity}>
           ${row.severity}: ${row.place}: ${row.message}${row.hint && ` → ${row.hint}`}
         </li>`,

@@ -4,7 +4,7 @@ import { html } from "./html.js";
 import { ask } from "./server.js";
 
 /** @typedef {import("./types").State} State */
-/** @typedef {import("./types").Beside} Beside */
+/** @typedef {import("./types").CompanionFile} CompanionFile */
 /** @typedef {import("./types").Listed} Listed */
 
 /**
@@ -49,10 +49,10 @@ export function Records({ state }) {
       <${Difference} files=${of("record", "other")} show=${show} />
       <${Pages} title="Incidents" files=${of("incident").reverse()}
         none="No incident files: fsn-master --incidents writes them, and so does fsoe-net run."
-        show=${(/** @type {Beside} */ f) => show(f.name, "incident", `file=${f.number}`)} />
+        show=${(/** @type {CompanionFile} */ f) => show(f.name, "incident", `file=${f.number}`)} />
       <${Pages} title="Intervention log" files=${of("log")}
         none="No log: fsn-master --intervention-log writes one."
-        show=${(/** @type {Beside} */ f) => show(`Intervention log ${f.name}`, "log", `file=${f.number}`)} />
+        show=${(/** @type {CompanionFile} */ f) => show(`Intervention log ${f.name}`, "log", `file=${f.number}`)} />
       <section aria-label="Sign off">
         <h2>Sign off</h2>
         <p class="help">
@@ -79,7 +79,7 @@ export function Records({ state }) {
   </main>`;
 }
 
-/** @param {{ files: Beside[], title: string, none: string, show: (file: Beside) => void }} props */
+/** @param {{ files: CompanionFile[], title: string, none: string, show: (file: CompanionFile) => void }} props */
 function Pages({ files, title, none, show }) {
   return html`<section aria-label=${title}>
     <h2>${title}${files.length > 0 && ` (${files.length})`}</h2>
@@ -101,7 +101,7 @@ function Choice({ label, files, none, chosen, choose }) {
       onChange=${(/** @type {any} */ event) => choose(event.target.value)}>
       <option value="">${none}</option>
       ${files.map(
-        (/** @type {Beside} */ f) => html`<option key=${f.number} value=${f.number}>${f.name}, ${f.words}</option>`,
+        (/** @type {CompanionFile} */ f) => html`<option key=${f.number} value=${f.number}>${f.name}, ${f.words}</option>`,
       )}
     </select>
   </p>`;

@@ -31,17 +31,17 @@ export async function ask(path) {
   }
 }
 
-/** @returns {Promise<import("./types").Shelf | { error: string }>} */
+/** @returns {Promise<import("./types").Uploads | { error: string }>} */
 export const offers = () => ask("offers");
 
 /**
  * @param {import("./types").Given} given
- * @returns {Promise<import("./types").Shelf | { error: string }>}
+ * @returns {Promise<import("./types").Uploads | { error: string }>}
  */
 export const upload = ({ name, file }) =>
   send(`files?name=${encodeURIComponent(name)}`, file, "application/octet-stream");
 
-/** @returns {Promise<import("./types").Shelf | { error: string }>} */
+/** @returns {Promise<import("./types").Uploads | { error: string }>} */
 export const putAway = () => post("files/clear", {});
 
 /** @returns {Promise<import("./types").Targets | { error: string }>} */

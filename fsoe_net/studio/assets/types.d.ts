@@ -150,8 +150,8 @@ export interface Tried {
   events_left_out: number;
 }
 
-/** A file beside the network, see fsoe_net/project/beside.py. */
-export interface Beside {
+/** A file beside the network, see fsoe_net/project/companion_files.py. */
+export interface CompanionFile {
   number: number;
   name: string;
   kind: "incident" | "log" | "record" | "protocol" | "other";
@@ -160,7 +160,7 @@ export interface Beside {
 
 export interface Listed {
   error: string;
-  files: Beside[];
+  files: CompanionFile[];
   /** What a person types to sign off. */
   commands: string[];
 }
@@ -231,8 +231,8 @@ export interface Given {
   file: File;
 }
 
-/** What can be added, and what the files say that were given to the page: fsoe_net/studio/shelf.py. */
-export interface Shelf {
+/** What can be added, and what the files say that were given to the page: fsoe_net/studio/uploads.py. */
+export interface Uploads {
   error: string;
   files: string[];
   offers: Offer[];

@@ -18,7 +18,7 @@ _DATA_COMMANDS = frozenset({Command.PROCESS_DATA, Command.FAIL_SAFE_DATA})
 _FREE = frozenset({Command.SESSION, Command.CONNECTION})  # the ConnID is not known yet (§4, §6)
 
 
-class Witness:
+class CollisionProof:
     """Follows the chain of one end from outside.
 
     Args:

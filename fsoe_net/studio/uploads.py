@@ -41,7 +41,7 @@ Row = dict[str, object]
 
 @dataclass(slots=True)
 class _Content:
-    """What the files on the shelf say."""
+    """What the uploaded files state."""
 
     offers: tuple[Offer, ...]
     draft: Draft | None = None
@@ -50,10 +50,10 @@ class _Content:
 
 
 class Upload:
-    """A file that is being received; it counts when `Shelf.put` has it.
+    """A file that is being received; it counts when `Uploads.put` has it.
 
     Attributes:
-        name: Its name on the shelf, with the folders that it came with.
+        name: Its name on the uploads, with the folders that it came with.
         path: Where its bytes are.
     """
 
@@ -72,7 +72,7 @@ class Upload:
             os.unlink(self.path)
 
 
-class Shelf:
+class Uploads:
     """The files; every method may be called from any thread.
 
     Attributes:
@@ -172,7 +172,7 @@ class Shelf:
             What a person has to know or to do.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
             InputError: One cannot be added; says why.
         """
         numbers, bus = body.get("offers"), body.get("bus", 0)
@@ -196,7 +196,7 @@ class Shelf:
         """Take the network that the files propose as the text; undo brings the one before back.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
             InputError: There is no proposal.
         """
         with self._lock:
@@ -216,7 +216,7 @@ class Shelf:
         """Take the e-stop example of the package as the text.
 
         Raises:
-            Behind: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the present one.
         """
         folder = shipped("examples") / "estop"
         texts = {

@@ -224,7 +224,7 @@ def _frame(frame: bytes | None) -> str:
     return "none" if frame is None else short_hex(frame)
 
 
-class Walker:
+class RunSource:
     """Makes clean runs of one connection and goes back to points of them.
 
     Args:

@@ -23,7 +23,7 @@ class Oddity(enum.Enum):
     MORE = "more application parameters: Reset 1, or 10 with as many frames"
 
 
-class OddMain(MainInstance):
+class FaultyMain(MainInstance):
     """Our main with one value of the start-up changed.
 
     Attributes:

@@ -22,7 +22,7 @@ _SCAN = re.compile(rb'"scan"\s*:')
 _LOG = re.compile(r"interventions-.*\.jsonl")
 
 
-class BesideKind(enum.Enum):
+class CompanionKind(enum.Enum):
     """What a file is for."""
 
     INCIDENT = "incident"
@@ -34,7 +34,7 @@ class BesideKind(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beside:
+class CompanionFile:
     """A file beside a network, or the folder of an intervention log.
 
     Attributes:
@@ -46,11 +46,11 @@ class Beside:
 
     path: str
     name: str
-    kind: BesideKind
+    kind: CompanionKind
     words: str
 
 
-def files_beside(network: str) -> list[Beside]:
+def files_beside(network: str) -> list[CompanionFile]:
     """Return what is in the folder of a network file and in the folders there, by name.
 
     Links are left out, since they may lead out of the folder; so are hidden folders, and whatever
@@ -60,7 +60,7 @@ def files_beside(network: str) -> list[Beside]:
         network: The network file, which is left out too.
     """
     folder = os.path.dirname(network) or "."
-    found: dict[str, Beside] = {}
+    found: dict[str, CompanionFile] = {}
     for entry in _files(folder):
         name = os.path.relpath(entry.path, folder)
         if os.path.basename(network) == name:
@@ -68,15 +68,19 @@ def files_beside(network: str) -> list[Beside]:
         if _LOG.fullmatch(entry.name):
             path = os.path.dirname(entry.path)
             name = os.path.relpath(path, folder)
-            row = Beside(path=path, name=name, kind=BesideKind.LOG, words="an intervention log")
+            row = CompanionFile(
+                path=path, name=name, kind=CompanionKind.LOG, words="an intervention log"
+            )
             found[path] = row
         elif entry.name.endswith(".fsnincident"):
-            row = Beside(
-                path=entry.path, name=name, kind=BesideKind.INCIDENT, words="an incident file"
+            row = CompanionFile(
+                path=entry.path, name=name, kind=CompanionKind.INCIDENT, words="an incident file"
             )
             found[entry.path] = row
         elif (known := _known(entry.path)) is not None:
-            found[entry.path] = Beside(path=entry.path, name=name, kind=known[0], words=known[1])
+            found[entry.path] = CompanionFile(
+                path=entry.path, name=name, kind=known[0], words=known[1]
+            )
     return sorted(found.values(), key=lambda row: row.name)
 
 
@@ -104,23 +108,23 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
     return entry.is_dir(follow_symlinks=False) and not entry.name.startswith(".")
 
 
-def _known(path: str) -> tuple[BesideKind, str] | None:
+def _known(path: str) -> tuple[CompanionKind, str] | None:
     try:
         with open_file(path) as stream:
             head = stream.read(_HEAD_BYTES)
     except (InputError, OSError):
         return None
     if head.startswith(MAGIC):
-        return BesideKind.OTHER, "a plan"
+        return CompanionKind.OTHER, "a plan"
     if is_acceptance(head):
-        return BesideKind.RECORD, "an acceptance record"
+        return CompanionKind.RECORD, "an acceptance record"
     if _PROTOCOL.search(head):
-        return BesideKind.PROTOCOL, "a test protocol"
+        return CompanionKind.PROTOCOL, "a test protocol"
     if head.lstrip()[:1] == b"{":
-        return (BesideKind.OTHER, "a scan") if _SCAN.search(head) else None
+        return (CompanionKind.OTHER, "a scan") if _SCAN.search(head) else None
     known = recognise(head)
     if known is None or known.kind in ("", "capture", "ros-slaves"):
         return None
     if known.kind == "yaml" and not _NETWORK.search(head):
         return None  # of one device
-    return BesideKind.OTHER, known.words
+    return CompanionKind.OTHER, known.words

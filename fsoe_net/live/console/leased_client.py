@@ -26,7 +26,7 @@ _MOST_RENEW_S = 1.0
 _END_S = 1.0
 
 
-class Keeper:
+class LeasedClient:
     """A connection that stays; every call may come from one thread, the main one.
 
     Args:
