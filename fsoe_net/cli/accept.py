@@ -47,30 +47,30 @@ _MORE = (
     multiple=True,
     type=FILE,
     metavar="FILE",
-    help="The signed report: the page, and the same in JSON.",
+    help="Signed report: the page and its JSON form. Give the option twice.",
 )
 @click.option(
     "--protocol",
     type=FILE,
     metavar="FILE",
-    help="The test protocol as it was filled in at the machine.",
+    help="Test protocol that was filled in at the machine.",
 )
-@click.option("--author", metavar="NAME", help="Who made the configuration.")
-@click.option("--verifier", metavar="NAME", help="Who checked it: not the author.")
+@click.option("--author", metavar="NAME", help="Name of the author of the configuration.")
+@click.option("--verifier", metavar="NAME", help="Name of the verifier. Must not be the author.")
 @click.option(
     "--date",
     "day",
     callback=read_by(day_of_signature),
     metavar="YYYY-MM-DD",
-    help="Day of the signatures; today without it.",
+    help="Date of the signatures. Default: today.",
 )
 @click.option(
     "--justify",
     multiple=True,
     callback=read_by(reason_rows),
     metavar="WHAT=REASON by NAME",
-    help="Let a warning (CODE@file:line) or a step that was not done (its id, `loss *`) "
-    "pass; may be given again. @FILE: one per line.",
+    help="Accept a warning (CODE@file:line) or a test step that was not done (its ID, "
+    "`loss *`). Repeatable. @FILE reads one per line.",
 )
 @click.option(
     "--intervention",
@@ -78,19 +78,19 @@ _MORE = (
     multiple=True,
     callback=read_by(intervention_rows),
     metavar="WHAT by NAME",
-    help="What was changed since the record before, and why; may be given again.",
+    help="Change since the previous record, with its reason. Repeatable.",
 )
 @circumstance_options
-@click.option("--replaces", type=FILE, metavar="FILE", help="The acceptance record before.")
+@click.option("--replaces", type=FILE, metavar="FILE", help="Previous acceptance record.")
 @click.option(
     "--sign",
     "key",
     type=FILE,
     metavar="KEY",
-    help="Sign the record with this SSH key, beside it: of what is written, or of a record that "
-    "stands for FILES.",
+    help="Sign the new record, or the record given as FILES, with this SSH key. The "
+    "signature is a file next to it.",
 )
-@click.option("--as", "role", type=click.Choice(ROLES), help="Who signs.")
+@click.option("--as", "role", type=click.Choice(ROLES), help="Role of the person who signs.")
 @output_option("File to write (.yaml).")
 @click.pass_context
 def command(
@@ -104,11 +104,11 @@ def command(
     role: str | None,
     **given: Any,
 ) -> None:
-    """Write the acceptance record of a network, or say everything that stands against it.
+    """Write the acceptance record of a network, or list every reason against it.
 
-    It wants a report of this very configuration without errors, each warning justified by name and
-    reason, a test protocol whose steps were done at the machine, and a verifier who is not the
-    author. FILES as for `fsoe-net check`, or an acceptance record that is only signed.
+    Required: a report of exactly this configuration without errors, a justification with name and
+    reason for each warning, a test protocol with all steps done at the machine, and a verifier who
+    is not the author. FILES as for `fsoe-net check`, or an acceptance record to be signed.
     """
     if (key is None) != (role is None):
         raise click.UsageError("--sign KEY and --as author|verifier belong together")

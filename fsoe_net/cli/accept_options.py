@@ -52,18 +52,18 @@ def circumstance_options(function: _F) -> _F:
         multiple=True,
         type=FILE,
         metavar="FILE",
-        help="Photo or other file in the folder of the record; may be given again.",
+        help="Photo or other file in the folder of the record. Repeatable.",
     )(function)
     function = click.option(
         "--environment",
         default="",
         metavar="TEXT",
-        help="Where and under which conditions it was tried.",
+        help="Place and conditions of the tests.",
     )(function)
     return click.option(
         "--equipment",
         multiple=True,
         callback=read_by(_said),
         metavar="TEXT",
-        help="What was measured with: instrument, serial number, calibration; may be given again.",
+        help="Measuring equipment: instrument, serial number, calibration. Repeatable.",
     )(function)

@@ -30,7 +30,7 @@ Signatures, each by the key of that person; names then are "NAME <PRINCIPAL>":
   fsoe-net accept network.yaml … -o acceptance.yaml --sign ~/.ssh/id_ed25519 --as author
   fsoe-net accept acceptance.yaml --sign ~/.ssh/id_ed25519 --as verifier
 
-Exit codes: 0 written, 1 refused with every reason, or a file cannot be used, 2 wrong use, 3 no
+Exit codes: 0 written, 1 refused with every reason, or a file cannot be used, 2 usage error, 3 no
 ssh-keygen, or no disk.
 
 A record is evidence. It is no certificate. A signature says who agreed, not that it is right."""

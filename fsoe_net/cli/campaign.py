@@ -33,13 +33,12 @@ Examples:
   fsoe-net campaign network.yaml --sub my_device:make_sub --save-dir traces
   fsoe-net campaign network.yaml --format json -o campaign.json
 
-Classes: docs/reference/fault-catalogue.md; a + b lets two happen together. The ends run in virtual
-time between images held here; nothing is sent to a bus. For --sub and --main see
-docs/howto/test-your-device.md.
+Fault classes: docs/reference/fault-catalogue.md; a + b combines two. Both ends run in virtual time;
+nothing is sent to a bus. For --sub and --main see docs/howto/test-your-device.md.
 
-Exit codes: 0 nothing was wrongly accepted, each end did what its state table says, and collisions
-and tolerated faults are as many as the catalogue allows; 1 not so, or a file has an error; 2 wrong
-use; 130 interrupted, with the result until then."""
+Exit codes: 0 no wrong data were accepted, each end followed its state table, and collisions and
+tolerated faults are within the limits of the catalogue; 1 otherwise, or a file has an error;
+2 usage error; 130 interrupted, with the result so far."""
 
 
 @click.command("campaign", epilog=_EPILOG)
@@ -51,28 +50,34 @@ use; 130 interrupted, with the result until then."""
     show_default=True,
     metavar="all|CLASS,…",
     callback=read_by(class_names),
-    help="Classes of faults.",
+    help="Fault classes.",
 )
 @click.option(
     "--cycles",
     type=click.IntRange(1, 10**9),
     default=20_000,
     show_default=True,
-    help="FSoE cycles with a fault in them, per class.",
+    help="Number of FSoE cycles with a fault, per class.",
 )
 @click.option(
     "--seed",
     type=click.IntRange(0),
     default=0,
     show_default=True,
-    help="The same gives the same faults.",
+    help="Seed. The same seed gives the same faults.",
 )
 @click.option(
-    "--connection", metavar="NAME", help="Only this connection, as `fsoe-net plan` names it."
+    "--connection", metavar="NAME", help="Test only this connection (name as in `fsoe-net plan`)."
 )
-@click.option("--jobs", type=click.IntRange(1, 1024), help="Processes; default: one per core.")
-@click.option("--sub", metavar="MODULE:FACTORY", help="Your SubInstance for the built-in one.")
-@click.option("--main", metavar="MODULE:FACTORY", help="Your MainInstance for the built-in one.")
+@click.option(
+    "--jobs", type=click.IntRange(1, 1024), help="Number of processes. Default: one per core."
+)
+@click.option(
+    "--sub", metavar="MODULE:FACTORY", help="Use your SubInstance instead of the built-in one."
+)
+@click.option(
+    "--main", metavar="MODULE:FACTORY", help="Use your MainInstance instead of the built-in one."
+)
 @click.option(
     "--format",
     "fmt",
@@ -101,9 +106,9 @@ def command(
     overwrite: bool,
     save_dir: str | None,
 ) -> None:
-    """Put seeded faults into the connections of a network and count what becomes of them.
+    """Inject seeded faults into the connections of a network and count the outcomes.
 
-    FILES as for `check`; sizes, ConnIDs, addresses, watchdogs and parameters are those of the
+    FILES as for `check`. Sizes, ConnIDs, addresses, watchdogs and parameters are taken from the
     network.
     """
     checked = check_files(files, loading)

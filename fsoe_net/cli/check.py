@@ -26,15 +26,15 @@ _EPILOG = """\b
 Examples:
   fsoe-net check                    # network.yaml of this folder
   fsoe-net check network.yaml
-  fsoe-net check --fix              # shows what hints would change, then asks
+  fsoe-net check --fix              # shows the changes, then asks
   fsoe-net check robot.urdf.xacro --package my_robot=src/my_robot
   fsoe-net check transfers.yaml --runtime ros2-2026-08
   fsoe-net check network.yaml machine.eni.xml Beckhoff*.xml TwinSAFE-Project.xml
-  fsoe-net check network.yaml --interface eth1    # and the bus
+  fsoe-net check network.yaml --interface eth1    # also the bus
   fsoe-net check network.yaml --format sarif > findings.sarif
 
-Exit codes: 0 no error and no warning (notes do not count), 1 errors or warnings, 2 wrong use, 3 no
-bus or no permission. `fsoe-net explain CODE` says more of a finding."""
+Exit codes: 0 no errors or warnings (notes are ignored), 1 errors or warnings, 2 usage error, 3 no
+bus or no permission. `fsoe-net explain CODE` explains a finding."""
 
 
 @click.command("check", epilog=_EPILOG)
@@ -47,22 +47,28 @@ bus or no permission. `fsoe-net explain CODE` says more of a finding."""
     type=click.Choice(FORMATS),
     default="text",
     show_default=True,
-    help="Output format; all but text are stable.",
+    help="Output format. All formats except text are stable.",
 )
-@click.option("--interface", type=INTERFACE, metavar="IF", help="Compare with the live bus there.")
 @click.option(
-    "--socket", type=FILE, metavar="PATH", help="The same, by the fsn-master with this socket."
+    "--interface", type=INTERFACE, metavar="IF", help="Compare with the live bus on this interface."
 )
-@click.option("--scan", "scan_file", type=FILE, metavar="FILE", help="The same with a scan.json.")
+@click.option(
+    "--socket",
+    type=FILE,
+    metavar="PATH",
+    help="Same as --interface, through the fsn-master at this socket.",
+)
+@click.option(
+    "--scan", "scan_file", type=FILE, metavar="FILE", help="Same as --interface, from a scan.json."
+)
 @click.option(
     "--fix",
     is_flag=True,
-    help="Follow hints that leave one way: exchange in and out, the right size, the nearest entry.",
+    help="Apply fixes that are unambiguous: swap in and out, correct a size, use the "
+    "nearest entry.",
 )
-@click.option(
-    "-y", "--yes", is_flag=True, help="Do not ask before states on the bus or files change."
-)
-@click.option("-q", "--quiet", is_flag=True, help="No notes and no summary.")
+@click.option("-y", "--yes", is_flag=True, help="Do not ask before changing AL states or files.")
+@click.option("-q", "--quiet", is_flag=True, help="Print no notes and no summary.")
 @click.pass_context
 @without_collector
 def command(
@@ -78,13 +84,13 @@ def command(
     yes: bool,
     quiet: bool,
 ) -> None:
-    """Check files of a network; each finding with its place and the next step.
+    """Check the files of a network. Each finding has its place and the next step.
 
-    FILES: one network.yaml, by itself that of this folder; or one URDF or xacro, with the transfer
-    YAML it needs or without; or a transfer YAML or slave YAML on its own. Any other files beside
-    them are compared with it: ESI, ENI, SII image, output of the `ethercat` tool or of `slaveinfo
-    -map`, linuxcnc-ethercat XML, ethercat_slaves.yaml, TwinSAFE export, TwinCAT project; known by
-    content. With a bus or its scan, also what differs between the two.
+    FILES: a network.yaml (default: the one in this folder), or a URDF or xacro with or without its
+    transfer YAML, or a single transfer YAML or slave YAML. Other files are compared with it: ESI,
+    ENI, SII image, output of the `ethercat` tool or of `slaveinfo -map`, linuxcnc-ethercat XML,
+    ethercat_slaves.yaml, TwinSAFE export, TwinCAT project. The type is recognised by content. With
+    a bus or a scan, differences between the bus and the files are also reported.
     """
     present = Runtime(runtime)
     scan = scan_to_compare(interface, socket, scan_file, yes=yes)

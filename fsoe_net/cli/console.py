@@ -24,24 +24,24 @@ Examples:
   fsoe-net console --interface eth1 --run look.fsn
   echo "start; connections" | fsoe-net console --interface eth1
 
-`help` at the prompt lists the commands. What a console or script has set stays while it runs and
-falls back to its stop values when it ends.
+`help` at the prompt lists the commands. Outputs keep their values while the console or script runs
+and return to their stop values when it ends.
 
-Exit codes: 0 all was done, 1 a command failed, 2 usage, 3 nobody answers.
+Exit codes: 0 done, 1 a command failed, 2 usage error, 3 no fsn-master answers.
 
-Part of the black channel: no safety function, not certified; stop is no emergency stop."""
+Part of the black channel: no safety function, not certified; stop is not an emergency stop."""
 
 
 @click.command("console", epilog=_EPILOG)
 @master_options
-@click.option("--run", "script", type=FILE, metavar="SCRIPT", help="Run this script and end.")
-@click.option("-c", "text", metavar="COMMANDS", help="Run these commands and end.")
+@click.option("--run", "script", type=FILE, metavar="SCRIPT", help="Run this script and exit.")
+@click.option("-c", "text", metavar="COMMANDS", help="Run these commands and exit.")
 @click.option(
     "--lease",
     "lease_ns",
     type=Time("0s", "10min"),
     metavar="TIME",
-    help="Outputs fall back when the console says nothing for so long; 0: never.",
+    help="Outputs return to their stop values after this time without a request. 0: never.",
 )
 def command(
     socket: str | None,
@@ -50,7 +50,7 @@ def command(
     text: str | None,
     lease_ns: int | None,
 ) -> int:
-    """Start, stop, watch and set a running fsn-master, by hand or by a list of commands."""
+    """Start, stop, watch and set a running fsn-master, interactively or from a list of commands."""
     path = master_socket(socket, interface)
     if script is not None and text is not None:
         raise click.UsageError("--run and -c exclude each other")

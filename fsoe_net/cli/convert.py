@@ -47,13 +47,13 @@ ENI: the copies of the network in that ENI, all else byte for byte."""
     "--from",
     "source",
     type=click.Choice(list(all_formats())),
-    help="Format of all FILES; without it each is known by content, then by extension.",
+    help="Format of all FILES. Default: recognised by content, then by extension.",
 )
 @click.option(
     "--to",
     "target",
     type=click.Choice(list(all_targets())),
-    help="Format of OUT; without it by its extension.",
+    help="Format of OUT. Default: from its extension.",
 )
 def command(
     files: tuple[str, ...],

@@ -31,9 +31,9 @@ Examples:
   fsoe-net decode bus.pcapng --network network.yaml
   fsoe-net decode --lua network.yaml -o fsoe.lua
 
-INPUT is hex, a capture (pcap, pcapng) or - for hex on standard input. Exit codes: 0 no frame has a
-wrong CRC, and in a capture frames of every connection were checked; 1 one has, nothing was there to
-be checked, or an input cannot be read; 2 wrong use."""
+INPUT is hex, a capture (pcap, pcapng) or - for hex on standard input. Exit codes: 0 all CRCs are
+right, and in a capture every connection was checked; 1 a CRC is wrong, nothing could be checked, or
+an input cannot be read; 2 usage error."""
 
 
 @click.command("decode", epilog=_EPILOG)
@@ -43,18 +43,18 @@ be checked, or an input cannot be read; 2 wrong use."""
     multiple=True,
     type=NETWORK_FILE,
     metavar="FILE",
-    help="File of the network, for names. Several times.",
+    help="Network file for names. Repeatable.",
 )
 @click.option(
     "--lua",
     multiple=True,
     type=NETWORK_FILE,
     metavar="FILE",
-    help="Write a Wireshark dissector for this network. Several times.",
+    help="Write a Wireshark dissector for this network. Repeatable.",
 )
 @output_option("File for --lua; default: standard output.")
-@click.option("--changes", is_flag=True, help="Only frames that say something new.")
-@click.option("--summary", is_flag=True, help="Only the connections found.")
+@click.option("--changes", is_flag=True, help="Show only frames that differ from the previous one.")
+@click.option("--summary", is_flag=True, help="Show only the list of connections.")
 @format_option
 @click.pass_context
 def command(
@@ -70,7 +70,7 @@ def command(
 ) -> None:
     """Decode FSoE frames from hex or from captured EtherCAT traffic.
 
-    In a capture the frames are found without knowing the network: by command, ConnID and CRCs.
+    In a capture, frames are found by command, ConnID and CRCs; no network file is needed.
     """
     if lua:
         if inputs or network:

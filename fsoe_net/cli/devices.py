@@ -22,8 +22,8 @@ Examples:
   fsoe-net devices --format json
   fsoe-net devices my-drive --file my-drive.yaml
 
-Facts of public files and of devices, with their source. Figures are unverified: only the manual of
-the revision in use counts."""
+The facts come from public files and devices; each has its source. The figures are unverified: only
+the manual of the revision in use counts."""
 
 
 @click.command("devices", epilog=_EPILOG)
@@ -34,11 +34,11 @@ the revision in use counts."""
     multiple=True,
     type=FILE,
     metavar="FILE",
-    help="A device file of your own; it stands before the library. Several times.",
+    help="Your own device file. It takes precedence over the library. Repeatable.",
 )
 @format_option
 def command(name: str | None, own: tuple[str, ...], fmt: str) -> None:
-    """Show what is known about FSoE devices; with NAME one device in full.
+    """List the FSoE devices of the library; with NAME, show one device in full.
 
     NAME is a name or order number.
     """

@@ -27,9 +27,9 @@ Examples:
 
 A and B: network YAML, URDF or xacro, .fsnplan, scan.json, ENI, ESI, SII, output of the ethercat
 tool or of slaveinfo -map, linuxcnc-ethercat XML, TwinSAFE export, TwinCAT project,
-acceptance record; known by content.
+acceptance record. The type is recognised by content.
 
-Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use."""
+Exit codes: 0 same, 1 differs or a file cannot be used, 2 usage error."""
 
 
 @click.command("diff", epilog=_EPILOG)
@@ -37,7 +37,7 @@ Exit codes: 0 same, 1 differs or a file cannot be used, 2 wrong use."""
 @click.argument("b", type=NETWORK_FILE)
 @reference_options
 @master_option
-@click.option("-q", "--quiet", is_flag=True, help="Print nothing; only the exit code says it.")
+@click.option("-q", "--quiet", is_flag=True, help="Print nothing; only set the exit code.")
 @format_option
 @click.pass_context
 def command(
@@ -48,10 +48,10 @@ def command(
     quiet: bool,
     fmt: str,
 ) -> None:
-    """Compare two descriptions or plans of a bus, by meaning.
+    """Compare two descriptions or plans of a bus by meaning.
 
-    Comments, order of keys and names that do not matter to a bus are no difference; moved offsets,
-    other devices, sizes, addresses and watchdogs are.
+    Comments, key order and names that do not affect the bus are ignored. Offsets, devices, sizes,
+    addresses and watchdogs are compared.
     """
     sides = []
     for path in (a, b):

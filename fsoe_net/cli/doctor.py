@@ -32,8 +32,8 @@ Examples:
   fsoe-net doctor --interface eth1
   fsoe-net doctor --interface eth1 --format json > host.json
 
-Nothing is changed. As root it sees more. Exit codes: 0 neither a warning nor worse, 1 there is one,
-2 wrong use, 3 no Linux or no /proc."""
+Nothing is changed. As root it can check more. Exit codes: 0 no warning or error, 1 at least one,
+2 usage error, 3 not Linux or no /proc."""
 
 _LEVELS = {
     MachineLevel.GOOD: Level.CLEAR,
@@ -46,14 +46,15 @@ _LEVELS = {
 
 @click.command("doctor", epilog=_EPILOG)
 @click.option(
-    "--interface", type=INTERFACE, metavar="IF", help="Network interface of the bus: check it too."
+    "--interface", type=INTERFACE, metavar="IF", help="Also check the network interface of the bus."
 )
 @format_option
 @click.pass_context
 def command(ctx: click.Context, interface: str | None, fmt: str) -> None:
     """Check this machine for real-time EtherCAT.
 
-    For each finding: why it matters for FSoE, the command that fixes it, and what makes it last.
+    Each finding explains why it matters for FSoE, the command that fixes it, and how to make the
+    fix permanent.
     """
     try:
         found = examine(Host(), interface=interface, program=_program())

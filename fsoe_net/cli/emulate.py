@@ -38,11 +38,11 @@ Examples:
   fsoe-net emulate network.yaml --interface veth1 --redundant veth3 --priority 81 --cpu 1
   (sleep 5; echo break ek1914) | fsoe-net emulate network.yaml --interface veth1 --commands
 
-Then let any EtherCAT MainDevice work on the other end, veth0. Only veth and tap interfaces are
-taken: an emulated e-stop must never meet a real machine.
+Then run any EtherCAT MainDevice on the other end, veth0. Only veth and tap interfaces are accepted:
+an emulated e-stop must never be connected to a real machine.
 
-Exit codes: 0 every expectation held, or without any every connection is in Data at the end; 1 not
-so, or a file has an error; 2 wrong use; 3 no such interface, or no permission."""
+Exit codes: 0 every expectation was met, or without expectations every connection is in Data at the
+end; 1 otherwise, or a file has an error; 2 usage error; 3 no such interface, or no permission."""
 
 
 @click.command("emulate", epilog=_EPILOG)
@@ -54,29 +54,32 @@ so, or a file has an error; 2 wrong use; 3 no such interface, or no permission."
     multiple=True,
     metavar="IF",
     required=True,
-    help="veth or tap interface to answer on; BUS=IF for each of several buses.",
+    help="veth or tap interface that answers. With several buses: BUS=IF for each.",
 )
 @click.option(
-    "--redundant", type=INTERFACE, metavar="IF2", help="Second interface: the far end of a ring."
+    "--redundant", type=INTERFACE, metavar="IF2", help="Second interface: the other end of a ring."
 )
 @click.option(
-    "--priority", type=click.IntRange(0, 99), default=0, help="SCHED_FIFO priority of the answers."
+    "--priority",
+    type=click.IntRange(0, 99),
+    default=0,
+    help="SCHED_FIFO priority of the answering thread.",
 )
-@click.option("--cpu", type=click.IntRange(0, 1023), help="CPU that answers.")
+@click.option("--cpu", type=click.IntRange(0, 1023), help="CPU of the answering thread.")
 @scenario_option
 @click.option(
     "--no-machine-on-this-wire",
     "vouched",
     is_flag=True,
-    help="Test rigs only: you vouch that no machine hangs on this interface.",
+    help="Test rigs only. You confirm that no machine is connected to this interface.",
 )
-@click.option("--commands", is_flag=True, help="Take commands from standard input.")
+@click.option("--commands", is_flag=True, help="Read commands from standard input.")
 @click.option(
     "--duration",
     "duration_ns",
     type=RUN_TIME,
     metavar="TIME",
-    help="End after so long; default: scenario, else until interrupted.",
+    help="Run time. Default: the scenario, else until Ctrl-C.",
 )
 @format_option
 @click.pass_context
@@ -94,7 +97,7 @@ def command(
     duration_ns: int | None,
     fmt: str,
 ) -> None:
-    """Serve a network as emulated EtherCAT SubDevices, its FSoE devices alive.
+    """Emulate the EtherCAT SubDevices of a network, with working FSoE devices.
 
     FILES as for `check`. EMULATION: nothing here is safe, certified or a real device.
     """

@@ -73,9 +73,10 @@ def _status_page(code: str) -> str:
 @click.command("explain", epilog=_EPILOG)
 @click.argument("code", type=_Code(), required=False)
 def command(code: str | None) -> None:
-    """Say what a finding means, why it matters and how to fix it; without CODE list all codes.
+    """Explain a finding: meaning, reason and fix. Without CODE, list all codes.
 
-    CODE is one of a finding, FSN203, or a status of fsn-master and the C core, FSN_E_BUS_SILENT.
+    CODE is the code of a finding (FSN203) or a status of fsn-master and the C core
+    (FSN_E_BUS_SILENT).
     """
     if code is None:
         for info in CATALOGUE.values():

@@ -21,7 +21,8 @@ Examples:
   fsoe-net fingerprint network.yaml --format json > accepted.json
   fsoe-net fingerprint network.yaml --text copies | sha256sum
 
-It is no approval: it says that two configurations are the same, not that one is right."""
+A fingerprint is not an approval: it shows that two configurations are the same, not that one is
+correct."""
 
 
 @click.command("fingerprint", epilog=_EPILOG)
@@ -31,7 +32,7 @@ It is no approval: it says that two configurations are the same, not that one is
     "--text",
     "section",
     type=click.Choice(SECTIONS),
-    help="Print the canonical text of a section, whose SHA-256 is its hash.",
+    help="Print the canonical text of a section. Its SHA-256 is the hash of the section.",
 )
 def command(
     files: tuple[str, ...],
@@ -41,8 +42,8 @@ def command(
 ) -> None:
     """Print the fingerprint of a network or plan: short code, SHA-256, one hash per section.
 
-    FILES: a .fsnplan, or a network as for `fsoe-net check`. Comments, the order of keys, file names
-    and dates are not in it; docs/reference/fingerprint.md says what is.
+    FILES: a .fsnplan, or a network as for `fsoe-net check`. Comments, key order, file names and
+    dates do not change it; docs/reference/fingerprint.md lists what does.
     """
     known = read_known(files, loading)
     if section is not None:

@@ -24,8 +24,8 @@ Examples:
   fsoe-net incident incident-20261121T154612.123Z-el1918-ek1914.fsnincident
   fsoe-net incident FILE --format html -o incident.html
 
-Files come from fsn-master --incidents DIR and fsoe-net run --incidents DIR. Exit code 0: a cause is
-named; 1: none fits, or the file cannot be read."""
+fsn-master --incidents DIR and fsoe-net run --incidents DIR write these files. Exit codes: 0 a cause
+was found; 1 none fits, or the file cannot be read."""
 
 
 @click.command("incident", epilog=_EPILOG)
@@ -40,9 +40,9 @@ named; 1: none fits, or the file cannot be read."""
 @output_option("File to write; default: standard output.")
 @click.pass_context
 def command(ctx: click.Context, file: str, fmt: str, output: str | None, overwrite: bool) -> None:
-    """Say what happened, the likely cause with its evidence, and the next step.
+    """Explain an incident: what happened, the likely cause with its evidence, and the next step.
 
-    Sends nothing and needs no network files: all facts are in FILE.
+    Nothing is sent to a bus and no network files are needed: all facts are in FILE.
     """
     check_target(output, overwrite=overwrite, stdout=True)
     with open_file(file, regular=False) as stream:

@@ -21,41 +21,46 @@ from fsoe_net.proposal.gather import gather
 
 _EPILOG = """\b
 Examples:
-  fsoe-net init machine.xml -o machine          # asks what files do not state
-  fsoe-net init Beckhoff_ELx9xx.xml             # ESI only: asks what is on the ring
+  fsoe-net init machine.xml -o machine          # asks for missing facts
+  fsoe-net init Beckhoff_ELx9xx.xml             # ESI only: asks for the SubDevices
   fsoe-net init --interface eth1 -o machine
   fsoe-net init bus/ --answers-template > answers.yaml
   fsoe-net init bus/ --answers answers.yaml -o machine
 
-Where lengths and direction of the frames leave more than one way, the connection is unconfirmed,
-and `fsoe-net plan` refuses it until a person has compared it with the safety project.
+If more than one pairing of frames is possible, the connection is unconfirmed. `fsoe-net plan`
+rejects it until a person has compared it with the safety project.
 
-Exit codes: 0 written, and the network has no error; 1 written, but an error is printed, as for an
-unconfirmed connection; or nothing is written: a file or an answer cannot be used, or a question
-needs a person; 2 wrong use; 3 no bus, or a folder that cannot be written."""
+Exit codes: 0 written, no error in the network; 1 written with an error, for example an unconfirmed
+connection, or nothing written because a file or answer is invalid or a question needs a person;
+2 usage error; 3 no bus, or the folder cannot be written."""
 
 
 @click.command("init", epilog=_EPILOG)
 @click.argument("files", nargs=-1, type=FILE)
 @reference_options
 @master_option
-@click.option("--interface", type=INTERFACE, metavar="IF", help="Also scan the bus there.")
 @click.option(
-    "--socket", type=FILE, metavar="PATH", help="The same, by the fsn-master with this socket."
+    "--interface", type=INTERFACE, metavar="IF", help="Also scan the bus on this interface."
 )
-@click.option("-y", "--yes", is_flag=True, help="Do not ask before states on the bus change.")
+@click.option(
+    "--socket",
+    type=FILE,
+    metavar="PATH",
+    help="Same as --interface, through the fsn-master at this socket.",
+)
+@click.option("-y", "--yes", is_flag=True, help="Do not ask before changing AL states.")
 @output_option("Folder to write into; default: the current one.", metavar="DIR", type=FOLDER)
 @click.option(
     "--answers",
     "answers_file",
     type=FILE,
     metavar="FILE",
-    help="YAML that answers what would be asked.",
+    help="YAML file with the answers to all questions.",
 )
 @click.option(
-    "--answers-template", "template", is_flag=True, help="Print such a YAML to fill in, and stop."
+    "--answers-template", "template", is_flag=True, help="Print a template for --answers and exit."
 )
-@click.option("--no-input", is_flag=True, help="Ask nothing; what is not answered stays open.")
+@click.option("--no-input", is_flag=True, help="Ask no questions; unanswered items stay open.")
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -70,11 +75,11 @@ def command(
     template: bool,
     no_input: bool,
 ) -> None:
-    """Propose a network from any mix of FILES, and write a commented network.yaml.
+    """Propose a network from any mix of FILES and write a commented network.yaml.
 
-    FILES: all that `fsoe-net convert` reads, a scan.json, and folders with such files. Known copies
-    and connections are taken; frames are paired by length and direction where only one way is
-    possible. What nobody can know from files is asked.
+    FILES: any format that `fsoe-net convert` reads, a scan.json, and folders with such files.
+    Known copies and connections are used. Frames are paired by length and direction if only one
+    pairing is possible. You are asked for facts that the files do not contain.
     """
     folder = Path(output or ".")
     if not template:

@@ -68,14 +68,14 @@ def reference_options(function: _F) -> _F:
         click.option(
             "--trust-xacro",
             is_flag=True,
-            help="Expand xacro without confinement: the file may then do all that you may do.",
+            help="Expand xacro without confinement. The file can then do anything that you can do.",
         ),
         click.option(
             "--env",
             "xacro_env",
             multiple=True,
             metavar="NAME",
-            help="Environment variable that a xacro file may read by $(env NAME).",
+            help="Environment variable that a xacro file may read with $(env NAME).",
         ),
         click.option(
             "--arg",
@@ -83,7 +83,7 @@ def reference_options(function: _F) -> _F:
             multiple=True,
             metavar="NAME:=VALUE",
             callback=_pair(":=", "NAME:=VALUE"),
-            help="Argument of a xacro file.",
+            help="Argument for a xacro file.",
         ),
         click.option(
             "--package",
@@ -91,7 +91,7 @@ def reference_options(function: _F) -> _F:
             multiple=True,
             metavar="NAME=DIR",
             callback=_pair("=", "NAME=DIR"),
-            help="Folder of a ROS package, for $(find NAME) and package://NAME.",
+            help="Folder of a ROS package for $(find NAME) and package://NAME.",
         ),
     ):
         with_loading = decorate(with_loading)
@@ -109,8 +109,8 @@ def master_option(function: _F) -> _F:
         "--master",
         default="",
         metavar="MASTER",
-        help="Number or name of the EtherCAT master to read, of a URDF, TwinCAT project or "
-        "configuration of linuxcnc-ethercat that has several.",
+        help="Number or name of the EtherCAT master to read from a URDF, TwinCAT project "
+        "or linuxcnc-ethercat configuration with several masters.",
     )
     return cast(_F, decorate(with_master))
 
@@ -122,5 +122,5 @@ def runtime_option(function: _F) -> _F:
         type=click.Choice([r.value for r in Runtime]),
         default=Runtime.FSN.value,
         show_default=True,
-        help="Also say what this program would do today with the same files.",
+        help="Also report how this version of another program handles the same files.",
     )(function)

@@ -15,23 +15,26 @@ from fsoe_net.live.build_master import SOEM_TERMS, build_master, master_place
 _EPILOG = """\b
 Examples:
   fsoe-net install-master
-  fsoe-net install-master --yes                # in a script: the terms are known
-  fsoe-net install-master --without-soem       # for an IgH EtherCAT Master that is installed
+  fsoe-net install-master --yes                # in a script: you accept the licence
+  fsoe-net install-master --without-soem       # for an installed IgH EtherCAT Master
 
-It needs a C compiler. CMake and the source of SOEM are fetched from the Python package index where
-they are missing. An fsn-master that runs goes on with the program it has.
+A C compiler is required. CMake and the source of SOEM are downloaded from the Python package index
+if they are missing. A running fsn-master is not affected.
 
-Exit codes: 0 built; 2 wrong use; 3 a tool, the network or a permission is missing."""
+Exit codes: 0 built; 2 usage error; 3 a tool, the network or a permission is missing."""
 
 
 @click.command("install-master", epilog=_EPILOG)
 @output_option("The program; default: beside the Python that runs this.")
-@click.option("--soem", type=FOLDER, metavar="DIR", help="Source of SOEM 1.4 that is already here.")
-@click.option("--without-soem", is_flag=True, help="Build the other buses of this machine only.")
+@click.option("--soem", type=FOLDER, metavar="DIR", help="Folder with the source of SOEM 1.4.")
+@click.option("--without-soem", is_flag=True, help="Build without the SOEM backend.")
 @click.option(
-    "--build-dir", type=FOLDER, metavar="DIR", help="Keep what was built there, for the next time."
+    "--build-dir",
+    type=FOLDER,
+    metavar="DIR",
+    help="Keep the build in this folder for the next build.",
 )
-@click.option("-y", "--yes", is_flag=True, help="Do not ask about the terms of SOEM.")
+@click.option("-y", "--yes", is_flag=True, help="Do not ask about the licence of SOEM.")
 def command(
     output: str | None,
     overwrite: bool,

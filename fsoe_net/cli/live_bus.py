@@ -138,40 +138,41 @@ def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
             "--redundant",
             type=INTERFACE,
             metavar="IF2",
-            help="Live bus: second interface, the far end of a ring.",
+            help="Live bus: second interface, the other end of a ring.",
         ),
         click.option(
             "--bus",
             type=click.Choice(["soem", "igh"]),
-            help="Live bus: what drives it; default soem.",
+            help="Live bus: backend. Default: soem.",
         ),
         click.option(
             "--cycle",
             "cycle_ns",
             type=CYCLE,
             metavar="TIME",
-            help="Live bus: its cycle; default: the plan's.",
+            help="Live bus: cycle time. Default: the cycle of the plan.",
         ),
         click.option(
             "--priority",
             type=click.IntRange(1, 99),
-            help="Live bus: SCHED_FIFO priority of the cycle.",
+            help="Live bus: SCHED_FIFO priority of the cyclic thread.",
         ),
         click.option(
-            "--cpu", type=click.IntRange(0, 1023), help="Live bus: the CPU that runs the cycle."
+            "--cpu", type=click.IntRange(0, 1023), help="Live bus: CPU of the cyclic thread."
         ),
         click.option(
             "--wait",
             "wait_ns",
             type=RUN_TIME,
             metavar="TIME",
-            help="Live bus: how long to try again while SubDevices are missing.",
+            help="Live bus: how long to wait for missing SubDevices.",
         ),
         click.option(
             "--intervention-log",
             type=FOLDER,
             metavar="DIR",
-            help="Live bus: folder of a log of interventions, made if missing; see fsoe-net log.",
+            help="Live bus: folder for the intervention log (created if missing). See "
+            "fsoe-net log.",
         ),
     )[::-1]:
         decorated = decorate(decorated)

@@ -35,8 +35,8 @@ Examples:
   fsoe-net log verify /var/log/fsn --last HASH
   fsoe-net log export /var/log/fsn -o log.zip
 
-fsn-master --intervention-log DIR writes it. Exit codes: 0 the chain holds; 1 it does not, or a file
-cannot be read."""
+fsn-master --intervention-log DIR writes the log. Exit codes: 0 the chain is intact; 1 it is not, or
+a file cannot be read."""
 
 
 @click.group("log", epilog=_EPILOG)
@@ -51,13 +51,13 @@ def _chain_options(function: Callable[..., None]) -> Callable[..., None]:
             "--last",
             metavar="HASH",
             callback=read_by(read_sha256),
-            help="SHA-256 of an entry, kept elsewhere: everything up to it must be here.",
+            help="SHA-256 of an entry, kept elsewhere. All entries up to it must be present.",
         ),
         click.option(
             "--after",
             metavar="HASH",
             callback=read_by(read_sha256),
-            help="SHA-256 of the entry before the first one, where earlier files are elsewhere.",
+            help="SHA-256 of the entry before the first one, if earlier files are kept elsewhere.",
         ),
         click.argument("files", nargs=-1, required=True, type=FILE, metavar="FILES..."),
     ):
@@ -67,16 +67,26 @@ def _chain_options(function: Callable[..., None]) -> Callable[..., None]:
 
 @command.command("show")
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="FILES...")
-@click.option("--since", metavar="TIME", callback=read_by(read_moment), help="Not before; UTC.")
-@click.option("--until", metavar="TIME", callback=read_by(read_moment), help="Before; UTC.")
-@click.option("--event", "events", multiple=True, help="Only this event. Several times.")
-@click.option("--user", help="Only entries that name this user or program.")
+@click.option(
+    "--since",
+    metavar="TIME",
+    callback=read_by(read_moment),
+    help="Show entries from this time on (UTC).",
+)
+@click.option(
+    "--until",
+    metavar="TIME",
+    callback=read_by(read_moment),
+    help="Show entries before this time (UTC).",
+)
+@click.option("--event", "events", multiple=True, help="Show only this event. Repeatable.")
+@click.option("--user", help="Show only entries that name this user or program.")
 @click.option(
     "--most",
     type=click.IntRange(1, 100_000),
     default=200,
     show_default=True,
-    help="So many of them, the newest.",
+    help="Show at most this number of entries, the newest ones.",
 )
 @format_option
 @click.pass_context
@@ -110,7 +120,7 @@ def show_entries(
 def verify_chain(
     ctx: click.Context, files: tuple[str, ...], after: str, last: str, fmt: str
 ) -> None:
-    """Follow the chain over all files: what was changed, removed, put in or moved.
+    """Verify the chain over all files: find entries that were changed, removed, inserted or moved.
 
     FILES: the folder of a log, or its files in order.
     """
@@ -135,10 +145,10 @@ def export(
     output: str,
     overwrite: bool,
 ) -> None:
-    """Pack the files, their SHA-256 and what was found into one ZIP file to hand in.
+    """Export the files, their SHA-256 and the result of the verification as one ZIP file.
 
-    FILES: the folder of a log, or its files in order. The files stay as they are, also those of a
-    log that does not hold.
+    FILES: the folder of a log, or its files in order. The files are not changed, even if the
+    verification fails.
     """
     check_target(output, overwrite=overwrite)
     chain = LogChain(after=after, last=last)

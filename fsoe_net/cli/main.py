@@ -17,43 +17,43 @@ from fsoe_net.version import __version__
 # By task, in the order of the README.
 _GROUPS = {
     "Find mistakes": {
-        "check": "Check files of a network, alone, with other files or a live bus.",
-        "explain": "Say what a finding means and how to fix it.",
-        "studio": "See and edit a network in a browser.",
+        "check": "Check the files of a network, also against other files or a live bus.",
+        "explain": "Explain a finding and how to fix it.",
+        "studio": "View and edit a network in a browser.",
         "plan": "Compile a network to a copy plan, or show a plan.",
     },
     "From the files you have": {
-        "init": "Propose a network from any mix of files, or a bus; ask what they do not state.",
-        "convert": "Write a bus in the format of another tool.",
-        "diff": "Compare two descriptions or plans: what moved, came, went or changed.",
-        "devices": "What is known about FSoE devices: process data, frames, figures.",
+        "init": "Propose a network from any mix of files, or from a bus.",
+        "convert": "Convert a bus description to the format of another tool.",
+        "diff": "Compare two descriptions or plans of a bus by meaning.",
+        "devices": "List known FSoE devices: process data, frames, figures.",
     },
     "Run it on EtherCAT": {
-        "install-master": "Build fsn-master, which drives a live bus, and install it.",
-        "run": "Run a network on the emulated bus, or on a live one.",
+        "install-master": "Build and install fsn-master, which drives a live bus.",
+        "run": "Run a network on an emulated or a live bus.",
     },
     "Operate it": {
         "doctor": "Check this machine for real-time EtherCAT.",
-        "scan": "Read what is on a live bus; write files to start from.",
-        "log": "Show, verify and export the log of interventions of fsn-master.",
+        "scan": "Read a live bus and write files to start from.",
+        "log": "Show, verify and export the intervention log.",
         "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
-        "console": "Set, watch, start and stop a running fsn-master, by hand or script.",
-        "ros2": "Show a running fsn-master to ROS 2: diagnostics, joints, values.",
-        "incident": "Say why a connection dropped: one page from an incident file.",
+        "console": "Control a running fsn-master, interactively or by script.",
+        "ros2": "Publish a running fsn-master to ROS 2: diagnostics, joints, values.",
+        "incident": "Explain why a connection dropped, from an incident file.",
     },
     "Hand it in": {
-        "timing": "Timing budget: watchdogs, reaction times, what limits them.",
-        "test-protocol": "Checklist of what to try; run where it can be, the rest for people.",
-        "report": "Write a report page for a network.",
-        "accept": "Write down who accepted which configuration, on what grounds.",
-        "verify": "Compare a network, plan or running fsn-master with what was accepted.",
-        "fingerprint": "Fingerprint of everything safety-relevant in a network or plan.",
-        "self-test": "Try this installation with networks and runs whose results are known.",
+        "timing": "Print the timing budget: watchdogs, reaction times, their limits.",
+        "test-protocol": "Write a checklist of tests; run those that need no machine.",
+        "report": "Write the report of a network.",
+        "accept": "Record who accepted which configuration, and why.",
+        "verify": "Compare with the accepted configuration.",
+        "fingerprint": "Print the fingerprint of the safety-relevant configuration.",
+        "self-test": "Test this installation with known results.",
     },
     "Look into FSoE": {
-        "decode": "Decode FSoE frames: hex, captures; a Wireshark dissector.",
-        "emulate": "Serve a network as emulated EtherCAT SubDevices.",
-        "campaign": "Put faults into the connections of a network.",
+        "decode": "Decode FSoE frames in hex or captures; write a Wireshark dissector.",
+        "emulate": "Emulate the EtherCAT SubDevices of a network.",
+        "campaign": "Inject faults into the connections of a network.",
         "replay": "Compare recorded FSoE runs with this engine.",
     },
 }
@@ -107,8 +107,8 @@ Examples:
   fsoe-net plan examples/estop/network.yaml -o estop.fsnplan
   fsoe-net run examples/estop/network.yaml --scenario examples/estop/scenario.yaml
 
-Exit codes: 0 done; 1 a finding, a difference, a failed run, or a file that cannot be used; 2 wrong
-use; 3 the machine: a permission, device, socket or disk is missing; 130 interrupted.
+Exit codes: 0 done; 1 findings, differences, a failed run or an invalid file; 2 usage error;
+3 environment: a permission, device, socket or disk is missing; 130 interrupted.
 
 Shell completion: eval "$(_FSOE_NET_COMPLETE=bash_source fsoe-net)" (also zsh, fish).
 

@@ -29,23 +29,27 @@ Examples:
   fsoe-net monitor --interface eth1 --duration 60s --format json > minute.json
   fsoe-net monitor --interface eth1 --duration 10s --capture bus.pcapng
 
-Exit code 0 when at the end every connection is in Data and every SubDevice in OP, else 1; 3 when
-no fsn-master answers. Ctrl-C ends it; fsn-master goes on."""
+Exit codes: 0 at the end every connection is in Data and every SubDevice in OP, 1 otherwise, 3 no
+fsn-master answers. Ctrl-C ends the command; fsn-master continues."""
 
 
 @click.command("monitor", epilog=_EPILOG)
 @master_options
-@click.option("--once", is_flag=True, help="Show what is known now, and end.")
+@click.option("--once", is_flag=True, help="Print the current state once and exit.")
 @click.option(
     "--duration",
     "duration_ns",
     type=RUN_TIME,
     metavar="TIME",
-    help="End after so long; default: when interrupted.",
+    help="Run time. Default: until Ctrl-C.",
 )
-@click.option("--capture", type=FILE, metavar="FILE", help="Write the EtherCAT frames (pcapng).")
+@click.option(
+    "--capture", type=FILE, metavar="FILE", help="Write the EtherCAT frames to this pcapng file."
+)
 @overwrite_option
-@click.option("--rebuild", is_flag=True, help="Capture from the process image, not from the wire.")
+@click.option(
+    "--rebuild", is_flag=True, help="Capture from the process image instead of from the wire."
+)
 @format_option
 @click.pass_context
 def command(
@@ -59,10 +63,10 @@ def command(
     rebuild: bool,
     fmt: str,
 ) -> None:
-    """Watch a bus that fsn-master drives, as one more client of it.
+    """Watch the bus of a running fsn-master.
 
-    Connections with their FSoE cycle times against the watchdog, held inputs, Resets with the cause
-    in words; SubDevices not in OP, broken links; timing of the cycle. Changes nothing.
+    Shows connections with their FSoE cycle times against the watchdog, held inputs, Resets with
+    their cause, SubDevices that are not in OP, broken links and cycle timing. Changes nothing.
     """
     path = master_socket(socket, interface)
     if once and (duration_ns is not None or capture is not None):

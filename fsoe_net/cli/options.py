@@ -122,7 +122,7 @@ INTERFACES = click.option(
     type=INTERFACE,
     multiple=True,
     metavar="IF",
-    help="Live bus: its interface or IgH master; BUS=IF for each of several.",
+    help="Live bus: interface or IgH master. With several buses: BUS=IF for each.",
 )
 
 
@@ -174,7 +174,7 @@ def master_options(function: _F) -> _F:
             "--interface",
             type=INTERFACE,
             metavar="IF",
-            help="Interface that the fsn-master drives; finds its socket.",
+            help="Interface that fsn-master drives. Used to find its socket.",
         ),
         click.option(
             "--socket", type=FILE, metavar="PATH", help="Control socket of a running fsn-master."
@@ -201,7 +201,7 @@ def master_socket(socket: str | None, interface: str | None) -> str:
 
 def overwrite_option(function: _F) -> _F:
     """Add ``--overwrite``."""
-    return click.option("--overwrite", is_flag=True, help="Replace files that exist.")(function)
+    return click.option("--overwrite", is_flag=True, help="Replace existing files.")(function)
 
 
 def output_option(
@@ -263,13 +263,13 @@ def signer_options(function: _F) -> _F:
         "--revoked",
         type=FILE,
         metavar="FILE",
-        help="Keys that no longer count, as ssh-keygen -Y -r.",
+        help="Revoked keys (an ssh-keygen revocation file).",
     )(function)
     return click.option(
         "--signers",
         type=FILE,
         metavar="FILE",
-        help="Who may sign the record: allowed signers as ssh-keygen has them.",
+        help="Allowed signers (an ssh-keygen allowed_signers file).",
     )(function)
 
 
@@ -280,5 +280,5 @@ def scenario_option(function: _F) -> _F:
         "scenario_file",
         type=FILE,
         metavar="FILE",
-        help="YAML with steps and expectations.",
+        help="YAML file with steps and expectations.",
     )(function)

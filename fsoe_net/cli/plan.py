@@ -34,11 +34,11 @@ Examples:
 @click.command("plan", epilog=_EPILOG)
 @input_options
 @output_option("Plan file to write.")
-@click.option("--show", is_flag=True, help="FILES is a plan; print it.")
+@click.option("--show", is_flag=True, help="Print a plan file.")
 @click.option(
     "--image",
     type=click.Choice(["igh"]),
-    help="Show where each byte stands in the whole image of this MainDevice.",
+    help="Show the absolute position of each byte in the process image of this MainDevice.",
 )
 @format_option
 @without_collector
@@ -53,8 +53,8 @@ def command(
 ) -> None:
     """Compile a network to a copy plan, or show a plan.
 
-    FILES as for `fsoe-net check`. Nothing is written when the network has an error; without -o the
-    plan is only shown. A warning is printed and does not stop it.
+    FILES as for `fsoe-net check`. If the network has an error, nothing is written. Warnings are
+    printed. Without -o the plan is only shown.
     """
     if show and output:
         raise click.UsageError("--show prints a plan; it does not go with -o")

@@ -20,7 +20,7 @@ Examples:
   fsoe-net replay trace.jsonl
   fsoe-net replay traces/*.jsonl --format json
 
-Exit codes: 0 all files replay as recorded, 1 something differs or a file is no recording."""
+Exit codes: 0 all files replay as recorded, 1 a difference, or a file is not a recording."""
 
 
 @click.command("replay", epilog=_EPILOG)
@@ -28,10 +28,10 @@ Exit codes: 0 all files replay as recorded, 1 something differs or a file is no 
 @format_option
 @click.pass_context
 def command(ctx: click.Context, files: tuple[str, ...], fmt: str) -> None:
-    """Hold recorded runs of other FSoE implementations against this engine.
+    """Compare recorded runs of other FSoE implementations with this engine.
 
-    Each end of a TRACE is fed what it received in the recording, at the recorded times; its frames,
-    states, reset codes and data are compared. This is no conformance test.
+    Each end of a TRACE receives the recorded frames at the recorded times. Its frames, states,
+    reset codes and data are compared with the recording. This is not a conformance test.
     """
     outcomes = []
     for file in files:

@@ -34,15 +34,15 @@ Examples:
   fsoe-net report network.yaml --protocol protocol.yaml -o report.html
   fsoe-net report network.yaml --accepted acceptance.yaml --signers allowed -o signed.html
 
-Exit codes: 0 no error; 1 the network has an error (the report says so on top), the run failed, or
-the test protocol is not of this network, or a file cannot be used; 2 wrong use."""
+Exit codes: 0 no error; 1 the network has an error (listed first in the report), the run failed, the
+test protocol belongs to another network, or a file is invalid; 2 usage error."""
 
 
 @click.command("report", epilog=_EPILOG)
 @input_options
 @output_option("File to write: .html, .md, .json or, with the extra pdf, .pdf.", required=True)
 @click.option(
-    "--plan", "plan_file", type=FILE, metavar="PLAN", help="Plan file that shall be its plan."
+    "--plan", "plan_file", type=FILE, metavar="PLAN", help="Plan file that must match the network."
 )
 @click.option(
     "--evidence",
@@ -50,7 +50,7 @@ the test protocol is not of this network, or a file cannot be used; 2 wrong use.
     multiple=True,
     type=FILE,
     metavar="FILE",
-    help="A scan.json, a result of a run (JSON) or an incident file; may be given again.",
+    help="A scan.json, the result of a run (JSON) or an incident file. Repeatable.",
 )
 @master_options
 @click.option(
@@ -58,24 +58,26 @@ the test protocol is not of this network, or a file cannot be used; 2 wrong use.
     "scenario_file",
     type=FILE,
     metavar="FILE",
-    help="Run this scenario in virtual time and put the result into the report.",
+    help="Run this scenario in virtual time and include the result.",
 )
 @click.option(
     "--against",
     type=FILE,
     metavar="FILE",
-    help="Earlier plan or network: the change log starts from it.",
+    help="Earlier plan or network for the change log.",
 )
 @click.option(
     "--accepted",
     type=FILE,
     metavar="FILE",
-    help="Acceptance record: sign-off, justifications, and the change log starts from it.",
+    help="Acceptance record: source of sign-off and justifications, and start of the change log.",
 )
 @signer_options
-@click.option("--protocol", type=FILE, metavar="FILE", help="Test protocol of this network.")
 @click.option(
-    "--self-test", type=FILE, metavar="FILE", help="Result (JSON) of a self-test of this tool."
+    "--protocol", type=FILE, metavar="FILE", help="Filled-in test protocol of this network."
+)
+@click.option(
+    "--self-test", type=FILE, metavar="FILE", help="Result (JSON) of `fsoe-net self-test`."
 )
 @click.pass_context
 def command(
@@ -96,10 +98,10 @@ def command(
     protocol: str | None,
     self_test: str | None,
 ) -> None:
-    """Write the report of a network: what is copied, how late, what is known and what is open.
+    """Write the report of a network: copies, timing, evidence and open points.
 
-    FILES as for `fsoe-net check`, also other files to compare with: the report then names them. A
-    network with an error gets a report that says so first, with every finding.
+    FILES as for `fsoe-net check`. Files that are compared with the network are listed in the
+    report. If the network has an error, the report starts with all findings.
     """
     form = Path(output).suffix.lstrip(".").lower()
     if form == "pdf":

@@ -25,8 +25,8 @@ Examples:
 
 Then, where ROS 2 is installed: ros2 topic echo /diagnostics, ros2 topic list.
 
-Exit codes: 0 ended by Ctrl-C or after --duration; 2 wrong use; 3 no fsn-master answers, cyclonedds
-is not installed, or DDS does not start."""
+Exit codes: 0 ended by Ctrl-C or after --duration; 2 usage error; 3 no fsn-master answers,
+cyclonedds is not installed, or DDS does not start."""
 
 
 def _node_name(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
@@ -45,19 +45,20 @@ def _node_name(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
     envvar="ROS_DOMAIN_ID",
     default=0,
     show_default=True,
-    help="Domain ID; else ROS_DOMAIN_ID.",
+    help="Domain ID. Default: ROS_DOMAIN_ID.",
 )
 @click.option(
     "--localhost",
     is_flag=True,
-    help="This machine only, as ROS_LOCALHOST_ONLY=1 or ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST.",
+    help="Use this machine only, like ROS_LOCALHOST_ONLY=1 or "
+    "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST.",
 )
 @click.option(
     "--name",
     default="fsoe_net",
     show_default=True,
     callback=_node_name,
-    help="Name of the node; its topics are below it.",
+    help="Name of the node and prefix of its topics.",
 )
 @click.option(
     "--rate",
@@ -65,21 +66,21 @@ def _node_name(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
     type=click.FloatRange(0.1, 1000),
     default=50.0,
     show_default=True,
-    help="Joints and changed values, times a second.",
+    help="Publishing rate of joints and changed values in Hz.",
 )
-@click.option("--record", type=FILE, metavar="FILE.mcap", help="Write all that is published.")
+@click.option("--record", type=FILE, metavar="FILE.mcap", help="Record all published messages.")
 @overwrite_option
 @click.option(
     "--duration",
     "duration_ns",
     type=RUN_TIME,
     metavar="TIME",
-    help="End after so long; default: when interrupted.",
+    help="Run time. Default: until Ctrl-C.",
 )
 @click.option(
     "--allow-control",
     is_flag=True,
-    help="Let every node of the domain set outputs, start and stop the bus.",
+    help="Allow every node in the domain to set outputs and to start and stop the bus.",
 )
 def command(
     socket: str | None,
@@ -93,11 +94,12 @@ def command(
     duration_ns: int | None,
     allow_control: bool,
 ) -> None:
-    """Show a bus that fsn-master drives to ROS 2, without an installation of ROS.
+    """Publish the bus of a running fsn-master to ROS 2. No ROS installation is needed.
 
-    /diagnostics has a status for each connection, SubDevice and the cycle, /joint_states the axes,
-    and each input and output has a topic. Standard messages only. It changes nothing on the bus
-    without --allow-control; with it, every node that reaches the domain may: DDS knows no users.
+    /diagnostics has a status for each connection, each SubDevice and the cycle; /joint_states has
+    the axes; each input and output has a topic. Only standard messages are used. Without
+    --allow-control nothing on the bus changes. With it, every node in the domain can control the
+    bus: DDS has no user accounts.
     """
     path = master_socket(socket, interface)
     check_target(record, overwrite=overwrite)

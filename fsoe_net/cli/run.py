@@ -35,12 +35,12 @@ Examples:
   fsoe-net run network.yaml --duration 10s --format json > run.json
   fsoe-net run network.yaml --interface eth1
 
-Without --interface the devices are emulated and nothing is sent to a bus. With it, fsn-master
-drives the real one: machines may move.
+Without --interface the devices are emulated and nothing is sent to a bus. With --interface,
+fsn-master drives the real bus: machines may move.
 
-Exit codes: 0 every expectation held, or without any every connection is in Data at the end; 1 not
-so, a file has an error, or the live bus was refused; 2 wrong use; 3 the compiled core, fsn-master
-or a permission is missing."""
+Exit codes: 0 every expectation was met, or without expectations every connection is in Data at the
+end; 1 otherwise, a file has an error, or the live bus was rejected; 2 usage error; 3 the compiled
+core, fsn-master or a permission is missing."""
 
 
 @click.command("run", epilog=_EPILOG)
@@ -50,40 +50,43 @@ or a permission is missing."""
     "plan_file",
     type=FILE,
     metavar="PLAN",
-    help="Load this plan; it must be that of FILES.",
+    help="Load this plan. It must match FILES.",
 )
 @click.option(
     "--duration",
     "duration_ns",
     type=RUN_TIME,
     metavar="TIME",
-    help="End after so long; default: scenario, else 3s; on a live bus when interrupted.",
+    help="Run time. Default: the scenario, else 3s; on a live bus until Ctrl-C.",
 )
 @scenario_option
 @click.option(
     "--virtual-time",
     is_flag=True,
-    help="Emulated: simulated time, as fast as the machine goes; repeatable.",
+    help="Emulated: run in simulated time, as fast as possible and repeatable.",
 )
 @click.option(
-    "--capture", type=FILE, metavar="FILE", help="Write the frames of a virtual run (pcapng)."
+    "--capture",
+    type=FILE,
+    metavar="FILE",
+    help="Write the frames of a virtual run to this pcapng file.",
 )
 @click.option(
     "--device-period",
     "device_period_ns",
     type=Time("100us", "1s"),
     metavar="TIME",
-    help="Pace of the emulated devices in real time; default 1ms.",
+    help="Cycle of the emulated devices in real time. Default: 1ms.",
 )
 @click.option(
     "--incidents",
     type=FOLDER,
     metavar="DIR",
-    help="Folder for a file when a connection fails, made if missing; see `fsoe-net incident`.",
+    help="Folder for incident files (created if missing). See `fsoe-net incident`.",
 )
 @live_bus_options
 @click.option("--stats", type=FILE, metavar="FILE", help="Write timing histograms (CSV).")
-@click.option("--plot", type=FILE, metavar="FILE", help="Draw timing histograms (SVG).")
+@click.option("--plot", type=FILE, metavar="FILE", help="Write timing histograms (SVG).")
 @overwrite_option
 @format_option
 @click.pass_context
@@ -99,11 +102,11 @@ def command(
     fmt: str,
     **wanted: Any,
 ) -> None:
-    """Run a network on the emulated bus, or with --interface on a live one.
+    """Run a network on an emulated bus, or with --interface on a live bus.
 
-    Emulated: the C core copies the frames in its own thread; emulated devices (MainInstances in the
-    safety masters, SubInstances elsewhere) live on the bus at their own pace. Live: fsn-master
-    drives the bus until Ctrl-C; killing this program leaves it running. FILES as for `check`.
+    Emulated: the C core copies the frames in its own thread. Emulated devices (MainInstances in the
+    safety masters, SubInstances elsewhere) run at their own cycle. Live: fsn-master drives the bus
+    until Ctrl-C. If this program is killed, fsn-master continues. FILES as for `check`.
     """
     live.check(wanted, histograms=stats is not None or plot is not None)
     for path in (wanted["capture"], stats, plot):

@@ -19,7 +19,7 @@ Examples:
   fsoe-net scan --socket /run/fsn-master-eth1.sock --format json
   fsoe-net check network.yaml --interface eth1   # compares
 
-Exit codes: 0 read, 1 the bus or a document was refused, 2 wrong use, also when nobody can be asked;
+Exit codes: 0 done, 1 the bus or its answer was rejected, 2 usage error, or no terminal to ask;
 3 no fsn-master, interface or permission."""
 
 
@@ -28,13 +28,13 @@ Exit codes: 0 read, 1 the bus or a document was refused, 2 wrong use, also when 
     "--interface",
     type=INTERFACE,
     metavar="IF",
-    help="Interface of the bus; for a running fsn-master also its IgH master.",
+    help="Interface of the bus, or the IgH master of a running fsn-master.",
 )
-@click.option("--bus", type=click.Choice(["soem"]), help="How to reach it; default soem.")
+@click.option("--bus", type=click.Choice(["soem"]), help="Backend. Default: soem.")
 @click.option("--socket", type=FILE, metavar="PATH", help="Control socket of a running fsn-master.")
 @format_option
 @output_option("Folder for network.yaml and its files.", metavar="DIR", type=FOLDER)
-@click.option("-y", "--yes", is_flag=True, help="Do not ask before states change.")
+@click.option("-y", "--yes", is_flag=True, help="Do not ask before changing AL states.")
 def command(
     interface: str | None,
     bus: str | None,
@@ -44,10 +44,10 @@ def command(
     overwrite: bool,
     yes: bool,
 ) -> None:
-    """Read what is on a bus: identities, states, process data, FSoE values.
+    """Read a bus: identities, states, process data, FSoE values.
 
-    A running fsn-master answers, and nothing on the bus changes. Without one, every SubDevice goes
-    to PREOP; what that means is said before, and asked.
+    If fsn-master is running, it answers and nothing on the bus changes. Otherwise every SubDevice
+    is set to PREOP; the command explains the consequences and asks first.
     """
     if overwrite and output is None:
         raise click.UsageError("--overwrite is for the files of -o DIR")

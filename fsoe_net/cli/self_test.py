@@ -18,8 +18,8 @@ Examples:
   fsoe-net self-test
   fsoe-net self-test --format json > self-test.json
 
-Nothing is written and no interface is opened. Exit codes: 0 every part that applies here gave what
-is known; 1 one did not: do not use what this installation writes; 2 wrong use."""
+Nothing is written and no interface is opened. Exit codes: 0 every part that applies here gave the
+known result; 1 a part did not: do not use the output of this installation; 2 usage error."""
 
 _LEVELS = {"pass": Level.CLEAR, "fail": Level.ERROR, "not tried": Level.OPEN}
 _MOST_SHOWN = 3  # of the values of a part that differ; JSON has all
@@ -30,9 +30,10 @@ _LONGEST = 200  # characters of a value
 @format_option
 @click.pass_context
 def command(ctx: click.Context, fmt: str) -> None:
-    """Try this installation: reference networks, recorded runs, formulas, the C core, fsn-master.
+    """Test this installation: reference networks, recorded runs, formulas, the C core, fsn-master.
 
-    It shows that this copy works as it was released, on this machine; not that a network is safe.
+    It shows that this copy works as released on this machine. It does not show that a network is
+    safe.
     """
     done = run_self_test()
     if fmt == "json":

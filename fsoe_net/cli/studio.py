@@ -22,16 +22,16 @@ Examples:
   fsoe-net studio                        # network.yaml of this folder
   fsoe-net studio examples/estop
   fsoe-net studio network.yaml --port 8765 --no-browser
-  fsoe-net studio --interface eth1       # what the fsn-master there does, live
-  fsoe-net studio --interface eth1 --allow-control  # and may start, stop and set outputs there
-  fsoe-net studio network.yaml --snapshot network.html   # with --interface: the bus, too
+  fsoe-net studio --interface eth1       # a live bus
+  fsoe-net studio --interface eth1 --allow-control  # and control it
+  fsoe-net studio network.yaml --snapshot network.html   # with --interface: also the bus
   fsoe-net studio --listen cell.local --port 8443 --tls-cert cert.pem --tls-key key.pem \\
       --password-file password
 
 From another machine: ssh -L 8765:127.0.0.1:8765 HOST, then the printed address in the browser here.
 
-Exit codes: 0 ended by Ctrl-C, or the snapshot is written; 1 a file that cannot be used; 2 wrong
-use; 3 a port or a package is missing, or no fsn-master answers for a snapshot."""
+Exit codes: 0 ended by Ctrl-C, or the snapshot was written; 1 an invalid file; 2 usage error;
+3 a port or a package is missing, or no fsn-master answers for a snapshot."""
 
 
 def _network_file(path: str | None) -> tuple[str, bool]:
@@ -49,28 +49,32 @@ def _network_file(path: str | None) -> tuple[str, bool]:
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
-    help="Port; by itself the same one for the same file, where it is free.",
+    help="Port. Default: a port derived from the file name, if it is free.",
 )
-@click.option("--no-browser", is_flag=True, help="Print the address; open no browser.")
+@click.option("--no-browser", is_flag=True, help="Print the address without opening a browser.")
 @click.option(
     "--snapshot",
     type=FILE,
     metavar="FILE.html",
-    help="Write the network, and its bus now, as one page without scripts, and end.",
+    help="Write the network and the current bus state as one page without scripts, then exit.",
 )
 @overwrite_option
 @click.option(
     "--listen",
     metavar="ADDRESS",
-    help="Let other machines in at this address, with the next three options.",
+    help="Accept other machines at this address. Requires the next three options.",
 )
-@click.option("--tls-cert", type=FILE, metavar="FILE", help="Certificate (PEM), with its chain.")
-@click.option("--tls-key", type=FILE, metavar="FILE", help="Its key (PEM), without passphrase.")
-@click.option("--password-file", type=FILE, metavar="FILE", help="Its first line opens the page.")
+@click.option("--tls-cert", type=FILE, metavar="FILE", help="Certificate with its chain (PEM).")
+@click.option(
+    "--tls-key", type=FILE, metavar="FILE", help="Key of the certificate (PEM), without passphrase."
+)
+@click.option(
+    "--password-file", type=FILE, metavar="FILE", help="File with the password in its first line."
+)
 @click.option(
     "--allow-control",
     is_flag=True,
-    help="Let the page start and stop the bus of that fsn-master, and set outputs there.",
+    help="Allow the page to start and stop the bus and to set outputs.",
 )
 def command(
     path: str | None,
@@ -87,12 +91,12 @@ def command(
     password_file: str | None,
     allow_control: bool,
 ) -> None:
-    """See and edit a network in a browser: the bus, its connections, what is wrong, the file.
+    """View and edit a network in a browser: the bus, its connections, findings, the file.
 
-    PATH: a network file, or its folder; in a folder without one a new network begins. The page is
-    for one person at one browser of this machine; the printed address counts once. The network
-    file is not written before you press Save. With --interface or --socket it also shows what a
-    running fsn-master does, and changes nothing there without --allow-control.
+    PATH: a network file or its folder. In a folder without one, a new network is created. The page
+    is for one person in one browser on this machine; the printed address is valid once. The network
+    file is written only when you press Save. With --interface or --socket the page also shows a
+    running fsn-master. Without --allow-control it changes nothing there.
     """
     live = None if socket is None and interface is None else master_socket(socket, interface)
     name, may_be_new = _network_file(path)

@@ -21,25 +21,25 @@ from fsoe_net.test_record.protocol import ProtocolTrial, read_protocol
 
 _EPILOG = """\b
 Examples:
-  fsoe-net test-protocol network.yaml -o protocol.yaml              # nothing tried
+  fsoe-net test-protocol network.yaml -o protocol.yaml              # empty
   fsoe-net test-protocol network.yaml --virtual -o protocol.yaml
   fsoe-net test-protocol network.yaml --live --interface eth1 -o protocol.yaml
   fsoe-net test-protocol network.yaml --protocol protocol.yaml -o protocol.html
 
-A YAML file that is replaced with --overwrite keeps what people wrote into it. An emulated result
-is no evidence for a machine.
+With --overwrite, entries made by people in an existing YAML file are kept. An emulated result is no
+evidence for a machine.
 
-Exit codes: 0 nothing that was tried went otherwise than expected, 1 a step did, or a file cannot be
-used; 2 wrong use; 3 no fsn-master, or no disk."""
+Exit codes: 0 all steps that were run gave the expected result, 1 a step did not, or a file is
+invalid; 2 usage error; 3 no fsn-master, or no disk."""
 
 
 @click.command("test-protocol", epilog=_EPILOG)
 @input_options
-@click.option("--virtual", is_flag=True, help="Try every step on the emulated bus.")
+@click.option("--virtual", is_flag=True, help="Run every step on the emulated bus.")
 @click.option(
     "--live",
     is_flag=True,
-    help="Try each loss on a running fsn-master: asks before each, needs a terminal.",
+    help="Test each loss on a running fsn-master. Asks before each one; needs a terminal.",
 )
 @master_options
 @click.option(
@@ -47,9 +47,11 @@ used; 2 wrong use; 3 no fsn-master, or no disk."""
     type=click.IntRange(1, 10**6),
     default=200,
     show_default=True,
-    help="Emulated: FSoE cycles with a fault in them, per class.",
+    help="Emulated: number of FSoE cycles with a fault, per class.",
 )
-@click.option("--protocol", "given", type=FILE, metavar="FILE", help="A protocol to go on with.")
+@click.option(
+    "--protocol", "given", type=FILE, metavar="FILE", help="Existing protocol to continue."
+)
 @output_option("File to write: .yaml to fill in, .html to print.", required=True)
 @click.pass_context
 def command(
@@ -65,11 +67,10 @@ def command(
     output: str,
     overwrite: bool,
 ) -> None:
-    """Write the test protocol of a network; fill in what runs can show.
+    """Write the test protocol of a network and fill in the results of emulated runs.
 
     Steps: start-up of each connection, trigger of each safety function, loss of each SubDevice,
-    each class of faults. FILES as for `check`. The column of the machine is never filled in by
-    this program.
+    each fault class. FILES as for `check`. This program never fills in the machine column.
     """
     if Path(output).suffix not in (".yaml", ".yml", ".html", ".htm"):
         raise click.UsageError(f"-o {output}: write .yaml to fill in, or .html to print")

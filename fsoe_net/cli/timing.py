@@ -29,8 +29,8 @@ Examples:
   fsoe-net timing network.yaml --plot reaction.svg
   fsoe-net timing network.yaml --measured run.json    # of fsoe-net run --format json
 
-Exit codes: 0 no error and no warning, 1 a watchdog or a reaction time does not fit or is not known,
-or a file has an error; 2 wrong use."""
+Exit codes: 0 no errors or warnings, 1 a watchdog or reaction time does not fit or is unknown, or a
+file has an error; 2 usage error."""
 
 
 class _Share(click.ParamType[float]):
@@ -55,7 +55,7 @@ class _Share(click.ParamType[float]):
     "cycle_ns",
     type=Time("10us", "4s", bare=False),
     metavar="TIME",
-    help="Another bus cycle, such as 250us or 4ms.",
+    help="Calculate with this bus cycle, such as 250us or 4ms.",
 )
 @click.option(
     "--copy-cycles",
@@ -69,15 +69,15 @@ class _Share(click.ParamType[float]):
     type=_Share(),
     default="0",
     show_default=True,
-    help="By how much clocks of devices may be slow: watchdogs count that much longer.",
+    help="Share by which device clocks may be slow. All bounds include it.",
 )
 @click.option(
     "--measured",
     type=FILE,
     metavar="FILE",
-    help="Result of a run (JSON): its FSoE cycles count if longer.",
+    help="Result of a run (JSON). Its FSoE cycles are used if they are longer.",
 )
-@click.option("--plot", type=FILE, metavar="FILE", help="Picture to write (SVG).")
+@click.option("--plot", type=FILE, metavar="FILE", help="Write a diagram (SVG).")
 @overwrite_option
 @format_option
 @click.pass_context
@@ -95,8 +95,8 @@ def command(
 ) -> None:
     """Print the timing budget: each watchdog with its interval, each safety function.
 
-    FILES as for `fsoe-net check`; times and requirements stand in `safety_functions` of the network
-    file, devices of the library fill in as unverified.
+    FILES as for `fsoe-net check`. Times and requirements come from `safety_functions` in the
+    network file. Missing values are taken from the device library and marked as unverified.
     """
     check_target(plot, overwrite=overwrite)
     checked = check_files(files, loading, timed=False)

@@ -30,11 +30,11 @@ Examples:
   fsoe-net verify --interface eth1 --accepted accepted.json
   fsoe-net verify machine.fsnplan --acceptance acceptance.yaml --signers allowed_signers
 
-Exit codes: 0 same, and signed; 1 differs, a signature does not hold, or a file cannot be used; 2
-wrong use; 3 nobody answers on the socket, or no ssh-keygen.
+Exit codes: 0 same, and signed; 1 different, an invalid signature, or an invalid file; 2 usage
+error; 3 no answer on the socket, or no ssh-keygen.
 
-The same fingerprint says that the configuration is the accepted one, not that it is right. A
-signature says who agreed, not that it is right."""
+An equal fingerprint shows that the configuration is the accepted one, not that it is correct. A
+signature shows who agreed, not that the configuration is correct."""
 
 
 @click.command("verify", epilog=_EPILOG)
@@ -44,13 +44,13 @@ signature says who agreed, not that it is right."""
     "--accepted",
     type=NETWORK_FILE,
     metavar="FILE",
-    help="What was accepted: acceptance record, fingerprint (JSON), plan or network.",
+    help="Accepted configuration: acceptance record, fingerprint (JSON), plan or network.",
 )
 @click.option(
     "--acceptance",
     type=FILE,
     metavar="RECORD",
-    help="Acceptance record whose signatures and signed files are checked too.",
+    help="Acceptance record whose signatures and signed files are also checked.",
 )
 @signer_options
 @master_options
@@ -68,10 +68,10 @@ def command(
     interface: str | None,
     fmt: str,
 ) -> None:
-    """Compare a network, a plan or a running core with what was accepted.
+    """Compare a network, a plan or a running fsn-master with the accepted configuration.
 
-    FILES: a .fsnplan, a fingerprint, or a network as for `fsoe-net check`. A running core makes its
-    fingerprint from the tables it has loaded; its bus cycle is that which it really uses.
+    FILES: a .fsnplan, a fingerprint, or a network as for `fsoe-net check`. A running fsn-master
+    calculates its fingerprint from the tables it has loaded and reports the bus cycle in use.
     """
     live = socket is not None or interface is not None
     if not files and not live and acceptance is None:
