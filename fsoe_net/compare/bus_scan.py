@@ -88,7 +88,7 @@ def _silent(out: FindingList, sub: SubDevice, there: ScannedSubDevice) -> None:
     out.add(
         "FSN501",
         _place(sub),
-        f"{sub.name} is missing: it was at position {there.position} and answers no more",
+        f"{sub.name} is missing: it was at position {there.position} and no longer answers",
         hint=f"{SECURED}look at its power and at the cable before it; the first silent one is "
         "where it broke",
         severity=None if sub.required else Severity.INFO,
@@ -108,10 +108,10 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
             hint = (
                 f"the bus ends at position {last.position}, {_title(last)}: {SECURED}look at the "
             )
-            hint += "cable behind it, and at the power of the next"
+            hint += "cable after it, and at the power of the next"
         else:
-            hint = f"all behind it moved one place forward; {SECURED}put it back, or take it out "
-            hint += f"here{ACCEPTED}"
+            hint = f"all following SubDevices moved one position forward; {SECURED}put it back, "
+            hint += f"or take it out here{ACCEPTED}"
         out.add(
             "FSN501",
             _place(sub),
@@ -124,7 +124,7 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
         out.add(
             "FSN501",
             _place(behind) if behind is not None else network.span,
-            f"position {place}, which the network leaves free, is not there: all behind it moved "
+            f"position {place}, which the network leaves free, is missing: all following moved "
             "one place forward",
             hint=f"{SECURED}put the coupler or terminal back, or correct the positions here"
             f"{ACCEPTED}",
@@ -176,9 +176,9 @@ def _extra(out: FindingList, network: NetworkConfig, match: Match) -> None:
     for found in match.extra:
         plain = not found.process_data
         effect = (
-            "it moves all behind it one place on"
+            "it moves all following SubDevices one position back"
             if plain
-            else "it has process data that nobody serves"
+            else "it has process data that the network does not use"
         )
         out.add(
             "FSN502",
@@ -192,8 +192,8 @@ def _extra(out: FindingList, network: NetworkConfig, match: Match) -> None:
         out.add(
             "FSN502",
             network.span,
-            f"position {found.position} is {_title(found)}, behind all the network names and "
-            "without process data",
+            f"position {found.position} is {_title(found)}, after all SubDevices of the network "
+            "and without process data",
             severity=Severity.INFO,
             hint="nothing to do",
         )

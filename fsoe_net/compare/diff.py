@@ -462,10 +462,10 @@ def _silence(a: Side, b: Side, pairs: _Pairs) -> list[str]:
     ):
         if (left is None) != (right is None) and not (a.whole and b.whole):
             silent = a if left is None else b
-            words.append(f"{what}: {silent.path} ({silent.format}) says nothing about them")
+            words.append(f"{what}: {silent.path} ({silent.format}) does not contain them")
     for side, other in ((a, b), (b, a)):
         if side.functions_sha256 is None and other.functions_sha256:
-            words.append(f"safety functions: {side.path} ({side.format}) says nothing about them")
+            words.append(f"safety functions: {side.path} ({side.format}) does not contain them")
     unread = 0
     for left_number, right_number in pairs:
         if left_number is not None and right_number is not None:

@@ -171,7 +171,7 @@ class _Check:
             self._nothing("", "is this the output of another machine?")
         else:
             hint = "it names no device: `ethercat cstruct` and `ethercat xml` say which one it is"
-            self._nothing(" as far as it says", hint)
+            self._nothing(" as far as it states", hint)
         return None
 
     def _lone(self) -> list[_Pair] | None:

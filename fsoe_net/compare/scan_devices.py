@@ -21,8 +21,8 @@ def check_revision(out: FindingList, sub: SubDevice, found: ScannedSubDevice) ->
         "FSN505",
         sub.at("revision"),
         f"{sub.name}: revision 0x{found.revision:08x} at position {found.position}, the network "
-        f"says 0x{sub.revision:08x}",
-        hint="was the device exchanged or its firmware updated? if its manual says that the two "
+        f"states 0x{sub.revision:08x}",
+        hint="was the device exchanged or its firmware updated? If its manual states that the two "
         f"are compatible, write the new revision here{ACCEPTED}",
     )
 
@@ -79,7 +79,7 @@ def check_layout(out: FindingList, sub: SubDevice, found: ScannedSubDevice) -> N
         if sm is not None and not sm.complete:
             continue  # FSN514 says so
         if sm is None:
-            _add_length(out, sub, planned, found, "there is no such sync manager")
+            _add_length(out, sub, planned, found, "the device has no such sync manager")
         else:
             _sync_manager(out, sub, found, planned, device.pdos_of(planned.sm), sm)
     for sm in there.values():

@@ -120,7 +120,7 @@ def _addresses(
             "FSN508",
             fact.at("address"),
             f"{name} (position {found[name].position}) has FSoE address {address}{whose}; the "
-            f"network says {fact.address}",
+            f"network states {fact.address}",
             hint="find out which one the safety project has, and correct the other one; the "
             f"connection is refused (error 6) while they differ{ACCEPTED}",
         )
@@ -262,7 +262,7 @@ def _compare(
                 value.code,
                 fact.at(value.key),
                 f"{main}: the {value.what}s of {fact.sub} and {other.sub} are exchanged, {found} "
-                f"and {planned}; the network says {planned} and {found}",
+                f"and {planned}; the network states {planned} and {found}",
                 hint=f"correct them here or in the safety project{ACCEPTED}",
                 related=(Related(span=other.at(value.key), message=f"{other.sub}"),),
             )
@@ -272,6 +272,6 @@ def _compare(
         out.add(
             value.code,
             fact.at(value.key),
-            f"{whose}; the network says {planned}{value.unit}",
+            f"{whose}; the network states {planned}{value.unit}",
             hint=f"the safety project in the device counts: correct it there or here{ACCEPTED}",
         )

@@ -28,21 +28,21 @@ FSN103 error   document is too deep, too large or expands without bound
 FSN104 error   document is empty or is not a map
 FSN105 error   more than one document in a file
 FSN106 error   key given twice
-FSN107 error   merge key is not understood by the driver
+FSN107 error   merge key that the driver does not support
 FSN108 error   invisible or non-ASCII character in a key
 FSN109 error   unknown key
 FSN110 error   key is missing
 FSN111 error   value has the wrong type
-FSN112 error   number is spelled in a way that is read as another number
+FSN112 error   number format that is read as a different number
 FSN113 error   number is out of range
 FSN114 error   leading zero: octal in one file, decimal in the other
 FSN115 warning index without 0x
 FSN116 error   value is not one of the allowed words
-FSN117 error   file is of no kind that is read here
-FSN118 error   not well-formed XML, or a document type is declared
+FSN117 error   unsupported file type
+FSN118 error   not well-formed XML, or the file declares a document type
 FSN119 error   xacro cannot be expanded
 FSN120 error   ec_module without a plugin
-FSN121 warning plugin is not known
+FSN121 warning unknown plugin
 FSN122 warning driver plugin of the 2024 prototype
 FSN123 error   both fsoe_config and transfer_config
 FSN124 error   transfers in an XML <safety> block are ignored
@@ -51,44 +51,44 @@ FSN126 info    relative path depends on where the driver is started
 FSN127 warning interface nested inside ec_module is never exported
 FSN128 error   component name used in several ros2_control blocks
 FSN129 error   transfer crosses two EtherCAT masters
-FSN130 error   cycle time or control frequency is not possible
-FSN131 error   address is spelled in a way that is read as another number
+FSN130 error   invalid cycle time or control frequency
+FSN131 error   address format that is read as a different number
 FSN132 info    fsoe_config is the old name of transfer_config
 FSN133 error   referenced file cannot be read
 FSN134 error   module name used twice
 FSN135 error   device is not in this description file
 FSN136 warning revision is not in this description file
-FSN137 error   module of a modular device cannot be taken
+FSN137 error   module of a modular device cannot be used
 FSN138 error   SII image is empty, cut off or damaged
 FSN139 warning PDO assignment of a device description contradicts itself
-FSN140 error   file is not of the kind it is named or read as
+FSN140 error   file type does not match its name or its use
 FSN141 error   value in a bus description is missing or cannot be read
-FSN142 error   process data of an ENI do not stand at one distance from their commands
+FSN142 error   ENI process data have no constant offset to their commands
 FSN143 error   PDOs of a SubDevice do not fill its process data
 FSN144 error   process image has no variable where the PDOs place an entry
-FSN145 error   copy does not lie in process data
+FSN145 error   copy outside the process data
 FSN146 error   text ends too early
-FSN147 warning line is not understood
-FSN148 error   connection names a SubDevice that cannot take part
+FSN147 warning line cannot be parsed
+FSN148 error   connection names an unsuitable SubDevice
 FSN149 error   copy moves a part of an FSoE frame
-FSN150 error   capture holds no EtherCAT
+FSN150 error   capture contains no EtherCAT frames
 FSN151 warning capture is damaged or ends inside a packet
 FSN152 warning packets of a capture were cut short
 FSN153 warning capture does not show everything
 FSN154 error   PDOs seen in a capture do not fill their sync manager
-FSN155 error   answer names something that is not there
-FSN156 error   answer does not fit what the files say
+FSN155 error   answer refers to an unknown item
+FSN156 error   answer contradicts the files
 FSN157 error   question needs an answer
-FSN158 warning file of a folder is left out
-FSN159 warning transfers or connections of a file cannot be taken
-FSN160 warning result in a test protocol is not complete: its step stays open
-FSN161 error   entry in a test protocol cannot be taken
-FSN162 error   acceptance record does not hold together
+FSN158 warning file in a folder is skipped
+FSN159 warning transfers or connections of a file cannot be used
+FSN160 warning incomplete result in a test protocol: the step stays open
+FSN161 error   invalid entry in a test protocol
+FSN162 error   acceptance record is inconsistent
 FSN163 error   author and verifier of an acceptance record are one person
-FSN164 error   buses are not possible
-FSN165 error   groups are not possible
-FSN166 error   what is there needs what may be absent
-FSN167 warning output keeps the last value of a group that is absent
+FSN164 error   invalid buses
+FSN165 error   invalid groups
+FSN166 error   permanent part depends on a part that may be absent
+FSN167 warning output keeps the last value of an absent group
 FSN168 error   ec_module outside of a joint, gpio or sensor
 FSN201 error   transfer names an unknown module
 FSN202 error   transfer names an entry that the module does not map
@@ -122,12 +122,12 @@ FSN233 error   standard transfer touches an FSoE frame
 FSN234 error   connection is unconfirmed
 FSN235 error   slot does not exist
 FSN236 error   frames of a connection do not fit
-FSN237 error   slot is needed to say which frame is meant
+FSN237 error   slot is required to select the frame
 FSN238 error   FSoE frame used by two connections
 FSN239 error   connection does not start at the MainInstance of its net
 FSN301 error   FSoE address used twice
 FSN302 error   connection ID used twice
-FSN303 warning FSoE address is unusual
+FSN303 warning unusual FSoE address
 FSN304 error   connection ID 0 is not allowed
 FSN305 error   FSoE watchdog time is not allowed
 FSN306 error   application parameters cannot be sent
@@ -140,10 +140,10 @@ FSN405 warning mask does not select the bit of this entry
 FSN406 warning PDO without channels: its layout is not known offline
 FSN407 error   PDO listed twice
 FSN408 warning entry mapped twice
-FSN409 error   PDOs are assigned to no sync manager
+FSN409 error   PDOs are not assigned to a sync manager
 FSN410 error   PDO assigned to a sync manager of the other direction
 FSN411 info    sync manager watchdog is off on FSoE outputs
-FSN412 error   sync manager index is not possible
+FSN412 error   invalid sync manager index
 FSN413 error   PDOs assigned to two sync managers
 FSN414 error   two modules at the same bus position
 FSN415 error   module declared in the URDF and in the YAML
@@ -158,7 +158,7 @@ FSN424 warning receive and transmit objects of the FSoE frames look exchanged
 FSN425 warning bus cycle is as long as the sync manager watchdog
 FSN427 warning type cannot be accessed as a value
 FSN429 warning   interface on a PDO of the wrong direction
-FSN431 error   another file has another device at this place
+FSN431 error   another file has a different device at this position
 FSN432 warning another file is of another revision
 FSN433 warning another file assigns other PDOs
 FSN434 warning another file maps other entries
@@ -169,36 +169,36 @@ FSN438 error   PDOs that exclude each other are both assigned
 FSN439 error   PDO belongs to another sync manager
 FSN440 warning sync manager differs from another file
 FSN441 info    default size of a sync manager is not the length of its PDOs
-FSN442 error   another file has this SubDevice elsewhere, or not at all
-FSN443 warning file describes nothing of this network
+FSN442 error   SubDevice is missing, or at another position, in another file
+FSN443 warning file describes no part of this network
 FSN444 error   another file copies other bytes
 FSN445 warning another file has another bus cycle
 FSN446 error   safety project has another value for a connection
 FSN447 error   connection is missing in the safety project, or here
-FSN448 warning FSoE frames differ from those the device library knows
-FSN449 info    what the device library knows about a device
+FSN448 warning FSoE frames differ from the device library
+FSN449 info    entry of the device library for a device
 FSN450 info    default of an output that not every version of the driver writes
 FSN460 info    drive that waits for STO release blocks the start of the driver
 FSN461 info    stopping and starting the driver doubles the transfers
 FSN462 info    driver that writes every default would destroy the copied frame
-FSN463 warning key is not known to this version of the driver
+FSN463 warning key that this version of the driver does not support
 FSN464 warning linuxcnc-ethercat copies another length for this device type
 FSN465 info    linuxcnc-ethercat has no FSoE support for this device
 FSN466 warning linuxcnc-ethercat would connect other slots
 FSN467 warning FSoE partners are in different sync units
 FSN468 info    branch that registers transmit PDOs first shows other offsets
-FSN469 info    driver does not compare the identity behind an alias
+FSN469 info    driver does not compare the identity of devices addressed by alias
 FSN470 error   cyclic mode of operation without its target
 FSN471 warning target position without the actual position
 FSN472 warning controlword without the statusword
 FSN473 warning fixed target position
-FSN474 warning mode of operation that nobody reads back
+FSN474 warning mode of operation that is not read back
 FSN475 error   drive plugin waits for a mode of operation that is not read
 FSN476 warning interface of a robot that no channel provides
 FSN501 error   SubDevice is missing on the bus
-FSN502 warning SubDevice on the bus that the network does not name
+FSN502 warning SubDevice on the bus that is not in the network
 FSN503 error   SubDevices on the bus are in another order
-FSN504 error   another device is at this place
+FSN504 error   different device at this position
 FSN505 warning device has another revision
 FSN506 warning device assigns or maps other PDOs
 FSN507 warning sync manager of the device has another length
@@ -216,9 +216,9 @@ FSN603 error   no FSoE watchdog fits: too short and too long at once
 FSN604 error   safety function may take longer than required
 FSN605 error   element of a safety function is not in the network
 FSN606 warning safety function cannot be judged: values are missing
-FSN607 warning nobody answers for a value of a safety function
+FSN607 warning unverified value in a safety function
 FSN608 error   sum of PFH is above the limit
-FSN609 error   two safety functions of one name
+FSN609 error   two safety functions with the same name
 FSN610 warning connection belongs to no safety function
 FSN611 error   reaction time holds only while the handshake of FSoE is not counted
 FSN612 warning time or PFH of 0 without a reason

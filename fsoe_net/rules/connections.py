@@ -51,7 +51,7 @@ def check_drivers(ctx: Context, runtime: Runtime) -> None:
         ctx.add(
             "FSN223",
             ctx.resolution.network.nets[number].span,
-            f"the driver knows no connections: it would copy nothing for {few(names)}",
+            f"the driver does not support connections: it would copy nothing for {few(names)}",
             hint="`fsoe-net convert` writes their transfers out for the driver",
         )
 

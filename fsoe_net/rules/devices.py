@@ -45,7 +45,7 @@ def _pdo_groups(ctx: Context, number: int, device: Device) -> None:
             ctx.add(
                 "FSN401",
                 wrong[0].at("index"),
-                f"0x{wrong[0].index:04x} stands under {group}, but its number says {other}",
+                f"0x{wrong[0].index:04x} is in {group}, but its number belongs to {other}",
                 hint=f"move it under {other}: (rpdo = MainDevice to SubDevice, 0x16xx; "
                 "tpdo = SubDevice to MainDevice, 0x1axx)",
             )
@@ -69,7 +69,7 @@ def _pdo_lists(ctx: Context, device: Device) -> None:
                 "FSN406",
                 pdo.span,
                 f"PDO 0x{pdo.index:04x} has no channels: the device's own mapping is used and "
-                "no offset behind it is known offline",
+                "the following offsets are not known offline",
                 hint="list its entries, as `ethercat cstruct` or the ESI shows them",
             )
 
@@ -229,7 +229,7 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
             idle_at.at("index"),
             f"mapped more than once, as padding it seems: {names}",
             severity=Severity.INFO,
-            hint="index 0x0000 says padding more clearly",
+            hint="index 0x0000 marks padding clearly",
         )
 
 

@@ -80,7 +80,7 @@ def _feedback(ctx: Context, axis: _Axis, *, waits: bool) -> None:
             "FSN472",
             axis.outputs[_CONTROLWORD].span,
             f"the controlword {axis.object(_CONTROLWORD)} is written, the statusword "
-            f"{axis.object(_STATUSWORD)} is not read: nobody sees the state of the axis",
+            f"{axis.object(_STATUSWORD)} is not read: the state of the axis is unknown",
             hint=f"map {axis.object(_STATUSWORD)} in a TxPDO",
         )
     if MODE_OF_OPERATION in axis.outputs and _MODE_DISPLAY not in axis.inputs and not waits:
@@ -88,7 +88,8 @@ def _feedback(ctx: Context, axis: _Axis, *, waits: bool) -> None:
             "FSN474",
             axis.outputs[MODE_OF_OPERATION].span,
             f"the mode of operation {axis.object(MODE_OF_OPERATION)} is written, "
-            f"{axis.object(_MODE_DISPLAY)} is not read: nobody sees whether the drive has taken it",
+            f"{axis.object(_MODE_DISPLAY)} is not read: whether the drive has accepted it "
+            "is unknown",
             hint=f"map {axis.object(_MODE_DISPLAY)} in a TxPDO; enable the drive when it shows the "
             "mode",
         )

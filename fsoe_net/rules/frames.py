@@ -253,7 +253,7 @@ def _entry_behind(end: ResolvedEnd, frame_bytes: int) -> str:
     bit = 8 * (end.byte_offset + frame_bytes)
     hit = next((p for p in end.sm.placed if p.bit_offset <= bit < p.end_bit), None)
     if hit is None:
-        return f"what lies behind SM{end.sm.sm.index} of {end.endpoint.module}"
+        return f"the bytes after SM{end.sm.sm.index} of {end.endpoint.module}"
     return f"{end.endpoint.module} {hit.entry.address}" if not hit.entry.is_gap else "padding"
 
 

@@ -90,7 +90,7 @@ def _order(ctx: Context, group: Group, rows: list[tuple[int, SubDevice]]) -> Non
             ctx.add(
                 "FSN165",
                 sub.at("position" if "position" in sub.fields else "name"),
-                f"{sub.name} of group {group.name} is not number {n} behind alias {first.alias}; "
+                f"{sub.name} of group {group.name} is not number {n} after alias {first.alias}; "
                 "the SubDevices of a group follow each other",
                 hint=f"write alias: {first.alias}, position: {n}, in the order of the group",
                 related=(Related(span=first.span, message="the first of the group"),),

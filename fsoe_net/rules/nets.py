@@ -200,7 +200,7 @@ def _unknown_master(
     ctx.add(
         "FSN218",
         span,
-        f"safety_master {stated!r} is no module of this network",
+        f"safety_master {stated!r} is not a module of this network",
         hint=ctx.name_hint(meant),
     )
 

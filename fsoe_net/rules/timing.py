@@ -79,7 +79,7 @@ def _elements(out: FindingList, network: NetworkConfig, function: SafetyFunction
         out.add(
             "FSN605",
             element.at("sub"),
-            f"{function.name}: {element.sub} is no SubDevice of this network",
+            f"{function.name}: {element.sub} is not a SubDevice of this network",
             hint=f"did you mean {one_of(near)}?" if near else f"SubDevices: {', '.join(names[:8])}",
         )
     return bool(wrong)
@@ -129,7 +129,7 @@ def _sources(out: FindingList, row: FunctionBudget) -> None:
         out.add(
             "FSN607",
             row.function.span,
-            f"{name}: nobody answers for values of {', '.join(dict.fromkeys(unverified))}",
+            f"{name}: unverified values of {', '.join(dict.fromkeys(unverified))}",
             hint="read the manual and add source: for own values, manual: with its revision for "
             "those of the device library",
         )

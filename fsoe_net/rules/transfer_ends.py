@@ -93,7 +93,7 @@ def _lookup(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, wanted: Direc
         ctx.add(
             "FSN406",
             span,
-            f"where {endpoint} lies is not known offline: a PDO without channels stands before it",
+            f"the position of {endpoint} is not known offline: it follows a PDO without channels",
             hint="list the channels of every PDO of this sync manager",
         )
     else:

@@ -81,7 +81,7 @@ def test_functions_that_one_side_does_not_know():
     timed = resolved(TIMED)
     unknown = replace(side_of_plan(compile_plan(timed), "p"), functions_sha256=None)
     difference = compare(side_of_network(timed, "n"), unknown)
-    assert difference.not_compared == ("safety functions: p (plan) says nothing about them",)
+    assert difference.not_compared == ("safety functions: p (plan) does not contain them",)
 
 
 def test_functions_and_elements_by_name():

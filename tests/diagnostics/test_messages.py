@@ -102,7 +102,7 @@ NOT_SHOWN = {
     "list the PDOs of both directions in one order, or ",
     "name the safety terminal on the bus that holds the MainInstance",
     "slot {} of {}: by their object numbers {} and {} belong to two connections",
-    "what lies behind SM{} of ",
+    "the bytes after SM{} of ",
     "write the two transfers out",
 }
 

@@ -42,7 +42,7 @@ _FASTEST_HZ = 1e9  # a cycle of 1 ns
 
 
 def known_plugin_findings(plugin: str, span: Span) -> list[Diagnostic]:
-    """Return FSN121 when a module's plugin is not known: a warning when it looks misspelt."""
+    """Return FSN121 for an unknown plugin of a module: a warning if it looks misspelt."""
     if plugin in _KNOWN_PLUGINS:
         return []
     close = guesses(plugin, _KNOWN_PLUGINS, cutoff=_ALIKE)
