@@ -78,8 +78,9 @@ def test_the_page_on_signatures_runs_as_it_stands(tmp_path: Path):
     folder = make_signed(tmp_path)
     for name in ("anna", "anna.pub", RECORD, f"{RECORD}.author.sig", f"{RECORD}.verifier.sig"):
         (folder / name).unlink()
-    text = (ROOT / "docs" / "howto" / "sign.md").read_text("utf-8")
-    make_key, *others = re.findall(r"^\$ (.*)$", text, re.MULTILINE)
+    text = (ROOT / "docs" / "howto" / "accept.md").read_text("utf-8")
+    section = text.partition("\n## Sign the record\n")[2].partition("\n## ")[0]
+    make_key, *others = re.findall(r"^\$ (.*)$", section, re.MULTILINE)
     subprocess.run(shlex.split(make_key), cwd=folder, check=True)
     allowed = [(ANNA, "anna"), (BERT, "bert")]
     lines = [f"{who} {public_key(folder, key)}" for who, key in allowed]
