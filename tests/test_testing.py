@@ -11,14 +11,15 @@ from live.support import EXAMPLES, ROOT, needs_core
 import fsoe_net
 from fsoe_net.testing.emulated import EmulatedNetwork
 
-PAGE = ROOT / "docs" / "howto" / "test-your-program.md"
+PAGE = ROOT / "docs" / "howto" / "program.md"
 NETWORK = EXAMPLES / "estop" / "network.yaml"
 NAME = "el1918-ek1914"
 
 
 @needs_core
 def test_the_tests_of_the_page_pass(tmp_path):
-    blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    section = PAGE.read_text("utf-8").partition("\n## Test your program\n")[2]
+    blocks = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
     assert len(blocks) == 3
     shutil.copy(NETWORK, tmp_path)
     shutil.copytree(NETWORK.parent / "devices", tmp_path / "devices", dirs_exist_ok=True)

@@ -1,4 +1,4 @@
-"""An axis by CiA 402 in the cycle of ``fsn-master``: see ``docs/howto/axes.md``.
+"""An axis by CiA 402 in the cycle of ``fsn-master``: see ``docs/howto/program.md``.
 
 Its state machine is that of the C library (``fsn/axis.h``); nothing of it is written here again.
 """

@@ -1,6 +1,6 @@
 """A client in the cycle of ``fsn-master``: inputs of every cycle, outputs in the next frame.
 
-The memory is shared through the C library; see ``docs/howto/realtime.md``.
+The memory is shared through the C library; see ``docs/howto/program.md``.
 """
 
 from __future__ import annotations

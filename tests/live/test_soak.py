@@ -89,7 +89,7 @@ def test_only_events_are_read_of_a_log(tmp_path):
 
 
 def test_the_page_has_each_option():
-    page = (ROOT / "docs/howto/soak.md").read_text("utf-8")
+    page = (ROOT / "docs/development/soak.md").read_text("utf-8")
     said = subprocess.run(
         [sys.executable, ROOT / "tests/bench/soak.py", "--help"],
         capture_output=True,
