@@ -67,18 +67,8 @@ def _chain_options(function: Callable[..., None]) -> Callable[..., None]:
 
 @command.command("show")
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="FILES...")
-@click.option(
-    "--since",
-    metavar="TIME",
-    callback=read_by(read_moment),
-    help="Show entries from this time on (UTC).",
-)
-@click.option(
-    "--until",
-    metavar="TIME",
-    callback=read_by(read_moment),
-    help="Show entries before this time (UTC).",
-)
+@click.option("--since", metavar="TIME", callback=read_by(read_moment), help="From TIME on (UTC).")
+@click.option("--until", metavar="TIME", callback=read_by(read_moment), help="Before TIME (UTC).")
 @click.option("--event", "events", multiple=True, help="Show only this event. Repeatable.")
 @click.option("--user", help="Show only entries that name this user or program.")
 @click.option(
