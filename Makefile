@@ -22,6 +22,7 @@ demo: $(VENV)/.ready ## check, plan, run and report of the e-stop example, on an
 	$(FSN) run examples/estop/network.yaml --plan estop.fsnplan --scenario examples/estop/scenario.yaml
 	@echo; echo '== report'
 	$(FSN) report examples/estop/network.yaml --scenario examples/estop/scenario.yaml -o report.html --overwrite
+	@echo; echo "Next, press the e-stop in a browser: $(FSN) demo"
 
 robot-cell: $(VENV)/bin/fsn-master ## two axes, an e-stop while they move, a picture
 	$(PY) examples/robot-cell/cell.py

@@ -9,8 +9,8 @@ from fsoe_net.diag.packages import missing_package
 
 
 def test_the_command_is_one_that_pip_takes():
-    said = missing_package("studio", "starlette.routing", "studio")
-    begin = f"studio needs starlette, which is not installed; {sys.executable} -m pip install "
+    said = missing_package("ros2", "mcap.writer", "ros2")
+    begin = f"ros2 needs mcap, which is not installed; {sys.executable} -m pip install "
     assert said.startswith(begin)
     command = said.partition("; ")[2].replace("pip install", "pip install --dry-run --quiet")
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)

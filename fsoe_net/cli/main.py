@@ -16,6 +16,9 @@ from fsoe_net.version import __version__
 
 # By task, in the order of the README.
 _GROUPS = {
+    "See it first": {
+        "demo": "Run an emulated e-stop cell in a browser.",
+    },
     "Find mistakes": {
         "check": "Check the files of a network, also against other files or a live bus.",
         "explain": "Explain a finding and how to fix it.",

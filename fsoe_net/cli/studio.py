@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import webbrowser
 
 import click
 
 from fsoe_net.cli.inputs import reference_options
 from fsoe_net.cli.options import FILE, NETWORK, master_options, master_socket, overwrite_option
 from fsoe_net.cli.studio_snapshot import write_snapshot
-from fsoe_net.cli.studio_start import check_control, listening, usual_port
+from fsoe_net.cli.studio_start import check_control, listening, serve, usual_port
 from fsoe_net.cli.terminal import echo
-from fsoe_net.diag.packages import missing_package
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
 
@@ -108,11 +105,8 @@ def command(
     if allow_control:
         check_control(live, listen)
     remote = listening(listen, tls_cert, tls_key, password_file)
-    try:
-        from fsoe_net.studio.server import Studio
-    except ImportError as exc:
-        raise EnvironmentFault(missing_package("studio", exc.name, "studio")) from exc
     from fsoe_net.studio.begin import empty_network
+    from fsoe_net.studio.server import Studio
     from fsoe_net.studio.workspace import Workspace
 
     new_text = empty_network(name) if may_be_new else None
@@ -136,7 +130,4 @@ def command(
     echo("Ctrl-C ends it; only what was saved is in the file")
     if allow_control:
         echo(f"the page may start and stop the bus at {live}, and set outputs: no emergency stop")
-    if not no_browser:
-        webbrowser.open(url)
-    with contextlib.suppress(KeyboardInterrupt):  # how people end it
-        studio.run()
+    serve(studio, url, no_browser=no_browser)

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import webbrowser
 import zlib
+from typing import TYPE_CHECKING
 
 import click
 
 from fsoe_net.studio.listening import Listening
+
+if TYPE_CHECKING:
+    from fsoe_net.studio.server import Studio
 
 _FIRST_PORT, _PORTS = 61_000, 4500  # above those that Linux gives away by itself
 
@@ -48,3 +54,11 @@ def check_control(live: str | None, listen: str | None) -> None:
             "--allow-control and --listen do not go together: the intervention log could not name "
             "the person; use ssh -L, each person with a studio of their own"
         )
+
+
+def serve(studio: Studio, url: str, *, no_browser: bool) -> None:
+    """Serve a page until Ctrl-C; open it in the browser of this machine, if there is one."""
+    if not no_browser:
+        webbrowser.open(url)
+    with contextlib.suppress(KeyboardInterrupt):
+        studio.run()

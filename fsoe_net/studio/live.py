@@ -45,8 +45,9 @@ class Live:
         ended: Callable[[], bool],
         *,
         allow_control: bool = False,
+        runs_emulated: bool = False,
     ) -> None:
-        self._workspace = workspace
+        self._workspace, self._runs_emulated = workspace, runs_emulated
         self._ended = ended
         self._starting, self._controlling = asyncio.Lock(), asyncio.Lock()
         self._master = None if socket is None else MasterFeed(socket)
@@ -70,9 +71,11 @@ class Live:
         ]
 
     def open(self) -> None:
-        """Begin to follow ``fsn-master``."""
+        """Begin to follow ``fsn-master``, or to run the emulated devices."""
         if self._master is not None:
             self._master.start()
+        if self._runs_emulated:
+            self._start({})
 
     def close(self) -> None:
         """End everything that was begun; ``fsn-master`` goes on."""

@@ -138,6 +138,7 @@ class Studio:
         control_socket: Of a running ``fsn-master`` that the live page follows.
         remote: Lets other machines in; without it there is 127.0.0.1 only.
         allow_control: Whether the live page may act on the bus of that ``fsn-master``.
+        runs_emulated: Whether an emulated run starts with the server.
 
     Attributes:
         url: Opens the page; of this machine once, of others with the password.
@@ -154,6 +155,7 @@ class Studio:
         control_socket: str | None = None,
         remote: Listening | None = None,
         allow_control: bool = False,
+        runs_emulated: bool = False,
     ) -> None:
         self._workspace = workspace
         self._shelf = Uploads()
@@ -170,6 +172,7 @@ class Studio:
             control_socket,
             lambda: self._server.should_exit,
             allow_control=allow_control,
+            runs_emulated=runs_emulated,
         )
         folder = Folder(workspace.path)
         app = Starlette(

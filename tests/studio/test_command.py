@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -67,16 +68,21 @@ def test_a_folder_without_a_network_begins_one(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_missing_package_is_named_with_what_installs_it(tmp_path: Path) -> None:
-    (tmp_path / "starlette.py").write_text("raise ImportError(name='starlette')")
-    env = dict(os.environ, PYTHONPATH=str(tmp_path))
-    done = subprocess.run(
-        [sys.executable, "-m", "fsoe_net.cli", "studio", str(EXAMPLES / "estop")],
-        env=env,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 3
-    said = f"studio needs starlette, which is not installed; {sys.executable} -m pip install "
-    assert f"{said}'starlette>=0.46' 'uvicorn>=0.34'\n" in done.stderr
+def test_the_demo_runs_an_emulated_cell_in_a_copy(tmp_path: Path) -> None:
+    command = tied(sys.executable, "-m", "fsoe_net.cli", "demo", "--no-browser")
+    env = dict(os.environ, TMPDIR=str(tmp_path))
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env) as process:
+        assert process.stdout is not None
+        first, second = process.stdout.readline(), process.stdout.readline()
+        browser = Browser(first.split()[-1].removesuffix("#live"))
+        browser.enter()
+        status, _, answer = browser.ask("/api/live")
+        process.send_signal(signal.SIGINT)
+    assert process.returncode == 0
+    assert first.startswith("e-stop cell, emulated: open http://127.0.0.1:")
+    assert first.endswith("#live\n")
+    assert (status, bool(json.loads(answer)["run"])) == (200, True)
+    (folder,) = tmp_path.glob("fsoe-net-demo-*/estop")
+    assert str(folder) in second
+    original = EXAMPLES / "estop" / "network.yaml"
+    assert (folder / "network.yaml").read_bytes() == original.read_bytes()
