@@ -27,7 +27,7 @@ def test_the_changelog_names_the_diagnostics_there_are():
 
 
 def test_each_step_that_ci_holds_is_run_by_it():
-    page = text("docs/release.md")
+    page = text("docs/development/release.md")
     named = set(re.findall(r"`scripts/([\w/]+)`", page.split("6. Run")[0]))
     assert named == {"wheel", "rig/consumer", "docs"}
     for script in named:

@@ -14,7 +14,7 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.version import __version__
 
-# By task, in the order of the README.
+# By task, in the order of docs/reference/cli.md.
 _GROUPS = {
     "See it first": {
         "demo": "Run an emulated e-stop cell in a browser.",

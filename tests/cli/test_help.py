@@ -18,9 +18,10 @@ from networks import EXAMPLES
 from fsoe_net.cli.main import cli
 
 ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "reference" / "cli.md"
 
 
-def test_help_groups_the_commands_as_readme_does():
+def test_help_groups_the_commands_as_the_reference_does():
     text = fsn("--help").stdout
     groups: dict[str, list[str]] = {}
     for block in text.split("\n\n"):
@@ -28,12 +29,12 @@ def test_help_groups_the_commands_as_readme_does():
         if title.endswith(":") and not title.startswith((" ", "Options", "Examples")):
             groups[title[:-1]] = re.findall(r"^  ([a-z0-9-]+) ", "\n".join(rows), re.MULTILINE)
     assert sorted(c for names in groups.values() for c in names) == sorted(cli.list_commands(None))
-    sections = re.split(r"^## ", (ROOT / "README.md").read_text("utf-8"), flags=re.MULTILINE)
+    sections = re.split(r"^## ", PAGE.read_text("utf-8"), flags=re.MULTILINE)
     titles = [section.partition("\n")[0] for section in sections]
     assert [title for title in titles if title in groups] == list(groups)
     for title, commands in groups.items():
         section = sections[titles.index(title)]
-        assert [c for c in commands if f"fsoe-net {c}" not in section] == [], title
+        assert [c for c in commands if f"\n| `{c}" not in section] == [], title
 
 
 def test_check_takes_the_network_of_the_folder(tmp_path: Path):
