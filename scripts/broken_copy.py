@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -18,15 +18,23 @@ C_BUILD = COPY.with_name("c")
 SITE = """import sys
 sys.meta_path[:] = [f for f in sys.meta_path if "ScikitBuild" not in type(f).__name__]
 """
+BUILT = ("build", "dist", ".venv", ".git", "__pycache__", ".hypothesis")
 PASSED, FAILED, NOTHING_RAN = 0, 1, 5
+
+
+def _sources() -> Iterator[str]:
+    """Yield the files of the project, relative to it; nothing that was built."""
+    for folder, inner, files in os.walk(ROOT):
+        inner[:] = [n for n in inner if n not in BUILT and not n.endswith("_cache")]
+        for name in files:
+            path = Path(folder, name)
+            if path.suffix not in (".so", ".pyc") and path.is_file():
+                yield str(path.relative_to(ROOT))
 
 
 def make() -> None:
     """Make the copy anew; files that are the same keep their time, so that C is not built again."""
-    listed = subprocess.run(
-        ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.split("\0")
-    names = {name for name in listed if name and (ROOT / name).is_file()}
+    names = set(_sources())
     for old in COPY.rglob("*.py"):
         if str(old.relative_to(COPY)) not in names:
             old.unlink()
