@@ -1,22 +1,22 @@
 /** An axis by CiA 402 (IEC 61800-7-201, ETG.6010), as its MainDevice drives it: the state machine
- *  behind controlword and statusword, modes, set-points and homing.
+ *  of controlword and statusword, modes, set-points and homing.
  *
- *  The first part is pure: no socket, no clock, no memory of its own. What was received goes into
- *  fsn_axis_step(), what is to be sent comes out; any MainDevice can use it. The second part binds
- *  it to a client in the cycle of fsn-master (<fsn/client.h>).
+ *  The first part is pure: no socket, no clock, no memory of its own. fsn_axis_step() takes the
+ *  received data and computes the data to send. Any MainDevice can use it. The second part binds it
+ *  to a real-time client of fsn-master (<fsn/client.h>).
  *
  *      if (axis.enabled) {
  *          status = fsn_axis_set_position(&axis, axis.outputs.position + step);
  *      }
  *      fsn_axis_step(&axis, &inputs);       // then send axis.outputs
  *
- *  - No axis jumps: until the targets of the program count, and again after each loss of that, the
- *    target position is the actual one, target velocity and torque are 0.
- *  - Nothing comes back by itself: after a stop of any kind, a fault too, the program has to
- *    request it.
- *  - A drive that stops by itself, as with STO, SS1 or SS2, is no fault. That is recognised from
- *    statusword and standard process data, never from FSoE frames. It is an observation and no
- *    safety function: what the drive is really prevented from, its safety functions know alone.
+ *  - No axis jumps: as long as the targets of the program are not in effect, the target position is
+ *    the actual position, and target velocity and torque are 0.
+ *  - No automatic restart: after a stop of any kind, including a fault, the program has to request
+ *    operation.
+ *  - A drive that stops by itself, as with STO, SS1 or SS2, is not in fault. The axis detects this
+ *    from statusword and standard process data, never from FSoE frames. It is an observation and
+ *    not a safety function: only the safety functions of the drive determine what it prevents.
  *
  *  Positions, velocities and torques are numbers of the drive, in its own units. Needs libc only.
  *  Usable from C++. One thread at a time for each axis.
@@ -53,55 +53,55 @@ enum fsn_axis_state {
     FSN_AXIS_QUICK_STOP_ACTIVE,
     FSN_AXIS_FAULT_REACTION_ACTIVE,
     FSN_AXIS_FAULT,
-    FSN_AXIS_NO_STATE, /**< these bits are no state */
+    FSN_AXIS_NO_STATE, /**< these bits match no state */
 };
 
-/** Where the axis is between its program and its drive. */
+/** State of the axis between its program and its drive. */
 enum fsn_axis_phase {
-    FSN_AXIS_OFF,      /**< not requested, and nothing is wrong */
-    FSN_AXIS_ENABLING, /**< on its way to Operation enabled */
+    FSN_AXIS_OFF,      /**< not requested, no fault */
+    FSN_AXIS_ENABLING, /**< changing to Operation enabled */
     FSN_AXIS_ENABLED,
-    FSN_AXIS_STOPPING, /**< disable or quick stop was requested; Quick stop active counts too */
+    FSN_AXIS_STOPPING, /**< disable or quick stop was requested; includes Quick stop active */
     FSN_AXIS_STOPPED_BY_DRIVE, /**< the drive stops by itself, as with SS1 or SS2: expected */
-    FSN_AXIS_TORQUE_OFF,     /**< the drive took the torque off by itself, as with STO: expected */
-    FSN_AXIS_FAULTED,        /**< the drive reports a fault: fsn_axis_reset() */
-    FSN_AXIS_RESETTING,      /**< the fault is being reset */
-    FSN_AXIS_NO_ANSWER,      /**< the drive has not done in time what was requested */
-    FSN_AXIS_BAD_STATUSWORD, /**< its bits are no state; the axis was stopped */
+    FSN_AXIS_TORQUE_OFF,       /**< the drive removed the torque by itself, as with STO: expected */
+    FSN_AXIS_FAULTED,          /**< the drive reports a fault: fsn_axis_reset() */
+    FSN_AXIS_RESETTING,        /**< the fault is being reset */
+    FSN_AXIS_NO_ANSWER,        /**< the drive did not follow a request in time */
+    FSN_AXIS_BAD_STATUSWORD,   /**< its bits match no state; the axis was stopped */
 };
 
-/** What became of the last set-point (PP) or homing. */
+/** Result of the last set-point (PP) or homing. */
 enum fsn_axis_job {
     FSN_AXIS_JOB_NONE,
-    FSN_AXIS_JOB_WAITING, /**< the drive has not taken it yet */
+    FSN_AXIS_JOB_WAITING, /**< not yet accepted by the drive */
     FSN_AXIS_JOB_RUNNING,
     FSN_AXIS_JOB_DONE,   /**< target reached, homing completed */
-    FSN_AXIS_JOB_FAILED, /**< refused, ended with an error, or interrupted */
+    FSN_AXIS_JOB_FAILED, /**< rejected, ended with an error, or interrupted */
 };
 
-/** What a program states of an axis. A limit of 0 closes the modes that it belongs to. */
+/** Parameters of an axis, set by the program. A limit of 0 disables the modes that use it. */
 struct fsn_axis_config {
-    uint32_t max_step;     /**< CSP: largest change of the target in one step, units of position */
-    uint32_t max_velocity; /**< CSV, PV: largest target, either way */
+    uint32_t max_step;     /**< CSP: largest change of the target in one step, position units */
+    uint32_t max_velocity; /**< CSV, PV: largest target, in both directions */
     uint32_t answer_ms;  /**< for a change of state, a mode or a set-point; longer than the drive's
                               ramps; 0: 3000 */
-    uint16_t max_torque; /**< CST: largest target, either way */
-    uint16_t modes;      /**< 1 << mode of each that the drive has; 0: all */
-    int8_t mode;         /**< enum fsn_axis_mode that it begins with */
+    uint16_t max_torque; /**< CST: largest target, in both directions */
+    uint16_t modes;      /**< 1 << mode, for each mode of the drive; 0: all */
+    int8_t mode;         /**< initial enum fsn_axis_mode */
 };
 
-/** What was received in a cycle. */
+/** Data received in a cycle. */
 struct fsn_axis_inputs {
-    uint64_t now_ns;     /**< monotonic, for answer_ms; never less than the one before */
+    uint64_t now_ns;     /**< monotonic, for answer_ms; never decreasing */
     uint16_t statusword; /**< 0x6041 */
-    int8_t mode;         /**< 0x6061; where it is not mapped, the mode the drive was started with */
-    bool torque_off;     /**< a bit of this make of drive says that STO is active; else false */
+    int8_t mode;         /**< 0x6061; if not mapped, the mode the drive was started with */
+    bool torque_off;     /**< a vendor-specific bit reports that STO is active; else false */
     int32_t position;    /**< 0x6064 */
     int32_t velocity;    /**< 0x606C; for the program */
     int16_t torque;      /**< 0x6077; for the program */
 };
 
-/** What is to be sent. */
+/** Data to send. */
 struct fsn_axis_outputs {
     uint16_t controlword; /**< 0x6040 */
     int8_t mode;          /**< 0x6060 */
@@ -110,7 +110,7 @@ struct fsn_axis_outputs {
     int16_t torque;       /**< 0x6071 */
 };
 
-/** What only the functions below touch. */
+/** Private; only the functions below use it. */
 struct fsn_axis_own {
     uint64_t since_ns, mode_ns, job_ns, low_ns;
     int32_t wanted_position, wanted_velocity;
@@ -120,7 +120,7 @@ struct fsn_axis_own {
     bool started, settled, followed, follows, halted, has_position, start, at_once, fresh, resets;
 };
 
-/** An axis. The program reads it and changes it by the functions below only. */
+/** An axis. The program reads it, and changes it only through the functions below. */
 struct fsn_axis {
     struct fsn_axis_config config;
     struct fsn_axis_inputs inputs;   /**< of the last step */
@@ -128,65 +128,66 @@ struct fsn_axis {
     uint8_t state;                   /**< enum fsn_axis_state */
     uint8_t phase;                   /**< enum fsn_axis_phase */
     uint8_t job;                     /**< enum fsn_axis_job */
-    bool enabled; /**< targets of the program count: Operation enabled, and the mode is confirmed */
+    bool enabled; /**< targets of the program are in effect: Operation enabled, and the mode is
+                   * confirmed */
     bool halted;
     bool limited; /**< the drive limits the motion (bit 11), as with SLS or at its own limits */
     bool reached; /**< target reached (bit 10) */
     struct fsn_axis_own own;
 };
 
-/** Makes an axis that is off; until the first step its outputs are 0 but for the mode.
+/** Initialises an axis that is off; until the first step its outputs are 0, except the mode.
  *  @retval FSN_E_ARG  no such mode, or its limit is 0.
  *  Context: set-up. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_init(struct fsn_axis *axis,
                                               const struct fsn_axis_config *config);
 
-/** One cycle: takes what was received, and makes `axis->outputs`. Call it once in each bus cycle.
+/** One cycle: takes the received data and computes `axis->outputs`. Call it once in each bus cycle.
  *  Context: RT-safe: no allocation, lock or system call. Cost: constant. */
 FSN_API void fsn_axis_step(struct fsn_axis *axis, const struct fsn_axis_inputs *inputs);
 
-/** Requests Operation enabled, from whatever state the drive is in. `axis->enabled` says when the
- *  targets of the program count. An axis that is stopped by its drive in Operation enabled goes on
- *  with this too, from where it stands.
- *  @retval FSN_E_STATE  a fault: reset it first. Quick stop active: disable first, which takes the
- *                       torque off. The drive reports STO, still stops by itself, or shows no
- *                       state.
+/** Requests Operation enabled, from any state of the drive. `axis->enabled` is set when the targets
+ *  of the program are in effect. This also continues an axis that its drive stopped in Operation
+ *  enabled, from its present position.
+ *  @retval FSN_E_STATE  a fault: reset it first. Quick stop active: disable first, which removes
+ *                       the torque. The drive reports STO, still stops by itself, or shows an
+ *                       invalid state.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_enable(struct fsn_axis *axis);
 
-/** Requests Ready to switch on: the drive slows down as its object 0x605C says, then has no torque.
- *  A drive that stays in Operation enabled gets Disable voltage after `answer_ms`. From Quick stop
- *  active: Disable voltage at once.
+/** Requests Ready to switch on: the drive slows down as set in its object 0x605C, then removes the
+ *  torque. A drive that stays in Operation enabled gets Disable voltage after `answer_ms`. From
+ *  Quick stop active: Disable voltage at once.
  *  Context: RT-safe. */
 FSN_API void fsn_axis_disable(struct fsn_axis *axis);
 
-/** Requests Quick stop: the drive slows down as its object 0x605A says. No emergency stop. An axis
- *  that is not in Operation enabled is disabled.
+/** Requests Quick stop: the drive slows down as set in its object 0x605A. Not an emergency stop. An
+ *  axis that is not in Operation enabled is disabled.
  *  Context: RT-safe. */
 FSN_API void fsn_axis_quick_stop(struct fsn_axis *axis);
 
 /** Resets a fault: one rising edge of bit 7, held until the drive leaves Fault, or for `answer_ms`.
  *  The axis is off afterwards.
- *  @retval FSN_E_STATE  there is no fault, or it is being reset.
+ *  @retval FSN_E_STATE  no fault, or a reset is in progress.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_reset(struct fsn_axis *axis);
 
-/** Halts or goes on (bit 8). In CSP the target stays, in CSV, PV and CST it is 0 until the program
- *  sets another; in PP the motion goes on afterwards, in homing the drive decides.
- *  fsn_axis_enable() ends it too.
+/** Halts or continues (bit 8). In CSP the target stays. In CSV, PV and CST it is 0 until the
+ *  program sets another. In PP the motion continues afterwards. In homing the drive decides.
+ *  fsn_axis_enable() also ends a halt.
  *  Context: RT-safe. */
 FSN_API void fsn_axis_halt(struct fsn_axis *axis, bool halts);
 
-/** Requests another mode. Until the drive confirms it, targets are as those of an axis that is off;
- *  a set-point or homing that runs is interrupted.
+/** Requests another mode. Until the drive confirms it, targets are those of an axis that is off. A
+ *  set-point or homing in progress is interrupted.
  *  @retval FSN_E_ARG  no such mode, the drive does not have it, or its limit is 0.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_set_mode(struct fsn_axis *axis, int8_t mode);
 
-/** CSP: target of the next step, and of all later ones until there is another.
- *  A larger step than `max_step` from the target before is refused, not shortened: the drive would
- *  follow a program that is wrong about its place at full speed. The target stays then. That a
- *  program has missed cycles makes no step larger, since the drive gets it in one.
+/** CSP: target of the next step and of all later steps until the next call. A step larger than
+ *  `max_step` from the previous target is rejected, not shortened: the drive would follow a program
+ *  with a wrong position at full speed. The target then stays. Cycles that the program missed do
+ *  not allow a larger step, since the drive gets it in one cycle.
  *  @retval FSN_E_STATE  not enabled in CSP, or halted.   @retval FSN_E_ARG  too large a step.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_set_position(struct fsn_axis *axis, int32_t position);
@@ -203,25 +204,25 @@ FSN_API FSN_MUST_USE fsn_status fsn_axis_set_velocity(struct fsn_axis *axis, int
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_set_torque(struct fsn_axis *axis, int16_t torque);
 
-/** PP: a set-point, absolute, offered to the drive with the next step by bit 4 and taken by its bit
- *  12. `axis->job` says what became of it.
- *  @param[in] at_once  true: the drive leaves the set-point it is on its way to; false: after that.
+/** PP: an absolute set-point, offered to the drive with the next step by bit 4 and accepted by its
+ *  bit 12. `axis->job` holds the result.
+ *  @param[in] at_once  true: the drive drops its present set-point; false: it completes that first.
  *  @retval FSN_E_STATE  not enabled in PP, or halted.
- *  @retval FSN_E_BUSY   the drive has not taken the one before.
+ *  @retval FSN_E_BUSY   the drive has not yet accepted the previous set-point.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_move(struct fsn_axis *axis, int32_t position,
                                               bool at_once);
 
-/** HM: starts homing by the method of the drive's object 0x6098. `axis->job` says how it ends. Bits
- *  of an earlier homing that the drive still shows count after 100 ms.
+/** HM: starts homing by the method in the drive's object 0x6098. `axis->job` holds the result. Bits
+ *  of an earlier homing that the drive still shows are ignored for 100 ms.
  *  @retval FSN_E_STATE  not enabled in HM, or halted.   @retval FSN_E_BUSY  it runs.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_axis_home(struct fsn_axis *axis);
 
-/** State in these bits.   Context: any thread. */
+/** Decodes the state from these bits.   Context: any thread. */
 FSN_API enum fsn_axis_state fsn_axis_state_of(uint16_t statusword);
 
-/** "operation enabled", "torque off", "csp": words for messages; "?" for an unknown number.
+/** "operation enabled", "torque off", "csp": texts for messages; "?" for an unknown number.
  *  Context: any thread. */
 FSN_API const char *fsn_axis_state_name(uint32_t state);
 FSN_API const char *fsn_axis_phase_name(uint32_t phase);
@@ -233,16 +234,16 @@ struct fsn_realtime;
 struct fsn_realtime_cycle;
 struct fsn_realtime_fault;
 
-/** Which axis, and how. */
+/** Selects an axis and its symbols. */
 struct fsn_axis_options {
     const char *subdevice; /**< its name in the network file */
     uint32_t number;       /**< axis n has its objects 0x800 * n higher; 0 … 7 */
     struct fsn_axis_config config;
-    /** Symbol with a bit of the drive that says that STO is active, such as its statusword; NULL
-     *  without one. No FSoE frame has symbols. */
+    /** Symbol with a bit of the drive that reports STO active, such as its statusword; NULL without
+     *  one. FSoE frames have no symbols. */
     const char *torque_off;
     uint64_t torque_off_mask; /**< this bit of it, or one of these */
-    bool torque_off_low;      /**< it says so by 0 */
+    bool torque_off_low;      /**< active low: the bit is 0 while STO is active */
 };
 
 /** Numbers of symbols, FSN_REALTIME_NONE where an object is not mapped. */
@@ -251,7 +252,7 @@ struct fsn_axis_symbols {
     int32_t controlword, mode, target_position, target_velocity, target_torque;
 };
 
-/** An axis of a client in the cycle. */
+/** An axis of a real-time client. */
 struct fsn_realtime_axis {
     struct fsn_axis axis;
     struct fsn_axis_symbols symbols;
@@ -259,20 +260,20 @@ struct fsn_realtime_axis {
     bool torque_off_low;
 };
 
-/** Finds the objects of an axis in the process image. It needs 0x6040, 0x6041, 0x6064 with 0x607A,
- *  0x6061 with 0x6060, and those of the mode; their outputs are this client's. Modes without
- *  their objects are closed.
+/** Finds the objects of an axis in the process image. Requires 0x6040, 0x6041, 0x6064 with 0x607A,
+ *  0x6061 with 0x6060, and those of the mode. This client must own their outputs. Modes without
+ *  their objects are disabled.
  *  @param[out] fault  may be NULL.
  *  @retval FSN_E_ARG     no such SubDevice or axis, an object is missing or has another size.
- *  @retval FSN_E_CLOSED  an output of the axis is not this client's.
+ *  @retval FSN_E_CLOSED  this client does not own an output of the axis.
  *  Context: set-up; compares names one by one. */
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_axis_open(const struct fsn_realtime *realtime,
                                                        const struct fsn_axis_options *options,
                                                        struct fsn_realtime_axis *axis,
                                                        struct fsn_realtime_fault *fault);
 
-/** One cycle of an axis: its inputs of the cycle that was waited for, fsn_axis_step(), its outputs
- *  noted for fsn_realtime_send().
+/** One cycle of an axis: reads the inputs of the last cycle waited for, calls fsn_axis_step(), and
+ *  notes the outputs for fsn_realtime_send().
  *  @param[in] cycle  of fsn_realtime_wait().
  *  Context: RT-safe: no allocation, lock or system call. */
 FSN_API void fsn_realtime_axis_step(struct fsn_realtime_axis *axis, struct fsn_realtime *realtime,

@@ -1,4 +1,4 @@
-/** The seam to a MainDevice: who owns the process image and moves it over the wire. */
+/** The interface to a MainDevice, which owns the process image and moves it over the wire. */
 #ifndef FSN_BUS_H
 #define FSN_BUS_H
 
@@ -12,8 +12,8 @@
 extern "C" {
 #endif
 
-/** What a bus reports to the core once, at activation. Arrays belong to the bus and must stay valid
- *  and unchanged until close(). */
+/** Layout that a bus reports to the core once, at activation. Arrays belong to the bus and must
+ *  stay valid and unchanged until close(). */
 struct fsn_bus_layout {
     uint8_t *image;          /**< process image, inputs and outputs; zeroed by the core */
     uint32_t image_bytes;    /**< its length */
@@ -29,29 +29,29 @@ struct fsn_bus_layout {
 
 /** Working counter of one datagram in one cycle. */
 struct fsn_wkc {
-    uint32_t expected; /**< when every SubDevice answers */
-    uint32_t actual;   /**< what came back; 0 for a lost datagram */
+    uint32_t expected; /**< if every SubDevice answers */
+    uint32_t actual;   /**< received value; 0 for a lost datagram */
 };
 
-/** What a bus reports to the core in every cycle. The arrays belong to the core, which clears all
- * of it before each receive(). */
+/** Data that a bus reports to the core in every cycle. The arrays belong to the core, which clears
+ *  all of it before each receive(). */
 struct fsn_bus_input {
     struct fsn_wkc *wkc; /**< one per datagram; to be filled */
     /** One per sync manager: set to 1 where an input holds the bytes of an earlier cycle. Leave it
-     *  0 where the mapping does not allow to know; only the working counter then shows it. */
+     *  0 where the mapping does not show it; then only the working counter does. */
     uint8_t *sm_stale;
     uint32_t lost_frames;    /**< frames of the last send() that have not come back */
-    uint32_t old_replies;    /**< replies to earlier frames, thrown away */
+    uint32_t old_replies;    /**< replies to earlier frames, discarded */
     uint32_t foreign_frames; /**< of another MainDevice, heard since the last receive() */
-    uint32_t unsent_frames;  /**< frames of the last send() that the system refused */
-    int send_errno;          /**< why it refused one, the last time; 0: never */
+    uint32_t unsent_frames;  /**< frames of the last send() that the system rejected */
+    int send_errno;          /**< errno of the last rejected frame; 0: none */
     uint64_t round_trip_ns;  /**< from send() to the last reply; 0 when the bus does not know */
     uint64_t dc_time_ns;     /**< time of the DC reference clock in this reply; 0 without one */
 };
 
-/** AL states of EtherCAT SubDevices; FSN_AL_ERROR is a flag beside one of them. */
+/** AL states of EtherCAT SubDevices; the flag FSN_AL_ERROR may be added to a state. */
 enum {
-    FSN_AL_NONE = 0, /**< nothing answers */
+    FSN_AL_NONE = 0, /**< no answer */
     FSN_AL_INIT = 1,
     FSN_AL_PREOP = 2,
     FSN_AL_BOOT = 3,
@@ -60,7 +60,7 @@ enum {
     FSN_AL_ERROR = 0x10,
 };
 
-/** What stands where the plan has a SubDevice: name, value, text. */
+/** Device found at the position of a SubDevice of the plan: name, value, text. */
 #define FSN_FOUND_TABLE(X)                                                                         \
     X(UNKNOWN, 0, "not looked at yet")                                                             \
     X(NOTHING, 1, "does not answer")                                                               \
@@ -83,27 +83,27 @@ enum fsn_found {
 /** Returns "another device" and the like for an enum fsn_found. Context: any thread. */
 FSN_API const char *fsn_found_text(uint8_t found);
 
-/** Returns an AL status code in words, e.g. "sync manager watchdog" for 0x001B; never an empty
- * text. Context: any thread. */
+/** Returns the text of an AL status code, e.g. "sync manager watchdog" for 0x001B; never an empty
+ *  text. Context: any thread. */
 FSN_API const char *fsn_al_code_text(uint16_t code);
 
 enum { FSN_PORTS = 4 };
 
-/** What the acyclic side of a bus knows about one SubDevice; as old as the last poll(). */
+/** Acyclic data of a bus about one SubDevice; as old as the last poll(). */
 struct fsn_bus_subdevice {
-    uint8_t al_status;       /**< AL status with its error flag; FSN_AL_NONE: nothing answers */
-    uint8_t found;           /**< enum fsn_found */
-    uint16_t al_code;        /**< AL status code of the last error */
-    uint32_t vendor_id;      /**< as read from it; with the next two 0 before it was read */
-    uint32_t product_code;   /**< as read from it */
-    uint32_t revision;       /**< as read from it */
-    uint32_t returns;        /**< times it came back to OP after it was lost or had left OP */
-    uint8_t link[FSN_PORTS]; /**< per port: 1 = something is plugged in and communicates */
+    uint8_t al_status;             /**< AL status with its error flag; FSN_AL_NONE: no answer */
+    uint8_t found;                 /**< enum fsn_found */
+    uint16_t al_code;              /**< AL status code of the last error */
+    uint32_t vendor_id;            /**< as read; with the next two 0 before the first read */
+    uint32_t product_code;         /**< as read */
+    uint32_t revision;             /**< as read */
+    uint32_t returns;              /**< times it returned to OP after it was lost or had left OP */
+    uint8_t link[FSN_PORTS];       /**< per port: 1 = a partner is connected and communicates */
     uint8_t link_lost[FSN_PORTS];  /**< lost links, 0x0310 */
-    uint8_t rx_errors[FSN_PORTS];  /**< broken frames, 0x0300 */
-    uint16_t fsoe_address;         /**< as read from it, where it is another one; 0: not known */
-    bool link_down;                /**< nothing answers, and the link in front of it is down */
-    char detail[FSN_DETAIL_BYTES]; /**< what differs, for people; may be empty */
+    uint8_t rx_errors[FSN_PORTS];  /**< invalid frames, 0x0300 */
+    uint16_t fsoe_address;         /**< as read, if another one; 0: not known */
+    bool link_down;                /**< no answer, and the link before it is down */
+    char detail[FSN_DETAIL_BYTES]; /**< differences, for people; may be empty */
 };
 
 /** Whether a ring, a bus between two interfaces of the MainDevice, is closed: name, value, text. */
@@ -126,8 +126,8 @@ FSN_API const char *fsn_ring_text(uint8_t ring);
 struct fsn_bus_ring {
     uint8_t state;   /**< enum fsn_ring; UNKNOWN before the first cycles */
     uint8_t ways[2]; /**< 1: frames that enter at the first (second) interface leave at the other */
-    uint32_t breaks; /**< times it was found open, or one way, since the bus opened */
-    /** Where it is open, for people: the first gaps; empty while it is closed. */
+    uint32_t breaks; /**< times it was found open or one way, since the bus opened */
+    /** First gaps of an open ring, for people; empty while it is closed. */
     char place[FSN_DETAIL_BYTES];
 };
 
@@ -149,20 +149,21 @@ FSN_API const char *fsn_clocks_text(uint8_t clocks);
 
 /** Distributed clocks as of the last poll(). Times in nanoseconds. */
 struct fsn_bus_clocks {
-    /** enum fsn_clocks. UNKNOWN: there is nothing to compare, as before the first look. APART until
-     *  all have stayed within half of the window for 3 s. LOST: no frame brings the time of the
+    /** enum fsn_clocks. UNKNOWN: nothing to compare, as before the first check. APART until all
+     *  have stayed within half of the window for 3 s. LOST: no frame carries the time of the
      *  reference clock. */
     uint8_t state;
-    bool host;           /**< the reference clock is set from here; false: the cycle follows it */
-    uint32_t subdevices; /**< of the plan that were looked at: in SAFEOP or OP, not the reference */
+    bool host;           /**< this machine sets the reference clock; false: the cycle follows it */
+    uint32_t subdevices; /**< SubDevices of the plan that were checked: in SAFEOP or OP, not the
+                          * reference */
     uint32_t outside;    /**< of them, further from the reference clock than the window */
     uint32_t leaves;     /**< times they were found apart since the bus opened */
-    uint32_t window_ns;  /**< what a clock may differ from the reference clock */
-    uint32_t worst_ns;   /**< greatest difference of them */
-    uint32_t shift_ns;   /**< frames shall reach the reference clock so long before SYNC0 */
-    uint32_t lead_ns;    /**< and how long before it the last one did */
+    uint32_t window_ns;  /**< largest permitted difference from the reference clock */
+    uint32_t worst_ns;   /**< largest difference found */
+    uint32_t shift_ns;   /**< required lead of frames at the reference clock before SYNC0 */
+    uint32_t lead_ns;    /**< lead of the last frame */
     char reference[64];  /**< SubDevice with the reference clock; empty before the start */
-    /** Which clock is apart, or is no longer the reference, for people; else empty. */
+    /** Names the clock that is apart, or no longer the reference, for people; else empty. */
     char place[FSN_DETAIL_BYTES];
 };
 
@@ -171,13 +172,13 @@ struct fsn_statistics;
 
 enum { FSN_HELD = 8 };
 
-/** A bus that is in OP, as one process hands it to the next; see fsn_live_options.attach. */
+/** A bus that is in OP, as handed from one process to the next; see fsn_live_options.attach. */
 struct fsn_bus_attachment {
-    const void *bytes; /**< what the backend knows of its SubDevices, for the same backend only */
+    const void *bytes; /**< SubDevice data of the backend; valid for the same backend only */
     size_t len_bytes;
-    int lock; /**< descriptor that keeps others off the interface */
-    /** Descriptors to be kept open until the first cycle of the successor: closing the last one of
-     * a raw socket takes the kernel 10 ms, for which the end of the predecessor would have to wait.
+    int lock; /**< descriptor that locks the interface */
+    /** Descriptors to keep open until the first cycle of the successor. Closing the last one of a
+     *  raw socket takes the kernel 10 ms, which would delay the end of the predecessor.
      */
     int held[FSN_HELD];
     size_t held_count;
@@ -185,49 +186,49 @@ struct fsn_bus_attachment {
 
 /** A backend. `bus` is its own context.
  *
- *  Freshness: receive() leaves the input bytes of a SubDevice that did not answer as they were,
- *  whole; it never zeroes them, never writes half of them and never writes outputs. Nobody
- *  writes the image from receive() to the next one but the core: it looks at it behind send(). */
+ *  Freshness: receive() leaves the input bytes of a SubDevice that did not answer unchanged and
+ *  whole. It never zeroes them, never writes half of them and never writes outputs. From one
+ *  receive() to the next only the core writes the image, and it reads the image after send(). */
 struct fsn_bus_ops {
     const char *name;
-    /** Fills the layout. A live bus has found and checked its SubDevices then, and they are in
-     *  PREOP or higher. Any status but FSN_OK refuses the activation; then `fault`, never NULL, may
-     *  be filled with what is known beyond it. Set-up thread; may allocate and take seconds. */
+    /** Fills the layout. A live bus has found and checked its SubDevices by then, and they are in
+     *  PREOP or higher. Any status but FSN_OK rejects the activation. Then `fault`, never NULL, may
+     *  be filled with details. Set-up thread; may allocate and take seconds. */
     fsn_status (*open)(void *bus, const struct fsn_plan *plan, struct fsn_bus_layout *layout,
                        struct fsn_fault *fault);
-    /** Brings the inputs of this cycle into the image. Cyclic thread; RT-safe. */
+    /** Copies the inputs of this cycle into the image. Cyclic thread; RT-safe. */
     void (*receive)(void *bus, struct fsn_bus_input *input);
     /** Sends the outputs of the image. Cyclic thread; RT-safe. */
     void (*send)(void *bus);
     /** Called once per successful open(), when the core is freed; may be NULL. Set-up thread. */
     void (*close)(void *bus);
-    /** One step of the acyclic work beside the running cycle: brings every SubDevice towards an AL
-     *  state, sees which ones are lost and brings back those that return. To be called again and
-     *  again, from one thread that is not the cyclic one; a step may take as long as an SDO.
-     *  Returns whether every SubDevice of the plan is in that state; one that does not answer is
+    /** One step of the acyclic work next to the running cycle: brings every SubDevice towards an AL
+     *  state, detects lost ones and recovers those that return. To be called repeatedly from one
+     *  thread that is not the cyclic one. A step may take as long as an SDO.
+     *  Returns whether every SubDevice of the plan is in that state. One that does not answer is
      *  not in OP, and has left it. Groups may be absent. NULL: a bus without states. */
     bool (*poll)(void *bus, uint8_t al_state, uint64_t now_ns);
-    /** What is known about a SubDevice of the plan; any thread but the cyclic one. With poll(). */
+    /** Acyclic data of a SubDevice of the plan; any thread but the cyclic one. With poll(). */
     fsn_status (*state)(void *bus, uint32_t subdevice, struct fsn_bus_subdevice *seen);
     /** Whether the ring is closed; any thread but the cyclic one. Returns false without a second
      *  interface. With poll(); NULL: never a ring. */
     bool (*ring)(void *bus, struct fsn_bus_ring *ring);
-    /** The distributed clocks; any thread but a cyclic one. Returns false where none are in use.
-     *  With poll(); NULL: never. */
+    /** The distributed clocks; any thread but a cyclic one. Returns false if none are in use. With
+     *  poll(); NULL: never. */
     bool (*clocks)(void *bus, struct fsn_bus_clocks *clocks);
-    /** Objects, SII and registers beside the cycle, see fsn/acyclic.h; NULL: none of it. */
+    /** Acyclic objects, SII and registers, see fsn/acyclic.h; NULL: none. */
     const struct fsn_bus_acyclic *acyclic;
-    /** Describes the bus for a process that is to go on with it. Context: that of poll(), which
-     * must rest until that process has attached.
+    /** Describes the bus for its successor process. Context: that of poll(), which must not run
+     *  until that process has attached.
      *  @param[out] attachment  belongs to the bus, and is valid until the next call.
      *  NULL: this bus cannot be handed over. */
     fsn_status (*describe)(void *bus, struct fsn_bus_attachment *attachment);
-    /** Throws away what came in for the cycle while another process drove the bus. Set-up; before
+    /** Discards the cyclic frames that came in while another process drove the bus. Set-up; before
      *  the first cycle of a bus that was attached to. With describe(). */
     void (*discard)(void *bus);
-    /** Counters of one of several buses, by its number in the plan; of the first, whose cycle is
-     *  that of the core, only what differs from those of the core is overwritten. Any thread but a
-     *  cyclic one. NULL: there is one bus. */
+    /** Counters of one of several buses, by its number in the plan. For the first, whose cycle is
+     *  that of the core, only counters that differ from those of the core are overwritten. Any
+     *  thread but a cyclic one. NULL: there is one bus. */
     fsn_status (*statistics)(void *bus, uint32_t number, struct fsn_statistics *statistics);
 };
 

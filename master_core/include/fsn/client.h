@@ -1,9 +1,9 @@
-/** A client in the cycle of fsn-master: the inputs of every cycle, and outputs of its own that
- *  leave with the next frame. For motion controllers and other programs beside safety.
+/** A real-time client of fsn-master: it reads the inputs of every cycle, and writes outputs of its
+ *  own that leave with the next frame. For motion controllers and other non-safety programs.
  *
- *  The master stays part of the black channel: what a client writes reaches the outputs that it
- *  owns, never an FSoE frame, a copy, an output of somebody else, or one that can restart a
- *  machine. No function here is a safety function.
+ *  The master stays part of the black channel: the data of a client reaches only the outputs that
+ *  it owns. It never reaches an FSoE frame, a copy, an output of another writer, or an output that
+ *  can restart a machine. No function here is a safety function.
  *
  *      struct fsn_realtime_options options = {.socket = "/run/fsn-master-eth1.sock"};
  *      ...
@@ -31,70 +31,69 @@ struct fsn_realtime;
 
 enum { FSN_REALTIME_NONE = -1, FSN_REALTIME_TEXT_BYTES = 512 };
 
-/** What a client wants. Zero is a good value for every field but `socket`. */
+/** Options of a client. Zero is a valid value for every field but `socket`. */
 struct fsn_realtime_options {
     const char *socket;      /**< control socket of fsn-master */
-    const char *plan_sha256; /**< plan it was made for, 64 hex digits; NULL: any, by names */
-    const char *const
-        *outputs;        /**< names of outputs it writes; one may end in *: all that begin so */
-    size_t output_count; /**< 0: it only reads */
-    /** Cycles in a row that may pass without new outputs, 0 … 1000. After one more the outputs take
-     *  their stop values, and the client has to open again. */
+    const char *plan_sha256; /**< required plan, 64 hex digits; NULL: any, symbols are found by name
+                              */
+    const char *const *outputs; /**< names of outputs to write; a final * matches any ending */
+    size_t output_count;        /**< 0: it only reads */
+    /** Consecutive cycles that may pass without new outputs, 0 … 1000. After one more the outputs
+     *  take their stop values, and the client has to open again. */
     uint32_t misses;
     uint32_t timeout_ms; /**< for the answer of fsn-master; 0: 5000 */
 };
 
-/** Why it was refused. */
+/** Reason of a refusal. */
 struct fsn_realtime_fault {
     fsn_status status;
     int sys_errno;                      /**< with FSN_E_SYS */
-    char text[FSN_REALTIME_TEXT_BYTES]; /**< for people, with the next step where there is one */
+    char text[FSN_REALTIME_TEXT_BYTES]; /**< for people, with the next step if there is one */
 };
 
 /** A value of the process image. */
 struct fsn_realtime_symbol {
-    const char *name;      /**< as long as the client is open */
-    const char *subdevice; /**< the same of the SubDevice that it is of */
-    double factor,
-        offset;          /**< an input is factor * raw + offset, raw of an output the same of it */
-    uint64_t stop_value; /**< raw, of an output */
-    uint32_t bit_offset; /**< in fsn_realtime_image() */
-    uint32_t bits;       /**< 1 … 64; 0: it has no place in the image */
-    uint16_t index;      /**< of the object; 0: it is a part of one */
-    uint8_t subindex;    /**< the same */
-    uint8_t kind;        /**< enum fsn_kind of <fsn/plan.h> */
-    bool output;         /**< as the MainDevice sees it */
-    bool owned;          /**< this client writes it */
+    const char *name;      /**< valid while the client is open */
+    const char *subdevice; /**< the same, of its SubDevice */
+    double factor, offset; /**< an input is factor * raw + offset; also raw of an output */
+    uint64_t stop_value;   /**< raw; for an output */
+    uint32_t bit_offset;   /**< in fsn_realtime_image() */
+    uint32_t bits;         /**< 1 … 64; 0: not in the image */
+    uint16_t index;        /**< of the object; 0: a part of an object */
+    uint8_t subindex;      /**< as above */
+    uint8_t kind;          /**< enum fsn_kind of <fsn/plan.h> */
+    bool output;           /**< as the MainDevice sees it */
+    bool owned;            /**< this client writes it */
 };
 
 /** One cycle. */
 struct fsn_realtime_cycle {
-    uint64_t cycle;  /**< its number; 1 is the first since the bus was opened */
-    uint64_t now_ns; /**< its start, CLOCK_MONOTONIC */
-    uint64_t
-        next_ns; /**< next one starts then at the earliest: outputs sent until then leave with it */
+    uint64_t cycle;      /**< its number; 1 is the first since the bus was opened */
+    uint64_t now_ns;     /**< its start, CLOCK_MONOTONIC */
+    uint64_t next_ns;    /**< earliest start of the next one: outputs sent before leave with it */
     uint64_t dc_time_ns; /**< DC reference clock as last seen; 0 without one */
-    uint64_t skipped;    /**< cycles that this client has not seen since the one before */
-    uint64_t overruns;   /**< cycles that the master has left out so far */
-    uint32_t expected_wkc,
-        actual_wkc; /**< not the same: some inputs are those of an earlier cycle */
+    uint64_t skipped;    /**< cycles that this client missed since the previous one */
+    uint64_t overruns;   /**< cycles that the master has skipped so far */
+    uint32_t expected_wkc, actual_wkc; /**< different: some inputs are those of an earlier cycle */
 };
 
-/** What the master has counted of this client; the counts only grow. */
+/** Counters of the master for this client; they only grow. */
 struct fsn_realtime_counts {
-    uint64_t on_time; /**< outputs that left with the frame after the inputs that they answer */
+    uint64_t on_time; /**< outputs that left with the frame after the inputs they answer */
     uint64_t late;    /**< outputs that left with a later one */
     uint64_t missed;  /**< cycles without new outputs, since the first ones */
-    uint64_t torn;    /**< cycles in which the outputs were being written again and again */
+    uint64_t torn;    /**< cycles that found the outputs being written at every attempt */
 };
 
-/** Connects, and gets the memory.
+/** Connects, and maps the memory.
  *  @param[out] realtime  to be closed by fsn_realtime_close(); NULL on refusal.
  *  @param[out] fault     may be NULL.
  *  @retval FSN_E_ARG     no such output, another plan or another layout of the memory: see `text`.
  *  @retval FSN_E_CLOSED  an output is not for this client, or the role is below operator.
- *  @retval FSN_E_STATE   the bus is stopped.   @retval FSN_E_BUSY  too many clients, or no answer.
- *  @retval FSN_E_SYS     nobody answers there.   @retval FSN_E_NOMEM  out of memory.
+ *  @retval FSN_E_STATE   the bus is stopped.
+ *  @retval FSN_E_BUSY    too many clients, or no answer.
+ *  @retval FSN_E_SYS     no fsn-master listens on the socket.
+ *  @retval FSN_E_NOMEM   out of memory.
  *  Context: set-up. Allocates and waits. */
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_open(const struct fsn_realtime_options *options,
                                                   struct fsn_realtime **realtime,
@@ -111,28 +110,28 @@ FSN_API int32_t fsn_realtime_input(const struct fsn_realtime *realtime, const ch
 /** Number of an output, or FSN_REALTIME_NONE. Context: set-up; compares names one by one. */
 FSN_API int32_t fsn_realtime_output(const struct fsn_realtime *realtime, const char *name);
 
-/** How many symbols there are: 0 to this - 1. Context: any. */
+/** Number of symbols: valid numbers are 0 to this - 1. Context: any. */
 FSN_API uint32_t fsn_realtime_symbol_count(const struct fsn_realtime *realtime);
 
-/** What a symbol is.   @retval FSN_E_ARG  no such symbol.   Context: any. */
+/** Describes a symbol.   @retval FSN_E_ARG  no such symbol.   Context: any. */
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_symbol(const struct fsn_realtime *realtime,
                                                     uint32_t symbol,
                                                     struct fsn_realtime_symbol *info);
 
 /** Waits for the next cycle that this client has not seen, and takes its inputs.
- *  @param[in]  timeout_ns  how long.
+ *  @param[in]  timeout_ns  longest wait.
  *  @param[out] cycle       may be NULL; filled with FSN_OK and FSN_E_CLOSED.
  *  @retval FSN_E_BUSY    no cycle within that time.
  *  @retval FSN_E_STATE   the bus was stopped, or fsn-master has ended: open again.
- *  @retval FSN_E_CLOSED  a cycle is there, but the outputs were taken back: open again.
+ *  @retval FSN_E_CLOSED  a cycle is available, but the outputs were revoked: open again.
  *  Context: thread of the client. Sleeps until the planned start of the next cycle and its time for
- *  sending, then in steps of 1/64 cycle (2 … 100 us). A thread that is not real time is woken up to
- *  50 us late by the kernel unless prctl(PR_SET_TIMERSLACK, 1) says otherwise. */
+ *  sending, then in steps of 1/64 cycle (2 … 100 us). The kernel wakes a thread that is not
+ *  real-time up to 50 us late, unless prctl(PR_SET_TIMERSLACK, 1) is set. */
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_wait(struct fsn_realtime *realtime,
                                                   uint64_t timeout_ns,
                                                   struct fsn_realtime_cycle *cycle);
 
-/** Raw value in the cycle that was waited for, zero-extended; 0 of no symbol.
+/** Raw value in the cycle that was waited for, zero-extended; 0 for an unknown symbol.
  *  Context: thread of the client. RT-safe: no allocation, lock or system call. */
 FSN_API uint64_t fsn_realtime_get(const struct fsn_realtime *realtime, int32_t symbol);
 
@@ -146,20 +145,20 @@ FSN_API double fsn_realtime_value(const struct fsn_realtime *realtime, int32_t s
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_set(struct fsn_realtime *realtime, int32_t symbol,
                                                  uint64_t raw);
 
-/** The same of a number: factor and offset apply, and what is no floating point is rounded to the
- *  nearest whole number.
+/** The same for a number: factor and offset apply. The value is rounded to the nearest integer,
+ *  unless the type is floating point.
  *  @retval FSN_E_CLOSED  not an output of this client.
- *  @retval FSN_E_ARG     outside the range of its type, or no number; the output keeps its value.
+ *  @retval FSN_E_ARG     out of the range of its type, or NaN; the output keeps its value.
  *  Context: RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_realtime_set_value(struct fsn_realtime *realtime,
                                                        int32_t symbol, double value);
 
-/** Sends all outputs of this client together, as they were noted last; of those never noted the
- *  stop values. They answer the cycle that was waited for.
+/** Sends all outputs of this client together, with the values noted last. Outputs that were never
+ *  noted have their stop values. They answer the cycle that was waited for.
  *  Context: RT-safe. */
 FSN_API void fsn_realtime_send(struct fsn_realtime *realtime);
 
-/** What the master has counted. Of a client without outputs all is 0.
+/** Counters of the master. All are 0 for a client without outputs.
  *  Context: RT-safe. */
 FSN_API struct fsn_realtime_counts fsn_realtime_counts(const struct fsn_realtime *realtime);
 

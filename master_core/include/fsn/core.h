@@ -18,9 +18,9 @@ struct fsn_core;
 
 enum { FSN_OCTAVE = 64, FSN_BUCKETS = 28 * FSN_OCTAVE };
 
-/** Times. Bucket n < 64 counts n ns; above, 64 buckets share an octave: bucket 64 * (e - 5) + s
- *  counts times from (64 + s) * 2^(e-6) ns on, the last one all above 8.5 s. So none is wider than
- *  1.6 % of its times. */
+/** Times. Bucket n < 64 counts n ns. Above, 64 buckets share an octave: bucket 64 * (e - 5) + s
+ *  counts times from (64 + s) * 2^(e-6) ns on, the last one all above 8.5 s. So no bucket is wider
+ *  than 1.6 % of its times. */
 struct fsn_histogram {
     uint64_t count, sum_ns;
     uint64_t min_ns, max_ns; /**< 0 before the first */
@@ -30,30 +30,30 @@ struct fsn_histogram {
 /** Counters of the cyclic thread; they only grow. */
 struct fsn_statistics {
     uint64_t cycles;         /**< bus cycles run */
-    uint64_t overruns;       /**< cycles left out because a wake-up came that much too late */
+    uint64_t overruns;       /**< cycles skipped because a wake-up came too late */
     uint64_t wkc_errors;     /**< cycles with an incomplete working counter */
     uint64_t lost_frames;    /**< frames that have not come back in their cycle */
-    uint64_t old_replies;    /**< replies to earlier frames, thrown away */
-    uint64_t foreign_frames; /**< of another MainDevice, as far as the bus hears them */
-    uint64_t unsent_frames;  /**< frames that the system refused to send */
+    uint64_t old_replies;    /**< replies to earlier frames, discarded */
+    uint64_t foreign_frames; /**< of another MainDevice, if the bus receives them */
+    uint64_t unsent_frames;  /**< frames that the system failed to send */
     uint64_t bytes_copied;   /**< bytes moved by copies */
     uint64_t now_ns;         /**< start of the last cycle, monotonic */
     uint64_t dc_time_ns;     /**< DC reference clock as last seen; 0 without one */
-    uint64_t events_lost;    /**< events that found the ring full */
+    uint64_t events_lost;    /**< events dropped because the ring was full */
     uint32_t expected_wkc;   /**< of the last cycle */
     uint32_t actual_wkc;     /**< of the last cycle */
     uint32_t copies;         /**< copies of the plan */
     uint32_t merged_copies;  /**< copies executed after merging neighbours */
     uint32_t realtime;       /**< 1 when the thread got its real-time priority */
-    uint32_t send_errno;     /**< why a frame could not be sent, the last time; 0: never */
+    uint32_t send_errno;     /**< errno of the last frame that could not be sent; 0: none */
     uint32_t locked;         /**< 1 when the memory of the process is locked */
     /* Of the cyclic thread only; empty in virtual time. */
     struct fsn_histogram latency;    /**< how late wake-ups came */
     struct fsn_histogram period;     /**< from the start of one cycle to the next */
     struct fsn_histogram work;       /**< from the wake-up to the end of send() */
     struct fsn_histogram copy;       /**< the copies alone */
-    struct fsn_histogram round_trip; /**< from send() to the last reply, where the bus knows it */
-    struct fsn_histogram dc_offset;  /**< distance from the place before SYNC0 */
+    struct fsn_histogram round_trip; /**< from send() to the last reply, if the bus reports it */
+    struct fsn_histogram dc_offset;  /**< distance from the required lead before SYNC0 */
 };
 
 /** One change of state. */
@@ -61,31 +61,32 @@ struct fsn_event {
     uint64_t now_ns;       /**< start of the cycle that saw it, nanoseconds */
     uint32_t connection;   /**< its number in the plan */
     uint8_t before, after; /**< enum fsn_observed */
-    uint8_t reset_code;    /**< when `after` is a reset: the code of the end that began it */
-    uint8_t by;            /**< when `after` is a reset: who began it, enum fsn_way + 1; else 0 */
-    /** When `before` is `after`: other parameters than the plan has come, or those of the plan
-     * again. `differs` has the bits of fsn_connection_status, `parameters` is what was observed. */
+    uint8_t reset_code;    /**< when `after` is a reset: reset code of the end that began it */
+    uint8_t by;            /**< when `after` is a reset: the end that began it, enum fsn_way + 1;
+                            * else 0 */
+    /** When `before` is `after`: parameters other than planned have come, or the planned ones
+     *  again. `differs` has the bits of fsn_connection_status, `parameters` is the observation. */
     uint8_t differs;
     struct fsn_parameters parameters;
 };
 
-/** One cycle, as the recorder keeps it. */
+/** One cycle, as stored by the recorder. */
 struct fsn_cycle {
     uint64_t cycle;          /**< its number: 1 for the first; fsn_statistics.cycles after it */
     uint64_t now_ns;         /**< its start, monotonic */
     uint64_t dc_time_ns;     /**< DC reference clock in its reply; 0 without one */
-    uint32_t late_ns;        /**< how late it woke up; this and the next two end at 2^32 - 1 */
+    uint32_t late_ns;        /**< how late it woke up; this and the next two saturate at 2^32 - 1 */
     uint32_t work_ns;        /**< from the wake-up to the end of send() */
     uint32_t round_trip_ns;  /**< from send() to the last reply; 0 where the bus does not know */
     uint32_t lost_frames;    /**< frames that have not come back in this cycle */
-    uint32_t old_replies;    /**< replies to earlier frames, thrown away in this cycle */
-    uint32_t foreign_frames; /**< of another MainDevice, heard since the cycle before */
+    uint32_t old_replies;    /**< replies to earlier frames, discarded in this cycle */
+    uint32_t foreign_frames; /**< of another MainDevice, received since the cycle before */
     uint32_t expected_wkc;   /**< over all datagrams */
     uint32_t actual_wkc;     /**< over all datagrams */
-    uint32_t overruns;       /**< cycles left out right before it: it woke up that much too late */
+    uint32_t overruns;       /**< cycles skipped right before it: it woke up that much too late */
 };
 
-/** How the cyclic thread runs. Zero is a good value for every field but cycle_ns. */
+/** How the cyclic thread runs. Zero is a valid value for every field but cycle_ns. */
 struct fsn_thread_options {
     uint64_t cycle_ns;    /**< bus cycle, 1 000 … 4 000 000 000 ns; 0 takes the plan's */
     int priority;         /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
@@ -132,14 +133,15 @@ FSN_API void fsn_core_free(struct fsn_core *core);
 FSN_API FSN_MUST_USE fsn_status fsn_core_cycle(struct fsn_core *core, uint64_t now_ns);
 
 /** Starts the cyclic thread: cycles at absolute times of CLOCK_MONOTONIC, missed ones are counted
- *  and left out.
- *  @param[in]  options  how it runs; not needed after the call.
+ *  and skipped.
+ *  @param[in]  options  copied.
  *  @param[out] fault    may be NULL.
- *  @retval FSN_E_STATE  it runs already.   @retval FSN_E_ARG  no or an impossible cycle time.
+ *  @retval FSN_E_STATE  already running.   @retval FSN_E_ARG  cycle time is missing or out of
+ *      range.
  *  @retval FSN_E_SYS    the thread could not be created or memory not locked; see sys_errno.
- *  A refused real-time priority is no error: fsn_statistics.realtime stays 0.
- *  With `trace` each cycle writes "fsn: cycle begins" and "fsn: cycle ends", and overruns
- *  "fsn: overrun", to /sys/kernel/tracing/trace_marker: a system call, for measurements only.
+ *  A refused real-time priority is not an error: fsn_statistics.realtime stays 0. With `trace` each
+ *  cycle writes "fsn: cycle begins" and "fsn: cycle ends", and overruns "fsn: overrun", to
+ *  /sys/kernel/tracing/trace_marker: a system call, for measurements only.
  *  Context: set-up. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_start(struct fsn_core *core,
                                                const struct fsn_thread_options *options,
@@ -154,25 +156,25 @@ FSN_API uint64_t fsn_histogram_floor(uint32_t bucket);
 FSN_API uint64_t fsn_histogram_percentile(const struct fsn_histogram *histogram,
                                           uint32_t per_million);
 
-/** One step of the acyclic work of a live bus beside the cycle, see `poll` of fsn_bus_ops.
+/** One step of the acyclic work of a live bus next to the cycle, see `poll` of fsn_bus_ops.
  *  @param[in] al_state  FSN_AL_INIT … FSN_AL_OP.
  *  @retval true  every SubDevice is in that state (one that does not answer is not in OP, and has
  *                left it), or the bus has no states.
  *  Context: one thread that is not the cyclic one. May block. */
 FSN_API bool fsn_core_poll(struct fsn_core *core, uint8_t al_state, uint64_t now_ns);
 
-/** What the bus knows about a SubDevice of the plan.
+/** Acyclic data of the bus about a SubDevice of the plan.
  *  @retval FSN_E_ARG    no such SubDevice.
  *  @retval FSN_E_STATE  a bus without states.   Context: any thread but the cyclic one. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_subdevice(struct fsn_core *core, uint32_t subdevice,
                                                    struct fsn_bus_subdevice *seen);
 
-/** Whether the ring is closed, and where it is not.
+/** Whether the ring is closed, and where it is open.
  *  @retval FSN_E_STATE  not a ring: a bus with one interface.
  *  Context: any thread but the cyclic one. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_ring(struct fsn_core *core, struct fsn_bus_ring *ring);
 
-/** Whether the distributed clocks show one time, and who does not.
+/** Whether the distributed clocks are synchronous, and which one is not.
  *  @retval FSN_E_STATE  none are in use.   Context: any thread but the cyclic one. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_clocks(struct fsn_core *core,
                                                 struct fsn_bus_clocks *clocks);
@@ -181,12 +183,12 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_clocks(struct fsn_core *core,
  *  Context: set-up. */
 FSN_API void fsn_core_stop(struct fsn_core *core);
 
-/** Takes a consistent picture of one cycle.
+/** Takes a consistent snapshot of one cycle.
  *  @param[out] statistics    may be NULL.
  *  @param[out] connections   fsn_plan_connection_count() elements; may be NULL.
  *  @param[out] image         fsn_core_image_bytes() bytes; may be NULL.
  *  @retval FSN_E_ARG   no core.
- *  @retval FSN_E_BUSY  at every attempt two cycles ended while it read; try again.
+ *  @retval FSN_E_BUSY  at every attempt two cycles ended during the read; try again.
  *  Context: any thread. Never delays the cyclic thread; at most 1 000 attempts. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_snapshot(struct fsn_core *core,
                                                   struct fsn_statistics *statistics,
@@ -203,8 +205,8 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_bus(struct fsn_core *core, uint32_t num
 
 /** Keeps the last cycles, each whole: its numbers, working counters and image.
  *  @param[in] time_ns     for how long, counted in bus cycles of the plan, or of the options given
- *                         to fsn_core_start(); 0 keeps none and frees the room.
- *  @param[in] most_bytes  the room ends there: as many cycles as fit.
+ *                         to fsn_core_start(); 0 keeps none and frees the memory.
+ *  @param[in] most_bytes  limit of the memory: as many cycles as fit.
  *  @retval FSN_E_ARG    no core, or not even one cycle fits.
  *  @retval FSN_E_STATE  the thread runs.   @retval FSN_E_NOMEM  out of memory.
  *  After a refusal of FSN_E_ARG or FSN_E_NOMEM nothing is kept.
@@ -215,7 +217,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_keep(struct fsn_core *core, uint64_t ti
 /** How many cycles are kept; 0: none. Context: any thread. */
 FSN_API uint64_t fsn_core_kept_cycles(const struct fsn_core *core);
 
-/** Number of the last cycle that is over; 0 before the first. Works without fsn_core_keep().
+/** Number of the last completed cycle; 0 before the first. Works without fsn_core_keep().
  *  Context: any thread. */
 FSN_API uint64_t fsn_core_last_cycle(const struct fsn_core *core);
 
@@ -224,8 +226,8 @@ FSN_API uint64_t fsn_core_last_cycle(const struct fsn_core *core);
  *  @param[out] record  may be NULL.
  *  @param[out] wkc     fsn_core_datagram_count() elements; may be NULL.
  *  @param[out] image   fsn_core_image_bytes() bytes; may be NULL.
- *  @retval FSN_E_ARG    no core, no such cycle, or it is overwritten; the buffers hold anything.
- *  @retval FSN_E_BUSY   the cycle is not over yet.
+ *  @retval FSN_E_ARG    no core, no such cycle, or overwritten; the buffers are undefined.
+ *  @retval FSN_E_BUSY   the cycle has not ended yet.
  *  @retval FSN_E_STATE  nothing is recorded.
  *  Context: any thread. Never delays the cyclic thread; one attempt, no waiting. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_record(const struct fsn_core *core, uint64_t cycle,
@@ -244,12 +246,12 @@ FSN_API uint32_t fsn_core_image_bytes(const struct fsn_core *core);
 /** First byte of a sync manager in the image, or FSN_NONE. Context: any thread. */
 FSN_API uint32_t fsn_core_sm_base(const struct fsn_core *core, uint32_t sm);
 
-/** Cycles in which an input sync manager held old bytes, as far as the bus knows it.
+/** Cycles in which an input sync manager held old bytes, if the bus detects it.
  *  Context: any thread. */
 FSN_API uint64_t fsn_core_stale_cycles(const struct fsn_core *core, uint32_t sm);
 
-/** Takes the oldest event. A full ring keeps what it has and counts what it drops in events_lost.
- *  @param[out] event  left alone when there is none.
+/** Takes the oldest event. A full ring drops new events and counts them in events_lost.
+ *  @param[out] event  unchanged when there is none.
  *  @retval false  there is none.   Context: one consumer thread. */
 FSN_API bool fsn_core_event(struct fsn_core *core, struct fsn_event *event);
 
@@ -262,14 +264,14 @@ FSN_API bool fsn_core_event(struct fsn_core *core, struct fsn_event *event);
 FSN_API FSN_MUST_USE fsn_status fsn_core_set_output(struct fsn_core *core, uint32_t symbol,
                                                     uint64_t value);
 
-/** Sets several standard outputs, all in one cycle: none of them goes out before the others.
+/** Sets several standard outputs, all in one cycle: they are sent together.
  *  @param[in] count    how many; 0 does nothing.
- *  @param[in] symbols  their numbers in the plan; of one named twice the last value counts.
+ *  @param[in] symbols  their numbers in the plan; if one is named twice, its last value counts.
  *  @param[in] values   one for each, as for fsn_core_set_output().
  *  @retval FSN_E_ARG     no such symbol.   @retval FSN_E_CLOSED  one is closed.
  *  After a refusal all keep their values.
- *  Context: one writer thread, that of fsn_core_set_output(). Neither it nor the cycle waits for
- *  the other. Cost: O(outputs set so far). */
+ *  Context: one writer thread, that of fsn_core_set_output(). Neither the writer nor the cycle
+ *  waits for the other. Cost: O(outputs set so far). */
 FSN_API FSN_MUST_USE fsn_status fsn_core_set_outputs(struct fsn_core *core, size_t count,
                                                      const uint32_t *symbols,
                                                      const uint64_t *values);

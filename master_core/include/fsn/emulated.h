@@ -27,15 +27,15 @@ FSN_API const struct fsn_bus_ops *fsn_emulated_ops(void);
 FSN_API FSN_MUST_USE fsn_status fsn_emulated_create(const struct fsn_plan *plan,
                                                     struct fsn_emulated **bus);
 
-/** Lets go of the bus; NULL is allowed. A core that uses it holds it for itself, so both may be
- * freed in any order. Context: set-up. */
+/** Frees the bus; NULL is allowed. A core that uses it keeps a reference, so both may be freed in
+ *  any order. Context: set-up. */
 FSN_API void fsn_emulated_free(struct fsn_emulated *bus);
 
 /** Device side: reads the newest outputs a SubDevice was sent.
  *  @param[in]  sm     number of an output sync manager in the plan.
  *  @param[out] buffer size_bytes of the sync manager.
  *  @param[out] fresh  whether they were sent since the last call; may be NULL.
- *  @retval FSN_E_ARG  no output sync manager, or the buffer is too small.
+ *  @retval FSN_E_ARG  not an output sync manager, or the buffer is too small.
  *  Context: one device thread per sync manager. */
 FSN_API FSN_MUST_USE fsn_status fsn_emulated_read_outputs(struct fsn_emulated *bus, uint32_t sm,
                                                           uint8_t *buffer, size_t len_bytes,
@@ -45,7 +45,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_emulated_read_outputs(struct fsn_emulated *b
  *  @param[in] sm         number of an input sync manager in the plan.
  *  @param[in] buffer     its whole process data.
  *  @param[in] len_bytes  size_bytes of the sync manager.
- *  @retval FSN_E_ARG  no input sync manager, or the length is not its size; nothing was changed.
+ *  @retval FSN_E_ARG  not an input sync manager, or a wrong length; nothing was changed.
  *  Context: one device thread per sync manager. */
 FSN_API FSN_MUST_USE fsn_status fsn_emulated_write_inputs(struct fsn_emulated *bus, uint32_t sm,
                                                           const uint8_t *buffer, size_t len_bytes);

@@ -1,7 +1,7 @@
-/** Backends that drive real EtherCAT: how they are opened, whichever stack is below.
+/** Backends that drive real EtherCAT: how to open them, for every stack.
  *
- *  Each is a library of its own (fsn_soem, fsn_igh), present where its stack was found when this
- *  was built. Their licences differ from that of libfsn: see `about`. */
+ *  Each is a library of its own (fsn_soem, fsn_igh), present if its stack was found when this was
+ *  built. Their licences differ from that of libfsn: see `about`. */
 #ifndef FSN_LIVE_H
 #define FSN_LIVE_H
 
@@ -11,7 +11,8 @@
 extern "C" {
 #endif
 
-/** Options of a live bus, set before it is opened. Zero is a good value but for the interface. */
+/** Options of a live bus, set before it is opened. Zero is a valid value for every field but the
+ *  interface. */
 struct fsn_live_options {
     const char *interface;    /**< network interface (soem) or number of the master (igh) */
     const char *redundant;    /**< second interface at the other end of the ring; NULL: none */
@@ -22,11 +23,12 @@ struct fsn_live_options {
                                    the plan has a SubDevice with SYNC0, else never */
     bool dc_host;             /**< this machine sets the reference clock; false: its cycle follows
                                    the clock of the first SubDevice that has one */
-    uint64_t dc_shift_ns;     /**< as in fsn_thread_options, for what clocks() reports */
-    uint64_t dc_window_ns;    /**< how far a clock may differ from the reference; 0: 1000 ns */
-    /** What describe() of the process that drives the bus has given: open() then changes nothing on
-     *  the bus, compares it with the plan, and refuses what differs; close() leaves it alone as
-     *  long as no cycle was sent. Needed until open() has returned. NULL: a bus that is started. */
+    uint64_t dc_shift_ns;     /**< as in fsn_thread_options, for the report of clocks() */
+    uint64_t dc_window_ns;    /**< permitted difference from the reference clock; 0: 1000 ns */
+    /** Data from describe() of the process that drives the bus. Then open() changes nothing on the
+     *  bus, compares it with the plan, and rejects a difference; close() leaves the bus unchanged
+     *  as long as no cycle was sent. Needed until open() has returned. NULL: a bus that is started.
+     */
     const struct fsn_bus_attachment *attach;
 };
 
@@ -35,7 +37,7 @@ struct fsn_backend {
     const char *name;
     const char *about; /**< stack, version, licence and trademark terms, for people; lines */
     const struct fsn_bus_ops *ops;
-    bool needs_interface; /**< there is no bus without fsn_live_options.interface */
+    bool needs_interface; /**< fsn_live_options.interface is required */
     bool takes_redundant; /**< it drives a ring from both ends: fsn_live_options.redundant */
     /** Makes the context for `ops`; nothing is sent before ops->open().
      *  @param[in]  options  not needed after the call, nor are its strings.
@@ -46,7 +48,7 @@ struct fsn_backend {
                          struct fsn_fault *fault);
     /** Connects to the process that drives a bus of this interface, through its lock.
      *  @param[out] fd  to be closed by the caller; a socket of whole messages.
-     *  @retval FSN_E_BUS_SILENT  nobody does, or it takes no successor.
+     *  @retval FSN_E_BUS_SILENT  no such process, or it accepts no successor.
      *  NULL: no bus of this backend can be handed over.   Context: set-up. */
     fsn_status (*reach)(const char *interface, int *fd, struct fsn_fault *fault);
     /** Frees the context, after the core that uses it; NULL is allowed. Context: set-up. */

@@ -80,12 +80,12 @@ struct fsn_connection_status {
      *  which has a plan, sets them. */
     uint32_t differs;
     uint32_t observed; /**< enum fsn_observed */
-    /** Times the chain was lost and found again without a Reset: frames passed unseen, and the
-     *  frame counted as wrong or unchecked at that point was no fault of the channel. */
+    /** Times the chain was lost and recovered without a Reset: frames were missed, and a frame
+     *  counted as wrong or unchecked at that point was not a fault of the channel. */
     uint32_t gaps;
 };
 
-/** One direction as the monitor remembers it; 0 is "not known" for both numbers. */
+/** One direction as remembered by the monitor; 0 means unknown for both numbers. */
 struct fsn_followed {
     uint32_t size_bytes;
     uint16_t sequence; /**< number of the next frame */
@@ -98,31 +98,31 @@ struct fsn_followed {
 /** The list of parameters that the main is sending, in chunks. */
 struct fsn_sent_list {
     uint32_t count;  /**< bytes of it so far */
-    uint32_t crc;    /**< CRC-32 of what lies behind its head, before its last step */
+    uint32_t crc;    /**< CRC-32 of the data after its head, before its last step */
     uint8_t head[6]; /**< its first bytes */
     uint8_t command; /**< of its frames; 0: the start-up is not followed */
 };
 
-/** A connection being followed: `status` to read, the rest the monitor's own. Holds no pointer and
- *  may be copied. */
+/** A connection being followed: `status` to read, the rest is private. Holds no pointer and may be
+ *  copied. */
 struct fsn_monitor {
     struct fsn_connection_status status;
     struct fsn_followed followed[2];
     struct fsn_sent_list sent;
     uint16_t last_crc; /**< CRC_0 of the last frame of either direction */
-    uint8_t last_way;  /**< who sent it; 2: nobody */
+    uint8_t last_way;  /**< its sender; 2: none */
     bool lost;         /**< the chain was known, and no Reset has come since */
 };
 
-/** Begins to follow a connection.
- *  @param[in] to_sub_bytes, to_main_bytes  lengths of the frames, of those FSoE has.
- *  @retval FSN_E_ARG  no FSoE frame has such a length.
+/** Starts following a connection.
+ *  @param[in] to_sub_bytes, to_main_bytes  lengths of the frames, valid FSoE lengths.
+ *  @retval FSN_E_ARG  invalid FSoE frame length.
  *  Context: any thread. RT-safe. */
 FSN_API FSN_MUST_USE fsn_status fsn_monitor_init(struct fsn_monitor *monitor, uint32_t to_sub_bytes,
                                                  uint32_t to_main_bytes);
 
-/** Looks at what lies in the image of one direction. An image of zeros before the first frame is
- *  no frame.
+/** Observes the bytes of one direction in the image. All zeros before the first frame are not a
+ *  frame.
  *  @param[in] way     enum fsn_way.
  *  @param[in] frame   as many bytes as fsn_monitor_init() got for this direction.
  *  @param[in] now_ns  time of the observation, nanoseconds; any clock, never decreasing.
@@ -131,10 +131,10 @@ FSN_API FSN_MUST_USE fsn_status fsn_monitor_init(struct fsn_monitor *monitor, ui
 FSN_API enum fsn_verdict fsn_monitor_frame(struct fsn_monitor *monitor, enum fsn_way way,
                                            const uint8_t *frame, uint64_t now_ns);
 
-/** Which of two frames that are both new in one cycle is to be shown first. The sub answers the
- *  main, so the main's comes first; but it may begin anew while the answer to its frame before is
- *  on its way, and that answer still belongs to what was before.
- *  @retval true  the sub's.
+/** Which of two frames that are both new in one cycle is to be observed first. The sub answers the
+ *  main, so the frame of the main comes first. But the main may start a new session before the
+ *  answer to its previous frame arrives; that answer still belongs to the old session.
+ *  @retval true  that of the sub.
  *  Context: the thread that owns the monitor. RT-safe. Cost: O(length). */
 FSN_API bool fsn_monitor_sub_first(const struct fsn_monitor *monitor, const uint8_t *to_sub,
                                    const uint8_t *to_main);

@@ -1,4 +1,4 @@
-/** Plans: bytes of a .fsnplan file, taken as hostile input and proved before anything is copied.
+/** Plans: bytes of a .fsnplan file, treated as hostile input and proved before anything is copied.
  *  Layout: docs/reference/plan-format.md. */
 #ifndef FSN_PLAN_H
 #define FSN_PLAN_H
@@ -30,7 +30,7 @@ enum fsn_kind {
 
 struct fsn_plan;
 
-/** A SubDevice as the plan states it. */
+/** A SubDevice of the plan. */
 struct fsn_subdevice_info {
     const char *name;
     uint32_t vendor_id, product_code, revision_low, revision_high;
@@ -52,7 +52,7 @@ struct fsn_symbol_info {
     uint16_t bits;
     uint8_t kind; /**< enum fsn_kind */
     uint8_t output, restart_relevant;
-    uint64_t stop_value;   /**< raw bits an output takes when nobody writes it; 0 for inputs */
+    uint64_t stop_value;   /**< raw value of an output without a writer; 0 for inputs */
     double factor, offset; /**< an input is factor * raw + offset, raw of an output the same of its
                                 value; finite, factor not 0 */
 };
@@ -88,11 +88,11 @@ struct fsn_bus_info {
     uint32_t first_subdevice, subdevice_count;
 };
 
-/** SubDevices that may be absent: they follow each other in the plan and on the bus, behind the
- *  first, which has an alias. */
+/** SubDevices that may be absent: consecutive in the plan and on the bus, after the first, which
+ *  has an alias. */
 struct fsn_group_info {
     const char *name;
-    const char *place; /**< groups of one place are never there together; empty: no place */
+    const char *place; /**< groups of one place are never present together; empty: no place */
     uint32_t first_subdevice, subdevice_count;
 };
 
@@ -107,12 +107,12 @@ struct fsn_group_info {
 FSN_API FSN_MUST_USE fsn_status fsn_plan_load(const void *bytes, size_t len_bytes,
                                               struct fsn_plan **plan, struct fsn_fault *fault);
 
-/** Lets go of a plan; NULL is allowed. Buses and cores made from it hold it for themselves, so all
- *  of them may be freed in any order. Context: set-up. */
+/** Releases a plan; NULL is allowed. Buses and cores made from it keep a reference, so all of them
+ *  may be freed in any order. Context: set-up. */
 FSN_API void fsn_plan_free(struct fsn_plan *plan);
 
-/** SHA-256 of the plan as it was loaded, from the very bytes its records are read from: equal to
- *  that of the file unless memory and file differ by now. Context: any thread. Cost: O(length). */
+/** SHA-256 of the plan as loaded, computed from the bytes its records are read from. It equals that
+ *  of the file unless the file has changed since. Context: any thread. Cost: O(length). */
 FSN_API void fsn_plan_sha256(const struct fsn_plan *plan, uint8_t digest[FSN_SHA256_BYTES]);
 
 /** The sections of a fingerprint, in the order in which the whole takes them. */
@@ -129,7 +129,8 @@ enum {
 /** Name and version of the text that is hashed. */
 #define FSN_FINGERPRINT_FORM "fsoe-net fingerprint 2"
 
-/** SHA-256 of each section and of the whole; docs/reference/fingerprint.md says of what. */
+/** SHA-256 of each section and of the whole; its input is defined in docs/reference/fingerprint.md.
+ */
 struct fsn_fingerprint {
     uint8_t whole[FSN_SHA256_BYTES];
     uint8_t section[FSN_FINGERPRINT_SECTIONS][FSN_SHA256_BYTES];
@@ -138,11 +139,11 @@ struct fsn_fingerprint {
 /** Bytes of the short code, "A1B2 C3D4 E5F6 0718" and a zero byte. */
 enum { FSN_FINGERPRINT_CODE_BYTES = 20 };
 
-/** Fingerprint of everything safety-relevant in a plan, made anew from the tables that were loaded.
- *  Only the section of the safety functions is an input of the plan: it holds their hash alone.
+/** Fingerprint of everything safety-relevant in a plan, computed again from the loaded tables. Only
+ *  the section of the safety functions is an input of the plan: it holds their hash alone.
  *  @retval FSN_E_ARG    an argument is NULL.
  *  @retval FSN_E_NOMEM  no memory for the order of connections and symbols.
- *  Memory: 4 bytes per connection and symbol, given back. Time: O(records * log(symbols)).
+ *  Memory: 4 bytes per connection and symbol, freed afterwards. Time: O(records * log(symbols)).
  *  Context: set-up, any thread. Allocates. */
 FSN_API FSN_MUST_USE fsn_status fsn_plan_fingerprint(const struct fsn_plan *plan,
                                                      struct fsn_fingerprint *fingerprint);

@@ -1,6 +1,6 @@
 /** Finds FSoE connections in captured EtherCAT frames and follows them.
  *
- *  Nothing needs to be known of the network. A place in the process data is taken for one end of a
+ *  No description of the network is needed. A place in the process data is taken for one end of a
  *  connection when its first byte is always a command, its last two bytes are one ConnID, and its
  *  CRCs form one chain with those of another place with the same ConnID. */
 #ifndef FSN_SCAN_H
@@ -56,19 +56,19 @@ struct fsn_sighting {
 struct fsn_scan_counts {
     uint64_t packets;    /**< handed in */
     uint64_t ethercat;   /**< of these, EtherCAT frames */
-    uint64_t malformed;  /**< of these, frames whose datagrams do not fit */
+    uint64_t malformed;  /**< of these, invalid EtherCAT frames */
     uint64_t datagrams;  /**< process data datagrams that a SubDevice has answered */
     uint64_t unanswered; /**< process data datagrams with working counter 0 */
-    uint64_t dropped;    /**< datagrams or places not looked at, because tables were full */
+    uint64_t dropped;    /**< datagrams or places that were skipped because tables were full */
 };
 
-/** Creates a scanner; fsn_scan_free() lets it go, and takes NULL. Context: set-up. Allocates, at
+/** Creates a scanner; fsn_scan_free() frees it, and accepts NULL. Context: set-up. Allocates, at
  *  most about 60 MB however long the capture is. */
 FSN_API FSN_MUST_USE fsn_status fsn_scan_create(struct fsn_scan **scan);
-/** Lets a scanner go. Context: set-up. */
+/** Frees a scanner. Context: set-up. */
 FSN_API void fsn_scan_free(struct fsn_scan *scan);
 
-/** Looks at one captured Ethernet frame: EtherCAT (0x88A4, with VLAN tag or not) or EtherCAT in
+/** Processes one captured Ethernet frame: EtherCAT (0x88A4, with VLAN tag or not) or EtherCAT in
  *  UDP. Datagrams with working counter 0 are left out: on their way out the inputs are old.
  *  @param[in] bus      number of the bus, when the capture is of several: the same logical address
  *                      is another place there. The source address distinguishes buses as well.

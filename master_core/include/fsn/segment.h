@@ -22,16 +22,16 @@ struct fsn_segment_counts {
     uint64_t frames;    /**< EtherCAT frames answered */
     uint64_t datagrams; /**< in them */
     uint64_t lost;      /**< frames that were lost on purpose */
-    uint64_t foreign;   /**< packets that were no whole EtherCAT frame; they get no answer */
+    uint64_t foreign;   /**< packets that were not a whole EtherCAT frame; they get no answer */
     uint64_t unsent;    /**< answers that the system refused to send */
     uint64_t work_ns;   /**< time spent on frames by the link thread */
-    int send_errno;     /**< why it refused one, the last time; 0: never */
+    int send_errno;     /**< errno of the last refused answer; 0: none */
 };
 
 /** Builds the SubDevices of a plan, in ring order, all switched on and in INIT. Positions that the
- *  plan leaves free are couplers without process data. Groups stand behind all others, as on a
- *  junction: without them frames go on. Of the groups of one place the first is plugged in.
- *  @param[in]  plan     held until the segment is freed.
+ *  plan leaves free are couplers without process data. Groups follow all others, as on a junction:
+ *  without them frames still pass. Of the groups of one place the first is plugged in.
+ *  @param[in]  plan     referenced until the segment is freed.
  *  @param[out] segment  to be freed by fsn_segment_free(); NULL on refusal.
  *  @retval FSN_E_ARG    plan or segment is missing.
  *  @retval FSN_E_NOMEM  out of memory.
@@ -39,12 +39,12 @@ struct fsn_segment_counts {
 FSN_API FSN_MUST_USE fsn_status fsn_segment_create(struct fsn_plan *plan,
                                                    struct fsn_segment **segment);
 
-/** Stops a link and lets the segment go; NULL is allowed. Context: set-up. */
+/** Stops a link and frees the segment; NULL is allowed. Context: set-up. */
 FSN_API void fsn_segment_free(struct fsn_segment *segment);
 
 /** Lets one Ethernet frame pass through the segment, in place.
  *  @param[in] now_ns  when it came in; any clock, never decreasing.
- *  @retval 0  no answer: no EtherCAT, malformed, lost, or nothing is plugged in.
+ *  @retval 0  no answer: not EtherCAT, malformed, lost, or no SubDevice is plugged in.
  *  @retval otherwise the length of the answer, the same as of the frame.
  *  Context: any thread. Locks. Cost: O(datagrams * SubDevices). */
 FSN_API size_t fsn_segment_frame(struct fsn_segment *segment, uint8_t *frame, size_t len_bytes,
@@ -57,13 +57,13 @@ FSN_API size_t fsn_segment_frame(struct fsn_segment *segment, uint8_t *frame, si
 FSN_API void fsn_segment_set_ring(struct fsn_segment *segment, bool ring);
 
 /** fsn_segment_frame() for either port of the MainDevice.
- *  @param[in]  port      0, or 1 in a ring; there is no answer at any other.
- *  @param[out] out_port  where the answer comes out; may be NULL.
+ *  @param[in]  port      0, or 1 in a ring; any other port gets no answer.
+ *  @param[out] out_port  port where the answer comes out; may be NULL.
  *  Context: any thread. Locks. */
 FSN_API size_t fsn_segment_frame_from(struct fsn_segment *segment, uint32_t port, uint8_t *frame,
                                       size_t len_bytes, uint64_t now_ns, uint32_t *out_port);
 
-/** What happens without a frame: watchdogs. Context: any thread. Locks. */
+/** Runs events without a frame: watchdogs. Context: any thread. Locks. */
 FSN_API void fsn_segment_idle(struct fsn_segment *segment, uint64_t now_ns);
 
 /** SubDevices on the ring, couplers for free positions included. Context: any thread. */
@@ -72,7 +72,7 @@ FSN_API uint32_t fsn_segment_size(const struct fsn_segment *segment);
 /** Ring position of a SubDevice of the plan; FSN_NONE: there is none. Context: any thread. */
 FSN_API uint32_t fsn_segment_position(const struct fsn_segment *segment, uint32_t subdevice);
 
-/** Newest outputs of a sync manager, as the device reads them: whole, or those of before.
+/** Newest outputs of a sync manager, as the device reads them: whole, or the previous ones.
  *  @param[out] fresh  whether they are new since the last call; may be NULL.
  *  @retval FSN_E_ARG  no such output, or another length.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_read_outputs(struct fsn_segment *segment, uint32_t sm,
@@ -90,8 +90,9 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_write_inputs(struct fsn_segment *seg
 FSN_API uint8_t fsn_segment_al_status(struct fsn_segment *segment, uint32_t position,
                                       uint16_t *code);
 
-/** Unplugs the SubDevice at a ring position, with all behind it unless it is of a group, or plugs
- * it in again: it then starts as after power-on. No effect at a position that does not exist.
+/** Unplugs the SubDevice at a ring position, with all SubDevices after it unless it is of a group,
+ *  or plugs it in again: it then starts as after power-on. No effect at a position that does not
+ *  exist.
  *  Context: any thread. Locks. */
 FSN_API void fsn_segment_set_present(struct fsn_segment *segment, uint32_t position, bool present);
 
@@ -108,8 +109,8 @@ FSN_API void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t posit
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_link(struct fsn_segment *segment, uint32_t position,
                                                      bool up);
 
-/** Counts receive errors at a port, and forwarded errors in all SubDevices behind. The frames
- *  themselves are not touched: lose some with fsn_segment_lose().
+/** Counts receive errors at a port, and forwarded errors in all SubDevices after it. The frames
+ *  themselves are unchanged: lose some with fsn_segment_lose().
  *  @param[in] port      0: towards the MainDevice, 1: away from it.
  *  @retval FSN_E_ARG    no such SubDevice or port.
  *  Context: any thread. Locks. */
@@ -125,12 +126,12 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_rx_errors(struct fsn_segment *segmen
 FSN_API FSN_MUST_USE fsn_status fsn_segment_swap(struct fsn_segment *segment, uint32_t one,
                                                  uint32_t other);
 
-/** What a SubDevice says it is. */
+/** Identity that a SubDevice reports. */
 struct fsn_segment_identity {
     uint32_t vendor_id, product_code, revision;
 };
 
-/** Lets a SubDevice say that it is another one, from the next time it is switched on.
+/** Lets a SubDevice report another identity, from the next time it is switched on.
  *  @param[in] identity  NULL: its own again.
  *  @retval FSN_E_ARG    no such SubDevice.
  *  Context: any thread. Locks. */
@@ -175,16 +176,16 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_get_object(struct fsn_segment *segme
  *  times, differ by up to 50 ppm, and a frame takes 300 ns from one to the next. */
 struct fsn_segment_clock {
     bool absent;         /**< it has none */
-    bool deaf;           /**< its control loop is broken: it follows nobody */
-    uint64_t offset_ns;  /**< what the clock is ahead of the time given with a frame */
-    int32_t drift_ppb;   /**< how much too fast it runs, in 1e-9; slower than 0.1 % */
-    uint32_t forward_ns; /**< how long a frame takes from it to the next SubDevice */
+    bool deaf;           /**< its control loop does not work: it follows no other clock */
+    uint64_t offset_ns;  /**< lead of the clock over the time given with a frame */
+    int32_t drift_ppb;   /**< rate error of a fast clock, in 1e-9; less than 0.1 % */
+    uint32_t forward_ns; /**< delay of a frame from it to the next SubDevice */
 };
 
-/** Gives a SubDevice another clock; it starts anew, its registers as after power-on. A device with
- *  SYNC0 goes to OP, and stays there, only where the time of a reference clock reaches it
- *  (AL status code 0x002C), SYNC0 was given a start that was still to come (0x002D), and most
- *  outputs come an eighth of its cycle away from the pulses at least (0x001A).
+/** Gives a SubDevice another clock; it restarts, its registers as after power-on. A device with
+ *  SYNC0 goes to OP, and stays there, only where the time of a reference clock reaches it (AL
+ *  status code 0x002C), SYNC0 was given a start that was still to come (0x002D), and most outputs
+ *  come an eighth of its cycle away from the pulses at least (0x001A).
  *  @retval FSN_E_ARG    no such SubDevice, or no clock runs so fast.
  *  Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock(struct fsn_segment *segment,
@@ -199,7 +200,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock(struct fsn_segment *segmen
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock_bits(struct fsn_segment *segment,
                                                            uint32_t position, uint32_t bits);
 
-/** Tells when SYNC0 of a SubDevice pulses next.
+/** Gets the time of the next SYNC0 pulse of a SubDevice.
  *  @param[out] time_ns  in the time that was given with the last frame.
  *  @retval FSN_E_ARG    no such SubDevice, or a null pointer.
  *  @retval FSN_E_STATE  SYNC0 is off, or its start has passed.
@@ -207,12 +208,12 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_clock_bits(struct fsn_segment *s
 FSN_API FSN_MUST_USE fsn_status fsn_segment_next_pulse(struct fsn_segment *segment,
                                                        uint32_t position, uint64_t *time_ns);
 
-/** Lets mailbox answers wait; 0: no longer. At most an hour, as all delays here.
+/** Delays mailbox answers; 0: no longer. At most an hour, as all delays here.
  *  @retval FSN_E_ARG    no such SubDevice.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_mailbox_delay(struct fsn_segment *segment,
                                                               uint32_t position, uint64_t delay_ns);
 
-/** Lets AL state transitions wait; 0: no longer.
+/** Delays AL state transitions; 0: no longer.
  *  @retval FSN_E_ARG    no such SubDevice.   Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_al_delay(struct fsn_segment *segment,
                                                          uint32_t position, uint64_t delay_ns);
@@ -242,10 +243,10 @@ FSN_API size_t fsn_segment_receive(struct fsn_segment *segment, uint8_t *frame, 
  *  Context: any thread. Locks. */
 FSN_API uint64_t fsn_segment_wait(struct fsn_segment *segment, uint64_t now_ns);
 
-/** Frames on the wire take so much longer; their order stays. Context: any thread. Locks. */
+/** Delays frames on the wire by so much; their order stays. Context: any thread. Locks. */
 FSN_API void fsn_segment_set_delay(struct fsn_segment *segment, uint64_t delay_ns);
 
-/** Lets no frame through for a while; those on the wire come afterwards, all at once.
+/** Holds all frames for a while; those on the wire come afterwards, all at once.
  *  Context: any thread. Locks. */
 FSN_API void fsn_segment_stall(struct fsn_segment *segment, uint64_t duration_ns);
 
@@ -256,14 +257,14 @@ FSN_API void fsn_segment_repeat(struct fsn_segment *segment, uint32_t frames);
 /** Context: any thread. Locks. */
 FSN_API void fsn_segment_counts(struct fsn_segment *segment, struct fsn_segment_counts *counts);
 
-/** How the link answers. Zero is a good value for every field but interface. */
+/** Options of the link. Zero is a valid value for every field but interface. */
 struct fsn_segment_link_options {
     const char *interface;  /**< of the first port */
     const char *interface2; /**< of the second port, which makes it a ring; NULL: none */
     int priority;           /**< SCHED_FIFO priority 1 … 99; 0 keeps the normal scheduler */
     int cpu;                /**< CPU number + 1 to pin the thread; 0 leaves it free */
-    /** Takes interfaces that are no veth or tap, too: somebody vouches that no machine hangs on
-     *  them. Without effect unless fsn_segment_test_rig(). */
+    /** Also accepts interfaces that are not veth or tap: a person guarantees that no machine is
+     *  connected to them. No effect unless fsn_segment_test_rig(). */
     bool no_machine_on_this_wire;
 };
 

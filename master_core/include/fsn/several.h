@@ -1,11 +1,11 @@
-/** Several buses behind one core: each has a cycle of its own, and frames cross between them.
+/** Several buses of one core: each has a cycle of its own, and frames cross between them.
  *
  *  The first bus leads: its cycle is that of the core, and every copy from one bus to another is
- *  made in it. Each further bus has a thread with its own cycle time, which also makes the copies
- *  between its own SubDevices, so that these are as fast as on a bus alone. Two cycles hand whole
- *  images to each other and never wait: a frame that crosses comes with the next cycle of the
- *  other side, whole, and until then the old one stays. A bus that is lost takes with it what goes
- *  over it, and nothing else. */
+ *  made in it. Each further bus has a thread with its own cycle time. That thread also makes the
+ *  copies between its own SubDevices, so that these are as fast as on a single bus. Two cycles
+ *  exchange whole images and never wait: a frame that crosses arrives with the next cycle of the
+ *  other side, whole; until then the old one stays. If a bus is lost, only the connections over it
+ *  are lost. */
 #ifndef FSN_SEVERAL_H
 #define FSN_SEVERAL_H
 
@@ -42,7 +42,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_several_create(const struct fsn_plan *plan,
 /** Frees it, not the members; NULL is allowed. Context: set-up. */
 FSN_API void fsn_several_free(struct fsn_several *several);
 
-/** The backend to pass to fsn_core_create() together with it: knows what its members know.
+/** The backend to pass to fsn_core_create() together with it: it reports the data of its members.
  *  Context: any thread. */
 FSN_API const struct fsn_bus_ops *fsn_several_ops(struct fsn_several *several);
 

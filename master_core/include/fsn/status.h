@@ -1,4 +1,4 @@
-/** Status codes: negative, stable, one table. Details of a refusal go to a caller-owned fault. */
+/** Status codes: negative, stable, one table. Details of a refusal are in a caller-owned fault. */
 #ifndef FSN_STATUS_H
 #define FSN_STATUS_H
 
@@ -65,11 +65,11 @@ typedef enum fsn_status {
 #undef FSN_STATUS_ENUM
 } fsn_status;
 
-/** A fault that speaks about no single record. */
+/** A fault that is not about a single record. */
 #define FSN_FAULT_NO_RECORD 0xFFFFFFFFu
 enum { FSN_DETAIL_BYTES = 160 };
 
-/** Where and why something was refused. Owned by the caller, written by each refusal. */
+/** Position and reason of a refusal. Owned by the caller, written by each refusal. */
 struct fsn_fault {
     fsn_status status;
     uint32_t section;    /**< plan section, 1 … 10; 0 for the header or no plan at all */
@@ -77,11 +77,11 @@ struct fsn_fault {
     uint32_t byte;    /**< offset in the plan file, bytes; 0 when the bus, not the file, is wrong */
     int sys_errno;    /**< errno of the failed system call, else 0 */
     bool link_down;   /**< FSN_E_BUS_SILENT: an interface of the bus has no link */
-    const char *rule; /**< the rule that is broken, in words; static, never NULL after a refusal */
-    char detail[FSN_DETAIL_BYTES]; /**< what was found instead; often empty */
+    const char *rule; /**< the rule that is broken, as text; static, never NULL after a refusal */
+    char detail[FSN_DETAIL_BYTES]; /**< the value found instead; often empty */
 };
 
-/** Returns the version of the library that runs, e.g. "0.1.0"; FSN_VERSION_STRING is that of the
+/** Returns the version of the loaded library, e.g. "0.1.0"; FSN_VERSION_STRING is that of the
  *  headers. Context: any thread. */
 FSN_API const char *fsn_version(void);
 
@@ -91,7 +91,7 @@ FSN_API const char *fsn_status_name(fsn_status status);
 /** Returns one sentence for people. Context: any thread. */
 FSN_API const char *fsn_status_text(fsn_status status);
 
-/** Returns what a person does about a status, one line; empty for FSN_OK. Context: any thread. */
+/** Returns the remedy for a status, one line for people; empty for FSN_OK. Context: any thread. */
 FSN_API const char *fsn_status_next_step(fsn_status status);
 
 /** Returns the name of a plan section, e.g. "copy". Context: any thread. */
