@@ -154,8 +154,8 @@ static void want(struct fsn_core *core, uint32_t symbol, uint64_t value) {
     core->wanted[core->active_slot[symbol] - 1] = value;
 }
 
-/** Hands all values over. The cycle sees what stands in the set, and which symbols they are of,
- *  before it sees that there is a new one; the set that comes back is one it has left. */
+/** Publishes all values. The cycle sees the contents of the set and their symbols before it sees
+ *  that there is a new one; the set that comes back is no longer in use. */
 static void hand_over(struct fsn_core *core) {
     struct fsn_rt_sets *sets = &core->rt.sets;
     struct fsn_rt_set *set = &sets->set[sets->triple.writer];

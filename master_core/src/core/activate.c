@@ -1,4 +1,4 @@
-/** Activation: the plan speaks of sync managers, the bus of an image; here both become absolute
+/** Activation: the plan refers to sync managers, the bus to an image. Here both become absolute
  *  bytes, are proved together, and then never change. */
 #include <stdlib.h>
 #include <string.h>

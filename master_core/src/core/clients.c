@@ -21,9 +21,9 @@ static size_t align(size_t bytes) {
     return (bytes + FSN_SHARED_ALIGN - 1) / FSN_SHARED_ALIGN * FSN_SHARED_ALIGN;
 }
 
-/** Makes a file in memory whose size nobody changes, and maps it here. Returns its descriptor, or
- *  -1 with errno.
- *  @param[in] seals  what is sealed beside its size. */
+/** Creates a file in memory with a fixed size, and maps it here. Returns its descriptor, or -1 with
+ *  errno.
+ *  @param[in] seals  seals in addition to those of its size. */
 static int make_file(const char *name, size_t size_bytes, int seals, void **at) {
     const int fd = memfd_create(name, MFD_CLOEXEC | MFD_ALLOW_SEALING);
     if (fd < 0) {
@@ -54,7 +54,7 @@ static uint32_t put_name(struct fsn_shared_inputs *inputs, size_t *at, const cha
     return (uint32_t)begin;
 }
 
-/** Writes the symbols and their names behind the head; returns where they end. */
+/** Writes the symbols and their names after the head; returns the end position. */
 static size_t put_symbols(const struct fsn_core *core, struct fsn_shared_inputs *inputs) {
     const uint32_t count = core->plan->count[FSN_SEC_SYMBOL];
     size_t at = align(sizeof *inputs);
@@ -172,7 +172,7 @@ static int make_outputs(struct fsn_core *core, const struct fsn_core_client *wan
     return fcntl(fd, F_DUPFD_CLOEXEC, 0);
 }
 
-/** Fills what the cycle looks at; nobody writes it after this. */
+/** Fills the fields that the cycle reads; they are not written afterwards. */
 static void set_up(struct fsn_core *core, const struct fsn_core_client *wanted, uint32_t n) {
     struct fsn_core_place *place = &core->places[n];
     struct fsn_rt_client *client = &core->rt.clients.client[n];

@@ -1,4 +1,4 @@
-/** Clients in the cycle: memory for them, made and given back beside the cycle. */
+/** Real-time clients: their memory is allocated and freed outside of the cycle. */
 #ifndef FSN_CORE_CLIENTS_H
 #define FSN_CORE_CLIENTS_H
 
@@ -7,9 +7,9 @@
 
 enum { FSN_CLIENT_FDS = 2 }; /**< descriptors of a client: inputs, and its outputs if it has any */
 
-/** Which outputs a client wants, and how patient the cycle is. */
+/** Outputs that a client requests, and its limit of missed cycles. */
 struct fsn_core_client {
-    const uint32_t *symbols; /**< open outputs, none twice, nobody else's */
+    const uint32_t *symbols; /**< open outputs, without duplicates, not owned by another client */
     uint32_t count;          /**< 0: reads inputs only */
     uint32_t misses;         /**< cycles in a row without new outputs that are allowed */
 };
@@ -35,10 +35,10 @@ struct fsn_core_client_seen {
 fsn_status fsn_core_client_open(struct fsn_core *core, const struct fsn_core_client *wanted,
                                 uint32_t *place, int fds[FSN_CLIENT_FDS]);
 
-/** Lets a client with outputs into the cycle, once it has mapped them: they are sealed now, so that
- *  nobody can map them for writing any more, write them by a call, or take pages out of them, for
- *  which the cycle would have to wait.
- *  @retval FSN_E_SYS  the client has kept the file from being sealed, or the kernel is too old.
+/** Lets a client with outputs into the cycle, once it has mapped them. They are sealed now, so that
+ *  no process can map them for writing any longer, write them by a call, or remove pages, which
+ *  would make the cycle wait.
+ *  @retval FSN_E_SYS  the client has prevented the seal, or the kernel is too old.
  *  Context: control thread. */
 fsn_status fsn_core_client_begin(struct fsn_core *core, uint32_t place);
 

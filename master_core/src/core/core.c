@@ -137,7 +137,7 @@ static bool options_ok(const struct fsn_thread_options *options, uint64_t cycle_
 }
 
 static void write_marker(int fd, const char *marker) {
-    /* A marker that does not fit is lost; the cycle goes on. */
+    /* A marker that does not fit is lost; the cycle continues. */
     const ssize_t written = write(fd, marker, strlen(marker));
     (void)written;
 }

@@ -1,4 +1,4 @@
-/** What a successor sees of a core, and how it goes on from there. */
+/** State of a core that a successor reads, and how it continues from there. */
 #include "fsn/handover.h"
 
 #include <stdlib.h>
@@ -9,7 +9,7 @@
 
 enum { ROOM_FORMAT = 0x316E7366 }; /* "fsn1" */
 
-/** Head of a room; the pictures follow, one behind the other. */
+/** Head of a room; the snapshots follow, one after the other. */
 struct room {
     uint32_t format, statistics_bytes, connections_bytes, image_bytes;
     struct fsn_rt_shown shown;

@@ -25,8 +25,8 @@ bool fsn_is_silent(fsn_status status) {
     return status == FSN_E_BUS_MAILBOX || status == FSN_E_BUS_MISSING;
 }
 
-/** Transfers an object, again after a lost or late answer and after longer and longer pauses: what
- * is checked at a start must not depend on one frame. What was written may be written twice. */
+/** Transfers an object, and retries after a lost or late answer with increasing pauses: a check at
+ *  the start must not depend on one frame. A write may be repeated. */
 static fsn_status persist(const struct fsn_objects *objects, transfer_fn transfer_it,
                           struct fsn_transfer *transfer) {
     const uint32_t size_bytes = transfer->size_bytes;

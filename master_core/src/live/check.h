@@ -14,7 +14,7 @@ struct fsn_objects {
     fsn_status (*download)(void *bus, struct fsn_transfer *transfer);
 };
 
-/** Whether nothing came back: there was no answer, or the SubDevice is gone. */
+/** Whether no answer came back, or the SubDevice is lost. */
 bool fsn_is_silent(fsn_status status);
 
 /** Reads an object of at most 8 bytes, the rest of them 0, several times where no answer comes.
@@ -26,7 +26,7 @@ fsn_status fsn_objects_read(const struct fsn_objects *objects, uint16_t index, u
 fsn_status fsn_objects_write(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
                              const uint8_t *bytes, uint32_t size_bytes, uint32_t *abort_code);
 
-/** Whether a device is the one of the plan; if not, `detail` says both. */
+/** Whether a device is the planned one; if not, `detail` names both. */
 bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_id,
                         uint32_t product_code, uint32_t revision, char detail[FSN_DETAIL_BYTES]);
 
@@ -38,14 +38,14 @@ bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_i
 fsn_status fsn_check_sdos(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
                           const struct fsn_objects *objects, char detail[FSN_DETAIL_BYTES]);
 
-/** Compares the FSoE address of a SubInstance with the plan, where both know it.
+/** Compares the FSoE address of a SubInstance with the plan, if both have it.
  *  @param[in]  subdevice  its number in the plan.
  *  @param[in]  objects    NULL: it has no CoE.
  *  @param[out] readable   whether it could be read.
- *  @param[out] found      another address than the plan says; 0 without one.
- *  @param[out] detail   what differs, or which object was not answered.
- *  @retval FSN_E_BUS_ADDRESS  another one.
- *  @retval FSN_E_BUS_MAILBOX, FSN_E_BUS_MISSING  no answer: it is not known.   Context: may block.
+ *  @param[out] found      the differing address; 0 without one.
+ *  @param[out] detail   the difference, or the object without an answer.
+ *  @retval FSN_E_BUS_ADDRESS  the address differs.
+ *  @retval FSN_E_BUS_MAILBOX, FSN_E_BUS_MISSING  no answer: unknown.   Context: may block.
  */
 fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
                              const struct fsn_objects *objects, bool *readable, uint16_t *found,

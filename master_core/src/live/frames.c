@@ -118,7 +118,7 @@ static uint32_t place(struct fsn_frames *frames, bool with_dc, bool dc_host) {
             d + 1 < image->datagram_count ? image->datagram_begin[d + 1] : image->bytes;
         struct fsn_wire_frame *frame = &wire->frames[d];
         frame->image_byte = begin;
-        /* An LRW without any data is no datagram a SubDevice controller knows. */
+        /* An LRW without data is not a valid datagram for a SubDevice controller. */
         frame->size_bytes = end > begin ? end - begin : 1;
         frame->expected = image->expected[d];
         if (frame->size_bytes + dc_bytes <= FSN_WIRE_LRW_BYTES) {
@@ -161,7 +161,7 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station, b
         return FSN_E_NOMEM;
     }
     for (uint32_t f = 0; f < wire->frame_count; f++) {
-        /* What carries no process data uses an address that nobody maps. */
+        /* A datagram without process data uses an address that is not mapped. */
         const uint32_t logical =
             f < datagrams ? wire->frames[f].image_byte : frames->image.bytes + 1;
         struct fsn_wire_frame *frame = &wire->frames[f];

@@ -21,7 +21,7 @@ struct fsn_node {
 
 struct fsn_nodes {
     const struct fsn_plan *plan; /**< the one it was opened with; held by the core */
-    void *first;                 /**< owned; `count` nodes of the backend, one behind the other */
+    void *first;                 /**< owned; `count` nodes of the backend, consecutive */
     uint32_t count;
     size_t node_bytes;
     pthread_mutex_t lock; /**< guards `seen` of the nodes; never taken by the cycle */
@@ -58,7 +58,7 @@ void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node);
 /** Refuses because of a node; the detail is what was noted about it. */
 fsn_status fsn_node_refuse(struct fsn_fault *fault, fsn_status status, const struct fsn_node *node);
 
-/** Checks every node, also behind one that is refused, so that all can be reported.
+/** Checks every node, also after a refused one, so that all can be reported.
  *  @return the first refusal. */
 fsn_status fsn_nodes_check(struct fsn_nodes *nodes, void *bus,
                            fsn_status (*check)(void *bus, struct fsn_node *node),

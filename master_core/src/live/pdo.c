@@ -75,7 +75,7 @@ static void join_padding(struct mapping *m) {
 
 /* -- as found ------------------------------------------------------------------------------- */
 
-/** Returns as fsn_objects_read(): a SubDevice may refuse it, which is no fault here. */
+/** Returns as fsn_objects_read(): a refusal by the SubDevice is not a fault here. */
 static fsn_status read_number(const struct at *at, uint16_t index, uint8_t sub, uint32_t *value) {
     uint8_t bytes[8];
     const fsn_status status = fsn_objects_read(at->objects, index, sub, bytes, at->detail);

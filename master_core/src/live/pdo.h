@@ -11,11 +11,11 @@ enum { FSN_PDO_ENTRIES = 254 };
 uint32_t fsn_pdo_entries(const struct fsn_plan *plan, uint32_t number,
                          uint32_t entries[FSN_PDO_ENTRIES]);
 
-/** Compares assignment and mapping of a sync manager with the plan. What differs is written once,
- *  and judged as it then is; what cannot be read is left to the SubDevice, which judges the length
- *  itself on its way to SAFEOP.
- *  @param[in]  sm      record of the sync manager in the plan; none of a mailbox.
- *  @param[out] detail  what differs, for people.
+/** Compares assignment and mapping of a sync manager with the plan. A difference is written once,
+ *  and checked again. If they cannot be read, the SubDevice itself checks the length on its way to
+ *  SAFEOP.
+ *  @param[in]  sm      record of the sync manager in the plan; not of a mailbox.
+ *  @param[out] detail  the difference, for people.
  *  @retval FSN_E_BUS_MAPPING  it differs and cannot be changed.
  *  @retval FSN_E_BUS_MAILBOX, FSN_E_BUS_MISSING  no answer, which is not the same as a refusal.
  *  Context: set-up; may block. */

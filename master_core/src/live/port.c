@@ -29,7 +29,7 @@ enum {
     INDEX_BYTE = 17,
     ETHERCAT = 0x88A4,
     CYCLIC_BUFFER_BYTES = 4 << 20,
-    EAR_BYTES = 64, /**< of each foreign frame: nobody reads them */
+    EAR_BYTES = 64, /**< of each foreign frame: they are never read */
     ETHERNET_BYTES = 1500,
 };
 
@@ -53,7 +53,7 @@ static fsn_status refuse_detail(struct fsn_fault *fault, fsn_status status, cons
     return status;
 }
 
-/** Goes on behind it with frames of ours, and `others` instructions further with foreign ones. */
+/** Continues after it with own frames, and `others` instructions further with foreign ones. */
 #define IS_OURS(tag, others)                                                                       \
     BPF_STMT(BPF_LD | BPF_H | BPF_ABS, FSN_PORT_SOURCE),                                           \
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, FSN_PORT_OURS, 0, (others) + 2),                       \
@@ -73,8 +73,8 @@ static int attach(int socket, struct sock_filter *code, size_t count) {
 }
 
 fsn_status fsn_port_filter_acyclic(int socket, uint16_t tag) {
-    /* Whole packets only, since SOEM believes the length a frame states: the header, 16 bytes, and
-     * that many more. */
+    /* Whole packets only, since SOEM relies on the length field of a frame: the header, 16 bytes,
+     * and that many more. */
     struct sock_filter code[] = {
         IS_OURS(tag, 13),
         BPF_STMT(BPF_LD | BPF_B | BPF_ABS, INDEX_BYTE),
@@ -211,7 +211,7 @@ fsn_status fsn_port_open_foreign(const char *interface, uint16_t tag, int *out,
     if (status != FSN_OK) {
         return status;
     }
-    const int least = 0; /* what does not fit is counted all the same */
+    const int least = 0; /* also counts packets that do not fit */
     (void)setsockopt(*out, SOL_SOCKET, SO_RCVBUF, &least, sizeof least);
     if (filter_foreign(*out, tag) != 0 || bind_to(*out, number, ETHERCAT) != 0) {
         const fsn_status refused = refuse_system(fault, interface, "the raw socket is of no use");
@@ -223,7 +223,7 @@ fsn_status fsn_port_open_foreign(const char *interface, uint16_t tag, int *out,
 }
 
 uint32_t fsn_port_count_foreign(int socket) {
-    struct tpacket_stats counted = {0}; /* reading them begins anew */
+    struct tpacket_stats counted = {0}; /* reading restarts with them */
     socklen_t size = sizeof counted;
     return getsockopt(socket, SOL_PACKET, PACKET_STATISTICS, &counted, &size) == 0
                ? counted.tp_packets

@@ -16,10 +16,10 @@ enum { FSN_PORT_OURS = 0x0246, FSN_PORT_SOURCE = 6, FSN_PORT_TAG = 10 };
 uint16_t fsn_port_tag(const char *interface);
 
 /** Opens the cyclic socket of an interface: it sees replies to our cyclic frames only.
- *  @param[in]  stamp   whether the kernel shall note when packets came in.
+ *  @param[in]  stamp   whether the kernel timestamps received packets.
  *  @param[out] socket  to be closed by the caller; -1 on refusal.
- *  @retval FSN_E_SYS    the system refused, sys_errno says why: EPERM when CAP_NET_RAW is
- *                       missing, ENODEV without such an interface.
+ *  @retval FSN_E_SYS    a system call failed, see sys_errno: EPERM when CAP_NET_RAW is missing,
+ *                       ENODEV without such an interface.
  *  Details go to `fault`. */
 fsn_status fsn_port_open(const char *interface, uint16_t tag, bool stamp, int *socket,
                          struct fsn_fault *fault);
@@ -36,9 +36,9 @@ fsn_status fsn_port_open_foreign(const char *interface, uint16_t tag, int *socke
 /** Returns how many EtherCAT frames that are not ours came in since the last call. */
 uint32_t fsn_port_count_foreign(int socket);
 
-/** Makes sure that nobody else of this host's network namespace uses the interface with us.
+/** Makes sure that no other process of this host's network namespace uses the interface.
  *  @param[out] lock  to be kept open as long as the interface is used; -1 on refusal.
- *  @retval FSN_E_BUS_BUSY  somebody does. */
+ *  @retval FSN_E_BUS_BUSY  another process uses it. */
 fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fault);
 
 /** Connects to the process that has the lock of an interface; see `reach` of fsn_backend. */
@@ -47,9 +47,9 @@ fsn_status fsn_port_reach(const char *interface, int *fd, struct fsn_fault *faul
 /** Throws away what waits in a socket. */
 void fsn_port_discard(int socket);
 
-/** Listens whether another MainDevice talks on the interface.
+/** Listens for another MainDevice on the interface.
  *  @param[in] listen_ns  how long.
- *  @retval FSN_E_BUS_BUSY  it does; the detail says what was heard. */
+ *  @retval FSN_E_BUS_BUSY  there is one; the detail describes the frames. */
 fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn_fault *fault);
 
 /** Sends a frame that no SubDevice touches; returns 0, or errno when it cannot be sent. */

@@ -92,7 +92,7 @@ static fsn_status exchange_sdo(struct exchange *x, bool named) {
     return FSN_E_BUS_STATE;
 }
 
-/** Ends the transfer for the SubDevice; nobody answers that. */
+/** Ends the transfer for the SubDevice; this is not answered. */
 static fsn_status give_up(struct exchange *x, fsn_status status) {
     fsn_put32(begin_object(x, ABORT, 0) + 4, ABORT_GENERAL);
     (void)x->mailbox->send(x->mailbox->context, x->request);
@@ -114,7 +114,7 @@ static bool goes_on(const struct fsn_transfer *t) {
 
 /* -- reading -------------------------------------------------------------------------------- */
 
-/** One segment: 7 bytes or more, of which a short one says how many are unused. */
+/** One segment: 7 bytes or more; a short one contains the number of unused bytes. */
 static fsn_status take_segment(struct exchange *x, uint32_t *done, uint32_t size, bool toggle,
                                bool *last) {
     begin(x, SDO_BYTES)[0] = (uint8_t)(UPLOAD_SEGMENT | (toggle ? TOGGLE : 0));

@@ -32,7 +32,7 @@ static inline void fsn_put64(uint8_t *at, uint64_t value) {
     fsn_put32(at + 4, (uint32_t)(value >> 32));
 }
 
-/** Writes up to 64 bits at any bit of an image; those beside them stay. */
+/** Writes up to 64 bits at any bit of an image; adjacent bits are unchanged. */
 static inline void fsn_write_bits(uint8_t *image, uint32_t bit, uint32_t bits, uint64_t value) {
     while (bits > 0) {
         const uint32_t shift = bit % 8;

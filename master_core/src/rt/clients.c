@@ -12,8 +12,8 @@ static void count(_Atomic uint64_t *counter) {
     atomic_store_explicit(counter, before + 1, memory_order_relaxed);
 }
 
-/** Takes the newest set of a client, if there is another one and all of it is there. What the
- *  client writes meanwhile decides only which of its own values are taken. */
+/** Takes the newest set of a client, if it is new and complete. A concurrent write of the client
+ *  affects only which of its own values are taken. */
 static bool take(struct fsn_rt_client *client, uint64_t *answers) {
     enum { TRIES = 2 };
     for (int i = 0; i < TRIES; i++) {
@@ -45,7 +45,7 @@ static uint32_t judge(struct fsn_rt_client *client, uint64_t last) {
     uint64_t answers = 0;
     uint32_t state = atomic_load_explicit(&client->shown->state, memory_order_relaxed);
     if (state == FSN_SHARED_LATE) {
-        return state; /* until it has begun anew */
+        return state; /* until it has restarted */
     }
     if (take(client, &answers)) {
         count(answers == last ? &client->shown->on_time : &client->shown->late);

@@ -22,7 +22,7 @@ struct fsn_rt_client {
 struct fsn_rt_clients {
     _Atomic uint32_t present; /**< bit n: there is a client[n] */
     struct fsn_rt_client client[FSN_SHARED_CLIENTS];
-    struct fsn_shared_inputs *inputs; /**< NULL: there was no client yet */
+    struct fsn_shared_inputs *inputs; /**< NULL: no client so far */
     _Atomic uint64_t *pictures;
 };
 

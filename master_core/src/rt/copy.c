@@ -6,7 +6,7 @@
  * copies are grouped by size: the only branch is per group, none per copy, none on data.
  *
  * Above 64 bytes: whole blocks of 16 with a constant count, then the last 16 bytes once more from
- * the end. Both halves stay inside the range, so no byte beside it is ever written, and since
+ * the end. Both halves stay inside the range, so no byte outside it is ever written, and since
  * sources are inputs and destinations are outputs nothing is read after it was written. */
 enum { BLOCK = 16 };
 

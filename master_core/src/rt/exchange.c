@@ -31,7 +31,7 @@ void fsn_exchange_receive(struct fsn_exchange *exchange, uint8_t *image,
                           struct fsn_bus_input *input) {
     const bool fresh = fsn_triple_take(&exchange->up);
     const struct fsn_exchange_inputs *set = &exchange->brought[exchange->up.reader];
-    /* Between two cycles of a slower bus the last one counts; its age is no fault. */
+    /* Between two cycles of a slower bus its last cycle counts; its age is not a fault. */
     memcpy(input->wkc, set->wkc, exchange->datagram_count * sizeof *set->wkc);
     if (!fresh) {
         return;

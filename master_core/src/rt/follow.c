@@ -87,7 +87,7 @@ static void remember(struct fsn_monitor *m, unsigned way, uint16_t crc) {
     m->last_way = (uint8_t)way;
 }
 
-/** Checks all CRCs with the known number (§3) and goes on in the chain. */
+/** Checks all CRCs with the known number (§3) and continues the chain. */
 static bool fits(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     struct fsn_followed *f = &m->followed[way];
     uint16_t sequence = f->sequence;
@@ -115,9 +115,9 @@ static void lose(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     remember(m, way, fsn_fsoe_crc0(frame, m->followed[way].size_bytes));
 }
 
-/** The main's first Session frame starts the chain anew at any time (§6 row 9). One that does not
- *  fit leaves a known chain alone: the reply to a session given up before is ignored by a main as
- *  well (§5 row 11). */
+/** The main's first Session frame restarts the chain at any time (§6 row 9). One that does not fit
+ *  leaves a known chain alone: the reply to a session given up before is ignored by a main as well
+ *  (§5 row 11). */
 static enum fsn_verdict take_session(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     struct fsn_followed *f = &m->followed[way];
     if (f->sequence != 0 && fits(m, way, frame)) {
@@ -198,7 +198,7 @@ static uint32_t safe_bytes(uint32_t size_bytes) {
     return size_bytes == FSN_MIN_FRAME_BYTES ? 1 : (size_bytes - 3) / 2;
 }
 
-/** Takes one byte of a list; what is behind its end is padding. */
+/** Takes one byte of a list; bytes after its end are padding. */
 static void take_byte(struct fsn_sent_list *list, uint8_t byte) {
     const uint32_t at = list->count++;
     if (at < sizeof list->head) {
@@ -275,7 +275,7 @@ static void follow_parameters(struct fsn_monitor *m, const uint8_t *frame, bool 
             return;
         }
     } else if (list->command == FSN_CMD_PARAMETER || list->command == FSN_CMD_PROCESS_DATA) {
-        list->command = FSN_CMD_PROCESS_DATA; /* Data, however it goes on */
+        list->command = FSN_CMD_PROCESS_DATA; /* Data, whichever frame follows */
         return;
     }
     list->command = 0;
@@ -331,8 +331,8 @@ bool fsn_monitor_sub_first(const struct fsn_monitor *monitor, const uint8_t *to_
         return false;
     }
     if (to_main[0] == FSN_CMD_RESET) {
-        /* Right at any time: most likely the acknowledgement of a Reset of the main, who begins a
-         * session only behind it. */
+        /* Correct at any time: most likely the acknowledgement of a Reset of the main, which starts
+         * a session only after it. */
         const uint8_t before = monitor->status.direction[FSN_TO_SUB].command;
         return to_sub[0] == FSN_CMD_SESSION && (before == FSN_CMD_RESET || before == 0);
     }

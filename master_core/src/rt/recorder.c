@@ -5,8 +5,8 @@ static uint32_t saturated(uint64_t value) {
     return value > UINT32_MAX ? UINT32_MAX : (uint32_t)value;
 }
 
-/* Sequence of a slot: 2 n - 1 while cycle n is written, 2 n when it is whole. A reader that wants
- * cycle n sees 2 n before and after it, or knows that the cycle is not there yet or no more. */
+/* Sequence of a slot: 2 n - 1 while cycle n is written, 2 n when it is whole. A reader of cycle n
+ * sees 2 n before and after it; otherwise the cycle is not yet, or no longer, in the slot. */
 void fsn_rt_record(struct fsn_rt *rt, uint64_t work_ns) {
     struct fsn_rt_recorder *r = &rt->recorder;
     const struct fsn_statistics *s = &rt->statistics;

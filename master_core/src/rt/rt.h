@@ -27,12 +27,12 @@ struct fsn_rt_group {
     uint32_t size_bytes, first, count;
 };
 
-/** Where an observed connection lies. What every cycle looks at is kept small and close together;
- *  its monitor is touched only when one of its frames is new. */
+/** Position of an observed connection. The fields that every cycle reads are kept small and close
+ *  together; its monitor is accessed only when one of its frames is new. */
 struct fsn_rt_watch {
     uint32_t offset[2];            /**< where its frames lie after the copy, enum fsn_way */
     uint32_t size_bytes[2];        /**< of these frames */
-    uint32_t seen;                 /**< where they lie, one behind the other, in fsn_rt.seen */
+    uint32_t seen;                 /**< positions, consecutive, in fsn_rt.seen */
     uint64_t new_ns;               /**< when a frame of it was new */
     uint64_t silent_ns;            /**< after so long without a new frame it counts as silent */
     struct fsn_parameters planned; /**< what the plan states of its parameters */
@@ -83,7 +83,8 @@ struct fsn_rt_unshown {
 };
 
 struct fsn_rt_snapshot {
-    struct fsn_rt_shown *shown;               /**< beside the words: another process may see both */
+    struct fsn_rt_shown *shown;               /**< next to the words: another process may read both
+                                               */
     _Atomic uint64_t *words[FSN_RT_PICTURES]; /**< statistics, connections, image, each padded */
     struct fsn_rt_unshown unshown[FSN_RT_PICTURES];
 };

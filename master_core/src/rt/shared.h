@@ -1,9 +1,9 @@
-/** Memory that a real-time client and fsn-master share, as both sides see it. A change here is
- *  another FSN_SHARED_LAYOUT: a client of another one is refused.
+/** Memory that a real-time client and fsn-master share, as both sides see it. A change here
+ *  requires a new FSN_SHARED_LAYOUT: a client with another one is refused.
  *
  *  The inputs are one file for all clients, sealed so that only the master writes it. The outputs
- *  are a file for each client: whatever stands there, the master reads the words of the outputs
- *  that the client owns, from places that it keeps itself, and nothing else. */
+ *  are a file for each client: whatever it contains, the master reads only the words of the outputs
+ *  that the client owns, from offsets that it keeps itself. */
 #ifndef FSN_SHARED_H
 #define FSN_SHARED_H
 
@@ -35,7 +35,7 @@ struct fsn_shared_symbol {
     uint8_t kind;        /**< enum fsn_kind */
     uint8_t output;
     uint32_t subdevice; /**< first byte of its name, from the beginning of the file */
-    uint16_t index;     /**< 0: it is no whole object */
+    uint16_t index;     /**< 0: not a whole object */
     uint8_t subindex;
     uint8_t unused[5];
 };
@@ -55,7 +55,7 @@ struct fsn_shared_cycle {
 struct fsn_shared_client {
     _Atomic uint64_t on_time, late, missed, torn; /**< as in struct fsn_realtime_counts */
     _Atomic uint32_t state;                       /**< enum fsn_shared_state */
-    _Atomic uint32_t holder; /**< whose place it is; never the same twice, 0: nobody's */
+    _Atomic uint32_t holder;                      /**< owner of the slot; never reused, 0: none */
 };
 
 /** Numbers of sets so far; number n lies at n % FSN_SHARED_PICTURES or FSN_SHARED_SETS. */
@@ -84,7 +84,7 @@ struct fsn_shared_outputs {
     uint64_t size_bytes, symbols_at, sets_at;
     uint32_t count;  /**< outputs */
     uint32_t place;  /**< in fsn_shared_inputs.client */
-    uint32_t holder; /**< as long as it stands there too, the outputs are this client's */
+    uint32_t holder; /**< while it is also there, this client owns the outputs */
     uint32_t misses; /**< cycles in a row without new outputs that are allowed */
     _Alignas(FSN_SHARED_ALIGN) struct fsn_shared_numbers sent;
 };

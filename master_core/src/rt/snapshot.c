@@ -9,7 +9,7 @@ enum {
 };
 _Static_assert(HEAD_BYTES % 8 == 0 && TIMES_BYTES % 8 == 0, "words of one part only");
 
-/** Writes what this picture does not show yet; returns the word behind the statistics. */
+/** Writes the rest of this snapshot; returns the word after the statistics. */
 static _Atomic uint64_t *show_statistics(struct fsn_rt *rt, uint32_t picture) {
     struct fsn_rt_unshown *unshown = &rt->snapshot.unshown[picture];
     _Atomic uint64_t *words = rt->snapshot.words[picture];

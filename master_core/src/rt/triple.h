@@ -1,6 +1,6 @@
-/** Three sets of something: one that the writer fills, one that the reader looks at, and one
- * between them. A whole set changes hands by one exchange, so neither side waits and nobody sees
- * half. */
+/** Three sets of the same data: one that the writer fills, one that the reader uses, and one
+ *  between them. A whole set changes hands by one exchange, so neither side waits and the reader
+ *  never gets half a set. */
 #ifndef FSN_TRIPLE_H
 #define FSN_TRIPLE_H
 

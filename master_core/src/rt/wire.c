@@ -11,8 +11,8 @@
 #include "rt/clock.h"
 
 enum {
-    /* One cycle reads at most this many packets per port, so that a flood cannot hold it up; enough
-     * to throw away what a second of standing still has left behind. */
+    /* One cycle reads at most this many packets per port, so that a flood cannot delay it. This is
+     * enough to discard the packets of a second without cycles. */
     MOST_PACKETS = 1024,
     CMD_NOP = 0,
     CMD_FPWR = 5,
@@ -20,7 +20,7 @@ enum {
     DATAGRAM_HEAD = 10,
 };
 
-/** Counts for other threads; nobody else writes it. */
+/** Counts for other threads; this thread is the only writer. */
 static void count_one(_Atomic uint32_t *counter) {
     atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + 1,
                           memory_order_relaxed);
@@ -162,7 +162,8 @@ static uint64_t arrival_ns(struct msghdr *message) {
     return 0;
 }
 
-/** Reads one packet and when it came in. Whoever waits for replies sees that by the clock. */
+/** Reads one packet and the time it came in. A loop that waits for replies checks the timeout by
+ *  the clock. */
 static ssize_t read_packet(const struct fsn_wire *wire, uint32_t port, uint8_t *packet,
                            size_t room_bytes, uint64_t *at_ns) {
     if (wire->wait_ns != 0) {
@@ -206,8 +207,8 @@ static bool complete(const struct fsn_wire *wire) {
     return true;
 }
 
-/** Reads what waits on a port until the frames of this cycle are back: what comes behind them is
- * old in the next one. Returns when the last of them came in. */
+/** Reads the packets of a port until the frames of this cycle are back: later packets are old in
+ *  the next cycle. Returns when the last of them came in. */
 static uint64_t drain(struct fsn_wire *wire, uint32_t port, struct fsn_bus_input *input) {
     uint64_t last_ns = 0;
     for (int i = 0; i < MOST_PACKETS && !complete(wire); i++) {
@@ -273,8 +274,8 @@ static void move_input(struct fsn_wire *wire, const struct fsn_wire_frame *frame
     }
 }
 
-/** One time goes on from the start, whichever clock is the reference and whatever it shows above
- *  32 bits: SYNC0 was started on multiples of the cycle in it. */
+/** One time base continues from the start, whichever clock is the reference and whatever its upper
+ *  32 bits are: SYNC0 was started on multiples of the cycle in it. */
 static void keep_dc(struct fsn_wire *wire, uint64_t shown, struct fsn_bus_input *input) {
     const uint64_t base = atomic_load_explicit(&wire->dc_base, memory_order_relaxed);
     const uint64_t time = fsn_clock_nearest(wire->dc_sent_ns + base, shown);
@@ -299,8 +300,8 @@ static void read_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame,
     }
 }
 
-/** Working counter that a frame which is back should have. A group that comes answers as soon as
- * its sync managers are set up, and one that goes is away before the acyclic side knows. */
+/** Expected working counter of a frame that is back. An arriving group answers as soon as its sync
+ *  managers are set up, and a leaving group is gone before the acyclic side detects it. */
 static uint32_t expected_of(struct fsn_wire *wire, uint32_t number, uint32_t counter) {
     const uint32_t most = wire->frames[number].expected;
     uint32_t least = most;
@@ -341,9 +342,10 @@ static void judge(struct fsn_wire *wire, uint32_t number, struct fsn_bus_input *
         if (in->group != FSN_NONE &&
             atomic_load_explicit(&wire->groups[in->group].there, memory_order_relaxed) ==
                 FSN_WIRE_ABSENT) {
-            continue; /* that it is absent says so */
+            continue; /* that reports it absent */
         }
-        /* Nobody answered: all are old. Somebody is missing: the acyclic side knows who. */
+        /* No answer: all inputs are old. A missing answer: the acyclic side identifies the
+         * SubDevice. */
         input->sm_stale[in->sm] =
             counter == 0 ||
             (counter < frame->expected &&

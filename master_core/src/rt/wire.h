@@ -71,16 +71,16 @@ struct fsn_wire {
     _Atomic uint8_t *answers;
     struct fsn_wire_group *groups;
     uint32_t group_count;
-    /** So many frames may come back without a group before that is an error: by then the acyclic
-     *  side knows whether it has gone. */
+    /** Number of frames that may come back without a group before it is an error: by then the
+     *  acyclic side has detected whether the group has left. */
     uint32_t group_patience;
     uint32_t run;   /**< marks the frames of this run */
     uint32_t cycle; /**< number of the last frames sent; 0: none yet */
     uint32_t dc_every, dc_left;
     _Atomic uint16_t dc_station; /**< station address of the DC reference clock */
     bool dc_host;                /**< it is set from here: `dc_base` stays as it is */
-    /** The DC time is CLOCK_MONOTONIC and this. It goes out with the datagram: where the reference
-     *  clock is not on the way, behind a gap of a ring or lost, all others follow that. */
+    /** The DC time is CLOCK_MONOTONIC plus this. It is sent in the datagram: if the reference clock
+     *  is lost, or not reached because of a gap in the ring, all others follow this time. */
     _Atomic uint64_t dc_base;
     uint64_t dc_sent_ns;      /**< of the last send with a DC time, CLOCK_MONOTONIC */
     _Atomic uint64_t dc_seen; /**< the reference clock as it was read last; 0: never */

@@ -1,5 +1,5 @@
-/** Bytes as relaxed 8-byte words: how the cyclic thread shows them to readers that it never waits
- *  for. A sequence beside the words shows a reader whether they were of one piece. */
+/** Bytes as relaxed 8-byte words: how the cyclic thread publishes them to readers that it never
+ *  waits for. A sequence next to the words shows a reader whether they belong together. */
 #ifndef FSN_WORDS_H
 #define FSN_WORDS_H
 
@@ -14,7 +14,7 @@ static inline size_t fsn_words_of(size_t len_bytes) {
     return (len_bytes + 7) / 8;
 }
 
-/** Stores bytes; the last word is padded with zeros. Returns the word behind them. */
+/** Stores bytes; the last word is padded with zeros. Returns the word after them. */
 static inline _Atomic uint64_t *fsn_words_put(_Atomic uint64_t *words, const void *from,
                                               size_t len_bytes) {
     const uint8_t *bytes = from;
@@ -31,7 +31,7 @@ static inline _Atomic uint64_t *fsn_words_put(_Atomic uint64_t *words, const voi
     return words;
 }
 
-/** Loads bytes; `to` may be NULL to skip them. Returns the word behind them. */
+/** Loads bytes; `to` may be NULL to skip them. Returns the word after them. */
 static inline const _Atomic uint64_t *fsn_words_take(const _Atomic uint64_t *from, void *to,
                                                      size_t len_bytes) {
     uint8_t *bytes = to;
