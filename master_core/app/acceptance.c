@@ -26,7 +26,7 @@ static bool is_in(const char *folder, size_t folder_bytes, char path[PATH_MAX]) 
     return folder[0] == '/' && len > 0 && len < PATH_MAX && access(path, X_OK) == 0;
 }
 
-/** Finds the program beside this one, else in the folders of PATH that begin at the root. */
+/** Finds the program in the folder of this one, else in the absolute folders of PATH. */
 static bool find_program(char path[PATH_MAX]) {
     char own[PATH_MAX];
     const ssize_t len = readlink("/proc/self/exe", own, sizeof own - 1);
@@ -100,7 +100,7 @@ static void read_text(int fd, char text[MOST_TEXT]) {
     text[used] = 0;
 }
 
-/** Runs the program to its end.   @return how `waitpid` says that it ended; -1 with errno set. */
+/** Runs the program to its end.   @return its status as from `waitpid`; -1 with errno set. */
 static int run(const char *path, const struct options *o, int plan_fd, char text[MOST_TEXT]) {
     int ends[2];
     int status = -1;

@@ -7,11 +7,11 @@
 
 #include "app/base/options.h"
 
-/** Has `fsoe-net verify` compare a plan with `options->acceptance`, and check its signatures. It is
- *  run without a shell, from the folder of this program or from PATH, and gets the very bytes that
- *  were loaded. What it prints goes to the log.
- *  @param[in,out] options  what was printed is kept in `acceptance_said`.
- *  @return -1 when all is as signed, else the exit code; then it has said why.
+/** Has `fsoe-net verify` compare a plan with `options->acceptance`, and check its signatures. It
+ *  runs without a shell, from the folder of this program or from PATH, and reads the bytes that
+ *  were loaded. Its output goes to the log.
+ *  @param[in,out] options  the output is kept in `acceptance_said`.
+ *  @return -1 if everything matches the signatures, else the exit code, with the reason logged.
  *  Context: before the control thread runs; waits for the other program. */
 int acceptance_check(const uint8_t *plan, size_t plan_bytes, struct options *options);
 

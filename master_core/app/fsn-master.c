@@ -207,7 +207,7 @@ static int keep_log_late(void *self) {
     return code;
 }
 
-/** No thread can undo it. A kernel that does not know it is no reason to stop a machine. */
+/** No thread can undo it. Missing support in the kernel does not prevent a start. */
 static void confine(struct options *options) {
     const int error = confine_process();
     options->confine = true;

@@ -54,7 +54,7 @@ struct master {
     bool log_fails;                             /**< reported: it is not written */
     bool log_limited;                           /**< reported: half of its limit is used */
     struct fsn_interventions interventions;     /**< how it was in this turn */
-    struct handover_listener handover_listener; /**< for the process that goes on with the bus */
+    struct handover_listener handover_listener; /**< for the successor process */
     bool turns;                                 /**< the runner begins or ends a rest */
     const char *socket_path;
     struct predecessor *predecessor; /**< whose bus is taken over; NULL: none, or it is ours */
@@ -213,7 +213,7 @@ static void failed(struct master *m, const struct runner_result *result) {
         fsn_control_bus_failed(m->control, m->fault, &result->fault, result->found);
     }
     if (!m->opened_once && !given_up) {
-        /* At the start nobody is there who could repair it and try again. */
+        /* At the start no client is connected that could repair it and retry. */
         m->code = m->options->standby && result->status == FSN_E_BUS_BUSY ? EXIT_FINE
                   : result->environment || lacks_permission(result)       ? EXIT_ENVIRONMENT
                                                                           : EXIT_REFUSED;

@@ -52,7 +52,7 @@ struct runner {
     struct fsn_core *core;
     struct predecessor *predecessor; /**< whose bus is taken over; NULL: none, or none any more */
     bool rests;                      /**< nothing but the cycle touches the bus */
-    void *room;                      /**< where the core shows its cycles; NULL: to nobody */
+    void *room;                      /**< where the core publishes its cycles; NULL: nowhere */
     size_t room_bytes;
     int room_fd;
     struct fsn_bus_subdevice *found; /**< of the last bus that did not open */
@@ -88,13 +88,13 @@ static void sleep_ns(uint64_t ns) {
     clock_nanosleep(CLOCK_MONOTONIC, 0, &time, NULL);
 }
 
-/** Whether it may help to try again: nobody there yet, or not all, or frames were late. */
+/** Whether a retry may help: no SubDevice yet, or not all, or frames were late. */
 static bool may_come(fsn_status status) {
     return status == FSN_E_BUS_MISSING || status == FSN_E_BUS_SILENT || status == FSN_E_BUS_STATE ||
            status == FSN_E_BUS_CLOCK || status == FSN_E_BUS_MAILBOX;
 }
 
-/** Keeps what the bus knows about each SubDevice of the plan, before it is closed. */
+/** Keeps the data of the bus about each SubDevice of the plan, before it is closed. */
 static void keep_findings(struct runner *runner) {
     const struct fsn_bus_ops *ops = runner->backend->ops;
     runner->has_found = false;
@@ -150,7 +150,7 @@ static fsn_status open_once(struct runner *runner, struct fsn_fault *fault) {
 }
 
 static fsn_status open_bus(struct runner *runner, struct fsn_fault *fault) {
-    /* Nothing is disturbed while it attaches, and a frame that came late is no reason to refuse. */
+    /* Nothing is disturbed while it attaches, and a late frame is not a reason to refuse. */
     const uint64_t least_ns = runner->predecessor != NULL ? attach_ns : 0;
     const uint64_t wait_ns = runner->options->wait_ns;
     const uint64_t until = fsn_now_ns() + (wait_ns > least_ns ? wait_ns : least_ns);
@@ -197,7 +197,7 @@ static void set_stop_values(struct runner *runner) {
     }
 }
 
-/** Waits for a cycle after number `before`: until then a snapshot says nothing. Returns whether the
+/** Waits for a cycle after number `before`: until then a snapshot is not valid. Returns whether the
  *  thread is a real-time thread. */
 static bool first_cycle(struct runner *runner, uint64_t before) {
     struct fsn_statistics statistics = {.cycles = before};
@@ -334,8 +334,8 @@ static fsn_status follow(struct runner *runner, struct fsn_fault *fault) {
     return status;
 }
 
-/** All is prepared: ends the predecessor, and goes on where it was. Whatever may be refused is
- * refused before. */
+/** Everything is prepared: ends the predecessor, and continues its cycle. All checks that may
+ *  refuse are done before. */
 static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
                             struct fsn_statistics *last) {
     struct predecessor *predecessor = runner->predecessor;
@@ -364,7 +364,7 @@ static fsn_status take_over(struct runner *runner, struct fsn_fault *fault,
     return predecessor_continue(predecessor, runner->core, last);
 }
 
-/** How long nobody sent. */
+/** Time without a sender. */
 static void measure_gap(const struct runner *runner, const struct fsn_statistics *last,
                         struct runner_result *result) {
     struct fsn_cycle first;
@@ -428,8 +428,8 @@ static void tell_who_is_in_op(const struct runner *runner) {
     }
 }
 
-/** The stop values were set before this was requested: they go out in a few more cycles, and
- *  copying goes on until the SubDevices have left OP. */
+/** The stop values were set before this was requested: they are sent in a few more cycles, and
+ *  copying continues until the SubDevices have left OP. */
 static void job_leave(struct runner *runner) {
     enum { CYCLES = 3 };
     const uint64_t bound = LEAVE_MS * UINT64_C(1000000) + CYCLES * cycle_of(runner);
@@ -478,7 +478,7 @@ static void poll_bus(struct runner *runner) {
     }
 }
 
-/** Between two steps of a transfer: supervision goes on, until something else is to be done. */
+/** Between two steps of a transfer: supervision continues, until another request comes. */
 static bool poll_between(void *self) {
     struct runner *runner = self;
     pthread_mutex_lock(&runner->lock);
@@ -620,7 +620,7 @@ int runner_fd(const struct runner *runner) {
 void runner_take(struct runner *runner, struct runner_result *result) {
     uint64_t count;
     if (read(runner->wake, &count, sizeof count) < 0) {
-        count = 0; /* nothing was there; the result says so */
+        count = 0; /* the SubDevice was absent; the result reports it */
     }
     pthread_mutex_lock(&runner->lock);
     *result = runner->result;

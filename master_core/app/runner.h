@@ -1,5 +1,5 @@
-/** The thread that opens the bus, polls it beside the cycle and closes it again. All it does may
- *  take seconds; the control thread requests, goes on, and is woken when it is done. */
+/** The thread that opens the bus, polls it next to the cycle and closes it again. Its work may take
+ *  seconds; the control thread sends a request, continues, and is woken at the end. */
 #ifndef FSN_APP_RUNNER_H
 #define FSN_APP_RUNNER_H
 
@@ -14,7 +14,7 @@ struct predecessor;
 enum runner_job {
     RUNNER_IDLE,
     RUNNER_OPEN,  /**< opens the bus, starts the cycle, brings it towards OP until another job */
-    RUNNER_LEAVE, /**< brings it to SAFEOP while the cycle goes on, at most 2 s */
+    RUNNER_LEAVE, /**< brings it to SAFEOP while the cycle continues, at most 2 s */
     RUNNER_CLOSE, /**< stops the cycle, closes the bus; the core is gone then */
     RUNNER_REST,  /**< nothing but the cycle touches the bus from now on; describes it */
     RUNNER_GO_ON  /**< ends the rest */

@@ -4,9 +4,9 @@
 #define FSN_APP_CONFINE_H
 
 /** Leaves every thread of the process, and those that follow, the system calls that the program
- *  makes while it runs. Any other one fails with ENOSYS, so that a C library goes on without it;
+ *  makes while it runs. Any other one fails with ENOSYS, so that a C library continues without it;
  *  starting another program ends the process.
- *  @return 0, or errno; then nothing is given up. Nothing at all under a sanitizer. */
+ *  @return 0, or errno; then nothing is restricted. Nothing at all under a sanitizer. */
 int confine_process(void);
 
 /** Takes from the calling thread, and from threads that it starts, every capability but

@@ -30,7 +30,7 @@ struct options {
     uint64_t record_ns;                /**< for how long cycles are kept; 0: not at all */
     uint64_t wait_ns;                  /**< how long to try again while SubDevices are missing */
     enum policy policy;
-    bool policy_given;      /**< then it is no good to go on without it */
+    bool policy_given;      /**< the program must not continue without it */
     int priority;           /**< 1 … 99, of fifo */
     int cpu;                /**< CPU number + 1; 0: any */
     uint32_t dc_every;      /**< 0: as the plan needs it */
@@ -44,7 +44,7 @@ struct options {
     bool standby;          /**< follows another process, and takes over when that one stops */
     bool take_over;        /**< the bus of another process, without leaving OP */
     bool confine;          /**< gives up what it does not need while it runs; set by main() */
-    bool scan;             /**< looks at the bus and ends; there is no plan */
+    bool scan;             /**< scans the bus and ends, without a plan */
     struct fsn_control_access access;
 };
 

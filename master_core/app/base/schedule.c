@@ -54,7 +54,7 @@ pid_t schedule_new_thread(const pid_t *before, size_t before_count, const pid_t 
 }
 
 int schedule_deadline(pid_t thread, uint64_t period_ns) {
-    /* The kernel wants at least 1 us, and leaves 5 % of the CPU to others. */
+    /* The kernel requires at least 1 us, and leaves 5 % of the CPU to others. */
     const struct deadline_attributes attributes = {
         .size = sizeof attributes,
         .policy = DEADLINE,

@@ -107,7 +107,7 @@ static bool read_entry(const char *line, size_t len, struct tail *tail) {
         line[begin] > '9' || line[len - 1] != '}') {
         return false;
     }
-    /* The buffer goes on behind the line, at least with a newline: no digit is read past it. */
+    /* The buffer continues after the line, at least with a newline: no digit is read past it. */
     const uint64_t number = strtoull(line + begin, &end, 10);
     if (memmem(line, len, hash_text, sizeof hash_text - 1) == NULL) {
         return false;
@@ -244,7 +244,7 @@ static int append_own(struct intervention_files *files, struct fsn_json *json, c
     return error;
 }
 
-/** First entry of a file: which one it goes on from. */
+/** First entry of a file: names the entry it continues from. */
 static int append_begin(struct intervention_files *files, uint32_t before) {
     struct fsn_json json = {.limit_bytes = OWN_BYTES};
     char name[INTERVENTION_NAME_BYTES];
@@ -263,7 +263,7 @@ static int append_begin(struct intervention_files *files, uint32_t before) {
     return append_own(files, &json, "info", text);
 }
 
-/** Entry for bytes that are no whole entry, as they stand in the file. */
+/** Entry for bytes that are not a whole entry, as found in the file. */
 static int append_torn(struct intervention_files *files, const struct tail *tail, bool marked) {
     struct fsn_json json = {.limit_bytes = OWN_BYTES};
     struct fsn_sha256_run run;
@@ -301,7 +301,7 @@ static int begin_file(struct intervention_files *files, uint32_t file, uint32_t 
     return begun;
 }
 
-/** The chain goes on from the end of a file, unless it is known already. */
+/** The chain continues from the end of a file, unless it is known already. */
 static void take_end(struct intervention_files *files, const struct tail *tail) {
     if (!files->known) {
         files->number = tail->number;

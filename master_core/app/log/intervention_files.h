@@ -18,7 +18,7 @@ enum {
     INTERVENTION_PATH_BYTES = 512,
     INTERVENTION_NAME_BYTES = 40, /**< of a file in the folder, with its zero */
     INTERVENTION_FILES = 64,      /**< the folder holds at most so many times the bytes of a file */
-    INTERVENTION_FULL = -1,       /**< beside errno: those are reached */
+    INTERVENTION_FULL = -1,       /**< with errno: the limit was reached */
     INTERVENTION_QUARTERS = 4,    /**< of them, see intervention_files_append() */
 };
 
@@ -29,7 +29,7 @@ struct intervention_files {
     uint32_t file;                      /**< number of the one that is written */
     uint64_t bytes;                     /**< its length */
     uint64_t other_bytes;               /**< of all other files in the folder, */
-    uint64_t counted_ns;                /**< when they were counted because there was no room */
+    uint64_t counted_ns;                /**< when they were counted because the queue was full */
     dev_t device;                       /**< of that file, to notice that it was moved away */
     ino_t inode;
     bool known;      /**< number and hash are those of the chain, not to be read again */

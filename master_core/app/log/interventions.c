@@ -19,7 +19,7 @@ enum {
     MOST_ENTRY = INTERVENTION_LINE_BYTES - 256, /**< number and hash are added */
     SYNC_ENTRIES = 64,       /**< written at most before they must be on the disk */
     AGAIN_MS = 200,          /**< between two tries while the disk takes nothing */
-    STACK_BYTES = 256 << 10, /**< locked memory is counted: no more than it needs */
+    STACK_BYTES = 256 << 10, /**< locked memory is accounted: keep it small */
 };
 
 /** Quarters of queue and disk that entries on the account of a role may fill. */
@@ -135,7 +135,8 @@ void interventions_put(struct interventions *log, enum fsn_role account, const c
 
 void interventions_put_event(struct interventions *log, enum fsn_role account, const char *json,
                              size_t len_bytes) {
-    /* What cycles and cables do all day is no intervention: it is in the journal and in incidents.
+    /* Routine events of cycles and cables are not interventions: they are in the journal and in
+     *  incidents.
      */
     static const char *const kinds[] = {
         "state",   "parameters", "arm",         "edge",    "taken",    "fallback",     "dropped",

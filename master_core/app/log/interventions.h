@@ -1,7 +1,8 @@
-/** The intervention log: who has started, stopped, armed, written or changed something, when.
+/** The intervention log: start, stop, arming, writes and other changes, with person and time.
  *
- *  Threads put entries into a bounded queue and go on; a thread of its own writes them, since a
- * disk may be slow, full or gone. What finds the queue full is counted, and the count is written.
+ *  Threads put entries into a bounded queue and continue; a thread of its own writes them, since a
+ *  disk may be slow, full or missing. Entries that find the queue full are counted, and the count
+ *  is written.
  */
 #ifndef FSN_APP_INTERVENTIONS_H
 #define FSN_APP_INTERVENTIONS_H
@@ -16,10 +17,10 @@ enum {
     INTERVENTIONS_BYTES = 4 << 20, /**< of all of them */
 };
 
-/** Opens the log and starts its thread. A disk that is full, read-only or broken is no refusal:
+/** Opens the log and starts its thread. A full, read-only or defective disk is not an error:
  *  entries wait until it takes them.
  *  @param[in] most_bytes  of a file, before the next one begins.
- *  @retval FSN_E_SYS    not a folder one can write to, or what stands there is no log.
+ *  @retval FSN_E_SYS    not a writable folder, or a file in it is not a log.
  *  @retval FSN_E_STATE  another program writes there.   @retval FSN_E_NOMEM  out of memory. */
 fsn_status interventions_open(const char *folder, uint64_t most_bytes, struct interventions **log,
                               struct fsn_refusal *refusal);

@@ -46,7 +46,7 @@ static struct {
     pthread_mutex_t lock; /**< held for what does not wait only */
     bool known;
     bool socket; /**< send() leaves the waiting to us */
-    bool polled; /**< nothing else says whether it would wait: polled before each piece */
+    bool polled; /**< nothing else shows whether it would block: polled before each piece */
     int fd;
     char *rest; /**< of a line that was taken in part, or NULL */
     size_t rest_bytes, rest_at;
@@ -141,8 +141,8 @@ static size_t lost_line(char *line, size_t room) {
     return (size_t)len;
 }
 
-/** One line, so that those of two threads do not mix. What is not taken at once is lost and
- * reported later: a reader that stands still must not make leases stand still. */
+/** One line, so that those of two threads do not mix. Bytes that are not accepted at once are lost
+ *  and reported later: a stalled reader must not stall leases. */
 static void put(const char *line, size_t len) {
     pthread_mutex_lock(&out.lock);
     if (!out.known) {

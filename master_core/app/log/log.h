@@ -24,15 +24,15 @@ bool log_kept(struct fsn_interventions *state);
  *  @return `code`. */
 int log_end(int code);
 
-/** An entry for the intervention log alone, on the account of a role: a whole object; nothing where
- *  there is no log. */
+/** An entry for the intervention log alone, on behalf of a role: a whole object; no effect without
+ *  a log. */
 void log_entry(enum fsn_role account, const struct fsn_json *json);
 
 /** One line in the chosen form. */
 __attribute__((format(printf, 2, 3))) void log_line(enum fsn_log_level level, const char *format,
                                                     ...);
 
-/** One line about a SubDevice: its name stands before the text, and has a key in JSON. */
+/** One line about a SubDevice: its name precedes the text, and has a key in JSON. */
 __attribute__((format(printf, 3, 4))) void
 log_subdevice(enum fsn_log_level level, const char *subdevice, const char *format, ...);
 

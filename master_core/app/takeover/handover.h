@@ -23,20 +23,20 @@ struct handover_hello {
     char version[32];
 };
 
-/** Descriptors beside the answer, in this order. */
+/** Descriptors sent with the answer, in this order. */
 enum handover_fd {
-    HANDOVER_SELF,       /**< pidfd of the process that answers, which alone says who it is */
+    HANDOVER_SELF,       /**< pidfd of the process that answers, the only proof of its identity */
     HANDOVER_LOCK,       /**< of the interface: with it the right to follow */
     HANDOVER_LISTENER,   /**< of the control socket */
     HANDOVER_ROOM,       /**< in which every cycle is shown, see fsn/handover.h */
-    HANDOVER_ATTACHMENT, /**< what the bus knows, see fsn_bus_attachment */
+    HANDOVER_ATTACHMENT, /**< state of the bus, see fsn_bus_attachment */
     HANDOVER_HELD,       /**< and more: kept open until the predecessor has ended */
     HANDOVER_FDS = HANDOVER_HELD + FSN_HELD
 };
 
 /** The answer of the one that drives the bus. */
 struct handover_answer {
-    uint32_t format, taken; /**< 0: refused, `text` says why */
+    uint32_t format, taken; /**< 0: refused, see `text` */
     uint32_t again, free;   /**< refused: 1 where it may be granted a moment later */
     int64_t pid;            /**< of the process that answers */
     uint64_t room_bytes, attachment_bytes;
@@ -48,7 +48,7 @@ enum handover_word {
     HANDOVER_END = 1, /**< to the predecessor: end without leaving OP */
     HANDOVER_ENDS,    /**< from it: the cycle has stopped, the process ends now */
     HANDOVER_FOLLOWS, /**< to the predecessor: attached; the acyclic work may go on */
-    HANDOVER_LEAVES,  /**< from it: it closes the bus, and nobody is to take it over */
+    HANDOVER_LEAVES,  /**< from the predecessor: it closes the bus, without a successor */
     HANDOVER_HOLD,    /**< from it: maintenance, take nothing over until the next one */
     HANDOVER_RESUME,  /**< from it: the maintenance is over */
 };
@@ -62,9 +62,9 @@ bool handover_send(int fd, const void *message, size_t len_bytes, const int *fds
  *  @return 1, 0 where none is there yet, -1 at the end or for one of another length. */
 int handover_receive(int fd, void *message, size_t len_bytes, int *fds);
 
-/** Returns a pidfd of the process that has connected to a socket, and what the kernel knows of it;
- *  -1 with errno set. Only for the end that accepts: to the other end the kernel names the process
- *  that has listened, which may have ended since. */
+/** Returns a pidfd of the process that has connected to a socket, and its credentials from the
+ *  kernel; -1 with errno set. Only for the end that accepts: to the other end the kernel names the
+ *  process that has listened, which may have ended since. */
 int handover_pidfd(int fd, pid_t *pid, uid_t *uid);
 
 /** Whether a pidfd shows the end of its process: no thread of it runs, its descriptors are closed.

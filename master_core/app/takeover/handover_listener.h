@@ -11,11 +11,11 @@
 enum { HANDOVER_LISTENER_FDS = 2 };
 
 enum handover_listener_state {
-    HANDOVER_LISTENER_FREE,    /**< nobody is connected */
-    HANDOVER_LISTENER_KNOCKS,  /**< somebody is, and has not said yet what it wants */
+    HANDOVER_LISTENER_FREE,    /**< no connection */
+    HANDOVER_LISTENER_KNOCKS,  /**< connected, no request yet */
     HANDOVER_LISTENER_RESTS,   /**< the acyclic work is to rest before anything is given */
     HANDOVER_LISTENER_GIVEN,   /**< it has the lock, and all it needs to follow */
-    HANDOVER_LISTENER_FOLLOWED /**< it is the standby; the acyclic work goes on */
+    HANDOVER_LISTENER_FOLLOWED /**< it is the standby; the acyclic work continues */
 };
 
 struct handover_listener {
@@ -27,7 +27,7 @@ struct handover_listener {
     int pidfd;         /**< of the peer, until it is given the lock */
     pid_t pid;         /**< of the peer */
     uint64_t given_ns; /**< when the peer was given the lock */
-    uint64_t away_ns;  /**< when somebody was turned away and logged, the last time */
+    uint64_t away_ns;  /**< time of the last logged rejection */
     bool held;         /**< maintenance: the standby takes nothing over */
     enum handover_listener_state state;
 };
@@ -43,7 +43,8 @@ struct handover_listener_facts {
 enum handover_listener_event {
     HANDOVER_LISTENER_NOTHING,
     HANDOVER_LISTENER_REST,  /**< let the acyclic work rest, then call handover_listener_give() */
-    HANDOVER_LISTENER_GO_ON, /**< the peer has gone or was refused: the acyclic work goes on */
+    HANDOVER_LISTENER_GO_ON, /**< the peer has disconnected or was rejected: the acyclic work
+                              * continues */
     HANDOVER_LISTENER_END    /**< the bus is the successor's: stop the cycle,
                                 handover_listener_say_end(), end the process */
 };
@@ -64,10 +65,10 @@ void handover_listener_open(struct handover_listener *handover_listener, int loc
 /** Says to the standby whether it may take over, also the next one; see HANDOVER_HOLD. */
 void handover_listener_hold(struct handover_listener *handover_listener, bool held);
 
-/** Whether somebody has all it needs to go on where this process ends. */
+/** Whether a successor has all data that it needs to continue when this process ends. */
 bool handover_listener_is_followed(const struct handover_listener *handover_listener);
 
-/** The bus is to be closed: nobody follows any more. */
+/** The bus is about to close: no successor is accepted any longer. */
 void handover_listener_close(struct handover_listener *handover_listener);
 
 /** What to wait for. */

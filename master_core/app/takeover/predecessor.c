@@ -24,7 +24,7 @@
 
 enum {
     ANSWER_MS = 5000, /**< an SDO that is under way is finished first */
-    END_MS = 5000,    /**< for a disk of its intervention log; its cycle goes on meanwhile */
+    END_MS = 5000,    /**< for the disk of its intervention log; its cycle continues meanwhile */
     STILL_MS = 20,    /**< without a cycle: it is frozen, or gone */
     EXIT_MS = 20,     /**< from its last cycle to its end, unless it is killed */
     AGAIN_MS = 200,   /**< between two tries of a standby */
@@ -110,7 +110,7 @@ static int request(struct predecessor *predecessor, const struct options *o,
     int fds[HANDOVER_FDS];
     fsn_plan_sha256(plan, hello.plan);
     snprintf(hello.version, sizeof hello.version, "%s", fsn_version());
-    /* Where it was refused at once sending fails, and its answer is there all the same. */
+    /* After an immediate rejection sending fails, but its answer is available. */
     (void)handover_send(predecessor->fd, &hello, sizeof hello, NULL, 0);
     if (!wait_for(predecessor->fd, ANSWER_MS)) {
         return refuse(predecessor,
@@ -180,7 +180,7 @@ int predecessor_find(struct predecessor *predecessor, const struct options *o,
     }
 }
 
-/** Takes what the predecessor says; false: it closes the bus. */
+/** Reads a message of the predecessor; false: it closes the bus. */
 static bool hear(struct predecessor *predecessor, bool *held) {
     uint32_t word = 0;
     const int got = handover_receive(predecessor->fd, &word, sizeof word, NULL);
@@ -219,7 +219,7 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
         if (ended && held) {
             break;
         }
-        /* A wake-up that came late says that this machine stood still, and counts as one step. */
+        /* A late wake-up means that this machine stood still, and counts as one step. */
         const uint64_t waited_ns = fsn_now_ns() - slept_ns;
         const uint32_t now = fsn_room_pictures(predecessor->room);
         still_ns = now != pictures || held
@@ -240,7 +240,7 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
                               : "the standby ends");
 }
 
-/** Waits until the predecessor says that its cycle has stopped, or has ended, or stands still. */
+/** Waits until the predecessor reports that its cycle has stopped, or has ended, or is stalled. */
 static fsn_status wait_for_its_word(const struct predecessor *predecessor) {
     const uint64_t until_ns = fsn_now_ns() + END_MS * UINT64_C(1000000);
     uint32_t pictures = fsn_room_pictures(predecessor->room);
@@ -274,8 +274,8 @@ static fsn_status wait_for_its_word(const struct predecessor *predecessor) {
 fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fault) {
     const uint32_t word = HANDOVER_END;
     const bool said = handover_send(predecessor->fd, &word, sizeof word, NULL, 0);
-    /* A handover_listener that was shut means that the predecessor goes on without us, unless it is
-     * at its end. */
+    /* A closed handover_listener means that the predecessor continues without us, unless it is at
+     * its end. */
     if (said ? wait_for_its_word(predecessor) != FSN_OK
              : !handover_has_ended(predecessor->pidfd, EXIT_MS)) {
         return fsn_refuse_all(fault, FSN_E_BUS_BUSY, "the process before closes the bus itself");

@@ -23,9 +23,9 @@ struct predecessor {
     bool again; /**< it refuses for now; later it may not */
 };
 
-/** Connects to the process that drives the bus, and gets from it what the bus needs to attach. The
- *  predecessor goes on; its acyclic work rests until predecessor_release().
- *  @return -1, else the exit code; then it has said why. */
+/** Connects to the process that drives the bus, and gets the data that the bus needs to attach. The
+ *  predecessor continues; its acyclic work pauses until predecessor_release().
+ *  @return -1, else the exit code, with the reason logged. */
 int predecessor_find(struct predecessor *predecessor, const struct options *options,
                      const struct fsn_plan *plan, const struct fsn_backend *backend);
 
@@ -58,7 +58,7 @@ fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fa
 fsn_status predecessor_continue(const struct predecessor *predecessor, struct fsn_core *core,
                                 struct fsn_statistics *last);
 
-/** Closes all that came from it; where it goes on, it goes on alone. */
+/** Closes all descriptors received from it; a predecessor that continues has no successor. */
 void predecessor_release(struct predecessor *predecessor);
 
 #endif
