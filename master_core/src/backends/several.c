@@ -184,7 +184,7 @@ static fsn_status refuse(const struct member *m, fsn_status status, struct fsn_f
     return status;
 }
 
-/** The images behind each other. */
+/** The images, one after the other. */
 static fsn_status join_layouts(struct fsn_several *several, struct fsn_bus_layout *layout) {
     uint32_t bytes = 0;
     uint32_t datagrams = 0;
@@ -283,7 +283,7 @@ static fsn_status several_open(void *context, const struct fsn_plan *plan,
     return status;
 }
 
-/* -- beside the cycle ----------------------------------------------------------------------- */
+/* -- next to the cycle ------------------------------------------------------------------------ */
 
 static bool several_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     struct fsn_several *several = context;

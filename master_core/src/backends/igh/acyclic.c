@@ -1,4 +1,4 @@
-/** Objects of anything on the ring through IgH, beside the cycle. ecrt.h reaches neither SII nor
+/** Objects of any ring position through IgH, next to the cycle. ecrt.h reaches neither SII nor
  *  registers of a SubDevice without a configuration: the command `ethercat` does. */
 #define _POSIX_C_SOURCE 200809L
 
@@ -28,7 +28,7 @@ static uint32_t igh_place(void *context, uint32_t subdevice) {
     return bus->nodes[subdevice].ring;
 }
 
-/** The node of the plan that stands at a position. */
+/** The node of the plan at a position. */
 static struct igh_node *node_at(const struct fsn_igh *bus, uint32_t position) {
     for (uint32_t n = 0; n < bus->all.count; n++) {
         if (bus->nodes[n].ring == position && bus->nodes[n].known.seen.al_status != FSN_AL_NONE) {
@@ -84,7 +84,7 @@ static fsn_status result_of(int result, uint32_t abort_code) {
     case EPROTO:
     case EBADMSG:
         return FSN_E_BUS_STATE;
-    case EINVAL: /* IgH knows no SubDevice there */
+    case EINVAL: /* IgH has no SubDevice there */
         return FSN_E_BUS_MISSING;
     default:
         return FSN_E_BUS_MAILBOX;

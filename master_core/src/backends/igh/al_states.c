@@ -1,10 +1,10 @@
-/** States, losses and returns, beside the running cycle.
+/** States, losses and returns, next to the running cycle.
  *
- *  IgH brings every SubDevice it has a configuration for to OP by itself, again after each loss,
- * and it knows it by vendor and product code alone. What we add: a SubDevice that was lost gets no
- *  process data, in either direction, until revision and FSoE address are seen to be those of the
- *  plan. What we cannot prevent: IgH writes start-up SDOs, mapping, sync managers and FMMUs into
- *  any device of that vendor and product, and requests OP. */
+ *  IgH brings every SubDevice that has a configuration to OP by itself, again after each loss. It
+ *  identifies it by vendor and product code alone. We add: a lost SubDevice gets no process data,
+ *  in either direction, until its revision and FSoE address have been compared with the plan. We
+ *  cannot prevent this: IgH writes start-up SDOs, mapping, sync managers and FMMUs into any device
+ *  of that vendor and product, and requests OP. */
 #include "backends/igh/igh.h"
 
 #include <string.h>
@@ -133,7 +133,7 @@ static bool has_address(struct fsn_igh *bus, struct igh_node *node, unsigned sta
            igh_check_address(bus, node, &readable) == FSN_OK && readable;
 }
 
-/** Whether the device that stands there is the one of the plan; only then it is admitted. */
+/** Whether the device at the position is the planned one; only then it is admitted. */
 static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
                   uint64_t now_ns) {
     if (!igh_note_identity(bus, node, slave)) {
@@ -206,7 +206,7 @@ static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master
     return true;
 }
 
-/** While IgH scans, it knows nobody; only the working counters show who is lost. */
+/** During a scan IgH has no SubDevices; only the working counters show which ones are lost. */
 static void lose_silent(struct fsn_igh *bus) {
     for (uint32_t n = 0; n < bus->all.count; n++) {
         if (bus->nodes[n].known.was_in_op && is_silent(&bus->nodes[n])) {
@@ -217,12 +217,12 @@ static void lose_silent(struct fsn_igh *bus) {
 
 /* -- leaving -------------------------------------------------------------------------------- */
 
-/** ecrt.h has no way to request a state below OP: deactivation is all it offers, and that ends the
- *  exchange of process data at once. So AL control is written through a register request while the
- *  cycle goes on, and AL status is read back. IgH sees a SubDevice that is not where it brought it
- * and will bring it up anew, from INIT on; seen once outside OP is therefore enough, and the caller
- * is to close the bus soon after. Whoever has no register request, or does not answer, is not
- * waited for. */
+/** ecrt.h cannot request a state below OP. It offers only deactivation, which ends the exchange of
+ *  process data at once. So AL control is written through a register request while the cycle
+ *  continues, and AL status is read back. IgH detects a SubDevice in an unexpected state and will
+ *  bring it up again, from INIT on. It is therefore enough to see it once outside OP, and the
+ *  caller must close the bus soon after. A SubDevice without a register request, or without an
+ *  answer, is not waited for. */
 static bool leave(struct fsn_igh *bus, struct igh_node *node, uint64_t now_ns) {
     if (node->left || node->request == NULL || is_silent(node)) {
         return true;

@@ -1,8 +1,9 @@
-/** The cyclic part. It allocates nothing and takes no lock of ours; every call of ecrt.h is one of
- *  the kernel, where those that touch the queue of datagrams share a lock with IgH's own thread.
+/** The cyclic part. It allocates nothing and takes no lock of ours; every call of ecrt.h is a
+ *  system call. Those that touch the queue of datagrams share a lock with IgH's own thread in the
+ *  kernel.
  *
- *  A signal may end these calls: they are made again a few times. Whoever runs the cyclic thread
- *  does better to block signals in it, as fsn-master does. */
+ *  A signal may interrupt these calls: they are retried a few times. The program should block
+ *  signals in the cyclic thread, as fsn-master does. */
 #define _POSIX_C_SOURCE 200809L
 
 #include "backends/igh/igh.h"
@@ -27,8 +28,8 @@ static void receive_frames(struct fsn_igh *bus) {
     }
 }
 
-/** Sees which domains are complete; returns whether all are that were sent. What was not queued in
- *  the last send() would be about an earlier cycle, so it is not read. */
+/** Updates which domains are complete; returns whether all that were sent are. A domain that was
+ *  not queued in the last send() has data of an earlier cycle, so it is not read. */
 static bool poll_domains(struct fsn_igh *bus) {
     bool all = true;
     for (uint32_t a = 0; a < bus->area_count; a++) {

@@ -71,7 +71,7 @@ bool igh_ring_of(const struct fsn_igh *bus, const struct fsn_subdevice_info *inf
     return first + info->position < slave_count;
 }
 
-/** Waits while IgH scans; what it knows then is in `master`. */
+/** Waits while IgH scans; the result is in `master`. */
 static fsn_status wait_for_scan(struct fsn_igh *bus, ec_master_info_t *master,
                                 struct fsn_fault *fault) {
     for (int ms = 0; ms < SCAN_MS; ms += PAUSE_MS) {
@@ -121,8 +121,8 @@ static fsn_status match(struct fsn_igh *bus, unsigned slave_count, struct fsn_fa
     return first;
 }
 
-/** Takes the master for us alone. From here until activation IgH scans no more, so this comes when
- *  all are found. */
+/** Reserves the master. From here until activation IgH does not scan, so this follows after all
+ *  SubDevices are found. */
 static fsn_status reserve(struct fsn_igh *bus, struct fsn_fault *fault) {
     int result = -EINTR;
     for (int tries = 0; result == -EINTR && tries < MOST_TRIES; tries++) {

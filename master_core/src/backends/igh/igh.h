@@ -1,13 +1,13 @@
-/** IgH EtherCAT Master behind ecrt.h: a kernel module owns the wire and the AL states.
+/** IgH EtherCAT Master through ecrt.h: a kernel module owns the wire and the AL states.
  *
- *  One domain per sync manager, so that each has a datagram and a working counter of its own: 1
- * when its SubDevice took part, else 0. The bytes of a domain are those of the datagram, so the
- * image is another memory: inputs move into it whole when their working counter is right, else not
- * at all.
+ *  One domain per sync manager, so that each has a datagram and a working counter of its own: 1 if
+ *  its SubDevice took part, else 0. The bytes of a domain are those of the datagram, so the image
+ *  is separate memory: inputs are copied into it whole if their working counter is correct, else
+ *  not at all.
  *
- *  Whether the configurations are attached ("online") says nothing about the cycle: whenever the
+ *  The attached state of the configurations ("online") does not describe the cycle: whenever the
  *  number of answering SubDevices changes, IgH scans all of them again and detaches every
- *  configuration meanwhile, while process data goes on. The working counters judge the cycle. */
+ *  configuration meanwhile, while process data continues. The working counters judge the cycle. */
 #ifndef FSN_IGH_INTERNAL_H
 #define FSN_IGH_INTERNAL_H
 
@@ -34,7 +34,7 @@ struct igh_node {
     uint16_t ring;         /**< its position on the ring, of the last scan */
     ec_slave_config_t *config;
     ec_reg_request_t
-        *request; /**< NULL when IgH gives none: then there are no codes and counters */
+        *request; /**< NULL if IgH gives none: without it, codes and counters are missing */
     enum igh_register requested;
     bool coe;              /**< it answered an SDO */
     bool address_readable; /**< its FSoE address was read before the cycle began */
@@ -75,7 +75,7 @@ struct fsn_igh {
     /* Of the cyclic thread. */
     uint32_t dc_left;
     bool sent, dc_requested;
-    bool uses_time;      /**< somebody needs the time of the application */
+    bool uses_time;      /**< a SubDevice needs the application time */
     uint64_t app_ns;     /**< time of the application in the last send() */
     uint64_t app_set_ns; /**< CLOCK_MONOTONIC of that */
 
@@ -93,19 +93,19 @@ struct fsn_igh {
 /** Waits until the bus is scanned, takes the master, and finds every SubDevice of the plan in PREOP
  *  or higher; refuses on any difference. */
 fsn_status igh_find(struct fsn_igh *bus, struct fsn_fault *fault);
-/** What IgH knows of who stands at a ring position; false: nothing. */
+/** Data of IgH about the device at a ring position; false: no device. */
 bool igh_slave(const struct fsn_igh *bus, uint16_t ring, ec_slave_info_t *slave);
-/** Position on the ring that the plan means by the last scan; false: nothing stands there. */
+/** Ring position of the planned SubDevice, by the last scan; false: no device there. */
 bool igh_ring_of(const struct fsn_igh *bus, const struct fsn_subdevice_info *info,
                  unsigned slave_count, uint16_t *ring);
-/** Notes who stands at the place of a node; returns whether it is the one of the plan. */
+/** Notes the device at the place of a node; returns whether it is the planned one. */
 bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave);
 
 /* Configuring (configure.c). */
 
 /** Start-up SDOs, process data and FSoE address of one SubDevice, before the master is active.
- *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS, FSN_E_BUS_MAILBOX  `seen` of the
- *  node says more. */
+ *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS, FSN_E_BUS_MAILBOX  details in
+ *      `seen` of the node. */
 fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node);
 /** Configures what IgH does with a SubDevice whenever it finds it, and makes the domains. */
 fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node);
@@ -123,7 +123,7 @@ void igh_send(void *context);
 /* Supervision (al_states.c). */
 bool igh_poll(void *context, uint8_t al_state, uint64_t now_ns);
 
-/* Objects beside the cycle (acyclic.c). */
+/* Objects next to the cycle (acyclic.c). */
 extern const struct fsn_bus_acyclic igh_acyclic;
 
 /* Shared (igh.c). */

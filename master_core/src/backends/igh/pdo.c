@@ -1,11 +1,12 @@
-/** Process data of a SubDevice against the plan: its objects where it has CoE, else what IgH has
- * read from its SII. It is judged here, since IgH itself only warns in the kernel log and goes on.
+/** Compares process data of a SubDevice with the plan: from its objects if it has CoE, else from
+ *  the SII as read by IgH. It is checked here, since IgH itself only warns in the kernel log and
+ *  continues.
  */
 #include "backends/igh/igh.h"
 
 #include "live/pdo.h"
 
-/** Bits that IgH knows for a sync manager; 0 when it says nothing. */
+/** Bits in IgH for a sync manager; 0 if it has no data. */
 static uint32_t sii_bits(struct fsn_igh *bus, const struct igh_node *node, uint8_t number) {
     ec_master_t *master = bus->master;
     const uint16_t ring = node->ring;
@@ -39,7 +40,7 @@ fsn_status igh_check_pdos(struct fsn_igh *bus, struct igh_node *node) {
         char detail[FSN_DETAIL_BYTES];
         fsn_status status = FSN_OK;
         if (!node->coe) {
-            /* A SubDevice that says nothing is not judged. */
+            /* A SubDevice without data is not checked. */
             const uint32_t bits = sii_bits(bus, node, number);
             status = bits == 0 ? FSN_OK : fsn_pdo_check_bits(bus->all.plan, sm, bits, detail);
         } else if (number >= 2) { /* the others are its mailbox */

@@ -1,4 +1,4 @@
-/** Objects, SII and registers of anything on the ring, beside the cycle. */
+/** Objects, SII and registers of any ring position, next to the cycle. */
 #include "backends/soem/soem.h"
 
 #include <stdio.h>
@@ -53,7 +53,7 @@ static uint32_t soem_place(void *context, uint32_t subdevice) {
     return bus->nodes[subdevice].slave - 1u;
 }
 
-/** Ports that it has, by 0x0007: two bits each, 2 and 3 stand for one that can be used. */
+/** Ports that it has, by 0x0007: two bits each, 2 and 3 mean that it can be used. */
 static uint8_t ports_of(uint8_t types) {
     uint8_t ports = 0;
     for (unsigned port = 0; port < FSN_PORTS; port++) {
@@ -217,7 +217,7 @@ static fsn_status soem_sii_read(void *context, uint32_t position, uint32_t offse
         for (uint32_t i = 0; i < step; i++) {
             data[at + i] = (uint8_t)(value >> (8 * i));
         }
-        ok = value != 0 || sii_is_fine(bus, slave); /* 0 stands for no answer as well */
+        ok = value != 0 || sii_is_fine(bus, slave); /* 0 also means no answer */
     }
     if (was_of_device) {
         ecx_eeprom2pdi(&bus->context, slave);

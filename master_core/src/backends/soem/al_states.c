@@ -1,4 +1,4 @@
-/** States, losses and returns, beside the running cycle. */
+/** States, losses and returns, next to the running cycle. */
 #include "backends/soem/soem.h"
 
 #include <string.h>
@@ -82,7 +82,7 @@ static void lose(struct fsn_soem *bus, uint16_t slave) {
     node->requested = 0;
     node->known.away = node->known.was_in_op;
     if (node->known.info.assign_activate != 0) {
-        node->configured = false; /* its clock goes its own way meanwhile: all anew below OP */
+        node->configured = false; /* its clock runs free meanwhile: restart below OP */
     }
     note_state(bus, node, 0, 0);
     if (node->group != FSN_NONE) {
@@ -165,8 +165,8 @@ static void poll_states(struct fsn_soem *bus) {
     }
 }
 
-/** In a ring a lost link disturbs nobody, and the next one would: it is reported at the SubDevices
- * on both sides of the gap. */
+/** In a ring a lost link has no effect yet, but the next one would: it is reported at the
+ *  SubDevices on both sides of the gap. */
 static void note_gap(struct fsn_soem *bus, struct node *node) {
     const bool open = bus->ring.ring.state > FSN_RING_CLOSED;
     if (node->known.seen.found != FSN_FOUND_RIGHT) {
@@ -267,7 +267,7 @@ static void lift(struct fsn_soem *bus, struct node *node, uint8_t state, uint64_
     }
     if (state == FSN_AL_SAFEOP && !node->configured) {
         request_state(bus, node, FSN_AL_PREOP,
-                      now_ns); /* it came back without losing power: all anew */
+                      now_ns); /* it came back without losing power: restart everything */
         return;
     }
     request_state(bus, node, above(state), now_ns);

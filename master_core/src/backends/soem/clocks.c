@@ -9,9 +9,9 @@
 #include "rt/clock.h"
 
 enum {
-    REG_LOOP = 0x0930, /**< writing it begins the mean difference anew */
+    REG_LOOP = 0x0930, /**< writing it restarts the mean difference */
     LOOP_DEFAULT = 0x1000,
-    READING_BYTES = 6,   /**< 0x092C, and 0x0930 behind it, which is not zero */
+    READING_BYTES = 6,   /**< 0x092C, followed by 0x0930, which is not zero */
     BATCH = 100,         /**< frames with the time between two looks at the differences */
     STEADY = 10,         /**< looks in a row: a clock that nothing reaches may cross the window */
     MOST_FRAMES = 15000, /**< of one try; so many compensate a quartz */
@@ -21,7 +21,8 @@ enum {
     CALM = 30, /**< looks in a row, 3 s: where clocks cross the window again and again, too */
     SETTLE_NS = 5000000,
     SETTLE_LOOKS = 100,
-    NOBODY = 0xFFFE, /**< station while no clock shows the time: then the time goes on from here */
+    NOBODY = 0xFFFE, /**< station while no clock shows the time: then the time continues from here
+                      */
 };
 
 static const uint64_t try_ns = 2000000000u;
@@ -127,8 +128,8 @@ static uint16_t compensate(struct fsn_soem *bus, uint16_t of) {
     return steady == STEADY ? 0 : worst;
 }
 
-/** Who answers has a link, whatever its DL status said or a lost frame made of it: SOEM believes
- * it, and works out delays with a port that it never set. */
+/** A SubDevice that answers has a link, even if its DL status reported none or a lost frame hid it:
+ *  SOEM relies on it, and computes delays with a port that it never set. */
 static void believe_no_missing_link(struct fsn_soem *bus) {
     for (int s = 1; s <= bus->slave_count; s++) {
         ec_slavet *slave = &bus->slaves[s];
@@ -182,7 +183,7 @@ fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault) {
     for (int tries = 0; tries < TRIES; tries++) {
         soem_drain(bus);
         if (!ecx_configdc(&bus->context)) {
-            return FSN_OK; /* nobody has a clock, and nobody needs one */
+            return FSN_OK; /* no SubDevice has a clock, and none needs one */
         }
         const uint16_t of = bus->slaves[0].DCnext;
         worst = compensate(bus, of);
@@ -256,7 +257,7 @@ static bool settles(struct fsn_soem *bus, const struct node *node) {
     return steady == STEADY;
 }
 
-/** Writes offset and delay, and begins the mean difference anew. */
+/** Writes offset and delay, and restarts the mean difference. */
 static void write_offset(struct fsn_soem *bus, uint16_t slave, uint64_t offset_ns) {
     const ec_slavet *s = &bus->slaves[slave];
     uint64_t offset = htoell(offset_ns);
@@ -280,7 +281,7 @@ static void set_after(struct fsn_soem *bus, uint16_t slave, uint16_t of) {
     }
 }
 
-/** Sets a clock to the time that is expected here: nobody else knows it any more. */
+/** Sets a clock to the time that is expected here: no other clock has it any longer. */
 static void set_here(struct fsn_soem *bus, uint16_t slave) {
     const uint16_t station = bus->slaves[slave].configadr;
     uint64_t values[3];
@@ -320,7 +321,7 @@ void soem_keep_reference(struct fsn_soem *bus) {
         found = first_clock(bus, false);
         if (found != 0) {
             set_here(bus, found);
-            /* Not taken: its time is given to nobody, and it is set again. */
+            /* Not accepted: its time is not distributed, and it is set again. */
             found = bus->places[found].unset ? 0 : found;
         }
     }
@@ -344,8 +345,8 @@ fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node) {
     for (int tries = 0; tries < TRIES && of != 0 && of != node->slave; tries++) {
         set_after(bus, node->slave, of);
         if (!place->unset) {
-            /* Where it stands before the reference it is the next one: nobody before that gets its
-             * time. */
+            /* A clock before the reference becomes the next reference: no SubDevice before it gets
+             * its time. */
             soem_keep_reference(bus);
             break;
         }
@@ -425,8 +426,8 @@ fsn_status soem_start_sync(struct fsn_soem *bus, struct node *node) {
 /* -- watching ------------------------------------------------------------------------------- */
 
 /** Compares all clocks with the reference, which gives its time. A clock near the edge of the
- * window, or one that follows this machine behind a gap, leaves it again and again: they are apart
- * until all have stayed within half of it for 3 s. */
+ *  window, or one that follows this machine after a gap, leaves it repeatedly: they are apart until
+ *  all have stayed within half of it for 3 s. */
 static void judge(struct fsn_soem *bus, uint16_t of, struct fsn_bus_clocks *c) {
     const uint16_t worst = look(bus, of, true, c);
     snprintf(c->reference, sizeof c->reference, "%.60s", name_of(bus, of));

@@ -82,7 +82,7 @@ static fsn_status use_sm(struct fsn_soem *bus, struct node *node, uint32_t sm, u
     }
     const bool output = r.direction == FSN_OUTPUT;
     uint8_t control = (uint8_t)etohl(s->SM[number].SMflags);
-    /* Buffered, in the right direction, whatever the SII says; the watchdog as the plan says. */
+    /* Buffered, in the correct direction, whatever the SII contains; the watchdog as planned. */
     control = (uint8_t)((control & ~0x0Fu) | ((output ? SM_OUTPUT : SM_INPUT) & 0x0Fu));
     if (r.watchdog == 1) {
         control |= SM_WATCHDOG;

@@ -48,8 +48,8 @@ static struct identity read_identity(struct fsn_soem *bus, uint16_t slave) {
                              .revision = read_sii(bus, slave, ECT_SII_REV)};
 }
 
-/** Notes who stands at a place. What could not be read are zeros, in any of the three: a device is
- *  another one when a second search finds the same. */
+/** Notes the device at a place. Values that could not be read are zero, in any of the three: a
+ *  device is another one only if a second search confirms it. */
 static fsn_status note_who_answers(struct fsn_soem *bus, struct node *node, uint16_t slave,
                                    struct identity found) {
     char detail[FSN_DETAIL_BYTES];
@@ -215,8 +215,8 @@ static bool is_known(const struct fsn_soem *bus, uint16_t station) {
     return false;
 }
 
-/** Whether the device at a position, which has no station address, is the one that was there; what
- *  else stands there is noted and left alone. */
+/** Whether the device at a position, which has no station address, is the same as before; any other
+ *  device is noted and left unchanged. */
 static bool is_same_device(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
     const struct identity found = read_identity(bus, at);
     const int node = bus->places[slave].node;
@@ -247,8 +247,8 @@ bool soem_take_back(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
 }
 
 void soem_search(struct fsn_soem *bus) {
-    /* A position is believed only behind one that is as it was: on a line that was plugged together
-     * otherwise, or seen from both ends of a broken ring, positions mean something else. */
+    /* A position is valid only after one that is unchanged: on a line that was cabled differently,
+     * or seen from both ends of a broken ring, positions have another meaning. */
     bool before_is_right = true;
     for (uint16_t slave = 1; slave <= bus->slave_count; slave++) {
         uint16_t station;

@@ -136,8 +136,8 @@ static void read_mailbox(struct fsn_soem *bus, uint16_t slave) {
     s->SM[1] = (ec_smt){htoes(s->mbx_ro), htoes(s->mbx_rl), htoel(MAILBOX_IN)};
 }
 
-/** Takes in what stands at a position, as after power-on: it may have run on another bus a moment
- *  ago, with sync managers and FMMUs of that one. */
+/** Takes in the device at a position, as after power-on: it may have just run on another bus, with
+ *  the sync managers and FMMUs of that one. */
 static bool take_in(struct fsn_soem *bus, struct node *node, uint16_t at) {
     static const uint8_t nothing[OLD_FMMUS] = {0};
     ec_slavet *s = &bus->slaves[node->slave];
@@ -180,8 +180,8 @@ static const struct soem_group *rival(const struct fsn_soem *bus, const struct s
     return NULL;
 }
 
-/** Identifies a group whose first SubDevice stands at a position, and takes it in; what is not as
- *  planned is noted at its first SubDevice, and left alone. */
+/** Identifies a group whose first SubDevice is at a position, and takes it in; a difference from
+ *  the plan is noted at its first SubDevice, which is left unchanged. */
 static void come(struct fsn_soem *bus, uint32_t number, uint16_t at) {
     struct soem_group *group = &bus->groups_of_plan[number];
     const struct soem_group *other = rival(bus, group);
@@ -212,7 +212,7 @@ static void come(struct fsn_soem *bus, uint32_t number, uint16_t at) {
 
 /* -- searching -------------------------------------------------------------------------------- */
 
-/** SOEM's number of what answers at a station address; 0: nobody we know. */
+/** SOEM's number of the SubDevice at a station address; 0: unknown. */
 static uint16_t slave_at(const struct fsn_soem *bus, uint16_t station) {
     for (int s = 1; s <= bus->slave_count; s++) {
         if (bus->slaves[s].configadr == station && bus->places[s].al_status != 0) {
@@ -222,7 +222,7 @@ static uint16_t slave_at(const struct fsn_soem *bus, uint16_t station) {
     return 0;
 }
 
-/** Who should stand behind a SubDevice of ours; 0: not known. */
+/** Planned neighbour after one of our SubDevices; 0: not known. */
 static uint16_t behind(const struct fsn_soem *bus, uint16_t slave) {
     const bool exists = slave < bus->slave_count;
     const int node = bus->places[slave].node;
@@ -232,7 +232,7 @@ static uint16_t behind(const struct fsn_soem *bus, uint16_t slave) {
     return exists && own == other ? (uint16_t)(slave + 1) : 0;
 }
 
-/** Whether somebody who was lost stands at a position again; takes it back. */
+/** Whether a lost SubDevice is at a position again; takes it back. */
 static bool is_back(struct fsn_soem *bus, uint16_t slave, uint16_t at) {
     if (slave == 0 || bus->places[slave].al_status != 0) {
         return false;

@@ -10,7 +10,7 @@ enum {
     TX_CATEGORY = 0,
 };
 
-/** A SubDevice whose SII says nothing about process data is not judged. */
+/** A SubDevice whose SII has no process data is not checked. */
 static fsn_status check_sii(struct fsn_soem *bus, const struct node *node, uint32_t sm,
                             char detail[FSN_DETAIL_BYTES]) {
     const struct fsn_sm_record r = fsn_read_sm(bus->all.plan, sm);

@@ -30,7 +30,7 @@ static struct fsn_ring_counts counts_of(const struct fsn_wire *wire) {
     return counts;
 }
 
-/** Reads the links of all SubDevices; 0 where nobody answers. Returns whether all answered. */
+/** Reads the links of all SubDevices; 0 without an answer. Returns whether all answered. */
 static bool read_links(struct fsn_soem *bus, uint16_t links[SOEM_MOST_SLAVES]) {
     bool whole = true;
     for (int first = 1; first <= bus->slave_count; first += SOEM_AT_ONCE) {
@@ -67,7 +67,7 @@ static void find_gaps(struct fsn_soem *bus, const struct fsn_ring_end ends[2],
     struct fsn_ring_member members[SOEM_MOST_SLAVES];
     (void)read_links(bus, links);
     for (int s = 1; s <= bus->slave_count; s++) {
-        /* A lost answer is no lost SubDevice: that is decided by its AL state. */
+        /* A lost answer does not mean a lost SubDevice: its AL state decides. */
         const uint8_t had = bus->places[s].had;
         members[s - 1] = (struct fsn_ring_member){.name = name_of(bus, s),
                                                   .answers = bus->places[s].al_status != 0,
@@ -99,7 +99,7 @@ void soem_watch_ring(struct fsn_soem *bus, uint64_t now_ns) {
     }
     if (watch.ring.state > FSN_RING_CLOSED) {
         bus->links_kept = false;
-        /* What nobody can answer any more stays as it was, until all are lost. */
+        /* Links that can no longer be read stay unchanged, until all are lost. */
         if (!fsn_ring_silent(&watch) || watch.ring.place[0] == '\0' || nobody_answers(bus)) {
             find_gaps(bus, ends, watch.ring.place);
         }

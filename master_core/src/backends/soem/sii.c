@@ -1,4 +1,4 @@
-/** What an SII says about sync managers, and where its categories begin. */
+/** Sync managers in an SII, and the start of its categories. */
 #include "backends/soem/soem.h"
 
 #ifdef FSN_SOEM_FROM_SOURCE
@@ -6,7 +6,7 @@
 enum {
     CATEGORIES = 0x80,
     END = 0xFFFF,
-    MOST_EMPTY = 16 /**< categories one behind the other with neither type nor length */
+    MOST_EMPTY = 16 /**< consecutive categories with neither type nor length */
 };
 
 static uint16_t word_at(ecx_contextt *context, uint16_t slave, uint32_t at) {
@@ -14,9 +14,9 @@ static uint16_t word_at(ecx_contextt *context, uint16_t slave, uint32_t at) {
     return (uint16_t)(low | ecx_siigetbyte(context, slave, (uint16)(at + 1)) << 8);
 }
 
-/** SOEM's own search goes back to where it was when a length makes its 16 bits wrap, and never ends
- *  then: one damaged answer is enough. Where SOEM is built from its source this one takes its place
- *  (weak.h), for all that SOEM reads of an SII. What could not be read are zeros: a SubDevice that
+/** SOEM's own search goes back to its start when a length makes its 16 bits wrap, and then never
+ *  ends: one damaged answer is enough. If SOEM is built from source, this function replaces it
+ *  (weak.h), for all SII reads of SOEM. Values that could not be read are zeros: a SubDevice that
  *  does not hear its address costs a time-out for each of them, minutes for all that fit. */
 int16 ecx_siifind(ecx_contextt *context, uint16 slave, uint16 cat) {
     const bool was_of_device = context->slavelist[slave].eep_pdi != 0;

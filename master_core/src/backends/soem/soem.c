@@ -15,7 +15,7 @@ enum { LISTEN_NS = 60000000, MBX_COE = 0x04, WINDOW_NS = 1000 };
 
 /* -- helpers -------------------------------------------------------------------------------- */
 
-/** Here, since every exchange beside the cycle begins with it, however long they take together. */
+/** Here, since every acyclic exchange begins with it, however long they take together. */
 static void count_foreign(struct fsn_soem *bus) {
     for (size_t i = 0; i < FSN_WIRE_PORTS; i++) {
         if (bus->foreign[i] >= 0) {
@@ -153,7 +153,7 @@ static void set_up_context(struct fsn_soem *bus) {
 }
 
 /** SOEM writes a header once for each of its frames, and the middle of the address when it sends:
- *  by that it knows its two interfaces. */
+ *  this is how it distinguishes its two interfaces. */
 static void sign(struct fsn_soem *bus, ec_bufT *frame) {
     uint8_t *bytes = (uint8_t *)frame;
     bytes[FSN_PORT_SOURCE] = FSN_PORT_OURS >> 8;
@@ -290,7 +290,7 @@ static void soem_close(void *context) {
         soem_release(bus); /* it never was ours */
         return;
     }
-    /* Whoever is still higher goes back step by step; nobody waits for it to answer. */
+    /* SubDevices in a higher state go back step by step, without waiting for their answers. */
     static const uint8_t states[] = {FSN_AL_SAFEOP, FSN_AL_PREOP, FSN_AL_INIT};
     for (size_t i = 0; i < sizeof states; i++) {
         bus->slaves[0].state = states[i];

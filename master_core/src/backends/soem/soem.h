@@ -19,7 +19,7 @@ enum {
 /** A SubDevice of the plan. */
 struct node {
     struct fsn_node known; /**< first */
-    uint16_t slave;        /**< in SOEM's list, from 1; 0: nothing stands at its place */
+    uint16_t slave;        /**< in SOEM's list, from 1; 0: no SubDevice at its place */
     bool configured;       /**< since it was found last: SDOs, PDOs, SMs and FMMUs are written */
     uint8_t requested;     /**< AL state; 0: none */
     uint32_t group;        /**< of the plan; FSN_NONE: it is always there */
@@ -54,7 +54,7 @@ struct fsn_soem {
     ec_slavet slaves[SOEM_MOST_SLAVES];
     int slave_count;
     ec_groupt groups[1];
-    /* Longer than SOEM says: it writes 8 bytes where the last 2 begin, and marks as many. */
+    /* Longer than in SOEM: it writes 8 bytes from the start of the last 2, and marks as many. */
     uint8 esi_buffer[(EC_MAXEEPBUF) + 8];
     uint32 esi_map[EC_MAXEEPBITMAP + 1];
     ec_eringt errors;
@@ -106,21 +106,21 @@ struct fsn_soem {
 
 /** Scans the bus and finds every SubDevice of the plan at its place; refuses on any difference. */
 fsn_status soem_find(struct fsn_soem *bus, struct fsn_fault *fault);
-/** Compares who stands at a position, from 1, with a SubDevice of the plan; the node notes it. */
+/** Compares the device at a position, from 1, with a SubDevice of the plan; the node notes it. */
 fsn_status soem_identify(struct fsn_soem *bus, struct node *node, uint16_t at);
-/** Station address and alias of what stands at a position; false when nothing answers there. */
+/** Station address and alias of the device at a position; false without an answer. */
 bool soem_station_at(struct fsn_soem *bus, uint16_t at, uint16_t *station, uint16_t *alias);
 bool soem_set_station(struct fsn_soem *bus, uint16_t at, uint16_t station);
-/** Takes back the SubDevice that stands at a position when it is the one that was lost. */
+/** Takes back the SubDevice at a position if it is the lost one. */
 bool soem_take_back(struct fsn_soem *bus, uint16_t slave, uint16_t at);
-/** Says who stands at a position and is of no group. */
+/** Reports the device at a position that belongs to no group. */
 void soem_describe_at(struct fsn_soem *bus, uint16_t at, uint16_t alias,
                       char text[FSN_DETAIL_BYTES]);
-/** Looks for places that do not answer: gives them back their station address when the device
- *  that stands there now is the one that was there. */
+/** Searches for places that do not answer: gives them back their station address if the present
+ *  device is the same as before. */
 void soem_search(struct fsn_soem *bus);
 
-/* Groups of SubDevices that may be absent (groups.c). They stand in SOEM's list behind all others,
+/* Groups of SubDevices that may be absent (groups.c). They follow all others in SOEM's list,
  * whatever their place on the bus, and are taken in when they are found. */
 
 enum { SOEM_GROUP_GONE_NS = 100000000 /**< until then it is known who has gone */ };
@@ -139,14 +139,15 @@ bool soem_is_excused(const struct fsn_soem *bus, const struct node *node);
 
 /* Configuring (configure.c). */
 
-/** Brings a SubDevice, which must be in PREOP, to where SAFEOP can be requested: start-up SDOs,
- *  PDO assignment and mapping, FSoE address, sync managers, FMMUs, SYNC0.
- *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS, FSN_E_BUS_MAILBOX  `seen` of the
- *  node says more. */
+/** Brings a SubDevice, which must be in PREOP, to the point where SAFEOP can be requested: start-up
+ *  SDOs, PDO assignment and mapping, FSoE address, sync managers, FMMUs, SYNC0.
+ *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS, FSN_E_BUS_MAILBOX  details in
+ *      `seen`
+ *  of the node. */
 fsn_status soem_configure(struct fsn_soem *bus, struct node *node);
 
 /** Compares sync managers and FMMUs of a running SubDevice with what soem_configure() would write.
- *  @retval FSN_E_BUS_MAPPING  `seen` of the node says more. */
+ *  @retval FSN_E_BUS_MAPPING  details in `seen` of the node. */
 fsn_status soem_compare_layout(struct fsn_soem *bus, struct node *node);
 
 /* A bus that is handed over in OP (attach.c). */
@@ -159,7 +160,7 @@ fsn_status soem_compare(struct fsn_soem *bus, struct node *node);
 /** Reads a register of a SubDevice, again and again where frames are late; false: no answer. */
 bool soem_read_surely(struct fsn_soem *bus, uint16_t slave, uint16_t address, void *to,
                       uint16_t size_bytes);
-/** SOEM's number of the SubDevice that the plan means; 0: nothing stands there (find.c). */
+/** SOEM's number of the planned SubDevice; 0: no device there (find.c). */
 uint16_t soem_slave_of(const struct fsn_soem *bus, const struct fsn_subdevice_info *info);
 
 /* Distributed clocks (clocks.c). */
@@ -171,12 +172,12 @@ fsn_status soem_start_clocks(struct fsn_soem *bus, struct fsn_fault *fault);
 /** The first SubDevice with a clock that answers and shows the time is the reference, should the
  *  present one be lost; where all were off, the first of them is given the time. */
 void soem_keep_reference(struct fsn_soem *bus);
-/** It was off, and is about to answer again: nobody follows its clock until it is set. */
+/** It was off, and is about to answer again: no SubDevice follows its clock until it is set. */
 void soem_forget_clock(struct fsn_soem *bus, uint16_t slave);
 /** Sets the clock of a SubDevice that came back, and waits until it shows the time.
- *  @retval FSN_E_BUS_CLOCK  it has SYNC0 and does not; `seen` of the node says more. */
+ *  @retval FSN_E_BUS_CLOCK  it has SYNC0 and does not; details in `seen` of the node. */
 fsn_status soem_set_clock(struct fsn_soem *bus, struct node *node);
-/** Starts SYNC0 as the plan says.   @retval FSN_E_BUS_CLOCK  it cannot be started. */
+/** Starts SYNC0 as planned.   @retval FSN_E_BUS_CLOCK  it cannot be started. */
 fsn_status soem_start_sync(struct fsn_soem *bus, struct node *node);
 /** Reads how far all clocks are apart, when it is time. */
 void soem_watch_clocks(struct fsn_soem *bus, uint64_t now_ns);
@@ -197,7 +198,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns);
 
 enum { SOEM_AT_ONCE = 32 }; /**< registers read with one frame */
 /** Reads a register of some SubDevices, at most SOEM_AT_ONCE, with one frame.
- *  @param[out] values  one behind the other; zeros where nobody answers. */
+ *  @param[out] values  one after the other; zeros without an answer. */
 void soem_read_each(struct fsn_soem *bus, uint16_t first, uint16_t count, uint16_t address,
                     uint16_t size_bytes, void *values);
 
@@ -213,13 +214,14 @@ bool soem_links(const struct fsn_soem *bus, char text[SOEM_LINKS_BYTES]);
 
 /* Objects, SII and registers (acyclic.c). */
 extern const struct fsn_bus_acyclic soem_acyclic;
-/** How the objects of a SubDevice with CoE are reached. Unlike soem_acyclic it requests no AL state
- *  before: at open() nobody has looked at them yet. */
+/** Access to the objects of a SubDevice with CoE. Unlike soem_acyclic it requests no AL state
+ *  first: at open() the SubDevices have not been checked yet. */
 struct fsn_objects soem_objects(struct fsn_soem *bus, uint16_t slave);
 
 /* Shared (soem.c). */
 
-/** Makes sure, interface by interface, that it exists, is ours alone and nobody else talks on it.
+/** Checks for each interface that it exists, is reserved for this process and carries no frames of
+ *  another MainDevice.
  */
 fsn_status soem_take_interfaces(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Opens SOEM's sockets. */

@@ -37,7 +37,7 @@ struct fsn_interventions {
     const char *error;    /**< why nothing is written now, or NULL */
 };
 
-/** What the program says about itself. Strings live until the next call. */
+/** Data of the program about itself. Strings are valid until the next call. */
 struct fsn_control_status {
     const char *state; /**< stopped, opening, starting, running, stopping or failed */
     const char *fault; /**< why it is stopped, or NULL */

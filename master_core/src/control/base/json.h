@@ -13,14 +13,14 @@ struct fsn_json {
     char *bytes; /**< owned; not zero-terminated */
     size_t len_bytes, room_bytes;
     size_t limit_bytes; /**< it never gets longer */
-    fsn_status failed;  /**< FSN_E_SPACE: the limit was reached; FSN_E_NOMEM: there is no memory */
+    fsn_status failed;  /**< FSN_E_SPACE: the limit was reached; FSN_E_NOMEM: out of memory */
     bool comma;         /**< the next value or key needs a comma before it */
 };
 
 /** Frees the buffer; the limit stays. */
 void fsn_json_free(struct fsn_json *json);
 
-/** Begins anew in the same buffer. */
+/** Starts again in the same buffer. */
 void fsn_json_clear(struct fsn_json *json);
 
 /** Opens and closes objects and arrays: '{' '}' '[' ']'. */

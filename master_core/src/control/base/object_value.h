@@ -21,7 +21,7 @@ bool fsn_data_type_read(const char *text, struct fsn_data_type *type);
 const char *fsn_data_parse(const struct fsn_data_type *type, const char *text, uint8_t *bytes,
                            uint32_t *size_bytes);
 
-/** Writes "data", "bytes" and, where the type is no plain hex, "value". Null for bytes of another
+/** Writes "data", "bytes" and, if the type is not plain hex, "value". Null for bytes of another
  *  length than the type has. */
 void fsn_data_write(const struct fsn_data_type *type, const uint8_t *bytes, uint32_t size_bytes,
                     struct fsn_json *json);

@@ -20,8 +20,8 @@ uint64_t fsn_value_read(const uint8_t *bytes, uint32_t size_bytes);
 /** Writes the value that these bits have. Context: any thread. */
 void fsn_value_write(const struct fsn_symbol_info *symbol, uint64_t raw, struct fsn_json *json);
 
-/** The same in the units of the symbol: its factor and offset apply, and what is no floating point
- *  is rounded to the nearest whole number. A bool has none. */
+/** The same in the units of the symbol: its factor and offset apply, and a value that is not
+ *  floating point is rounded to the nearest integer. A bool has none. */
 const char *fsn_value_parse_typed(const struct fsn_symbol_info *symbol, const char *text,
                                   uint64_t *raw);
 void fsn_value_write_typed(const struct fsn_symbol_info *symbol, uint64_t raw,

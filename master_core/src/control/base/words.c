@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/** Length of the UTF-8 sequence at `at` and the character it stands for, 0 when there is none. */
+/** Length of the UTF-8 sequence at `at` and its character, 0 if it is invalid. */
 static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
     static const uint32_t least[] = {0x80, 0x800, 0x10000}; /* of two bytes and more */
     const uint8_t first = at[0];
@@ -97,7 +97,7 @@ static bool is_blank(char c) {
 }
 
 /** Takes one word from `*read` on, writes it to `to`. Never writes ahead of what was read.
- *  Returns the byte behind the word as written, NULL when a quote is left open. */
+ *  Returns the byte after the written word, NULL when a quote is left open. */
 static char *take(char **read, const char *end, char *to) {
     bool quoted = false;
     char *at = *read;

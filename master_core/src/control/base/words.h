@@ -17,18 +17,19 @@ struct fsn_words {
     size_t count;
 };
 
-/** Splits a line at blanks, in place. Double quotes keep blanks together, inside them \" and \\
- *  stand for themselves; quotes may begin and end inside a word: name="a b".
- *  @param[in,out] line  len_bytes bytes and room for one zero behind them.
- *  @return NULL, or what is wrong with the line, in words.
+/** Splits a line at blanks, in place. Double quotes keep blanks together, inside them \" and \\ are
+ *  escapes; quotes may begin and end inside a word: name="a b".
+ *  @param[in,out] line  len_bytes bytes and room for a zero after them.
+ *  @return NULL, or the text of the error.
  *  Context: any thread. */
 const char *fsn_words_split(char *line, size_t len_bytes, struct fsn_words *words);
 
-/** Writes the first character of a text as it may be shown to people and to programs: one that acts
- *  on a terminal, hides or reorders a line, and a byte that is no UTF-8, becomes its JSON escape.
+/** Writes the first character of a text in a form that is safe for people and programs. A character
+ *  that acts on a terminal, hides or reorders a line, and an invalid UTF-8 byte, becomes its JSON
+ *  escape.
  *  @param[in] at  left bytes, at least one.
  *  @param[out] shown  zero-terminated.
- *  @return how many bytes of `at` it stands for.
+ *  @return number of bytes of `at` that it covers.
  *  Context: any thread. */
 size_t fsn_show_character(const char *at, size_t left, char shown[FSN_SHOWN_BYTES]);
 

@@ -121,7 +121,7 @@ static bool same_subdevice(const struct fsn_bus_subdevice *a, const struct fsn_b
            memcmp(a->link, b->link, sizeof a->link) == 0;
 }
 
-/** Lost, refused, wrong or in error; back in OP. What lies between, and links that are read one
+/** Lost, refused, wrong or in error; back in OP. States in between, and links that are read one
  *  after the other, are details. */
 static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before,
                                           const struct fsn_bus_subdevice *after) {
@@ -265,7 +265,7 @@ static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
     changes->clocks = clocks.state;
 }
 
-/** A group comes or goes, which is no fault; or what stands there is not taken in. */
+/** A group comes or goes, which is not a fault; or a device at its place is not taken in. */
 static void poll_groups(struct fsn_changes *changes, bool first, uint64_t now_ns) {
     for (uint32_t n = 0; n < fsn_plan_group_count(changes->view->plan); n++) {
         const struct fsn_group_info info = fsn_known_group(changes->view->plan, n);
@@ -306,7 +306,7 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
         return;
     }
     changes->polled_ns = now_ns;
-    poll_ring(changes, now_ns); /* before the SubDevices beside the gap */
+    poll_ring(changes, now_ns); /* before the SubDevices next to the gap */
     poll_clocks(changes, now_ns);
     const uint32_t count = fsn_plan_subdevice_count(changes->view->plan);
     uint32_t lost = 0;
@@ -380,7 +380,7 @@ static void poll_wkc(struct fsn_changes *changes, uint64_t now_ns) {
     const bool turned = incomplete != changes->incomplete;
     const bool more = s->wkc_errors != changes->wkc_errors ||
                       s->lost_frames != changes->lost_frames || s->overruns != changes->overruns;
-    /* A bus that is lost stays lost until the working counter says otherwise. */
+    /* A lost bus stays lost until the working counter is correct again. */
     const bool known = incomplete && s->actual_wkc == 0 && changes->wkc_lost;
     const bool due = !known && now_ns - changes->wkc_reported_ns >= WKC_MS * UINT64_C(1000000);
     if (!turned && (!more || !due)) {

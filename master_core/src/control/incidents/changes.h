@@ -11,14 +11,14 @@ struct fsn_seen_group {
     char detail[FSN_DETAIL_BYTES];
 };
 
-/** What the bus looked like at the last poll, beside the SubDevices in the view. */
+/** State of the bus at the last poll, in addition to the SubDevices in the view. */
 struct fsn_changes {
     struct fsn_bus_view *view;
     struct fsn_events *events;
     uint64_t *reset_reported_ns; /**< per connection: last line on a reset; 0: none */
     bool incomplete;             /**< working counter of the last poll */
     bool differed;               /**< a connection has had other parameters than the plan */
-    bool wkc_lost;               /**< a line has said that nobody answers */
+    bool wkc_lost;               /**< the missing answers were logged */
     uint64_t wkc_errors, lost_frames, old_replies, unsent_frames, overruns; /**< last reported */
     uint64_t events_lost;                                                   /**< last reported */
     uint64_t foreign_frames;                                                /**< last reported */

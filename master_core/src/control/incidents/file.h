@@ -9,7 +9,7 @@ enum { FSN_INCIDENT_PATH = 512 };
 
 #define FSN_INCIDENT_SUFFIX ".fsnincident"
 
-/** Cycles copied out of the recorder, one behind the other. */
+/** Cycles copied out of the recorder, one after the other. */
 struct fsn_window {
     uint64_t count;
     uint32_t image_bytes;
@@ -24,11 +24,10 @@ void fsn_window_free(struct fsn_window *window);
 
 struct fsn_incident_file;
 
-/** Begins to write; takes over head and window, also when it fails.
- *  @param[in] folder, stem  the file is `folder/stem.fsnincident`, or with a number behind the
- * stem.
- *  @param[in] most_bytes    once the incident files of the folder have so many, whoever wrote them,
- *                           no further one is written.
+/** Starts writing; takes ownership of head and window, also when it fails.
+ *  @param[in] folder, stem  the file is `folder/stem.fsnincident`, or with a number after the stem.
+ *  @param[in] most_bytes    limit for all incident files of the folder together; then no further
+ *      one is written.
  *  @return NULL  no thread, or no memory. */
 struct fsn_incident_file *fsn_incident_file_begin(const char *folder, const char *stem,
                                                   uint64_t most_bytes, struct fsn_json *head,

@@ -19,17 +19,17 @@
 
 enum {
     BEFORE_MS = 5000,   /**< kept before the moment */
-    AFTER_MS = 1000,    /**< and behind it */
-    LATE_MS = 1000,     /**< longer nobody waits for a cycle behind that */
+    AFTER_MS = 1000,    /**< and after it */
+    LATE_MS = 1000,     /**< longest wait for a cycle after that */
     PAUSE_MS = 10000,   /**< between two that were not requested, in the long run */
     AT_ONCE = 3,        /**< files without that pause: a second failure has its own */
     PATIENCE_MS = 5000, /**< in OP and not in Data for so long */
-    ANSWER_MS = 2000,   /**< longer nobody waits for the FSoE values of the SubDevices */
+    ANSWER_MS = 2000,   /**< longest wait for the FSoE values of the SubDevices */
     POLL_MS = 500,      /**< between two searches for those */
     MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
 };
 
-/** 0, or why this is no folder that one can write to. */
+/** 0, or errno why the folder is not writable. */
 static int why_not(const char *folder) {
     struct stat found;
     if (stat(folder, &found) != 0) {
@@ -278,7 +278,7 @@ static void not_connected(struct fsn_incidents *in, uint32_t number, uint64_t no
     (void)fsn_incident_begin(in, &trigger);
 }
 
-/** Every SubDevice works and a connection does not: nobody else would say so. */
+/** Every SubDevice works and a connection does not: no other line reports it. */
 static void find_missing(struct fsn_incidents *in, uint64_t now_ns) {
     const struct fsn_control_status status = fsn_program_status(in->view->host);
     if (in->view->core == NULL || strcmp(status.state, "running") != 0) {
@@ -307,8 +307,8 @@ void fsn_incidents_limit(struct fsn_incidents *in, uint64_t most_bytes) {
     }
 }
 
-/** Where the cycle was held up as well, what it does next is of the window: the file waits for a
- *  cycle behind its end, but not for one that stands still. */
+/** If the cycle was also delayed, the following cycles belong to the window: the file waits for a
+ *  cycle after its end, but not for a stopped cycle. */
 static bool is_over(struct fsn_incidents *in, uint64_t now_ns) {
     struct fsn_pending *p = &in->pending;
     const uint64_t patience_ns = in->job != NULL ? ANSWER_MS * UINT64_C(1000000) : 0;

@@ -14,9 +14,9 @@ struct fsn_incidents;
 enum { FSN_INCIDENTS_BYTES = 1 << 30 /**< of incident files in a folder */ };
 
 /** Writes incidents from now on.
- *  @param[in] folder  where to; must exist.
+ *  @param[in] folder  existing folder of the files.
  *  @param[in] view, events, jobs  must outlive it.
- *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
+ *  @retval FSN_E_SYS  not a writable folder.   @retval FSN_E_NOMEM  out of memory. */
 fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
                                 struct fsn_events *events, struct fsn_job_queue *jobs,
                                 struct fsn_incidents **incidents, struct fsn_refusal *refusal);
@@ -38,8 +38,8 @@ struct fsn_trigger {
     const struct fsn_fault *fault; /**< of bus_failed */
 };
 
-/** Begins an incident. Does nothing without incidents (NULL), while another one is kept, and,
- *  unless somebody requests it, during a stop and when too many come one behind the other.
+/** Begins an incident. Does nothing without incidents (NULL) or while another one is kept. Unless a
+ *  client requests it, it also does nothing during a stop and after too many incidents in a row.
  *  @retval false  no file will be written. */
 bool fsn_incident_begin(struct fsn_incidents *incidents, const struct fsn_trigger *trigger);
 

@@ -41,7 +41,7 @@ struct fsn_incidents {
     unsigned next_event;
 };
 
-/** Writes the first line: everything that is known beside the cycles. */
+/** Writes the first line: all data except the cycles. */
 void fsn_incident_head(struct fsn_incidents *incidents, struct fsn_json *json);
 
 #endif

@@ -1,4 +1,4 @@
-/** Objects that nobody writes through this program. */
+/** Objects that this program never writes. */
 #ifndef FSN_CONTROL_GUARD_H
 #define FSN_CONTROL_GUARD_H
 

@@ -34,7 +34,7 @@ struct fsn_job {
     uint8_t *data; /**< to be written */
     uint32_t data_bytes;
     char *tag;             /**< of the request, or NULL */
-    atomic_bool cancelled; /**< nobody waits for the answer any more */
+    atomic_bool cancelled; /**< no client waits for the answer any longer */
     uint64_t until_ns;     /**< broken off then; set when it begins; 0: never */
     struct fsn_json json;  /**< the line of the answer; FSN_JOB_FSOE: the array alone */
     fsn_status status;

@@ -1,4 +1,4 @@
-/** What the control thread knows of plan, program and bus: the source of every document. */
+/** Data of the control thread about plan, program and bus: the source of every document. */
 #ifndef FSN_CONTROL_BUS_VIEW_H
 #define FSN_CONTROL_BUS_VIEW_H
 
@@ -37,7 +37,7 @@ void fsn_bus_view_free(struct fsn_bus_view *view);
 /** There is another core, or none (NULL). */
 void fsn_bus_view_attach(struct fsn_bus_view *view, struct fsn_core *core);
 
-/** What the program says about itself now. */
+/** Current data of the program about itself. */
 struct fsn_control_status fsn_program_status(const struct fsn_control_host *host);
 
 #endif

@@ -18,7 +18,7 @@ struct fsn_events {
 };
 
 /** Begins an event; `at_ns` monotonic. Keys may be added until it is sent. Its account is that of
- * an observer, until fsn_event_begin_act() or the caller says otherwise. */
+ *  an observer, unless fsn_event_begin_act() or the caller sets another. */
 struct fsn_json *fsn_event_begin(struct fsn_events *events, const char *name, uint64_t at_ns);
 
 /** The same for what a role has done: the program itself is a maintainer. */

@@ -6,8 +6,8 @@
 #include "control/reports/bus_view.h"
 
 enum fsn_group_state {
-    FSN_GROUP_ABSENT, /**< that is no fault */
-    FSN_GROUP_WRONG,  /**< absent, and something stands there that is not taken in */
+    FSN_GROUP_ABSENT, /**< which is not a fault */
+    FSN_GROUP_WRONG,  /**< absent, and another device at its place is not taken in */
     FSN_GROUP_COMING, /**< not all of it is in OP */
     FSN_GROUP_THERE,
 };

@@ -20,7 +20,7 @@ bool fsn_page_takes(struct fsn_page *page, const struct fsn_json *json);
 void fsn_report_status(struct fsn_bus_view *view, uint32_t clients, struct fsn_json *json);
 fsn_status fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_page *page,
                                  struct fsn_json *json);
-/** The ring, or null where the bus is no ring or is stopped; its keys alone. */
+/** The ring, or null if the bus is not a ring or is stopped; its keys alone. */
 void fsn_report_ring(struct fsn_bus_view *view, struct fsn_json *json);
 void fsn_report_ring_keys(const struct fsn_bus_ring *ring, struct fsn_json *json);
 /** The distributed clocks, or null where none are in use or the bus is stopped; its keys alone. */

@@ -60,7 +60,7 @@ void fsn_client_close_passed(struct fsn_client *client) {
     }
 }
 
-/** Sends some of what waits; descriptors go with the first byte behind `pass_at`. */
+/** Sends some of the queued bytes; descriptors go with the first byte after `pass_at`. */
 static ssize_t send_some(struct fsn_client *client) {
     const bool before = client->passes > 0 && client->sent < client->pass_at;
     const size_t end = before ? client->pass_at : client->out.len_bytes;
@@ -239,7 +239,7 @@ void fsn_client_drop(struct fsn_services *services, struct fsn_client *client, c
     close(client->fd);
     client->fd = -1;
     client->events = false;
-    if (client->job != NULL) { /* nobody waits for its answer */
+    if (client->job != NULL) { /* no client waits for its answer */
         atomic_store(&client->job->cancelled, true);
         client->job = NULL;
     }

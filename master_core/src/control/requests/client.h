@@ -12,7 +12,7 @@ enum {
     FSN_CLIENT_TEXT_BYTES = FSN_PEER_TEXT_BYTES + 20,
 };
 
-/** Cycles that a client wants to see. */
+/** Cycles that a client subscribes to. */
 struct fsn_stream {
     uint32_t every;    /**< 0: none */
     bool image;        /**< whole images, else the values of `symbols` */
@@ -39,7 +39,7 @@ struct fsn_client {
     uint64_t moved_ns;       /**< when it last took bytes, or had none to take */
     size_t in_bytes;
     char in[FSN_LINE_BYTES + 2];
-    struct fsn_job *job; /**< its request that is under way; lines behind it wait */
+    struct fsn_job *job; /**< its request in progress; the following lines wait */
     size_t long_bytes;   /**< of a long answer in `out`, which may be that much longer */
     struct fsn_json out; /**< replies and events not yet written, `sent` bytes of it gone */
     size_t sent;

@@ -10,7 +10,7 @@
 
 enum { MOST_MISSES = 1000 };
 
-/** What a client wants. */
+/** Parameters of the request of a client. */
 struct wanted {
     struct fsn_wanted *outputs; /**< each with its stop value */
     uint32_t *symbols;          /**< the same */
@@ -186,7 +186,7 @@ fsn_status fsn_answer_realtime(struct fsn_request *request) {
     struct wanted wanted = {0};
     uint32_t place;
     fsn_status found = read_wanted(request, &wanted);
-    /* Before anything is opened: it would stay behind where there is no room for a reply. */
+    /* Before anything is opened: it would be left over if a reply has no room. */
     put_reply(request, &wanted);
     if (found == FSN_OK && request->json->failed == FSN_OK) {
         const struct fsn_core_client in_cycle = {

@@ -8,7 +8,7 @@ struct fsn_request {
     struct fsn_services *services;
     struct fsn_client *client;
     const char *name;
-    const char *const *argument; /**< words behind the name */
+    const char *const *argument; /**< words after the name */
     size_t count;
     struct fsn_json *json; /**< the reply, open, "ok" written */
     struct fsn_refusal refusal;

@@ -197,7 +197,7 @@ static fsn_status of_program(struct fsn_request *request) {
         host->request(host->self, (enum fsn_program_request)wanted, &request->refusal);
     if (found == FSN_OK) {
         fsn_json_put_text(request->json, "state",
-                          fsn_program_status(host).state); /* events say how it goes on */
+                          fsn_program_status(host).state); /* events report the progress */
     }
     return found;
 }
@@ -290,7 +290,7 @@ static void begin(struct fsn_json *json, const char *tag, bool ok) {
     }
 }
 
-/** Ends a reply. A client would wait in vain for one that there is no memory for. */
+/** Ends a reply. Without memory for it a client would wait in vain. */
 static void finish(struct fsn_client *client, struct fsn_json *json) {
     fsn_json_close(json, '}');
     fsn_json_end(json);
@@ -384,7 +384,7 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
         request.name = words.word[tagged];
         found = answer(&request);
     }
-    const bool later = found == FSN_OK && request.later; /* its job answers, and nobody else */
+    const bool later = found == FSN_OK && request.later; /* only its job answers */
     if (found == FSN_OK && !later && json.failed != FSN_OK) {
         found = refuse_reply(&request);
     }

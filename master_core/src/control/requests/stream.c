@@ -12,7 +12,7 @@
 enum {
     MOST_EVERY = 1000000,      /**< cycles between two lines */
     TURN_LINES = 32,           /**< lines for one client before the others have their turn */
-    PENDING_BYTES = 256 << 10, /**< unread bytes of a client that gets no more lines for now */
+    PENDING_BYTES = 256 << 10, /**< unread bytes of a client that gets no further lines for now */
     LINE_BYTES = 512 << 10,    /**< of one line */
     NUMBER_BYTES = 28,         /**< of a value, with what stands around its name */
 };
@@ -170,7 +170,7 @@ static fsn_status collect(struct fsn_request *request, const uint8_t *marks, uin
                                                          "too many values for a line");
 }
 
-/** Words behind the options: names; none means all. */
+/** Words after the options: names; none means all. */
 static fsn_status choose(struct fsn_request *request, size_t first, struct fsn_stream *stream) {
     const uint32_t all = fsn_plan_symbol_count(request->services->view.plan);
     uint8_t *marks = calloc((size_t)all + 1, 1);

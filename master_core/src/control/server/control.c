@@ -1,4 +1,4 @@
-/** What the program around the socket calls beside its turns. */
+/** Callbacks into the program between the turns of the socket. */
 #include "control/server/control.h"
 
 #include <stdio.h>
@@ -86,7 +86,7 @@ void fsn_control_attach(struct fsn_control *control, struct fsn_core *core) {
     }
     fsn_bus_view_attach(&services->view, core);
     fsn_changes_reset(&control->changes);
-    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) { /* cycles count anew */
+    for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) { /* the cycle count restarts */
         control->client[i].stream.next = fsn_core_last_cycle(services->view.core) + 1;
         control->client[i].place = 0;
         control->client[i].begun = false;

@@ -32,7 +32,7 @@ struct fsn_control_allowed {
     enum fsn_role role;
 };
 
-/** Who may connect beside root and the user this runs as, which are maintainers. */
+/** Users that may connect, in addition to root and the user this runs as, which are maintainers. */
 struct fsn_control_access {
     struct fsn_control_allowed user[FSN_CONTROL_ALLOWED], group[FSN_CONTROL_ALLOWED];
     size_t users, groups;
@@ -57,11 +57,11 @@ fsn_status fsn_control_listen(struct fsn_control *control, const char *path,
 fsn_status fsn_control_adopt(struct fsn_control *control, int listener, const char *path,
                              struct fsn_refusal *refusal);
 
-/** Descriptor of the socket, for the one that goes on with it. */
+/** Descriptor of the socket, for the successor. */
 int fsn_control_listener(const struct fsn_control *control);
 
-/** Keeps what happened around each connection that leaves Data, in files in this folder.
- *  @retval FSN_E_SYS  it is no folder one can write to.   @retval FSN_E_NOMEM  out of memory. */
+/** Records each connection that leaves Data, in files in this folder.
+ *  @retval FSN_E_SYS  not a writable folder.   @retval FSN_E_NOMEM  out of memory. */
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
                                       struct fsn_refusal *refusal);
 

@@ -75,7 +75,7 @@ static void read_some(struct fsn_control *control, struct fsn_client *client) {
     client->in_bytes += (size_t)got;
 }
 
-/** Best effort: it is one short line into a socket that is empty or that nobody reads. */
+/** Best effort: one short line into a socket that is empty or is never read. */
 static void say_last(int fd, const char *text) {
     const ssize_t sent = send(fd, text, strlen(text), MSG_NOSIGNAL | MSG_DONTWAIT);
     (void)sent;
@@ -105,7 +105,7 @@ static bool is_place_coming(const struct fsn_control *control) {
     return gone;
 }
 
-/** Whether nobody would miss a client: it listens to nothing, waits for nothing, writes nothing. */
+/** Whether a client may be dropped: it has no subscription, no request and no data to write. */
 static bool is_idle(const struct fsn_control *control, const struct fsn_client *client) {
     return client->fd >= 0 && !client->events && client->stream.every == 0 && client->job == NULL &&
            client->in_bytes == 0 && client->sent == client->out.len_bytes && client->place == 0 &&
@@ -156,8 +156,8 @@ static struct fsn_client *surplus(struct fsn_control *control, uid_t uid) {
     return found;
 }
 
-/** A place for a new client, NULL: none. Who may change something has places of its own and need
- *  not wait until somebody counts as idle. */
+/** A place for a new client, NULL: none. Clients with write access have reserved places and need
+ *  not wait until a client counts as idle. */
 static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role role, uid_t uid,
                                     uint64_t now_ns) {
     const bool first = role >= FSN_OPERATOR;
@@ -207,7 +207,7 @@ static void report_turned_away(struct fsn_control *control, pid_t pid, uid_t uid
     control->turned_away = 0;
 }
 
-/** What the process at the other end may request, by what the kernel knows of it; who it is. */
+/** Role of the peer process, from its credentials in the kernel; and its user. */
 static enum fsn_role read_role(const struct fsn_control *control, int fd, struct ucred *peer) {
     enum { GROUPS = 256 }; /* more than anybody has: then only its own counts */
     gid_t group[1 + GROUPS];
@@ -222,7 +222,7 @@ static enum fsn_role read_role(const struct fsn_control *control, int fd, struct
     return fsn_control_role(control->access, peer->uid, group, 1 + group_bytes / sizeof *group);
 }
 
-/** Takes in one of those who wait; false when nobody does. */
+/** Accepts one waiting client; false if there is none. */
 static bool accept_one(struct fsn_control *control) {
     const int fd = accept4(control->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
     if (fd < 0) {
@@ -256,7 +256,7 @@ static bool accept_one(struct fsn_control *control) {
     return true;
 }
 
-/** Events and cycles of the core are polled for: it has no way to wake this thread. While somebody
+/** Events and cycles of the core are polled: it has no way to wake this thread. While a client
  *  waits for them, in every cycle. */
 static uint64_t next_poll_ns(const struct fsn_control *control) {
     enum { STOPPED_NS = 100000000, POLL_NS = 5000000, LEAST_NS = 100000 };
@@ -312,8 +312,8 @@ static void serve_client(struct fsn_control *control, struct fsn_client *client,
     }
 }
 
-/** Those who may act first. The observers share what a turn has for them, and the next turn goes
- *  on where this one ended: however much they request, they delay nobody else. */
+/** Clients with write access first. The observers share the rest of a turn, and the next turn
+ *  continues where this one ended: however many requests they send, they delay only each other. */
 static void serve_clients(struct fsn_control *control, const struct pollfd *fds, size_t count) {
     int fd[FSN_CONTROL_CLIENTS]; /* a slot may change hands while this runs */
     bool first[FSN_CONTROL_CLIENTS];

@@ -1,4 +1,4 @@
-/** The server behind the socket. One thread. */
+/** The server of the socket. One thread. */
 #ifndef FSN_CONTROL_SERVER_H
 #define FSN_CONTROL_SERVER_H
 

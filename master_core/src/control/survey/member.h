@@ -40,8 +40,8 @@ struct fsn_surveyed {
 __attribute__((format(printf, 2, 3))) void fsn_survey_problem(struct fsn_surveyed *of,
                                                               const char *format, ...);
 
-/** Reads a number of up to 4 bytes; false, and 0, when there is none (then `of->coe` says whether
- *  it is worth to go on). */
+/** Reads a number of up to 4 bytes; false, and 0, if it cannot be read (`of->coe` then shows
+ *  whether further reads make sense). */
 bool fsn_survey_number(struct fsn_surveyed *of, uint16_t index, uint8_t sub, uint32_t *value);
 /** Reads a number of 2 bytes; false when there is none. */
 bool fsn_survey_word(struct fsn_surveyed *of, uint16_t index, uint8_t sub, uint16_t *value);

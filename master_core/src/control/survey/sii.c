@@ -1,4 +1,4 @@
-/** Categories of an SII; whatever it says about lengths is checked. */
+/** Categories of an SII; every length in it is checked. */
 #include <string.h>
 
 #include "control/survey/member.h"
@@ -79,7 +79,7 @@ bool fsn_survey_sii_pdo(const struct fsn_sii *sii, bool outputs, uint32_t *at, u
             .index = fsn_get16(p), .entries = p[2], .sm = p[3], .name = p[5], .entry = p + 8};
         *inside += 8 + 8u * p[2];
         if (*inside > size) {
-            *inside = size; /* it says more than there is */
+            *inside = size; /* longer than the data */
             continue;
         }
         return true;

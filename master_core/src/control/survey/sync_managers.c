@@ -1,5 +1,5 @@
-/** Sync managers of a SubDevice and the PDOs they carry: its objects where it has CoE, else its
- *  SII, else what the bus knows. */
+/** Sync managers of a SubDevice and the PDOs they carry: from its objects if it has CoE, else from
+ *  its SII, else from the bus. */
 #include <string.h>
 
 #include "control/survey/member.h"
@@ -158,7 +158,7 @@ static uint32_t put_sii_pdos(struct fsn_surveyed *of, struct fsn_json *json, con
     return bits;
 }
 
-/** What the bus says about a sync manager of a SubDevice without objects. */
+/** Data of the bus about a sync manager of a SubDevice without objects. */
 static uint32_t put_bus_pdos(struct fsn_surveyed *of, struct fsn_json *json, const struct sm *sm) {
     const struct fsn_survey *s = of->survey;
     uint32_t bits = 0;
@@ -213,7 +213,7 @@ static void put_process_data(struct fsn_surveyed *of, struct fsn_json *json, con
     fsn_json_put_bool(json, "complete", (of->half_read >> sm->number & 1) == 0);
 }
 
-/** Without SII and objects only the bus knows which there are. */
+/** Without SII and objects only the bus has a list of them. */
 static uint32_t sms_of_bus(const struct fsn_surveyed *of, struct sm sms[FSN_SURVEY_SMS]) {
     const struct fsn_survey *s = of->survey;
     uint32_t count = 0;
