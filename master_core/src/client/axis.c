@@ -77,7 +77,7 @@ static void lose(struct fsn_axis *axis, enum fsn_axis_phase phase) {
     axis->phase = (uint8_t)phase;
 }
 
-/** What a state means that nobody requested. */
+/** Meaning of a state that was not requested. */
 static enum fsn_axis_phase unrequested(const struct fsn_axis *axis) {
     if (axis->state == FSN_AXIS_NO_STATE) {
         return FSN_AXIS_BAD_STATUSWORD;
@@ -149,7 +149,7 @@ static void watch_enabled(struct fsn_axis *axis) {
     }
 }
 
-/** Where an axis is that nobody requested to be enabled. */
+/** Phase of an axis that is not requested to be enabled. */
 static uint8_t phase_off(const struct fsn_axis *axis) {
     const uint8_t state = axis->state;
     uint8_t phase = axis->phase;

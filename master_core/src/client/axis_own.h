@@ -7,7 +7,7 @@
 /** What the program requests. */
 enum goal { GOAL_OFF, GOAL_ON, GOAL_QUICK_STOP };
 
-/** Statusword beside the state. */
+/** Statusword in addition to the state. */
 enum status {
     VOLTAGE = 1 << 4,
     REMOTE = 1 << 9,

@@ -52,7 +52,7 @@ static uint16_t index_of(const struct search *search, const struct object *objec
     return (uint16_t)(object->index + AXIS_STEP * search->options->number);
 }
 
-/** Finds one object; one that is not there is no error yet. */
+/** Finds one object; a missing object is not an error yet. */
 static fsn_status find(const struct search *search, const struct object *object) {
     const uint16_t index = index_of(search, object);
     int32_t *place = place_of(search, object);

@@ -21,7 +21,7 @@
 #include "rt/words.h"
 
 enum { LINE_BYTES = 8192, FDS = 2, DEFAULT_TIMEOUT_MS = 5000 };
-enum { LOOK_AFTER = 256 }; /**< sleeps for one cycle, before somebody asks whether any will come */
+enum { LOOK_AFTER = 256 }; /**< sleeps for one cycle before a check whether any will come */
 
 struct fsn_realtime {
     int fd; /**< of the socket: while it is open, the outputs are ours */
@@ -36,7 +36,7 @@ struct fsn_realtime {
     struct fsn_shared_cycle cycle;
 };
 
-/** An answer of fsn-master with what came beside it. */
+/** An answer of fsn-master and the descriptors sent with it. */
 struct answer {
     char line[LINE_BYTES];
     int fd[FDS];
@@ -87,7 +87,7 @@ static bool write_request(const struct fsn_realtime_options *options, char line[
     return true;
 }
 
-/** Keeps descriptors that came beside some bytes. */
+/** Keeps descriptors that came with some bytes. */
 static void keep_fds(struct msghdr *message, struct answer *answer) {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c != NULL; c = CMSG_NXTHDR(message, c)) {
         if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_RIGHTS) {
@@ -140,7 +140,7 @@ static int read_line(int fd, struct answer *answer) {
     }
 }
 
-/** Text under a key of a line of JSON, as it stands there. */
+/** Text under a key of a line of JSON, unchanged. */
 static const char *text_of(const char *line, const char *key, char *room, size_t room_bytes) {
     const char *at = strstr(line, key);
     size_t used = 0;
@@ -181,7 +181,7 @@ static fsn_status read_refusal(const char *line, struct fsn_realtime_fault *faul
 
 /* -- the memory ----------------------------------------------------------------------------- */
 
-/** Maps a file that is as long as it says; NULL: it is not one of fsn-master. */
+/** Maps a file whose length matches its head; NULL: it is not from fsn-master. */
 static void *map(int fd, int protection, size_t least_bytes, size_t *size_bytes) {
     struct stat found;
     if (fstat(fd, &found) != 0 || found.st_size < 0 || (size_t)found.st_size < least_bytes) {
@@ -249,7 +249,7 @@ static int connect_to(const struct fsn_realtime_options *options) {
     return fd;
 }
 
-/** Sends a line and reads the answer; `fault` says what is wrong with it. */
+/** Sends a line and reads the answer; `fault` describes an error in it. */
 static fsn_status ask(const struct fsn_realtime_options *options, int fd, const char *line,
                       size_t len_bytes, struct answer *answer, struct fsn_realtime_fault *fault) {
     if (send(fd, line, len_bytes, MSG_NOSIGNAL) != (ssize_t)len_bytes) {

@@ -216,7 +216,7 @@ static int order(uint64_t a, uint64_t b) {
     return (a > b) - (a < b);
 }
 
-/** Symbols by place, then by everything else that the text says of them. */
+/** Symbols by place, then by all other fields in the text. */
 static int compare_symbols(const void *left, const void *right) {
     const struct by_place *one = left;
     const struct by_place *other = right;

@@ -172,7 +172,7 @@ fsn_status fsn_plan_load(const void *bytes, size_t len_bytes, struct fsn_plan **
 }
 
 void fsn_plan_hold(const struct fsn_plan *plan) {
-    /* The count is no part of what const promises; every plan comes from calloc. */
+    /* The count is not covered by const; every plan comes from calloc. */
     atomic_fetch_add_explicit(&((struct fsn_plan *)plan)->holders, 1, memory_order_relaxed);
 }
 

@@ -84,7 +84,7 @@ FSN_RECORD(bus, BUS)
 FSN_RECORD(group, GROUP)
 #undef FSN_RECORD
 
-/* What a record says, for callers who know that there is one of this number. */
+/* Decodes a record, for callers that have checked its number. */
 #define FSN_KNOWN(record)                                                                          \
     static inline struct fsn_##record##_info fsn_known_##record(const struct fsn_plan *plan,       \
                                                                 uint32_t number) {                 \
@@ -111,7 +111,7 @@ static inline struct fsn_parameters fsn_planned_parameters(const struct fsn_conn
                                    .app_crc = info->app_crc};
 }
 
-/** Entries of a sync manager: from the first to before `*behind` (proved: PDO by PDO without gaps).
+/** Entries of a sync manager: from the first to before `*behind`. Proved: PDO by PDO without gaps.
  */
 static inline uint32_t fsn_sm_entries(const struct fsn_plan *plan, uint32_t sm, uint32_t *behind) {
     const struct fsn_sm_record r = fsn_read_sm(plan, sm);
@@ -169,7 +169,7 @@ static inline const char *fsn_symbol_subdevice(const struct fsn_plan *plan,
     return fsn_known_subdevice(plan, fsn_known_sm(plan, symbol->sm).subdevice).name;
 }
 
-/** The entry that is this symbol and no more; index 0: the symbol is a part of one. */
+/** The entry that is exactly this symbol; index 0: the symbol is a part of an entry. */
 struct fsn_entry_record fsn_symbol_object(const struct fsn_plan *plan,
                                           const struct fsn_symbol_info *symbol);
 
@@ -200,7 +200,7 @@ bool fsn_plan_is_first_choice(const struct fsn_plan *plan, uint32_t subdevice);
 /** Takes a further hold of a plan; fsn_plan_free() lets go. */
 void fsn_plan_hold(const struct fsn_plan *plan);
 
-/** Fills a fault (may be NULL) and returns its status; `rule` NULL stands for the status text. */
+/** Fills a fault (may be NULL) and returns its status; `rule` NULL means the status text. */
 fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t section, uint32_t record,
                       uint32_t byte, const char *rule);
 

@@ -1,6 +1,6 @@
-/** The proofs of docs/reference/plan-format.md, “What a reader proves again”, second half: what
- * moves between the SubDevices. Blocks and copies are sorted, so every overlap shows at a neighbour
- * or by bisection: O(n log n) whatever the file says. */
+/** The proofs of docs/reference/plan-format.md, “What a reader proves again”, second half: the data
+ *  moved between the SubDevices. Blocks and copies are sorted, so every overlap shows at a
+ *  neighbour or by bisection: O(n log n) for any file. */
 #include <string.h>
 
 #include "fsn/fsoe.h"
@@ -47,7 +47,7 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
     return FSN_OK;
 }
 
-/** First block that ends behind `byte` of an SM, in the sorted list of blocks; count if none. */
+/** First block that ends after `byte` of an SM, in the sorted list of blocks; count if none. */
 static uint32_t first_block_behind(const struct fsn_plan *plan, uint32_t sm, uint32_t byte) {
     uint32_t low = 0;
     uint32_t high = plan->count[FSN_SEC_BLOCK];
@@ -80,7 +80,7 @@ enum fsn_overlap fsn_overlap_of(const struct fsn_plan *plan, uint32_t sm, uint32
 bool fsn_is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *symbol) {
     const uint32_t first = symbol->bit_offset / 8;
     const uint32_t behind = (symbol->bit_offset + symbol->bits + 7) / 8;
-    uint32_t low = 0; /* sorted: the first copy that ends behind the first byte of the symbol */
+    uint32_t low = 0; /* sorted: the first copy that ends after the first byte of the symbol */
     uint32_t high = plan->count[FSN_SEC_COPY];
     while (low < high) {
         const uint32_t middle = low + (high - low) / 2;
@@ -100,7 +100,7 @@ bool fsn_is_copied(const struct fsn_plan *plan, const struct fsn_symbol_info *sy
     return r.destination_sm == symbol->sm && r.destination_bit / 8 < behind;
 }
 
-/** What a symbol says about the stop: an output's own bits, and none that could start a machine. */
+/** Stop values of symbols: bits of an output itself, and none that could start a machine. */
 static bool is_stop_value_ok(const struct fsn_symbol_record *symbol) {
     const uint64_t value = symbol->stop_value;
     const bool closed = (symbol->flags & 1u) == 0 || (symbol->flags & 2u) != 0;
@@ -298,7 +298,7 @@ static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint3
     return FSN_OK;
 }
 
-/** Application parameters. What is longer would take a hostile plan long to prove. */
+/** Application parameters. A longer list would make a hostile plan slow to prove. */
 static bool are_hex_pairs(const char *digits) {
     const size_t count = strspn(digits, "0123456789abcdef");
     return digits[count] == 0 && count % 2 == 0 && count / 2 <= MOST_APP_BYTES;

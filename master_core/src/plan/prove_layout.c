@@ -237,7 +237,7 @@ static fsn_status prove_buses(const struct fsn_plan *plan, struct fsn_fault *fau
     return FSN_OK;
 }
 
-/** Whether the SubDevices of a group are found by the alias of the first, one behind the other. */
+/** Whether the SubDevices of a group are found by the alias of the first, consecutively. */
 static bool is_found_by_alias(const struct fsn_plan *plan, const struct fsn_group_record *group) {
     const uint16_t alias = fsn_read_subdevice(plan, group->first_subdevice).alias;
     for (uint32_t n = 0; n < group->subdevice_count; n++) {

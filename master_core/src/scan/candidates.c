@@ -10,7 +10,7 @@ static const uint8_t is_command[256] = {
     [FSN_CMD_PARAMETER] = 1, [FSN_CMD_PROCESS_DATA] = 1, [FSN_CMD_FAILSAFE_DATA] = 1,
 };
 
-/** Returns the window at this address; NULL when there is no room for another. */
+/** Returns the window at this address; NULL if the table is full. */
 static struct window *window_of(struct fsn_scan *scan, uint8_t command, uint32_t address,
                                 uint16_t size_bytes) {
     for (uint32_t i = 0; i < scan->window_count; i++) {
@@ -97,8 +97,8 @@ static void add(struct fsn_scan *scan, struct window *w, uint32_t offset, unsign
     w->slots[offset][kind] = number;
 }
 
-/** Whether a frame can be one for what it says alone: ConnID 0 in Reset and Session only, and the
- *  CRCs of a Reset depend on nothing before it. */
+/** Whether the content of a frame alone allows it to be one: ConnID 0 in Reset and Session only;
+ *  the CRCs of a Reset depend on no earlier frame. */
 static bool plausible(const uint8_t *frame, uint32_t size_bytes, uint16_t connection_id) {
     const uint16_t id = fsn_fsoe_connection_id(frame, size_bytes);
     if (frame[0] == FSN_CMD_RESET) {
@@ -206,7 +206,7 @@ static void strike(struct window *w, uint32_t offset, bool counts) {
     w->strikes[offset] = (uint8_t)(strikes < MOST_STRIKES ? strikes : MOST_STRIKES);
 }
 
-/** A byte that changed and is no command: what began here is not FSoE. */
+/** A changed byte that is not a command: the data from here on is not FSoE. */
 static void refute(struct fsn_scan *scan, struct window *w, uint32_t offset, uint8_t byte) {
     for (unsigned kind = 0; kind < SLOTS; kind++) {
         if (w->slots[offset][kind] != NONE) {

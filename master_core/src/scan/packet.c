@@ -27,7 +27,7 @@ static unsigned little16(const uint8_t *at) {
     return (unsigned)at[1] << 8 | at[0];
 }
 
-/** Returns where the EtherCAT header begins, 0 when this is no EtherCAT. */
+/** Returns the start of the EtherCAT header, 0 if this is not EtherCAT. */
 static size_t ethercat_start(const uint8_t *bytes, size_t len) {
     size_t at = MAC_BYTES;
     if (len < at + 2) {

@@ -9,7 +9,8 @@ enum {
     MAX_CANDIDATES = 8192,  /**< places that may hold FSoE frames */
     MAX_CONNECTIONS = 1024, /**< found */
     MEMORY = 24,            /**< frames a candidate remembers */
-    STRIKE = 2,             /**< a value that is no command counts this much, a command one back */
+    STRIKE = 2,             /**< a value that is not a command counts this much, a command one back
+                             */
     MOST_STRIKES = 8,
     GIVEN_UP = 6,    /**< a place with so many is left alone */
     PATIENCE = 3,    /**< frames in a row that speak against what is believed of a place */
@@ -87,7 +88,7 @@ struct fsn_scan {
     uint32_t deferred_count;
     struct window windows[MAX_WINDOWS];
     uint32_t window_count;
-    uint32_t next_window; /**< packets repeat: the one behind the last is the most likely */
+    uint32_t next_window; /**< packets repeat: the one after the last is the most likely */
     struct candidate *candidates;
     uint32_t candidate_count; /**< slots in use or used before */
     uint8_t *frames;          /**< memory of all candidates; used pages only are real */

@@ -1,4 +1,4 @@
-/** What an emulated SubDevice says of itself: SII and object dictionary, made from the plan. */
+/** Self-description of an emulated SubDevice: SII and object dictionary, made from the plan. */
 #define _GNU_SOURCE
 
 #include <stdlib.h>
@@ -134,7 +134,7 @@ static void put_head(struct writer *w, const struct fsn_subdevice_info *info, bo
     w->at = 0x80;
 }
 
-/** Start addresses of all sync managers: mailboxes, then process data one behind the other. */
+/** Start addresses of all sync managers: mailboxes, then process data one after the other. */
 static uint32_t lay_out(const struct fsn_plan *plan, const struct fsn_subdevice_info *info,
                         bool has_mailbox, struct sii_sm sms[ESC_SMS]) {
     uint32_t count = 0;
@@ -211,7 +211,7 @@ static void add_objects(struct objects *o, const struct fsn_plan *plan,
     }
 }
 
-/** FSoE address of a SubInstance where the plan knows it, as its live object shows it. */
+/** FSoE address of a SubInstance if the plan has it, as its live object shows it. */
 static void add_address(struct objects *o, const struct fsn_plan *plan, uint32_t subdevice) {
     for (uint32_t i = 0; i < fsn_plan_connection_count(plan); i++) {
         const struct fsn_connection_info c = fsn_known_connection(plan, i);

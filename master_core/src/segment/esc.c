@@ -20,10 +20,10 @@ enum {
     CMD_FRMW,
 };
 
-/** Registers that exist, and whether the bus may write them. What is not listed neither reads nor
- *  writes and does not count: MainDevices take a working counter of 0 for "not there". */
+/** Registers that exist, and whether the bus may write them. Other registers neither read nor write
+ *  and do not count: MainDevices interpret a working counter of 0 as "not there". */
 static const struct {
-    uint16_t from, to; /**< first byte, and the first one behind */
+    uint16_t from, to; /**< first byte, and the first one after it */
     bool writable;
 } registers[] = {
     {ESC_PROCESS_DATA, ESC_MEMORY_BYTES, true}, /* what every frame touches comes first */

@@ -110,7 +110,7 @@ struct esc_identity {
 /** What a test makes a SubDevice do wrong; it outlives the power. */
 struct esc_faults {
     uint64_t al_delay_ns, mailbox_delay_ns;
-    bool is_other; /**< from the next power-on it says that it is the other one */
+    bool is_other; /**< from the next power-on it reports the other identity */
     struct esc_identity other;
     struct esc_abort aborts[ESC_ABORTS];
     uint32_t abort_count;
@@ -151,8 +151,8 @@ struct esc_clock {
     uint64_t near;         /**< the last 64 output frames: 1 where one came near a pulse */
 };
 
-/** What frames touch comes first, the memory last. The tables repeat registers, and hold only what
- *  is switched on: they are made anew whenever those registers are written. */
+/** Fields that frames use come first, the memory last. The tables repeat registers, and hold only
+ *  enabled items: they are built again whenever those registers are written. */
 struct esc {
     uint64_t now_ns;               /**< of the frame being processed */
     uint64_t outputs_ns;           /**< when outputs were written last */
@@ -227,7 +227,7 @@ uint64_t esc_system_time(const struct esc *esc);
 void esc_clock_show(struct esc *esc, uint16_t address, uint64_t time_ns);
 /** Leaves as many bits in the registers as the clock has, and states how many. */
 void esc_clock_limit(struct esc *esc);
-/** Begins the mean difference anew, and with the power all of it. */
+/** Restarts the mean difference, and everything after power-on. */
 void esc_clock_reset(struct esc *esc, bool power_on);
 /** The reference time passed; it is one to follow. */
 void esc_clock_served(struct esc *esc);
@@ -240,7 +240,7 @@ uint64_t esc_clock_until_pulse(const struct esc *esc);
 /** AL status code of a device whose SYNC0 cannot be used; 0: it can, or is off. */
 uint16_t esc_clock_fault(const struct esc *esc);
 
-/** Reads the registers of all sync managers and FMMUs anew (sm.c, fmmu.c). */
+/** Reads the registers of all sync managers and FMMUs again (sm.c, fmmu.c). */
 void esc_sm_load(struct esc *esc);
 void esc_fmmu_load(struct esc *esc);
 
@@ -248,7 +248,7 @@ void esc_fmmu_load(struct esc *esc);
 bool esc_sm_allows(const struct esc *esc, uint16_t address, uint16_t size_bytes, bool write);
 /** Process data that the bus is about to read: the newest set is put into the memory (sm.c). */
 void esc_sm_before_read(struct esc *esc, uint16_t address, uint16_t size_bytes);
-/** The same of one sync manager with process data, first and behind its last byte (sm.c). */
+/** The same for one sync manager with process data, first and after its last byte (sm.c). */
 void esc_sm_take_inputs(struct esc *esc, const struct esc_sm *sm);
 void esc_sm_give_outputs(struct esc *esc, const struct esc_sm *sm);
 /** The bus has read or written (sm.c). */

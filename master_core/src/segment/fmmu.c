@@ -80,7 +80,7 @@ static bool overlap(const struct esc_fmmu *f, uint32_t logical, uint16_t size_by
     return true;
 }
 
-/** Bits of an FMMU that is no multiple of bytes; at least one, see get_fmmu(). */
+/** Bits of an FMMU that is not a multiple of bytes; at least one, see get_fmmu(). */
 static uint32_t bit_count(const struct esc_fmmu *f) {
     return 8u * f->length - f->start_bit - (7u - f->end_bit);
 }

@@ -142,9 +142,9 @@ static bool is_taken(struct fsn_segment *s, uint32_t port, const uint8_t *frame,
     return (port == 0 ? s->from_first : s->from_last) > 0;
 }
 
-/** Controllers process what comes from port 0, wherever it came in. In a closed ring only the first
- *  port of the MainDevice is one; behind a gap the last half sends a frame back at the gap, which
- * so passes it twice and is processed on the way out. */
+/** Controllers process frames that enter at port 0, wherever they came in. In a closed ring only
+ *  the first port of the MainDevice is one. After a gap the last half sends a frame back at the
+ *  gap, so it passes twice and is processed on the way out. */
 static struct span span_of(struct fsn_segment *s, uint32_t port, uint64_t now_ns) {
     if (port == 0) {
         return (struct span){.end = s->from_first, .now_ns = now_ns};

@@ -163,7 +163,7 @@ static fsn_status open_socket(int *socket_fd, const char *interface, bool takes_
     }
     const struct sockaddr_ll address = {
         .sll_family = AF_PACKET, .sll_protocol = htons(ETHERTYPE), .sll_ifindex = (int)index};
-    const int on = 1; /* its own answers are no frames to answer */
+    const int on = 1; /* own answers are not frames to answer */
     const struct timeval patience = {.tv_usec = WAIT_NS / 1000};
     if (setsockopt(*socket_fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) != 0 ||
         setsockopt(*socket_fd, SOL_PACKET, PACKET_IGNORE_OUTGOING, &on, sizeof on) != 0 ||
@@ -282,7 +282,7 @@ void fsn_segment_unlink(struct fsn_segment *s) {
     pthread_join(s->thread, NULL);
     close_sockets(s);
     pthread_mutex_lock(&s->lock);
-    s->wire->count = 0; /* nobody waits for these any longer */
+    s->wire->count = 0; /* late frames have no receiver */
     s->wire->again = false;
     pthread_mutex_unlock(&s->lock);
 }

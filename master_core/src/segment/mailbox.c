@@ -224,7 +224,8 @@ static void download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_b
     }
     uint32_t given = sdo_bytes - 1;
     if (given == 7) {
-        given -= command >> 1 & 7; /* only a segment of 7 bytes says how many are unused */
+        given -= command >> 1 & 7; /* only a segment of 7 bytes contains the number of unused bytes
+                                    */
     }
     if (given > t->size_bytes - t->done) {
         abort_sdo(esc, t->index, t->sub, ABORT_LENGTH);
@@ -248,7 +249,7 @@ static void download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_b
     body[2] = (uint8_t)(0x20 | (command & 0x10));
 }
 
-/** Aborts what a test wants aborted. */
+/** Aborts the objects that a test has selected. */
 static bool aborts_on_demand(struct esc *esc, uint16_t index, uint8_t sub) {
     for (uint32_t i = 0; i < esc->faults.abort_count; i++) {
         const struct esc_abort *a = &esc->faults.aborts[i];
@@ -319,7 +320,7 @@ void esc_mailbox_in(struct esc *esc) {
     const uint8_t type = message[5] & 0x0F;
     const uint8_t service = message[HEADER_BYTES + 1] >> 4;
     if (body + HEADER_BYTES > taken || body < COE_BYTES) {
-        refuse(esc, 0x0005); /* the header says more than the mailbox holds */
+        refuse(esc, 0x0005); /* the length in the header exceeds the mailbox */
     } else if (type != TYPE_COE) {
         refuse(esc, 0x0002); /* protocol not supported */
     } else if (service == SERVICE_REQUEST && body >= COE_BYTES + SDO_BYTES) {

@@ -13,9 +13,9 @@ enum {
 
 /* -- building ------------------------------------------------------------------------------- */
 
-/** Ring positions: a SubDevice without alias has a position of its own; one with an alias stands
- *  as many places behind the SubDevice that carries it, and that one takes the next free place.
- *  Groups that may be absent stand behind all others, one behind the other. */
+/** Ring positions: a SubDevice without alias has a position of its own. The position of one with an
+ *  alias counts from the SubDevice that carries the alias, and that one takes the next free place.
+ *  Groups that may be absent follow all others, one after the other. */
 static uint32_t place_subdevices(struct fsn_segment *s) {
     const uint32_t subdevices = fsn_plan_subdevice_count(s->plan);
     uint8_t taken[MAX_POSITIONS] = {0};

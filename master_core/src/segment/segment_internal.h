@@ -45,7 +45,7 @@ struct fsn_segment {
     bool *present;    /**< likewise */
     bool *optional;   /**< likewise: of a group; while it is absent frames go on past its place */
     uint32_t *order;  /**< place on the ring to position; the same unless devices were swapped */
-    bool *cut;        /**< cable in front of a place; one more behind the last */
+    bool *cut;        /**< cable before a place; one more after the last */
     uint32_t count;
     bool ring;            /**< the last SubDevice is cabled to the second port of the MainDevice */
     bool unplugged[2];    /**< per port of the MainDevice: its interface has no carrier */

@@ -14,7 +14,7 @@ enum {
     CHECKSUM = 14,
 };
 
-/** One byte of the EEPROM; behind its end it reads as erased, which ends the categories. */
+/** One byte of the EEPROM; after its end it reads as erased, which ends the categories. */
 static uint8_t sii_byte(const struct esc *esc, uint64_t at) {
     return at < esc->sii_bytes ? esc->sii[at] : 0xFF;
 }

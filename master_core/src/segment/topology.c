@@ -20,8 +20,8 @@ static bool is_passed(const struct fsn_segment *s, uint32_t place) {
     return is_powered(s, place) || s->optional[s->order[place]];
 }
 
-/** Whether the cable in front of a place carries a link; the one behind the last place ends at the
- *  second port of the MainDevice. */
+/** Whether the cable before a place carries a link; the one after the last place ends at the second
+ *  port of the MainDevice. */
 static bool is_up(const struct fsn_segment *s, uint32_t cable) {
     const bool is_first = cable == 0;
     const bool is_last = cable == s->count;
@@ -32,7 +32,7 @@ static bool is_up(const struct fsn_segment *s, uint32_t cable) {
     return (is_first || is_passed(s, cable - 1)) && (is_last || is_passed(s, cable));
 }
 
-/** Whether something is linked in front of a place, or behind it, whatever is absent between. */
+/** Whether a device is linked before a place, or after it, ignoring absent devices. */
 static bool is_linked(const struct fsn_segment *s, uint32_t place, bool behind) {
     uint32_t cable = behind ? place + 1 : place;
     while (is_up(s, cable)) {
