@@ -76,13 +76,13 @@ uint8_t *build_plan(const struct build *build, size_t *len_bytes);
 uint8_t *build_name(uint8_t *bytes, size_t *len_bytes, uint32_t section, uint32_t record,
                     const char *text);
 
-/** Writes the CRC anew after a test has changed bytes. */
+/** Writes the CRC again after a test has changed bytes. */
 void build_fix_crc(uint8_t *bytes, size_t len_bytes);
 
 /** The e-stop pair: two SubDevices with 9 + 8 and 8 + 8 bytes, one connection of 6-byte frames. */
 uint8_t *build_estop(size_t *len_bytes);
 
-/** The e-stop pair with its four FSoE blocks, one SDO, and a byte of standard data behind the
+/** The e-stop pair with its four FSoE blocks, one SDO, and a byte of standard data after the
  *  frames: symbol 0 in the outputs of the main (bits 52 to 59), symbol 1 in its inputs. */
 uint8_t *build_full(size_t *len_bytes);
 

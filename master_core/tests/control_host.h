@@ -35,7 +35,7 @@ static inline void host_is_silent(void *self, enum fsn_log_level level, enum fsn
     (void)json_bytes;
 }
 
-static const struct fsn_control_access nobody; /**< nobody else may connect */
+static const struct fsn_control_access nobody; /**< no other user may connect */
 
 /** @param[in] submit  takes acyclic jobs; NULL: there are none. */
 static inline struct fsn_control_host test_host(void (*submit)(void *, struct fsn_job *)) {

@@ -37,8 +37,8 @@ static bool runs_out(void) {
 }
 
 /* -- guards ------------------------------------------------------------------------------------
- * Behind what was asked for lie bytes that nobody may write; at the very end stands where they
- * begin. What is freed is looked at; what has no such end is not of this file. */
+ * The requested bytes are followed by guard bytes, and these by their start address. free() checks
+ * them; memory without such an end was not allocated by this file. */
 
 enum { GUARD = 64, FILL = 0xFD };
 

@@ -1,4 +1,5 @@
-/** Memory that runs out when a test wants it. No sanitizer beside it: that has an allocator too. */
+/** Memory that runs out when a test requests it. Not with a sanitizer: that has an allocator too.
+ */
 #ifndef FSN_TEST_HEAP_H
 #define FSN_TEST_HEAP_H
 
@@ -9,7 +10,7 @@ struct heap {
 
 extern struct heap heap;
 
-/** heap.alive; 0 beside a sanitizer, which looks for leaks itself. */
+/** heap.alive; 0 with a sanitizer, which detects leaks itself. */
 static inline long heap_alive(void) {
 #ifdef FSN_TEST_HEAP
     return heap.alive;

@@ -32,7 +32,7 @@ enum {
 };
 enum { REG_LINKS = 0x0110, REG_PORT_TIMES = 0x0900, REG_LATCHED = 0x0918 };
 
-/** What every answer says, whatever is damaged besides. */
+/** Fields that every answer has, whatever else is damaged. */
 enum lie { NO_LIE, NO_LINKS, WILD_CLOCKS, ROUND_SII, NO_MAILBOX, NO_SII, NO_ENTRY };
 
 struct wire {
@@ -62,7 +62,7 @@ static uint32_t pick_own(struct wire *w, uint32_t below) {
     return next_random(&w->own_random) % below;
 }
 
-/** Data, working counters, lengths, heads: anything behind the Ethernet head may change, and the
+/** Data, working counters, lengths, heads: any byte after the Ethernet head may change, and the
  *  packet may be cut off or be longer. */
 static size_t damage(struct wire *w, uint8_t *frame, size_t len) {
     static const uint8_t liked[] = {0, 1, 0x7F, 0x80, 0xFF, 0xFE};
@@ -93,7 +93,7 @@ static void go_wild(uint8_t *data, size_t size, uint16_t address) {
 /** No port has a link though the frame came through one, the clocks are wild, or the SII has no
  * end. */
 static void lie(uint8_t *frame, size_t len, unsigned what) {
-    /* A category of a type nobody looks for, whose length ends where it begins. */
+    /* A category of an unused type, whose length ends where it begins. */
     static const uint8_t back_to_itself[] = {0x77, 0x77, 0xFE, 0xFF};
     for (size_t at = HEAD; at + DATAGRAM_HEAD + 2 <= len;) {
         const uint16_t address = (uint16_t)(frame[at + 4] | frame[at + 5] << 8);
@@ -217,8 +217,8 @@ static bool play(struct wire *w, struct fsn_plan *plan, bool from_the_beginning,
     return open;
 }
 
-/** Whether the bus opens, damaged only behind that: SOEM waits for milliseconds, so that a busy
- *  machine needs more than one go. */
+/** Whether the bus opens, damaged only after that: SOEM waits for milliseconds, so that a busy
+ *  machine needs several attempts. */
 static bool opens(struct wire *w, struct fsn_plan *plan, enum lie what, unsigned one_in) {
     const uint64_t end = now_ns() + PATIENCE_MS * UINT64_C(1000000);
     bool open = false;

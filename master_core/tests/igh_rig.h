@@ -17,7 +17,7 @@ struct rig {
     uint64_t now_ns;
 };
 
-/** The e-stop pair as plan and as devices; the plan knows the FSoE address of the second one. */
+/** The e-stop pair as plan and as devices; the plan has the FSoE address of the second one. */
 struct rig *set_up(void);
 /** set_up(), the bus opened, both in OP. */
 struct rig *bring_up(void);

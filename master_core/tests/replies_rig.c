@@ -261,7 +261,7 @@ static fsn_status sii_read(void *bus, uint32_t position, uint32_t offset, uint8_
     if (position != 0 && position != 3) {
         return FSN_E_BUS_MISSING;
     }
-    memset(data, position == 0 ? 0xFF : 0, size_bytes); /* erased behind its end */
+    memset(data, position == 0 ? 0xFF : 0, size_bytes); /* erased after its end */
     for (uint32_t i = 0; position == 0 && i < size_bytes && offset + i < SII_BYTES; i++) {
         data[i] = on.sii[offset + i];
     }

@@ -48,7 +48,7 @@ struct fsn_job_context context_of(void);
 void do_job(void);
 /** Takes a job, as the program around does. */
 void submit(void *self, struct fsn_job *job);
-/** What the bus knows of a SubDevice beside the plan. */
+/** Data of the bus about a SubDevice that is not in the plan. */
 fsn_status member(void *bus, uint32_t position, struct fsn_bus_member *m);
 
 #endif

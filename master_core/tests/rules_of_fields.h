@@ -1,6 +1,6 @@
-/** What the loader says to changed fields of the plan of test_rules.c: section.record+byte of the
- *  field, then for one less, one more, eight less, eight more, 0 and all bits set the fault and
- *  where it is seen, section.record+byte; "." is a plan still. */
+/** Results of the loader for changed fields of the plan of test_rules.c: section.record+byte of the
+ *  field, then for one less, one more, eight less, eight more, 0 and all bits set the fault and its
+ *  position, section.record+byte; "." is still a plan. */
 #ifndef FSN_TEST_RULES_OF_FIELDS_H
 #define FSN_TEST_RULES_OF_FIELDS_H
 

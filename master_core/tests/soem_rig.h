@@ -1,5 +1,5 @@
-/** The SOEM backend, its segment behind a veth pair, and patience: on a busy machine frames come
- * late, and SOEM gives up after milliseconds. Nothing here asserts how fast anything is. */
+/** The SOEM backend, its segment on a veth pair, and long time limits: on a busy machine frames
+ *  come late, and SOEM gives up after milliseconds. Nothing here asserts a speed. */
 #ifndef FSN_TEST_SOEM_RIG_H
 #define FSN_TEST_SOEM_RIG_H
 
@@ -25,7 +25,7 @@ struct rig {
 bool make_network(void);
 uint64_t now_ns(void);
 void pause_ms(long ms);
-/** A main at position 0 and three subs behind it. */
+/** A main at position 0 and three subs after it. */
 uint8_t *build(size_t *len);
 
 /** Puts SubDevices on the far end, or on both far ends. They answer in time however busy this

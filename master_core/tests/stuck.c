@@ -1,5 +1,5 @@
-/** A test that hangs ends with the stacks of all its threads, before ctest ends it in silence:
- * ctest says in FSN_TEST_LIMIT_S when. */
+/** A test that hangs prints the stacks of all its threads before ctest ends it without output:
+ *  ctest sets the limit in FSN_TEST_LIMIT_S. */
 #define _GNU_SOURCE
 
 #include <dirent.h>

@@ -1,4 +1,4 @@
-/** Outputs of the application, ages, datagrams, resets, and other threads beside a running one. */
+/** Outputs of the application, ages, datagrams, resets, and other threads next to a running one. */
 /* shows R2 */
 #define _POSIX_C_SOURCE 200809L
 
@@ -30,8 +30,7 @@ static struct fsn_statistics statistics(struct emulated_rig *rig) {
     return s;
 }
 
-/** Bits 52 to 59 of the main's outputs, beside its frame and beside bits that are not the symbol's.
- */
+/** Bits 52 to 59 of the main's outputs, next to its frame and to bits that are not the symbol's. */
 static void outputs_touch_their_bits_only(void) {
     struct emulated_rig rig = set_up_full();
     uint8_t out[9];
@@ -244,7 +243,7 @@ static void no_picture_shows_an_old_state(void) {
     emulated_rig_end(&rig);
 }
 
-/** Places end where the plan does; what needs an argument says so. */
+/** Places end where the plan does; a missing argument is reported. */
 static void arguments_are_looked_at(void) {
     struct emulated_rig rig = set_up_full();
     uint8_t image[64] = {0};
@@ -362,7 +361,7 @@ static void *writer(void *argument) {
     return NULL;
 }
 
-/** The real thread with a device, an output writer, an event consumer and a reader beside it. */
+/** The real thread with a device, an output writer, an event consumer and a reader next to it. */
 static void everyone_at_once(void) {
     struct shared shared = {.rig = set_up_full()};
     struct emulated_rig *rig = &shared.rig;

@@ -1,5 +1,5 @@
-/** What the core demands of a bus and proves again of the plan: each fault whole. What no loaded
- *  plan can hold is written into its bytes behind the loader's back. */
+/** Requirements of the core on a bus, and its second proof of the plan: each fault as a whole.
+ *  Values that a loaded plan cannot hold are written into its bytes without the loader. */
 /* shows R2 */
 #include <string.h>
 
@@ -74,7 +74,8 @@ static void answers(const char *expected, int line) {
     CHECK((status == FSN_OK) == (core != NULL));
     if (status != FSN_OK) {
         CHECK(fault.status == status);
-        CHECK(fsn_core_create(on.plan, &ops, &on, &core, NULL) == status); /* nobody asks why */
+        CHECK(fsn_core_create(on.plan, &ops, &on, &core, NULL) == status); /* the reason is not
+                                                                            * requested */
         snprintf(said, sizeof said, "%s %u.%d+%u: %s", fsn_status_name(status) + 6, fault.section,
                  (int)fault.copy_index, fault.byte, fault.rule);
     }
@@ -269,7 +270,7 @@ static void what_is_needed_is_asked_for(void) {
     fsn_plan_free(on.plan);
 }
 
-/** The image begins with zeros, and an output without a place is no output. */
+/** The image begins with zeros, and an output without a place does not count as an output. */
 static void the_image_begins_empty(void) {
     set_up();
     struct fsn_core *core;

@@ -144,7 +144,7 @@ static void what_cannot_be_is_refused(void) {
     emulated_rig_end(&on.rig);
 }
 
-/** A category of so many words at a byte; returns the byte behind it. */
+/** A category of so many words at a byte; returns the byte after it. */
 static uint32_t category(uint32_t at, uint16_t words) {
     on.sii[at] = 30;
     on.sii[at + 2] = (uint8_t)words;
@@ -193,7 +193,7 @@ static void an_sii_is_read_up_to_its_end(void) {
     on.goes_on_for = 9;
     CHECK(read_sii(data, sizeof data, FSN_E_BUS_MISSING) == 64 && on.reads == 2);
     on.fails = FSN_OK;
-    struct fsn_transfer quiet = {.data = data, .size_bytes = 16}; /* nobody comes between */
+    struct fsn_transfer quiet = {.data = data, .size_bytes = 16}; /* no other request in between */
     CHECK(fsn_core_sii_read(on.rig.core, 1, &quiet) == FSN_OK && quiet.size_bytes == 16);
     emulated_rig_end(&on.rig);
 }
@@ -219,7 +219,7 @@ static void an_alias_is_written_and_read_back(void) {
         on.fails_after = good;
         on.words = on.reads = 0;
         CHECK(fsn_core_alias_write(on.rig.core, 1, 0x1234) == FSN_E_BUS_MISSING);
-        CHECK(on.reads + on.words == good + 1); /* nothing goes on behind it */
+        CHECK(on.reads + on.words == good + 1); /* no data continues after it */
     }
     on.fails = FSN_OK;
     on.forgets = true;

@@ -108,7 +108,7 @@ static void check_promises(int32_t last_position, bool was_enabled) {
     CHECK(out->mode == FSN_AXIS_CSV || out->mode == FSN_AXIS_PV || out->velocity == 0);
     CHECK(out->velocity <= 500 && out->velocity >= -500 && out->torque <= 70 && out->torque >= -70);
     CHECK(out->mode == FSN_AXIS_CST || out->torque == 0);
-    /* Enable operation goes to nobody who is not on the way there by request. */
+    /* Enable operation is sent only to a drive that is on the way there by request. */
     const bool enables = (out->controlword & 0x8F) == 0x0F;
     CHECK(!enables || rig.requested);
     CHECK(!enables || axis->state == FSN_AXIS_SWITCHED_ON ||
@@ -283,7 +283,7 @@ static void up_and_down(void) {
     to_enabled();
 }
 
-/** A drive that somebody left enabled is taken out of that; one that stays gets no voltage. */
+/** A drive that was left enabled is disabled; one that stays enabled gets Disable voltage. */
 static void found_enabled_and_stuck(void) {
     set_up(csp());
     rig.drive.state = FSN_AXIS_OPERATION_ENABLED;
@@ -362,7 +362,7 @@ static void a_ramp_is_expected(void) {
     CHECK(fsn_axis_enable(&rig.axis) == FSN_E_STATE);
     CHECK(fsn_axis_set_position(&rig.axis, START_POSITION) == FSN_E_STATE);
     rig.drive.position += 777;
-    rig.drive.extra = 0x1200; /* SS2 has ended: it goes on by request alone */
+    rig.drive.extra = 0x1200; /* SS2 has ended: it continues only by request */
     steps(50);
     CHECK(!rig.axis.enabled && rig.axis.phase == FSN_AXIS_STOPPED_BY_DRIVE);
     enable();
@@ -375,7 +375,7 @@ static void a_ramp_is_expected(void) {
     step();
     enable();
     step();
-    CHECK(rig.axis.limited && rig.axis.enabled); /* SLS is no stop */
+    CHECK(rig.axis.limited && rig.axis.enabled); /* SLS is not a stop */
 }
 
 /** A drive that has shown bit 12 finds its target where it stands until it follows again. */
@@ -394,7 +394,7 @@ static void not_followed_is_not_enabled(void) {
     rig.drive.extra = 0x1200;
     step();
     CHECK(rig.axis.enabled && rig.axis.outputs.position == START_POSITION + 4000);
-    /* Halt and its end are no stop by the drive. */
+    /* Halt and its end are not a stop by the drive. */
     rig.drive.extra = 0x0200;
     fsn_axis_halt(&rig.axis, true);
     steps(3);
@@ -532,7 +532,7 @@ static void modes_are_confirmed(void) {
     CHECK(rig.axis.phase == FSN_AXIS_NO_ANSWER && rig.axis.state != FSN_AXIS_OPERATION_ENABLED);
 }
 
-/** Bit 12 goes while the drive changes its mode: that is no stop by the drive. */
+/** Bit 12 is cleared while the drive changes its mode: this is not a stop by the drive. */
 static void a_change_of_mode_is_no_stop(void) {
     set_up(csp());
     rig.drive.extra = 0x1200;

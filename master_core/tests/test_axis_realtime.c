@@ -68,7 +68,7 @@ static void add(const char *subdevice, const char *name, uint16_t index, uint32_
                                                                .owned = output};
 }
 
-/** A device with two axes, behind one whose name begins in the same way. */
+/** A device with two axes, after one whose name has the same prefix. */
 static void set_up(void) {
     table = (struct fsn_realtime){.count = 0};
     add("drive", "drive.word", 0x6041, 16);

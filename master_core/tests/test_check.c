@@ -177,7 +177,7 @@ static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
     objects = (struct objects){.status = FSN_OK, .value = 0xFF};
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==
           FSN_E_BUS_ADDRESS);
-    CHECK(objects.transfers == 2 + 15); /* no more than 16 are believed */
+    CHECK(objects.transfers == 2 + 15); /* at most 16 are accepted */
     objects.status = FSN_E_BUS_SDO;
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) == FSN_OK &&
           !readable);
@@ -254,7 +254,7 @@ static void address_is_found_where_the_device_has_it(struct fsn_plan *plan) {
          true,
          " f980:1 f980:0"},
         {{{{0xF980, 1, other}}}, FSN_E_BUS_ADDRESS, true, " f980:1 f980:0"},
-        /* Only the module of its frame, mapped from 0x6000, tells it. */
+        /* Only the module of its frame, mapped from 0x6000, identifies it. */
         {{{{0x9001, 0, 8}, {0x9001, 2, own}}}, FSN_OK, true, " f980:1 9001:0 9001:2"},
         {{{{0x9001, 0, 4}, {0x9001, 2, other}}}, FSN_E_BUS_ADDRESS, true, " f980:1 9001:0 9001:2"},
         {{{{0x9001, 0, 3}, {0x9001, 2, other}}},

@@ -19,7 +19,7 @@
 
 #include "builder.h"
 
-/** Runs it in a process of its own; returns how that ended, as wait() says. */
+/** Runs it in a process of its own; returns the status as from wait(). */
 static int ended(void (*what)(void)) {
     const pid_t child = fork();
     CHECK(child >= 0);

@@ -311,7 +311,7 @@ static void an_output_belongs_to_one_client(void) {
     struct rig rig = set_up();
     CHECK(write_one(&rig, OUTPUT, 1, 1) == FSN_E_STATE); /* no core yet */
     fsn_outputs_attach(rig.outputs, rig.on.core);
-    CHECK(sent(&rig, 6) == 0x5A); /* nobody writes it: its stop value */
+    CHECK(sent(&rig, 6) == 0x5A); /* without a writer: its stop value */
     CHECK(write_one(&rig, OUTPUT, 1, 7) == FSN_OK && sent(&rig, 6) == 7);
     CHECK(write_one(&rig, OUTPUT, 2, 8) == FSN_E_CLOSED);
     CHECK(strstr(rig.refusal.text, "client 1") != NULL);
@@ -374,7 +374,7 @@ static void values_go_out_together(void) {
     tear_down(&rig);
 }
 
-/** The first and the last character of each length, and what lies beside them. */
+/** The first and the last character of each length, and those next to them. */
 static void utf8_has_its_bounds(void) {
     static const struct {
         const char *text;
@@ -428,7 +428,7 @@ static void not_every_output_is_for_clients(void) {
     };
     static const struct {
         fsn_status status;
-        const char *text, *hint; /**< behind a name, which is empty here */
+        const char *text, *hint; /**< after a name, which is empty here */
     } cases[] = {
         {FSN_OK, "", NULL},
         {FSN_E_CLOSED, " is an input", "get reads it"},

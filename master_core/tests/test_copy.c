@@ -125,8 +125,8 @@ static void one_network(uint64_t *seed) {
     free(bytes);
 }
 
-/** Every size by itself: two copies move whole, nothing beside them changes; groups behind each
- *  other, one of them empty. */
+/** Every size by itself: two copies move whole, no adjacent byte changes; groups in sequence, one
+ *  of them empty. */
 static void every_size_moves_whole(void) {
     enum { LONGEST = 1490, ROOM = 4 * (LONGEST + 2) };
     static uint8_t image[ROOM], expected[ROOM];

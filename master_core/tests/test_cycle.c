@@ -104,7 +104,7 @@ static void monitor_follows_a_connection(void) {
     emulated_rig_end(&rig);
 }
 
-/** An event ring nobody reads counts what it drops and keeps what it has. */
+/** An event ring without a reader counts dropped events and keeps the older ones. */
 static void full_ring_counts_losses(void) {
     struct emulated_rig rig = set_up();
     for (int i = 0; i < 400; i++) {
@@ -145,7 +145,8 @@ static void jumping_receive(void *bus, struct fsn_bus_input *input) {
     input->dc_time_ns = clock[at++ % 5];
 }
 
-/** A reference clock is what a frame says: whatever that is, wake-ups stay near their cycle. */
+/** The time of a reference clock comes from a frame: for any value, wake-ups stay near their cycle.
+ */
 static void jumps_of_the_reference_clock_are_bounded(void) {
     struct emulated_rig rig = set_up();
     fsn_core_free(rig.core);
@@ -180,7 +181,7 @@ static void wrong_arguments_are_refused(void) {
     emulated_rig_end(&rig);
 }
 
-/** Both ends stop: what they left in the image says nothing any more. */
+/** Both ends stop: their bytes left in the image no longer count. */
 static void without_new_frames_a_connection_is_silent(void) {
     struct emulated_rig rig = set_up();
     struct fsn_event event;

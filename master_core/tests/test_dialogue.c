@@ -1,13 +1,17 @@
-/** A MainDevice's talk with the emulated segment, datagram by datagram, with the whole answers. It
- *  stands in dialogue.txt: lines behind '>' ask, the line below is the answer.
- *      > dg COMMAND ADP ADO SIZE [HEX]   a datagram; numbers in hex, the command in decimal
- *      > mb HEX                          into the mailbox of station 1001, and what lies in the
- * other > sdo HEX                         an SDO request in a mailbox message > sii POSITION the
- * SII through its registers, 64 words > ms NUMBER                       time passes > line NUMBER
- * another segment, of so many SubDevices > do WORD [NUMBER…]               a fault, see deeds[] >
- * put PORT, > take, > wait        frames on the wire > all                             counters,
- * and all of each SubDevice that is not 0 test_dialogue --write prints the file anew, to be read
- * before it is kept. */
+/** A MainDevice's dialogue with the emulated segment, datagram by datagram, with the whole answers.
+ *  It is in dialogue.txt: lines after '>' are requests, the line below is the answer.
+ *
+ *      > dg COMMAND ADP ADO SIZE [HEX]  a datagram; numbers in hex, the command in decimal
+ *      > mb HEX                         into the mailbox of station 1001; reads the other
+ *      > sdo HEX                        an SDO request in a mailbox message
+ *      > sii POSITION                   the SII through its registers, 64 words
+ *      > ms NUMBER                      time passes
+ *      > line NUMBER                    another segment, of so many SubDevices
+ *      > do WORD [NUMBER…]              a fault, see deeds[]
+ *      > put PORT, > take, > wait       frames on the wire
+ *      > all                            counters, and all of each SubDevice that is not 0
+ *
+ *  test_dialogue --write prints the file again, to be read before it is kept. */
 #include <string.h>
 
 #include "heap.h"
@@ -61,7 +65,7 @@ static void say_datagram(const char *rest) {
     }
 }
 
-/** What the other mailbox holds, as long as its header says. */
+/** The content of the other mailbox, as long as in its header. */
 static void say_answer(void) {
     const int counter = datagram(&rig, FPRD, 1001, 0x1080, NULL, MAILBOX);
     if (counter != 1) {
@@ -208,7 +212,7 @@ static const struct {
 } deeds[] = {
     {"present", present}, /* POSITION YES */
     {"power", power},     /* POSITION: off and on */
-    {"cable", cable},     /* POSITION UP: behind it */
+    {"cable", cable},     /* POSITION UP: after it */
     {"ring", ring},       /* YES */
     {"port", port},       /* of the MainDevice that sends */
     {"swap", swap},       /* POSITION POSITION */

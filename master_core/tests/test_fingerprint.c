@@ -48,7 +48,7 @@ static void fingerprint_of_bytes(const uint8_t *bytes, size_t len, struct fsn_fi
     fsn_plan_free(plan);
 }
 
-/** Changes one field and says which sections of the fingerprint changed with it, as bits. */
+/** Changes one field and returns the sections of the fingerprint that changed with it, as bits. */
 static unsigned changed_by(const struct broken *change) {
     struct fsn_fingerprint before;
     struct fsn_fingerprint after;

@@ -85,9 +85,9 @@ static void wrong_groups_are_refused(void) {
         {GROUP, 0, 0, 99, FSN_E_PLAN_STRING},   /* outside */
         {GROUP, 1, 4, 99, FSN_E_PLAN_STRING},   /* its place */
         {GROUP, 1, 8, 2, FSN_E_PLAN_REFERENCE}, /* in both */
-        {GROUP, 1, 8, 4, FSN_E_PLAN_REFERENCE}, /* behind the last */
+        {GROUP, 1, 8, 4, FSN_E_PLAN_REFERENCE}, /* after the last */
         {GROUP, 1, 8, 0xFFFFFFFF, FSN_E_PLAN_REFERENCE},
-        {GROUP, 1, 12, 0, FSN_E_PLAN_REFERENCE}, /* of nobody */
+        {GROUP, 1, 12, 0, FSN_E_PLAN_REFERENCE}, /* of no group */
         {GROUP, 1, 12, 2, FSN_E_PLAN_REFERENCE}, /* too many */
         {GROUP, 1, 12, 0xFFFFFFFF, FSN_E_PLAN_REFERENCE},
         {1, 3, 4, 0, FSN_E_PLAN_VALUE},          /* no alias */
@@ -184,7 +184,7 @@ static void the_working_counter_follows_who_is_there(void) {
     seen = counts(rig, 3 * EACH);
     CHECK(seen.expected == 3 * EACH && seen.actual == 3 * EACH);
     for (uint32_t n = 0; n < 2; n++) {
-        for (uint32_t i = 0; i < PATIENCE; i++) { /* it has gone, and nobody knows yet */
+        for (uint32_t i = 0; i < PATIENCE; i++) { /* it has gone, not detected yet */
             seen = counts(rig, EACH);
             CHECK(seen.expected == EACH && seen.actual == EACH);
         }

@@ -1,4 +1,4 @@
-/** One core after the other: what the second reads of the first, and how it goes on. */
+/** One core after the other: the state that the second reads of the first, and how it continues. */
 #define _GNU_SOURCE
 
 #include <stdlib.h>
@@ -115,7 +115,8 @@ static uint64_t clock_ns(void) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-/** Cycles that nobody ran are overruns of the first, and the times are those of the first core. */
+/** Cycles that no process ran are overruns of the first, and the times are those of the first core.
+ */
 static void the_gap_is_counted(void) {
     enum { CYCLE_NS = 1000000, MISSED = 50 };
     struct emulated_rig rig = set_up();
@@ -142,7 +143,7 @@ static void the_gap_is_counted(void) {
     emulated_rig_end(&rig);
 }
 
-/** A bus that looks into the room while it sends: what a process that ends now leaves behind. */
+/** A bus that reads the room while it sends: the state that a process ending now would leave. */
 static struct {
     void *room;
     size_t len_bytes;
@@ -179,7 +180,7 @@ static void a_cycle_is_shown_before_it_is_sent_where_somebody_follows(void) {
     free(spy.room);
 }
 
-/** A core that runs has its place, and goes on from nobody. */
+/** A running core has its room, and continues from no other. */
 static void a_core_that_runs_is_left_alone(void) {
     struct emulated_rig rig = set_up();
     const struct fsn_thread_options options = {.cycle_ns = 4000000000};
@@ -194,7 +195,7 @@ static void a_core_that_runs_is_left_alone(void) {
     free(room);
 }
 
-/** A bus without any process data goes on as well. */
+/** A bus without any process data continues as well. */
 static void an_image_may_be_empty(void) {
     static const struct build_sm sm[1][2] = {{{1, 0}, {2, 0}}};
     const struct build build = {.subdevices = 1, .sm = sm};

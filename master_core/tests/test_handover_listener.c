@@ -1,4 +1,5 @@
-/** The side of a process that drives the bus: whom it lets follow, whatever the other end says. */
+/** The side of a process that drives the bus: which peers may follow, for any message of the peer.
+ */
 #define _GNU_SOURCE
 
 #include "app/takeover/handover_listener.h"
@@ -206,8 +207,7 @@ static void one_follows_and_takes_over(void) {
     shut_handover_listener(&rig);
 }
 
-/** Whoever says nonsense or goes away leaves a handover_listener at which the next one may knock.
- */
+/** After an invalid message or a disconnect the handover_listener accepts the next peer. */
 static void who_leaves_makes_room(void) {
     struct takeover_rig rig = open_handover_listener();
     const int silent = knock(&rig);
@@ -262,7 +262,8 @@ static void who_does_nothing_is_left(void) {
     handover_listener_prepare(&rig.handover_listener, fds);
     CHECK(handover_listener_serve(&rig.handover_listener, fds, &facts) == HANDOVER_LISTENER_GO_ON &&
           rig.handover_listener.state == HANDOVER_LISTENER_FREE);
-    /* It has the lock, and may believe that the bus is its own: nobody else, until it has ended. */
+    /* The peer has the lock, and may assume that it owns the bus: no other peer until it has ended.
+     */
     const int next = knock(&rig);
     CHECK(rig.handover_listener.state == HANDOVER_LISTENER_FREE &&
           answer_at(next, NULL).again == 1);
@@ -327,7 +328,7 @@ static void another_user_is_refused(void) {
     shut_handover_listener(&rig);
 }
 
-/** Where the system has no descriptor left, the one that asked is told, and the bus goes on. */
+/** If the system has no descriptor left, the peer gets an answer, and the bus continues. */
 static void no_descriptor_is_left(void) {
     struct takeover_rig rig = open_handover_listener();
     struct rlimit before;
@@ -349,7 +350,7 @@ static void no_descriptor_is_left(void) {
     shut_handover_listener(&rig);
 }
 
-/** A bus without a lock cannot be handed over, and nobody waits at it. */
+/** A bus without a lock cannot be handed over, and accepts no peer. */
 static void without_a_lock_nobody_comes(void) {
     struct handover_listener handover_listener;
     struct pollfd fds[HANDOVER_LISTENER_FDS];

@@ -7,7 +7,7 @@
 
 /* -- what is moved -------------------------------------------------------------------------- */
 
-/** The frame of the SubInstance as it stands in the outputs of the MainInstance, and back. */
+/** The frame of the SubInstance as in the outputs of the MainInstance, and back. */
 static void data_flows(void) {
     struct rig *rig = bring_up();
     uint8_t expected[6];
@@ -21,7 +21,7 @@ static void data_flows(void) {
     tear_down(rig);
 }
 
-/** What does not come back leaves the old bytes, whole, and says so. */
+/** A missing reply leaves the old bytes, whole, and is reported. */
 static void losses_keep_old_bytes(void) {
     struct rig *rig = bring_up();
     const uint64_t stale = fsn_core_stale_cycles(rig->core, 3);
@@ -121,7 +121,7 @@ static void another_address_gets_nothing(void) {
     CHECK(!run(rig, 400, FSN_AL_OP));
     CHECK(look(rig, 1).found == FSN_FOUND_ADDRESS && look(rig, 1).returns == 0);
     CHECK(fake.device[1].output_sets == 0 && fake.device[0].outputs[0] == 0xB0);
-    fake_object(1, 0xF980, 1, ADDRESS, 2, true); /* somebody sets its switches right */
+    fake_object(1, 0xF980, 1, ADDRESS, 2, true); /* its switches are corrected */
     run(rig, 400, FSN_AL_OP);
     CHECK(look(rig, 1).returns == 1 && fake.device[0].outputs[0] == 0x42);
     tear_down(rig);
@@ -144,7 +144,7 @@ static void another_revision_gets_nothing(void) {
     CHECK(fake.device[1].output_sets == 0 && fake.device[0].outputs[0] == 0xB0);
     fake.device[1].info.revision_number = 7;
     CHECK(run(rig, 400, FSN_AL_OP) && fake.device[0].outputs[0] == 0x42);
-    /* Also when nobody saw it go. */
+    /* Also if the loss was not detected. */
     fake.device[1].info.revision_number = 8;
     run(rig, 12, FSN_AL_OP);
     memset(fake.device[1].inputs, 0x43, 8);
@@ -178,7 +178,7 @@ static void counters_are_read(void) {
     tear_down(rig);
 }
 
-/** They leave OP while process data goes on, and only then the bus is closed. */
+/** They leave OP while process data continues, and only then the bus is closed. */
 static void they_leave_op(void) {
     struct rig *rig = bring_up();
     CHECK(!run(rig, 1, FSN_AL_SAFEOP));

@@ -1,4 +1,4 @@
-/** Objects beside the cycle of the backend on IgH, and a bus without a plan. */
+/** Objects next to the cycle of the backend on IgH, and a bus without a plan. */
 #include <errno.h>
 #include <string.h>
 

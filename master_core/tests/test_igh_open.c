@@ -152,7 +152,7 @@ static void sdos_are_written(void) {
 
 /* -- calls that fail ------------------------------------------------------------------------- */
 
-/** All that a run does: opening, cycles, objects, a loss, leaving. What opening says. */
+/** All steps of a run: opening, cycles, objects, a loss, closing. Errors of opening. */
 static fsn_status live_through(struct rig *rig) {
     const fsn_status opened = open_with(rig, 3);
     if (opened != FSN_OK) {
@@ -195,8 +195,8 @@ static void each_call_may_fail(int error, unsigned at_once, unsigned step, unsig
     }
 }
 
-/** Nine lost answers in a row, whichever object they are of, are no reason to begin again; with ten
- *  that object is named, and no SubDevice is missing or without CoE. */
+/** Nine lost answers in a row, whichever object they are of, do not cause a restart. With ten that
+ *  object is named, and no SubDevice is missing or without CoE. */
 static void a_lost_answer_is_asked_for_again(void) {
     unsigned silent = 0, failed = 1;
     for (unsigned n = 1; failed > 0; n++) {
@@ -255,7 +255,7 @@ static void igh_is_told_clocks_and_watchdogs(void) {
     run(rig, 2, FSN_AL_OP);
     CHECK(fake.app_time != 0 && fake.clock_syncs > 0); /* the plan alone requests clocks */
     tear_down(rig);
-    /* Its own cycle stands before that of the plan; without both it is a millisecond. */
+    /* Its own cycle has priority over that of the plan; without both it is a millisecond. */
     static const uint32_t cycles[][3] = {{2 * MS, 4 * MS, 2000}, {0, 4 * MS, 4000}, {0, 0, 1000}};
     for (size_t i = 0; i < sizeof cycles / sizeof cycles[0]; i++) {
         const struct fsn_live_options options = {.interface = "0", .cycle_ns = cycles[i][0]};
@@ -269,7 +269,7 @@ static void igh_is_told_clocks_and_watchdogs(void) {
     }
 }
 
-/** A mailbox is configured by nobody, so it has no place in the image either. */
+/** A mailbox is not configured, so it has no place in the image either. */
 static void sizes_of_igh_are_checked(void) {
     struct rig *rig = set_up();
     record(rig, FSN_SEC_SM, 3)[4] = 1;
@@ -296,7 +296,7 @@ static void what_does_not_come_is_not_waited_for(void) {
     refuses(rig, FSN_E_BUS_IDENTITY, "vendor 0x00000000");
 }
 
-/** Who wants no fault gets none. */
+/** The fault may be NULL. */
 static void a_fault_is_not_needed(void) {
     struct fsn_bus_layout layout;
     const struct fsn_bus_ops *ops = fsn_backend_igh()->ops;

@@ -202,7 +202,7 @@ static bool left_data_at(struct rig *rig, uint64_t now_ns) {
     return begun;
 }
 
-/** A second failure has a file of its own, and a third one; one that goes on and on has not. */
+/** A second failure has a file of its own, and so has a third; a continuing one has not. */
 static void a_second_failure_has_its_own(void) {
     struct rig rig = set_up();
     const uint64_t second = UINT64_C(1000) * MS;
@@ -269,7 +269,7 @@ static void who_was_in_data_did_come(void) {
 }
 
 /** A connection that is not in Data five seconds after the bus runs is one incident, once; the time
- *  begins anew when the bus does not run. */
+ *  restarts when the bus does not run. */
 static void who_never_comes_is_reported_once(void) {
     struct rig rig = set_up_with(1);
     struct fsn_incidents *in = rig.control->services.incidents;
@@ -345,7 +345,7 @@ static void is_logged(const char *got, const char *expected) {
     }
 }
 
-/** Name of the file of an incident at a time; `number` behind it for those of the same second. */
+/** Name of the file of an incident at a time; `number` follows it for those of the same second. */
 static const char *file_at(uint64_t now_ns, const char *number) {
     static char name[100];
     char utc[32];
@@ -477,7 +477,7 @@ static void five_seconds_before_are_kept(void) {
     CHECK(tear_down(&rig) == 1);
 }
 
-/** What stands in the folder counts, whoever wrote it; other files and folders do not. */
+/** All incident files in the folder count, whoever wrote them; other files and folders do not. */
 static void a_folder_has_a_limit(void) {
     struct rig rig = set_up();
     const uint64_t second = UINT64_C(1000) * MS;
@@ -667,7 +667,7 @@ static void folders_are_checked(void) {
     CHECK(tear_down(&rig) == 1);
 }
 
-/** Whoever stops the bus is no failure; who asks gets his file all the same. */
+/** A requested stop is not a failure; a requested incident still gets its file. */
 static void a_stop_is_no_incident(void) {
     static const char *const states[] = {"stopping", "stopped", "running"};
     struct rig rig = set_up();

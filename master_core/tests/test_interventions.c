@@ -377,7 +377,7 @@ static void limit_files(rlim_t bytes) {
     CHECK(setrlimit(RLIMIT_FSIZE, &limit) == 0);
 }
 
-/** The disk takes no more in the middle of a line; later it does again. */
+/** The disk fills in the middle of a line; later it accepts writes again. */
 static void a_full_disk_loses_nothing_that_waits(void) {
     struct stat found;
     set_up();
@@ -402,7 +402,7 @@ static void a_full_disk_loses_nothing_that_waits(void) {
     tear_down();
 }
 
-/** A disk that is full when the program starts is no reason not to start. */
+/** A disk that is full when the program starts does not prevent the start. */
 static void a_full_disk_is_no_refusal(void) {
     set_up();
     limit_files(0);
@@ -541,7 +541,7 @@ static void the_folder_has_a_limit(void) {
     tear_down();
 }
 
-/** Somebody takes the file away, or the folder: the chain goes on with the same numbers. */
+/** The file or the folder is removed: the chain continues with the same numbers. */
 static void a_file_that_goes_is_followed_by_another(void) {
     size_t len;
     set_up();
@@ -585,7 +585,8 @@ static void too_long_is_reported(void) {
     tear_down();
 }
 
-/** A process that is killed while it writes: all that is whole is chained, and the next says so. */
+/** A process is killed while it writes: all whole entries are chained, and the next one reports it.
+ */
 static void a_killed_writer_leaves_a_chain(void) {
     struct stat found = {0};
     set_up();

@@ -220,7 +220,7 @@ static void an_sii_is_believed_as_far_as_it_goes(void) {
     at = category(at, 50, pdos, sizeof pdos);
     sii[at] = sii[at + 1] = 0xFF;
     char name[4 * FSN_NAME_BYTES];
-    for (size_t cut = 0; cut <= at + 4; cut++) { /* wherever it ends, nothing behind is touched */
+    for (size_t cut = 0; cut <= at + 4; cut++) { /* wherever it ends, later bytes are unchanged */
         uint8_t *bytes = malloc(cut + 1);
         CHECK(bytes != NULL);
         memcpy(bytes, sii, cut);

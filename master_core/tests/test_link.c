@@ -1,5 +1,5 @@
 /** The link of an emulated segment to interfaces, over sockets of the test's own: this program's
- *  system calls stand before those of libc, so no interface and no right is needed. */
+ *  system calls replace those of libc, so no interface and no privilege is needed. */
 #define _GNU_SOURCE
 
 #include <arpa/inet.h>
@@ -33,7 +33,7 @@ static struct {
     const char *driver;
     int mtu;
     atomic_bool running[2]; /**< per interface: it has a carrier */
-    atomic_bool down[2]; /**< per port: its interface went down, and nobody has read that error */
+    atomic_bool down[2]; /**< per port: its interface went down, and that error has not been read */
     atomic_int send_fails;
     atomic_int polls;
     atomic_bool frozen;             /**< the clock */
@@ -254,7 +254,7 @@ static void what_is_asked_is_checked(void) {
         {{.interface = "a", .cpu = CPU_SETSIZE + 1}, FSN_E_SYS, EINVAL},
         {{.interface = "a", .priority = 1000}, FSN_E_SYS, EINVAL},
         {{.interface = "a", .priority = 1000, .cpu = 1}, FSN_E_SYS, EINVAL},
-        {{.interface = "a", .cpu = CPU_SETSIZE}, FSN_E_SYS, EINVAL}, /* there is no such one */
+        {{.interface = "a", .cpu = CPU_SETSIZE}, FSN_E_SYS, EINVAL}, /* not existing */
         {{.interface = "a", .cpu = allowed + 1}, FSN_OK, 0},
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
@@ -294,8 +294,8 @@ static void real_interfaces_are_refused(void) {
     end();
 }
 
-/** Whichever call fails, it is reported, nothing stays open, and the next try works. Only an MTU
- * that nobody tells is none that is too small. */
+/** Whichever call fails, it is reported, nothing stays open, and the next attempt works. An unknown
+ *  MTU is not treated as too small. */
 static void each_call_may_fail(void) {
     const struct fsn_segment_link_options ring = {.interface = "a", .interface2 = "b"};
     unsigned logged = 0, not_virtual = 0, good = 0;
@@ -338,7 +338,7 @@ static void an_answer_that_cannot_be_sent_is_counted(void) {
     CHECK(answer_at(0, 0) == 2);                        /* the next one is */
     fsn_segment_counts(rig.segment, &counts);
     CHECK(counts.unsent == 1 && counts.send_errno == ENETDOWN && counts.foreign == 1);
-    /* Time goes on where nothing comes. */
+    /* Time continues without frames. */
     const uint64_t before = last_ns();
     while (last_ns() == before) {
         usleep(1000);
@@ -358,7 +358,7 @@ static void a_ring_opens_without_a_carrier(unsigned gone) {
     begin();
     CHECK(plug((struct fsn_segment_link_options){.interface = "a", .interface2 = "b"}, NULL) ==
           FSN_OK);
-    CHECK(answer_at(0, 1) == 2 && answer_at(1, 0) == 0); /* backwards nobody looks at it */
+    CHECK(answer_at(0, 1) == 2 && answer_at(1, 0) == 0); /* backwards it is not read */
     atomic_store(&os.running[gone], false);
     int back = 0;
     while (back == 0) { /* until it has looked */

@@ -307,7 +307,7 @@ static void dead_sockets_make_way(void) {
     tear_down();
 }
 
-/** Connects as somebody and says hello; returns the first word of the answer after "ok". */
+/** Connects as a user and sends hello; returns the first word of the answer after "ok". */
 static void as_user(uid_t user, gid_t group, gid_t other, const char *expected) {
     int pipe_ends[2];
     CHECK(pipe(pipe_ends) == 0);
@@ -349,7 +349,7 @@ static void as_user(uid_t user, gid_t group, gid_t other, const char *expected) 
     close(pipe_ends[0]);
 }
 
-/** The kernel says who connects. */
+/** The kernel identifies the peer. */
 static void strangers_are_turned_away(void) {
     if (getuid() != 0) {
         fprintf(stderr, "test_listen: becoming another user takes root: that part is left out\n");
@@ -376,7 +376,7 @@ static void strangers_are_turned_away(void) {
     }
     CHECK(turned_away_events == FSN_QUOTA_AT_ONCE); /* of all of them together */
     as_user(0, 99, 0, "{\"ok\":true");
-    fails_in.getsockopt = 1; /* who cannot be reported is nobody */
+    fails_in.getsockopt = 1; /* an unknown peer has no name */
     as_user(0, 99, 0, no);
     tear_down();
 }
@@ -430,8 +430,8 @@ static const char *last_words(int fd) {
     "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: silent, and another client "       \
     "needed the place\",\"hint\":\"connect again when there is something to ask\"}\n"
 
-/** Who has done nothing for five seconds makes room, the one that was idle longest; for our user at
- *  once. Who waits for something, or writes, is not idle. */
+/** A client without activity for five seconds makes room, the longest idle one first; for our user
+ *  at once. A client that waits for an answer, or writes, is not idle. */
 static void who_is_idle_makes_room(void) {
     enum { LEAST = 5000, RECENT = 9 };
     static const unsigned order[] = {2, 4, 1, 0}; /* what the fifth had to say is said by then */

@@ -23,7 +23,7 @@ static struct bus {
     unsigned refusals, opens, closes;
     bool stubborn; /**< never leaves OP */
     atomic_uint al_state, tends, sent;
-    atomic_uint output;       /**< the byte behind the frame, as last sent */
+    atomic_uint output;       /**< the byte after the frame, as last sent */
     unsigned output_at_leave; /**< the same when SAFEOP was requested */
     unsigned sent_at_leave, sent_at_close;
 } bus;

@@ -1,5 +1,5 @@
-/** Memory that runs out: whichever allocation fails, the call says so, leaves nothing behind, and
- *  the next one works. */
+/** Memory that runs out: whichever allocation fails, the call reports it, leaks nothing, and the
+ *  next one works. */
 /* shows R7 */
 #include <string.h>
 

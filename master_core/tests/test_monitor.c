@@ -48,7 +48,7 @@ static void blocks_fit_each_other(void) {
 }
 
 /** The CRC of the protocol (§2) bit by bit: old CRC, ConnID, number, command, number of the block
- *  behind the first one, two bytes, three zeros. */
+ *  after the first one, two bytes, three zeros. */
 static uint16_t crc_bit_by_bit(const uint8_t *frame, size_t len, unsigned block, uint16_t old_crc,
                                uint16_t number) {
     const uint8_t *data = len == 6 ? frame + 1 : frame + 1 + 4 * block;
@@ -286,7 +286,7 @@ static void what_was_not_known_is_no_gap(void) {
     CHECK(monitor.status.gaps == 1);
 }
 
-/** While the numbers are searched for, blocks that do not fit each other are wrong all the same. */
+/** While the numbers are searched for, blocks that do not fit each other are still wrong. */
 static void broken_blocks_are_wrong_at_any_time(void) {
     struct chain c = chain_of(15, 15, 9);
     struct fsn_monitor monitor;
@@ -319,7 +319,7 @@ static void sessions_begin_anew(void) {
     CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, early, 1) == FSN_VERDICT_RIGHT);
     CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, session, 1) == FSN_VERDICT_RIGHT);
     CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, answer, 1) == FSN_VERDICT_RIGHT);
-    session[1] = 0x78; /* the main begins anew, in the middle */
+    session[1] = 0x78; /* the main restarts, in the middle */
     const uint16_t second = seal(session, 6, 0, 0, 1);
     CHECK(fsn_monitor_frame(&monitor, FSN_TO_SUB, session, 1) == FSN_VERDICT_RIGHT);
     CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, early, 1) == FSN_VERDICT_WRONG);
@@ -335,8 +335,8 @@ static void sessions_begin_anew(void) {
     CHECK(monitor.status.direction[1].frames == 7 && monitor.status.direction[1].wrong == 3);
 }
 
-/** The CRC of a frame before the Reset is forgotten: one that is the same by chance is no collision
- *  then. */
+/** The CRC of a frame before the Reset is forgotten: an equal one by chance is then not a
+ *  collision. */
 static void a_reset_forgets_the_own_crc(void) {
     struct fsn_monitor monitor;
     uint8_t reset[6] = {FSN_CMD_RESET};
@@ -413,7 +413,7 @@ static void intervals_are_counted(void) {
           monitor.status.observed == FSN_OBSERVED_SILENT);
 }
 
-/** Which frame of a cycle came first; both are new and the chain tells. */
+/** Which frame of a cycle came first; both are new and the chain decides. */
 static void the_order_of_a_cycle_is_seen(void) {
     struct chain c = chain_of(6, 6, 3);
     struct fsn_monitor monitor;
@@ -452,7 +452,7 @@ static void the_order_of_a_cycle_is_seen(void) {
     uint8_t other[6] = {FSN_CMD_RESET, 1};
     (void)seal(other, 6, 0, 0, 1);
     (void)fsn_monitor_frame(&monitor, FSN_TO_SUB, other, 1);
-    CHECK(fsn_monitor_sub_first(&monitor, session, reset)); /* behind its Reset */
+    CHECK(fsn_monitor_sub_first(&monitor, session, reset)); /* after its Reset */
 }
 
 /** Every pair of commands: the end that lags decides. */

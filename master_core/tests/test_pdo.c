@@ -196,7 +196,7 @@ static void what_cannot_be_read_is_left_to_the_device(void) {
     }
 }
 
-/** A lost answer is no judgement, before it was written and after. */
+/** A lost answer is not a result, before the write and after it. */
 static void what_nobody_answers_is_no_agreement(void) {
     static const struct {
         struct object at;

@@ -240,7 +240,7 @@ static void an_empty_sync_manager_has_no_entries(void) {
     free(bytes);
 }
 
-/** A third FSoE copy that says it belongs to a connection of two others. */
+/** A third FSoE copy that claims the connection of two others. */
 static void a_connection_has_two_copies(void) {
     static const struct build_sm sm[2][2] = {{{1, 12}, {2, 12}}, {{1, 12}, {2, 12}}};
     static const struct build_copy copies[] = {{0, 0, 1, 0, 6}, {1, 0, 0, 0, 6}, {0, 6, 1, 6, 6}};

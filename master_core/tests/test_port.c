@@ -44,7 +44,7 @@ static struct {
     uint8_t sent[128];
     ssize_t sent_bytes;
     uint64_t now_ns;
-    unsigned packets; /**< that come while somebody listens, one per poll */
+    unsigned packets; /**< that come while a listener waits, one per poll */
     unsigned polls;
 } os;
 
@@ -251,7 +251,7 @@ static uint32_t filtered(const uint8_t *packet, uint32_t len) {
     }
 }
 
-/** A packet of somebody: his address, his tag, an index, and how many bytes it states. */
+/** A packet of another station: its address, its tag, an index, and the stated number of bytes. */
 static uint32_t passes(uint16_t ours, uint16_t tag, uint8_t index, uint32_t states, uint32_t len) {
     uint8_t packet[1600] = {0};
     packet[6] = (uint8_t)(ours >> 8);
@@ -274,7 +274,7 @@ static void filters_tell_frames_apart(void) {
     CHECK(passes(0x0246, TAG, 0x7F, 44, 60) == 0xFFFF && passes(0x0246, TAG, 0, 44, 60) == 0xFFFF);
     CHECK(passes(0x0246, TAG, 0x80, 44, 60) == 0 && passes(0x0246, TAG, 0xFF, 44, 60) == 0);
     CHECK(passes(0x0247, TAG, 1, 44, 60) == 0 && passes(0x0246, TAG + 1, 1, 44, 60) == 0);
-    /* A packet has at least the bytes it states: SOEM believes it. */
+    /* A packet has at least the stated number of bytes: SOEM relies on it. */
     CHECK(passes(0x0246, TAG, 1, 45, 60) == 0 && passes(0x0246, TAG, 1, 43, 60) == 0xFFFF);
     CHECK(passes(0x0246, TAG, 1, 0x102, 274) == 0xFFFF && passes(0x0246, TAG, 1, 0x102, 273) == 0);
     CHECK(passes(0x0246, TAG, 1, 0x502, 0x512) == 0xFFFF &&
@@ -335,7 +335,7 @@ static fsn_status listen_to_it(void) {
     return status;
 }
 
-/** Whatever opens a raw socket says the same when it cannot. */
+/** Every function that opens a raw socket reports the same failure. */
 static void refusals_are_reported(void) {
     static fsn_status (*const opens[])(void) = {open_it, open_foreign, listen_to_it};
     for (size_t i = 0; i < 3; i++) {
@@ -368,7 +368,7 @@ static void refusals_are_reported(void) {
     }
     int fd;
     set_up();
-    os.ioctl_fails = ENOTTY; /* an MTU that nobody tells is taken as it is */
+    os.ioctl_fails = ENOTTY; /* an unknown MTU is accepted */
     CHECK(fsn_port_open("eth7", TAG, false, &fd, &fault) == FSN_OK);
 }
 

@@ -1,5 +1,5 @@
-/** The side of a process that takes a bus over: what it believes of the one before, and when it
- *  goes on. The process before is a child that plays a part with messages of its own. */
+/** The side of a process that takes a bus over: which messages of its predecessor it accepts, and
+ *  when it continues. The predecessor is a child process that sends messages of its own. */
 #define _GNU_SOURCE
 
 #include "app/takeover/predecessor.h"
@@ -44,7 +44,7 @@ static const struct fsn_backend backend = {.name = "test", .reach = reach};
 struct part {
     struct handover_answer answer;
     size_t answer_bytes;   /**< 0: the whole of it */
-    bool silent, no_files; /**< says nothing; gives no descriptors */
+    bool silent, no_files; /**< sends nothing; gives no descriptors */
     size_t room_bytes;     /**< of its room */
     void (*then)(int fd, void *room);
 };
@@ -141,7 +141,8 @@ static void wait_for_the_end(int fd, void *room) {
     CHECK(poll(&polled, 1, 10000) == 1);
 }
 
-/** An answer that is short, of another version, or not what it says is no bus to be taken. */
+/** An answer that is short, of another version, or inconsistent does not describe a bus to take
+ *  over. */
 static void odd_answers_are_refused(void) {
     struct part part = good;
     part.answer.taken = 0;
@@ -171,8 +172,8 @@ static void odd_answers_are_refused(void) {
     refused(&part);
 }
 
-/** A standby waits for a bus that is not there yet; a take-over does not, nor does either wait
- *  where another cause stands in the way. */
+/** A standby waits for a bus that is not there yet; a take-over does not. Neither waits for another
+ *  cause. */
 static void only_a_standby_waits(void) {
     struct predecessor predecessor;
     tries_left = 1;
@@ -310,7 +311,7 @@ static void says_it_and_stays(int fd, void *room) {
     pause();
 }
 
-/** Hears what is requested, and says nothing more. */
+/** Reads the requests, and sends nothing further. */
 static void shuts_the_handover_listener(int fd, void *room) {
     shutdown(fd, SHUT_WR);
     (void)room;

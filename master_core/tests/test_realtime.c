@@ -326,7 +326,7 @@ static void on_time_late_and_gone(void) {
     CHECK(wait_for(client) == FSN_E_CLOSED); /* its place is gone */
     CHECK(fsn_realtime_set(again, 0, 5) == FSN_OK);
     fsn_realtime_send(again);
-    fsn_realtime_send(client); /* into memory that nobody reads any more */
+    fsn_realtime_send(client); /* into memory that is no longer read */
     cycle();
     CHECK(sent(0) == 5 && counts(again).on_time == 1);
     CHECK(wait_for(client) == FSN_E_CLOSED && wait_for(again) == FSN_OK);
@@ -391,7 +391,7 @@ static void several_at_once(void) {
     CHECK(sent(0) == 5 && sent(2) == 1 && sent(4) == 9);
     CHECK(counts(client[2]).missed == 1 && counts(client[0]).missed == 0);
     close_client(client[0], 2);
-    cycle(); /* its memory is there yet, and counts no more */
+    cycle(); /* its memory is still there, but no longer used */
     CHECK(sent(0) == 7 && sent(2) == 1 && sent(4) == 9);
     fsn_realtime_close(client[1]);
     close_client(client[2], 0);
@@ -565,7 +565,8 @@ static void what_the_client_itself_refuses(void) {
     tear_down();
 }
 
-/* -- answers of somebody else ------------------------------------------------------------------ */
+/* -- answers of another program -----------------------------------------------------------------
+ */
 
 static struct {
     int listener;
@@ -574,7 +575,7 @@ static struct {
     unsigned fds;
 } odd;
 
-/** Answers one request as `odd` says, and disconnects. */
+/** Answers one request as given in `odd`, and disconnects. */
 static void *answer_oddly(void *argument) {
     char request_line[512];
     const int fd = accept(odd.listener, NULL, NULL);
@@ -724,7 +725,7 @@ static void what_the_core_itself_refuses(void) {
     tear_down();
 }
 
-/** A reply waits behind others; its descriptors wait with it. */
+/** A reply waits after others; its descriptors wait with it. */
 static void descriptors_go_with_their_reply(void) {
     int fds[2];
     char drain[4096];

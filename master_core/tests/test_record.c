@@ -152,8 +152,8 @@ static struct {
     uint64_t left_out;
 } held_up;
 
-/** Looks at the picture of the cycle before, which nobody can overwrite meanwhile; one cycle takes
- *  so long that the next one comes too late. */
+/** Reads the snapshot of the previous cycle, which is not overwritten meanwhile; one cycle takes so
+ *  long that the next one comes too late. */
 static void look_back(void *bus, struct fsn_bus_input *input) {
     const uint64_t last = fsn_core_last_cycle(held_up.core);
     struct fsn_cycle record;

@@ -1,7 +1,7 @@
 /** Every request of the control socket with its whole reply, on a bus, with objects and at a time
- * of the test's own. They stand in replies.txt: a request behind '>', a change of the rig behind
- *  '!', and what comes back below. test_replies --write prints the file anew, to be read before it
- *  is kept. */
+ *  of the test's own. They are in replies.txt: a request after '>', a change of the rig after '!',
+ *  and the reply below. test_replies --write prints the file again, to be read before it is kept.
+ */
 #define _GNU_SOURCE
 
 #include <string.h>
@@ -48,7 +48,7 @@ static void keep_incidents(void) {
     CHECK(rmdir(folder) == 0);
 }
 
-/** Keeps an incident that says everything. */
+/** Keeps an incident with every field. */
 static void fail_in_every_way(void) {
     const struct fsn_trigger trigger = {.kind = "left_data",
                                         .connection = "door safe",
@@ -202,7 +202,7 @@ static void fill_queue(bool full) {
     }
 }
 
-/** A cycle, and what the control thread sees of the bus behind it. */
+/** A cycle, and the view of the control thread after it. */
 static void cycle_later(unsigned ms) {
     on.now_ns += ms * UINT64_C(1000000);
     CHECK(fsn_core_cycle(on.core, on.now_ns) == FSN_OK);
@@ -349,7 +349,7 @@ static FILE *open_replies(void) {
 
 #ifdef FSN_TEST_HEAP
 /** Whichever allocation fails: a request is answered by one line, or its client is dropped. Events
- *  may stand before it. */
+ *  may precede it. */
 static void is_answered(const char *line) {
     struct fsn_client *client = on.client;
     const struct fsn_json *out = &client->out;

@@ -36,7 +36,7 @@ static void each_way_is_judged(void) {
         {{0, 20, 0, 0}, true, 2, FSN_RING_ONE_WAY, {1, 0}}, /* one pair of wires of a cable */
         {{20, 0, 1, 0}, true, 2, FSN_RING_ONE_WAY, {0, 1}},
         {{0, 0, 0, 0}, false, 2, FSN_RING_OPEN, {0, 0}}, /* both cables out */
-        {{0, 0, 0, 0}, true, 10, FSN_RING_OPEN, {0, 0}}, /* nobody answers */
+        {{0, 0, 0, 0}, true, 10, FSN_RING_OPEN, {0, 0}}, /* no answer */
     };
     static const uint32_t whole[4] = {0, 20, 20, 0};
     static const uint32_t few[4] = {0, 1, 1, 0};
@@ -143,7 +143,7 @@ static const struct place places[] = {
      "between near and a (ring position 0, port 0); between b (ring position 1, port 1) and c "
      "(ring "
      "position 2, port 0)"},
-    /* Already open at the start: nobody knows which ports had a link. */
+    /* Already open at the start: it is unknown which ports had a link. */
     {{2, 3, 3, 3},
      {2, 3, 3, 3},
      {true, true},

@@ -280,7 +280,7 @@ static void a_cycle_without_reading_steers_nothing(void) {
     CHECK(wall.request_ns[2] == START_NS + 3 * CYCLE_NS);
 }
 
-/** A frame that left late because the wake-up was late says nothing about the clocks. */
+/** A frame that left late because the wake-up was late gives no information about the clocks. */
 static void a_late_wake_up_is_no_distance(void) {
     set_up(3);
     on.rt.follow_dc = true;
@@ -376,7 +376,7 @@ static void virtual_time_reads_no_clock(void) {
     CHECK(on.rt.statistics.round_trip.count == 0);
 }
 
-/** Bucket by bucket, as fsn/core.h says. */
+/** Bucket by bucket, as in fsn/core.h. */
 static void times_fall_into_their_buckets(void) {
     struct fsn_histogram *times = &on.rt.statistics.period;
     set_up(1);
@@ -405,8 +405,7 @@ static void times_fall_into_their_buckets(void) {
 
 /* -- what it keeps -------------------------------------------------------------------------- */
 
-/** A slot is whole when its sequence says so; times that do not fit are as long as can be reported.
- */
+/** A slot is whole if its sequence matches; times that do not fit saturate. */
 static void a_record_holds_the_cycle(void) {
     set_up(3);
     wall.tick_ns = 1;
@@ -498,7 +497,8 @@ static void each_picture_shows_all_times(void) {
         fsn_rt_cycle(&on.rt, wall.now_ns, true);
         CHECK(shown_is_all());
     }
-    /* Shown before its frames go out, a cycle counts its times behind that: the next one shows it.
+    /* If published before its frames are sent, a cycle counts its times later: the next one shows
+     * them.
      */
     atomic_store(&on.rt.show_first, true);
     fsn_rt_cycle(&on.rt, wall.now_ns, true);
@@ -510,7 +510,7 @@ static void each_picture_shows_all_times(void) {
     CHECK(shown_is_all());
 }
 
-/** Frames wait for nobody who only looks, but where a successor may follow them. */
+/** Frames do not wait for readers, except where a successor may follow. */
 static void frames_go_out_first(void) {
     set_up(3);
     fsn_rt_cycle(&on.rt, 1, false);
@@ -525,7 +525,8 @@ static void frames_go_out_first(void) {
     CHECK(on.seen == 2 && on.shown_to_all == 2 && shown()->cycles == 3);
 }
 
-/** A client sleeps until a cycle is shown to it, not only sent; in virtual time nobody knows when.
+/** A client sleeps until a cycle is published to it, not only sent; in virtual time that is
+ *  unknown.
  */
 static void clients_learn_when_a_cycle_is_shown(void) {
     enum { WORDS = sizeof(struct fsn_shared_cycle) / 8 + 1 };
@@ -542,7 +543,7 @@ static void clients_learn_when_a_cycle_is_shown(void) {
         fsn_rt_cycle(&on.rt, START_NS, n == 1);
         (void)fsn_words_take(pictures + (size_t)n * WORDS, &cycle, sizeof cycle);
         CHECK(inputs.shown.whole == n && cycle.cycle == n);
-        /* The clock is read around the copies, behind sending, and for the client. */
+        /* The clock is read around the copies, after sending, and for the client. */
         CHECK(cycle.shown_ns == (n == 1 ? 3 * TICK_NS : 0));
     }
 }

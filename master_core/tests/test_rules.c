@@ -159,7 +159,7 @@ static const char *const fields_of[] = {NULL,
                                         "222222"
                                         "4"};
 
-/** Records that stand for those like them. */
+/** Records that represent others of the same kind. */
 static bool is_tried(uint32_t section, uint32_t record) {
     static const uint32_t tried[] = {0,    1u << 1, 1u << 0 | 1u << 5, 1u << 5, 1, 1, 0xF, 0x83,
                                      0x1F, 3};
@@ -263,7 +263,7 @@ static void copy_ends_inside_the_bits(void) {
     size_t len;
     uint8_t *bytes = build_estop(&len);
     struct fsn_fault fault;
-    /* The inputs of the sub have 8 bytes: 4 bits less, and the last byte is no whole one any more.
+    /* The inputs of the sub have 8 bytes: with 4 bits less, the last byte is not whole any longer.
      */
     uint8_t *sm = field_of(bytes, &(struct broken){.section = 2, .record = 3, .field = 8});
     CHECK(sm[0] == 64);
@@ -288,7 +288,7 @@ static double now_ms(void) {
     return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
 }
 
-/** 5 000 SubDevices and 4 000 copies: one main speaks with every second of the others. */
+/** 5 000 SubDevices and 4 000 copies: one main is connected to every second of the others. */
 static void large_plan_loads_quickly(void) {
     enum { SUBS = 5000, PAIRS = 2000 };
     static struct build_sm sm[SUBS][2];

@@ -1,5 +1,4 @@
-/** The scanner where its tables or the memory end. What it finds in traffic, the Python tests try.
- */
+/** The scanner when its tables or the memory are full. The Python tests cover real traffic. */
 /* shows R7 */
 #include <string.h>
 
@@ -58,7 +57,7 @@ static void hand_over(struct fsn_scan *scan) {
     (void)fsn_scan_packet(scan, 0, packet.bytes, packet.len, packet.now_ns);
 }
 
-/** Two ends of a connection, one behind the other. */
+/** Two ends of a connection, one after the other. */
 struct pair {
     struct chain chain;
     uint8_t frames[2 * FRAME];
@@ -210,8 +209,9 @@ static uint64_t show_side_by_side(struct fsn_scan *scan, size_t count, unsigned 
     return right;
 }
 
-/** The second byte behind each frame is the first of the next, so all of them look like 7-byte
- * frames of one ConnID as well, and each such place has hundreds of others to be tried with. */
+/** The second byte after each frame is the first of the next, so all of them look like 7-byte
+ *  frames of one ConnID as well, and each such place has hundreds of candidates to be tried with.
+ */
 static void connections_are_limited(void) {
     struct fsn_scan *scan;
     CHECK(fsn_scan_create(&scan) == FSN_OK);
@@ -229,7 +229,7 @@ static void a_packet_full_of_answers_is_right(void) {
     fsn_scan_free(scan);
 }
 
-/** How many packets pass until a connection is found behind so many places that are no frames.
+/** How many packets pass until a connection is found after so many places that are not frames.
  *  @param[in] others  6-byte places that change in every packet and all show the ConnID 0x3600. */
 static unsigned packets_until_found(size_t others, uint16_t id) {
     enum { MOST = 330, LONGEST = 5000 };
@@ -280,7 +280,7 @@ static unsigned frames_until_found(uint8_t before) {
             frames++;
         }
         memcpy(data, pair.frames, sizeof pair.frames);
-        data[2 * FRAME] = (uint8_t)i; /* only the byte behind both changes */
+        data[2 * FRAME] = (uint8_t)i; /* only the byte after both changes */
         begin_packet();
         add_datagram(0x1000, data, sizeof data);
         hand_over(scan);
@@ -349,8 +349,8 @@ static unsigned wrong_in(struct fsn_scan *scan, const uint8_t *data, uint16_t si
     return wrong;
 }
 
-/** The capture lacks a frame, and behind it all up to a packet with the answer to a session and the
- *  begin of the next one: the only order in which neither is wrong is the right one. */
+/** The capture lacks a frame, and then all frames up to a packet with the answer to a session and
+ *  the start of the next one: only one order has no wrong frame. */
 static void an_answer_comes_before_the_next_session(void) {
     enum { PACKETS = 40 };
     struct pair pair = {0};
@@ -427,7 +427,7 @@ static void a_packet_may_be_cut_by_the_capture(void) {
     hand_over(scan);
     fsn_scan_counts(scan, &counts);
     CHECK(counts.datagrams == 2 && counts.malformed == 0);
-    for (size_t cut = 1; cut <= 2 * WHOLE; cut++) { /* the bytes behind the cut are there still */
+    for (size_t cut = 1; cut <= 2 * WHOLE; cut++) { /* the bytes after the cut are still there */
         const struct fsn_scan_counts before = counts;
         (void)fsn_scan_packet(scan, 0, packet.bytes, packet.len - cut, packet.now_ns);
         fsn_scan_counts(scan, &counts);

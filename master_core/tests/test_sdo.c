@@ -21,7 +21,7 @@ struct device {
     uint32_t script_left;
     uint32_t sent, aborts;
     bool mute;
-    char talk[4000]; /**< every request as it was sent, the zeros behind it left out */
+    char talk[4000]; /**< every request as it was sent, without trailing zeros */
 };
 
 static void keep(struct device *d, const uint8_t *message) {

@@ -14,7 +14,7 @@ static void working_counters(void) {
     CHECK(datagram(&rig, BRD, 0, 0x0000, NULL, 1) == 2);
     CHECK(rig.data[0] == 0x11);
     CHECK(datagram(&rig, APRD, 0, 0x0000, NULL, 1) == 1);
-    CHECK(datagram(&rig, APRD, 0xFFFE, 0x0000, NULL, 1) == 0); /* nobody is third */
+    CHECK(datagram(&rig, APRD, 0xFFFE, 0x0000, NULL, 1) == 0); /* a third port does not exist */
     CHECK(datagram(&rig, FPRD, 1001, 0x0000, NULL, 1) == 0);   /* no station address yet */
     set_stations(&rig);
     CHECK(datagram(&rig, FPRD, 1002, 0x0010, NULL, 2) == 1);
@@ -35,7 +35,7 @@ static void hostile_frames_get_no_answer(void) {
         if (len >= 16) {
             frame[12] = 0x88;
             frame[13] = 0xA4;
-            frame[15] = 0x17; /* says far more than there is */
+            frame[15] = 0x17; /* the stated length far exceeds the data */
         }
         CHECK(fsn_segment_frame(rig.segment, frame, len, 1) == 0);
         free(frame);
@@ -52,7 +52,7 @@ static void frames_are_checked(void) {
         bool answered;
     } rows[] = {
         {0, 0xFF, 30, true},                            /* nothing changed */
-        {0, 0xFF, 60, true},                            /* padding behind it */
+        {0, 0xFF, 60, true},                            /* padding after it */
         {12, 0x89, 30, false},                          /* another protocol */
         {13, 0xA5, 30, false},   {15, 0x40, 30, false}, /* EtherCAT, but no datagrams */
         {0, 0xFF, 15, false},                           /* no whole header */
@@ -351,8 +351,8 @@ static void odd_register(uint64_t *seed, uint16_t *at, uint8_t bytes[16], uint16
     bytes[12] = 1;
 }
 
-/** An FMMU inside a sync manager does not ask it each time: beside a segment where all do, nothing
- *  differs, whatever the registers say. */
+/** An FMMU inside a sync manager does not ask it each time: compared with a segment where all do,
+ *  nothing differs, for any register values. */
 static void an_fmmu_inside_a_sync_manager_does_as_others(void) {
     struct rig rigs[2] = {set_up(), set_up()};
     struct esc *escs[2];

@@ -82,13 +82,13 @@ static void time_is_local_time_and_offset(void) {
     tear_down(&rig);
 }
 
-/** The control loop takes distance and drift away; the difference says from which side. */
+/** The control loop removes distance and drift; the sign of the difference gives the side. */
 static void a_clock_follows_the_reference(void) {
     for (int side = 0; side < 2; side++) {
         struct rig rig = set_up_clocks();
         const uint64_t apart = side == 0 ? 8995000 - 20000 : 8995000 + 20000;
         put(&rig, 1002, DC_DELAY, 700, 4);
-        put(&rig, 1002, DC_OFFSET, 0 - apart, 8); /* 20 us ahead, or behind */
+        put(&rig, 1002, DC_OFFSET, 0 - apart, 8); /* 20 us before, or after */
         put(&rig, 1002, DC_LOOP, 0x1000, 2);
         distribute(&rig, 1);
         const uint32_t first = (uint32_t)read(&rig, 1002, DC_DIFFERENCE, 4);

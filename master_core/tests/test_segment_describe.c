@@ -116,8 +116,8 @@ static void what_the_plan_knows_is_shown(void) {
     tear_down(&rig);
 }
 
-/** A device without a mailbox: what it does not use of its sync managers is empty in the SII, and
- *  outputs have a watchdog unless the plan says otherwise. */
+/** A device without a mailbox: its unused sync managers are empty in the SII, and outputs have a
+ *  watchdog unless the plan disables it. */
 static void a_device_may_have_no_mailbox(void) {
     static const struct build_sm sm[1][2] = {{{1, 8}, {2, 8}}};
     static const struct build build = {.subdevices = 1, .sm = sm, .cycle_ns = 1000000};
@@ -177,7 +177,7 @@ static void long_names_are_cut(void) {
     }
 }
 
-/** All of an object with a byte of padding behind its first value: 2048 bytes in all. */
+/** All of an object with a byte of padding after its first value: 2048 bytes in all. */
 static void a_whole_name_has_a_limit(void) {
     static const uint8_t object[8] = {0x50, 0x08, 0x10, 0};
     static char name[2049];

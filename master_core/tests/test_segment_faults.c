@@ -20,7 +20,7 @@ static void ports_tell_of_neighbours(void) {
     CHECK(peek(&rig, 0, 0x0007, 1)[0] == 0x0F);
     CHECK(shows(&rig, 0, 0x0110, 0x5A31));
     CHECK(shows(&rig, 1, 0x0110, 0x5A31));
-    CHECK(shows(&rig, 2, 0x0110, 0x5611)); /* nothing behind it */
+    CHECK(shows(&rig, 2, 0x0110, 0x5611)); /* nothing after it */
     fsn_segment_set_present(rig.segment, 2, false);
     CHECK(shows(&rig, 1, 0x0110, 0x5611));
     CHECK(shows(&rig, 0, 0x0110, 0x5A31));
@@ -38,7 +38,7 @@ static void a_cut_cable_keeps_the_device_alive(void) {
     CHECK(memcmp(peek(&rig, 0, 0x0310, 4), "\0\1\0\0", 4) == 0); /* at its port 1 */
     CHECK(fsn_segment_set_link(rig.segment, 0, true) == FSN_OK);
     CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 3);
-    CHECK(shows(&rig, 1, 0x0010, 0x0155));                       /* still knows its address */
+    CHECK(shows(&rig, 1, 0x0010, 0x0155));                       /* still has its address */
     CHECK(memcmp(peek(&rig, 1, 0x0310, 4), "\1\0\0\0", 4) == 0); /* at its port 0 */
     CHECK(memcmp(peek(&rig, 2, 0x0310, 4), "\0\0\0\0", 4) == 0);
     CHECK(fsn_segment_set_link(rig.segment, FSN_NONE, false) == FSN_OK);
@@ -74,7 +74,7 @@ static void receive_errors_are_forwarded(void) {
     CHECK(memcmp(peek(&rig, 1, 0x0300, 4), "\2\2\0\0", 4) == 0);
     CHECK(peek(&rig, 2, 0x0308, 1)[0] == 2);
     CHECK(peek(&rig, 0, 0x0308, 1)[0] == 0);
-    CHECK(fsn_segment_set_link(rig.segment, 1, false) == FSN_OK); /* behind the second one */
+    CHECK(fsn_segment_set_link(rig.segment, 1, false) == FSN_OK); /* after the second one */
     CHECK(fsn_segment_rx_errors(rig.segment, 0, 0, 1) == FSN_OK);
     CHECK(fsn_segment_set_link(rig.segment, 1, true) == FSN_OK);
     CHECK(peek(&rig, 1, 0x0308, 1)[0] == 1 && peek(&rig, 2, 0x0308, 1)[0] == 2);

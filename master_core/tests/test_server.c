@@ -164,7 +164,7 @@ static void lines_end_with_or_without_a_return(void) {
     tear_down(1);
 }
 
-/** A line that is too long is refused once, whatever follows of it; then it goes on. */
+/** A line that is too long is refused once, for any remainder; then reading continues. */
 static void long_lines_are_refused_once(void) {
     static char text[FSN_LINE_BYTES + 3];
     set_up(1);
@@ -187,7 +187,7 @@ static void long_lines_are_refused_once(void) {
     tear_down(1);
 }
 
-/** Sixteen requests, then it is somebody else's turn; the rest is not waited for. */
+/** Sixteen requests, then the next client has its turn; the rest is not waited for. */
 static void clients_take_turns(void) {
     set_up(2);
     for (int i = 0; i < 40; i++) {
@@ -323,7 +323,7 @@ static void there_is_a_limit_to_what_is_unread(void) {
     tear_down(3);
 }
 
-/** A long answer behind a longer one that nobody took is one too many. */
+/** A long answer after a longer one that was not read is one too many. */
 static void long_answers_have_their_limit_one_by_one(void) {
     static char block[2 * FSN_CLIENT_OUT_BYTES];
     set_up(1);
@@ -383,7 +383,7 @@ static void lines_wait_behind_a_job(void) {
     tear_down(1);
 }
 
-/** Sixteen lines and all the room behind them: nothing more fits until it was its turn again. */
+/** Sixteen lines fill the buffer: nothing further fits until the next turn. */
 static void a_full_buffer_waits_for_its_turn(void) {
     set_up(1);
     struct fsn_client *client = rig.control->client;
@@ -541,10 +541,10 @@ static void a_flush_waits_for_readers(void) {
     fsn_control_flush(rig.control, 1000);
     CHECK(strcmp(heard(1), "bye\n") == 0);
     poll_ms = -5;
-    fsn_control_flush(rig.control, 1000); /* nothing is left: nobody is waited for */
+    fsn_control_flush(rig.control, 1000); /* nothing is left: no client is waited for */
     CHECK(poll_ms == -5);
     fsn_client_put(&rig.control->client[0], block, sizeof block);
-    fsn_control_flush(rig.control, 0); /* nobody reads, and there is no time */
+    fsn_control_flush(rig.control, 0); /* without a reader, and without time */
     CHECK(rig.control->client[0].sent > 0 && rig.control->client[0].sent < sizeof block);
     const size_t before = rig.control->client[0].sent;
     poll_fails = EINTR;

@@ -1,6 +1,6 @@
 #define _POSIX_C_SOURCE 200809L
 
-/** Several buses behind one core: parts of a plan, cycles of their own, frames that cross whole. */
+/** Several buses of one core: parts of a plan, cycles of their own, frames that cross whole. */
 #include <pthread.h>
 #include <stdatomic.h>
 #include <string.h>
@@ -204,7 +204,7 @@ static void a_part_is_proved_anew(void) {
     CHECK(fsn_plan_copy(part, 0, &copy) == FSN_OK && copy.connection == FSN_NONE);
     CHECK(copy.source_sm == 1 && copy.destination_sm == 2 && copy.size_bytes == 8);
     fsn_plan_free(part);
-    plan->bytes[plan->offset[3] + 2] = 1; /* reserved, behind the loader's back */
+    plan->bytes[plan->offset[3] + 2] = 1; /* reserved, without the loader */
     CHECK(fsn_plan_part(plan, 0, &part) == FSN_E_PLAN_RESERVED && part == NULL);
     fsn_plan_free(plan);
 }
@@ -256,7 +256,7 @@ static void show(struct rig *rig, uint32_t subdevice, uint8_t value) {
     CHECK(fsn_emulated_write_inputs(rig->bus, 2 * subdevice + 1, bytes, size) == FSN_OK);
 }
 
-/** What stands in the outputs of a SubDevice at a byte. */
+/** A byte in the outputs of a SubDevice. */
 static uint8_t seen(struct rig *rig, uint32_t subdevice, size_t byte) {
     uint8_t bytes[70] = {0};
     CHECK(fsn_emulated_read_outputs(rig->bus, 2 * subdevice, bytes, sizeof bytes, NULL) == FSN_OK);
@@ -343,7 +343,7 @@ static void a_lost_bus_takes_its_own_with_it(void) {
         show(&rig, 3, i);
         cycle(&rig);
     }
-    CHECK(seen(&rig, 1, 0) == 16 && seen(&rig, 0, 0) == 16); /* goes on */
+    CHECK(seen(&rig, 1, 0) == 16 && seen(&rig, 0, 0) == 16); /* continues */
     CHECK(seen(&rig, 0, 31) < 11 && seen(&rig, 0, 62) < 11); /* old, whole */
     CHECK(seen(&rig, 0, 31) == seen(&rig, 0, 61));
     CHECK(fsn_core_bus(rig.core, 0, &first) == FSN_OK &&
@@ -511,9 +511,9 @@ static void a_refusal_names_the_bus(void) {
     fsn_plan_free(plan);
 }
 
-/* -- beside the cycle ----------------------------------------------------------------------- */
+/* -- next to the cycle ------------------------------------------------------------------------ */
 
-/** A bus of two SubDevices in memory, of which a test says what it knows. */
+/** A bus of two SubDevices in memory, with data set by a test. */
 struct scripted {
     struct fsn_emulated *bus;
     uint32_t number, members; /**< on the ring; more than the plan has */
@@ -659,7 +659,7 @@ static void close_scripted(struct said *said) {
     fsn_plan_free(said->plan);
 }
 
-/** Whatever is asked beside the cycle reaches the bus that has it, with the numbers of that bus. */
+/** Each acyclic request reaches the bus that has the SubDevice, with the numbers of that bus. */
 static void each_bus_answers_for_its_own(void) {
     struct said said = open_scripted(&scripted_ops);
     struct fsn_several *several = said.several;
@@ -668,7 +668,7 @@ static void each_bus_answers_for_its_own(void) {
 
     CHECK(fsn_core_poll(core, FSN_AL_OP, 77));
     CHECK(buses_said[0].asked_state == FSN_AL_OP && buses_said[1].asked_state == FSN_AL_OP);
-    buses_said[0].there = false; /* the other one is polled all the same */
+    buses_said[0].there = false; /* the other one is still polled */
     CHECK(!fsn_core_poll(core, FSN_AL_SAFEOP, 77) && buses_said[1].asked_state == FSN_AL_SAFEOP);
     buses_said[0].there = true;
     struct fsn_bus_subdevice seen;
@@ -756,7 +756,7 @@ static void what_a_bus_cannot_do_is_not_offered(void) {
 }
 
 #ifdef FSN_TEST_HEAP
-/** Whichever allocation fails: a refusal, and nothing stays behind. */
+/** Whichever allocation fails: a refusal, and no leak. */
 static void memory_may_run_out(void) {
     struct fsn_plan *plan = two_buses(LEAD_NS);
     const long alive = heap.alive;

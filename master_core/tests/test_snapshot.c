@@ -1,7 +1,8 @@
-/** Pictures and frames taken while the cycle runs are never half of two cycles. Run under TSan too.
+/** Snapshots and frames taken while the cycle runs are never half of two cycles. Run under TSan
+ *  too.
  *
  *  The image is large, so that a reader and the writer meet in the middle of it all the time, and
- * the test goes on until enough of its pictures were whole. */
+ *  the test continues until enough of its snapshots were whole. */
 /* shows R1 */
 #include <pthread.h>
 #include <sched.h>
@@ -83,7 +84,7 @@ int main(void) {
     uint64_t cycle = 0;
     while (cycle < CYCLES || (atomic_load(&shared.pictures) < PICTURES && cycle < MOST_CYCLES)) {
         cycle++;
-        /* Written here and not by the device: with two CPUs it hardly runs beside writer and
+        /* Written here and not by the device: with two CPUs it hardly runs next to writer and
          * reader. */
         memset(inputs, (uint8_t)cycle, sizeof inputs);
         CHECK(fsn_emulated_write_inputs(shared.on.bus, 3, inputs, sizeof inputs) == FSN_OK);

@@ -20,7 +20,8 @@ static void frames_flow(void) {
     for (uint32_t k = 1; k < SUBDEVICES; k++) {
         CHECK(flows(rig, k));
         CHECK(look(rig, k).found == FSN_FOUND_RIGHT);
-        CHECK(look(rig, k).returns == 0 || lateness(rig) > 0); /* nobody is lost without a cause */
+        CHECK(look(rig, k).returns == 0 || lateness(rig) > 0); /* no SubDevice is lost without a
+                                                                * cause */
     }
     const struct fsn_statistics s = statistics(rig);
     CHECK(s.expected_wkc == 3 * SUBDEVICES && s.dc_time_ns != 0 && s.round_trip.count > 0);
@@ -92,7 +93,7 @@ static void stall(struct rig *rig, uint64_t ms) {
 }
 
 /** Waits until most replies are new: on a busy machine some come after the next frame was sent, and
- *  one that lags behind for good never does so. */
+ *  one that always lags never does so. */
 static void settle(struct rig *rig) {
     for (int looks = 0;; looks++) {
         CHECK(looks < PATIENCE_MS / 50);
@@ -117,7 +118,7 @@ static void stalls_and_repetitions(void) {
         }
         settle(rig);
     }
-    /* SOEM's own frames get old answers as well: lost ones are found again all the same. */
+    /* SOEM's own frames get old answers as well: lost SubDevices are still found again. */
     fsn_segment_stall(rig->segment, 900000000);
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
         fsn_segment_power_cycle(rig->segment, n);
@@ -225,7 +226,7 @@ static bool stays_up_without(struct rig *rig, uint32_t front) {
     return stayed;
 }
 
-/** The same, again when frames came so late meanwhile that somebody was lost by that. */
+/** The same, repeated if frames came so late meanwhile that a SubDevice was lost. */
 static void nobody_minds_the_cut(struct rig *rig, uint32_t front) {
     uint64_t late = lateness(rig);
     for (int tries = 0; !stays_up_without(rig, front); tries++) {
@@ -236,7 +237,7 @@ static void nobody_minds_the_cut(struct rig *rig, uint32_t front) {
     }
 }
 
-/** Tends the bus until the ring is in a state, and is open where that text says. */
+/** Polls the bus until the ring is in a state, and is open as given in that text. */
 static struct fsn_bus_ring ring_becomes(struct rig *rig, uint8_t state, const char *place) {
     struct fsn_bus_ring ring = {0};
     for (int i = 0; i < PATIENCE_MS / 2; i++) {
@@ -267,7 +268,8 @@ static const char *const cables[SUBDEVICES + 1] = {
 static const char first_dark[] = "between near (no link) and s0 (ring position 0, port 0)";
 static const char last_dark[] = "between s3 (ring position 3, port 1) and near2 (no link)";
 
-/** A cut cable of a ring disturbs nobody, and is named; so is an interface without a link. */
+/** A cut cable of a ring has no effect on the data, and is named; so is an interface without a
+ *  link. */
 static void a_ring_survives_each_cable(void) {
     struct rig *rig = bring_up_from(set_up_with("far2"));
     CHECK(ring_becomes(rig, FSN_RING_CLOSED, "").breaks == 0);
@@ -429,7 +431,7 @@ static void stops_step_by_step(void) {
     rig->core = NULL;
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
         for (int i = 0; fsn_segment_al_status(rig->segment, n, NULL) != FSN_AL_INIT; i++) {
-            CHECK(i < PATIENCE_MS); /* nobody waited for an answer: it may still be on its way */
+            CHECK(i < PATIENCE_MS); /* no one waited for an answer: it may still be on its way */
             pause_ms(1);
         }
     }
@@ -486,7 +488,7 @@ static void refusals(void) {
         fsn_backend_soem()->free(second);
     }
     CHECK(heard);
-    CHECK(flows(rig, 1)); /* nobody noticed */
+    CHECK(flows(rig, 1)); /* not detected */
     tear_down(rig);
 
     const struct fsn_live_options absent = {.interface = "absent"};

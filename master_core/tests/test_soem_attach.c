@@ -54,7 +54,7 @@ static void until(struct rig *rig, const struct fsn_plan *plan,
     }
 }
 
-/** It comes and goes beside the one that drives the bus: nothing leaves OP. */
+/** It attaches and detaches next to the process that drives the bus: nothing leaves OP. */
 static void a_successor_looks_and_leaves(void) {
     struct rig *rig = bring_up();
     const struct fsn_bus_attachment attachment = describe(rig);

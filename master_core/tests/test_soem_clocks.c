@@ -151,8 +151,8 @@ static void clocks_of_both_widths_pulse_together(void) {
     wall_ns = 0;
 }
 
-/** The reference is switched off and on, then all are: the time goes on, and nobody else leaves OP
- *  because of it. */
+/** The reference is switched off and on, then all are: the time continues, and no other SubDevice
+ *  leaves OP because of it. */
 static void the_time_survives_its_reference(void) {
     struct rig *rig = bring_up_from(set_up_with_sync());
     (void)clocks_become(rig, FSN_CLOCKS_SYNCHRONOUS);
@@ -188,7 +188,8 @@ static void the_time_survives_its_reference(void) {
     tear_down(rig);
 }
 
-/** All come back while frames are lost: nobody is in OP with another time than the reference. */
+/** All come back while frames are lost: no SubDevice is in OP with another time than the reference.
+ */
 static void no_lost_frame_leaves_a_clock_behind(void) {
     enum { TURNS = 6, OF_FRAMES = 17, SYNC_FATAL = 0x002C };
     struct rig *rig = bring_up_from(set_up_with_sync());
@@ -229,7 +230,7 @@ static void who_leaves_the_window_is_named(void) {
     tear_down(rig);
 }
 
-/** Sends a datagram of 8 bytes to a SubDevice of the segment, beside the cycle. */
+/** Sends a datagram of 8 bytes to a SubDevice of the segment, next to the cycle. */
 static void pass(struct rig *rig, uint8_t command, uint32_t n, uint16_t address, uint64_t *value) {
     uint8_t frame[60] = {[12] = 0x88, [13] = 0xA4, [14] = 20, [15] = 0x10, [16] = command};
     const uint16_t station = (uint16_t)(0x1001 + n);
@@ -256,8 +257,8 @@ static void push_out(struct rig *rig) {
     }
 }
 
-/** A clock that leaves the window again and again, as behind the gap of a ring, is apart all the
- *  time; with nothing to compare it is unknown. */
+/** A clock that leaves the window repeatedly, as after the gap of a ring, is apart all the time;
+ *  with nothing to compare it is unknown. */
 static void clocks_that_come_and_go_are_apart(void) {
     enum { TIMES = 5 };
     struct rig *rig = bring_up_from(set_up_with_sync());
@@ -275,12 +276,12 @@ static void clocks_that_come_and_go_are_apart(void) {
     CHECK(c.leaves == leaves + 1 && c.place[0] == '\0');
     push_out(rig);
     CHECK(strncmp(clocks(rig).place, "s3 is ", 6) == 0);
-    fsn_segment_set_present(rig->segment, 1, false); /* and all behind it */
+    fsn_segment_set_present(rig->segment, 1, false); /* and all after it */
     CHECK(clocks_become(rig, FSN_CLOCKS_UNKNOWN).place[0] == '\0');
     tear_down(rig);
 }
 
-/** Without a clock there is no SYNC0; a broken one follows nobody. Both are refused by
+/** Without a clock SYNC0 is impossible; a defective clock follows no other. Both are refused by
  *  name, before anything is in OP. */
 static void clocks_that_cannot_be_set_are_refused(void) {
     const struct fsn_segment_clock none = {.absent = true, .forward_ns = 300};
@@ -344,7 +345,7 @@ static void without_the_time_no_clock_has_settled(void) {
     tear_down(rig);
 }
 
-/** Where nobody starts SYNC0 clocks are off unless they are requested. */
+/** If no SubDevice starts SYNC0, clocks are off unless they are requested. */
 static void without_sync0_clocks_are_off(void) {
     struct rig *rig = set_up();
     rig->live.dc_every = 0;

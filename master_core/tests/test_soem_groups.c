@@ -179,7 +179,7 @@ static void strangers_are_named(void) {
     poll_until(rig, 0, FSN_AL_OP);
     plug(rig, 1, true);
     find(rig, 3, FSN_FOUND_ABSENT, "alias 1399 is of no group");
-    plug(rig, 3, true); /* behind it */
+    plug(rig, 3, true); /* after it */
     poll_until(rig, 3, FSN_AL_OP);
     CHECK(flows(rig, 3));
     plug(rig, 3, false);

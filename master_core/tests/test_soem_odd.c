@@ -55,7 +55,7 @@ static void options_are_checked(void) {
     soem->free(NULL);
 }
 
-/** Who wants no fault gets none. */
+/** The fault may be NULL. */
 static void a_fault_is_not_needed(void) {
     struct rig *rig = set_up();
     struct fsn_bus_layout layout;
@@ -80,7 +80,7 @@ static void carry_an_alias(struct fsn_plan *plan) {
     record(plan, FSN_SEC_SUBDEVICE, 1)[4] = 7;
     record(plan, FSN_SEC_SUBDEVICE, 1)[6] = 0; /* itself; in the segment it takes a free place */
     record(plan, FSN_SEC_SUBDEVICE, 2)[4] = 7;
-    record(plan, FSN_SEC_SUBDEVICE, 2)[6] = 1; /* the next one behind it */
+    record(plan, FSN_SEC_SUBDEVICE, 2)[6] = 1; /* the next one after it */
 }
 
 static void places_may_be_told_by_an_alias(void) {
@@ -92,7 +92,7 @@ static void places_may_be_told_by_an_alias(void) {
     CHECK(fsn_backend_soem()->ops->state(rig->bus, SUBDEVICES, &seen) == FSN_E_ARG);
     tear_down(rig);
     rig = set_up();
-    record(rig->plan, FSN_SEC_SUBDEVICE, 1)[4] = 9; /* nobody has it */
+    record(rig->plan, FSN_SEC_SUBDEVICE, 1)[4] = 9; /* not present */
     const struct fsn_live_options options = {.interface = "near"};
     CHECK(fsn_backend_soem()->create(&options, &rig->bus, NULL) == FSN_OK);
     CHECK(fsn_core_create(rig->plan, fsn_backend_soem()->ops, rig->bus, &rig->core, &rig->fault) ==
@@ -117,7 +117,7 @@ static void some_have_no_mailbox_and_some_have_clocks(void) {
     struct fsn_transfer t = {.index = 0x1000, .data = &byte, .size_bytes = 1};
     CHECK(fsn_core_upload(rig->core, 2, &t) == FSN_E_ABSENT);
     tear_down(rig);
-    /* By its SII it has another length than the plan says. */
+    /* In its SII it has another length than in the plan. */
     rig = set_up_changed(have_no_mailbox);
     uint8_t *pdo = record(rig->plan, FSN_SEC_SM, 5);
     pdo[8] = (uint8_t)(pdo[8] - 8);

@@ -76,7 +76,7 @@ static uint64_t number_of(const char *line, const char *end, const char *key) {
     return at == NULL ? 0 : strtoull(at + strlen(key), NULL, 10);
 }
 
-/** Reads everything that was sent: each line is the one that is due, or says what is missing. */
+/** Reads everything that was sent: each line is the one that is due, or names the missing ones. */
 static void read_lines(struct rig *rig, uint64_t every, const char *value) {
     const struct fsn_json *out = &rig->client->out;
     for (size_t at = 0; at < out->len_bytes;) {
@@ -149,7 +149,8 @@ static void what_is_overwritten_is_counted(void) {
     tear_down(&rig);
 }
 
-/** Who was away goes on an eighth of the recorder behind its oldest cycle, in his own step. */
+/** A client that was away continues an eighth of the recorder after its oldest cycle, in its own
+ *  step. */
 static void what_is_left_out_is_no_more_than_needed(void) {
     for (uint64_t more = 0; more < 3; more++) {
         struct rig rig = set_up();

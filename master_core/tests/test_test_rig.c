@@ -1,4 +1,4 @@
-/** A build for test rigs takes a real interface, but only on somebody's word. */
+/** A build for test rigs accepts a real interface, but only with an explicit option. */
 #include "segment_rig.h"
 
 int main(void) {

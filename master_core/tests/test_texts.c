@@ -1,5 +1,5 @@
-/** Every text that the library has for a number, as it stands in texts.txt; test_texts --write
- *  prints the file anew. */
+/** Every text that the library has for a number, as in texts.txt; test_texts --write prints the
+ *  file again. */
 #include <string.h>
 
 #include "builder.h"

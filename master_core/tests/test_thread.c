@@ -118,7 +118,7 @@ static void a_thread_gets_what_was_asked_for(void) {
     emulated_rig_end(&rig);
 }
 
-/** Without the right to real time it runs all the same, and says so. */
+/** Without the right to real time it still runs, and reports it. */
 static void a_thread_without_rights_is_none_of_real_time(void) {
     set_up();
     os.create_fails[0] = EPERM;

@@ -217,7 +217,7 @@ static void subdevices_are_told_once(void) {
     TOLD("w SubDevice t: OP, another device: vendor 0x00000003\n");
     on.seen[0].found = FSN_FOUND_RIGHT;
     look_after(20 * MS);
-    TOLD("d SubDevice t: OP: vendor 0x00000003\n"); /* the same detail is no news */
+    TOLD("d SubDevice t: OP: vendor 0x00000003\n"); /* the same detail is not reported again */
     snprintf(on.seen[0].detail, FSN_DETAIL_BYTES, "no answer to an SDO");
     look_after(20 * MS);
     TOLD("w SubDevice t: OP: no answer to an SDO\n");
@@ -231,7 +231,7 @@ static void subdevices_are_told_once(void) {
     tear_down();
 }
 
-/** A bus may fill the room for a detail: it ends there all the same. */
+/** A bus may fill the room for a detail: it still ends there. */
 static void a_detail_has_an_end(void) {
     char expected[600], detail[FSN_DETAIL_BYTES];
     memset(detail, 'x', sizeof detail);
@@ -288,7 +288,7 @@ static void a_bus_is_told_as_a_whole(void) {
     JSON(lost);
     on.seen[0].al_status = FSN_AL_INIT;
     look_after(20 * MS);
-    TOLD("d SubDevice t: none -> INIT\n"); /* one of two is no bus */
+    TOLD("d SubDevice t: none -> INIT\n"); /* one of two is not a bus */
     on.seen[1].al_status = FSN_AL_INIT;
     look_after(20 * MS);
     TOLD("d SubDevice t: none -> INIT\n");
@@ -361,7 +361,7 @@ static void single_losses_are_told_together(void) {
     tear_down();
 }
 
-/** Nobody answers: that is said once, until somebody does. */
+/** No answer: reported once, until a SubDevice answers. */
 static void a_lost_bus_is_told_once(void) {
     begin();
     on.wkc.actual = 0;

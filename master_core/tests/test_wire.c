@@ -48,8 +48,8 @@ static void the_missing_keeps_its_bytes(void) {
     tear_down(rig);
 }
 
-/** The segment stands still for many cycles, then gives everything back at once. SOEM, which tells
- *  replies apart by an index modulo 16, takes each of them for a new one from then on. */
+/** The segment stands still for many cycles, then gives everything back at once. SOEM, which
+ *  identifies replies by an index modulo 16, accepts each of them as a new one from then on. */
 static void old_replies_never_pass(unsigned cycles) {
     struct rig *rig = set_up(1);
     exchange(rig);
@@ -138,7 +138,7 @@ static void damaged_replies_are_foreign(void) {
     tear_down(rig);
 }
 
-/** Ethernet pads short frames: what is behind a reply does not count. */
+/** Ethernet pads short frames: the bytes after a reply do not count. */
 static void padding_is_left_alone(void) {
     struct rig *rig = set_up(1);
     fsn_wire_send(&rig->frames.wire);
@@ -193,10 +193,10 @@ static void frames_are_what_the_standard_says(void) {
     static const char expected[] =
         "FFFFFFFFFFFF0246534E000188A4" /* everybody, from us; EtherCAT */
         "5510"                         /* 85 bytes of datagrams */
-        "0080000000000880"             /* NOP, index 0x80, 8 bytes, one more behind it */
+        "0080000000000880"             /* NOP, index 0x80, 8 bytes, another one follows */
         "0000785634120100000000"       /* this run, cycle 1 */
         "00"
-        "0C80000000002180" /* LRW at address 0, 33 bytes, one more behind it */
+        "0C80000000002180" /* LRW at address 0, 33 bytes, another one follows */
         "0000";
     struct rig *rig = set_up(1);
     struct fsn_wire *wire = &rig->frames.wire;
@@ -236,7 +236,7 @@ static void frames_are_what_the_standard_says(void) {
         CHECK(hold(rig, 0) && rig->queue[0][frame->dc] == 0);
     }
     wire->run = 0x9ABCDEF0;
-    wire->cycle = UINT32_MAX; /* 0 says that nothing was sent */
+    wire->cycle = UINT32_MAX; /* 0: nothing was sent */
     exchange(rig);
     CHECK(wire->cycle == 1 && memcmp(rig->queue[0] + FSN_WIRE_MARK, "\xF0\xDE\xBC\x9A\1", 5) == 0);
     take(rig);
@@ -337,7 +337,7 @@ static void a_reply_is_taken_once(void) {
     CHECK(rig->input.old_replies == 1 && rig->input.lost_frames == 0);
     CHECK(rig->frames.bytes[HALF] == 0xA0);
     CHECK(rig->input.round_trip_ns == 70); /* when the last frame came */
-    /* What comes behind the last frame is of no interest. */
+    /* Packets after the last frame are ignored. */
     fsn_wire_send(&rig->frames.wire);
     rig->queued = 0;
     CHECK(hold(rig, 0) && hold(rig, 0));

@@ -8,7 +8,7 @@
 #include "heap.h"
 #include "wire_rig.h"
 
-/** The time of a reply is what the kernel says it is, where it says so. */
+/** The time of a reply is that of the kernel, if it gives one. */
 static void replies_tell_their_time(void) {
     static const struct timespec later = {1700000000, 123456789 + 1234};
     static const struct timespec much_later = {1700000002, 123456789 + 5};
@@ -228,7 +228,7 @@ static void somebody_else_speaks(struct rig *rig) {
     CHECK(send(rig->far[0], "somebody else", 13, 0) == 13);
 }
 
-/** Waiting ends with the last reply, or when the time is over, whoever else speaks meanwhile. */
+/** Waiting ends with the last reply, or at the timeout, whatever other stations send meanwhile. */
 static void waiting_ends_with_the_reply(void) {
     const uint64_t patience_ns = UINT64_C(2500000000);
     struct rig *rig = set_up(1);
@@ -236,7 +236,7 @@ static void waiting_ends_with_the_reply(void) {
     wall.while_waiting = nobody_answers;
     fsn_wire_send(&rig->frames.wire);
     CHECK(hold(rig, 0) && rig->frames.wire.sent_ns == MONOTONIC_NS);
-    take(rig); /* nobody answers: the time runs out */
+    take(rig); /* no answer: the time runs out */
     CHECK(rig->input.lost_frames == 1 && rig->input.round_trip_ns == 0);
     CHECK(wall.waited_ns == patience_ns && wall.monotonic_ns == MONOTONIC_NS + patience_ns);
     CHECK(wall.polled == 1);
@@ -246,7 +246,7 @@ static void waiting_ends_with_the_reply(void) {
     CHECK(rig->input.lost_frames == 1);
     CHECK(wall.monotonic_ns == MONOTONIC_NS + patience_ns + UINT64_C(2800000000));
     rig->queued = 0;
-    CHECK(hold(rig, 0)); /* what nobody took */
+    CHECK(hold(rig, 0)); /* the packets that were not read */
     wall.while_waiting = both_answer;
     fsn_wire_send(&rig->frames.wire);
     take(rig);
@@ -288,7 +288,7 @@ static void waiting_ends_when_everybody_was_visited(void) {
     take(rig); /* its other half may still come from the second port */
     CHECK(wall.monotonic_ns >= MONOTONIC_NS + 1000 + 5000 && rig->input.round_trip_ns == 0);
     CHECK(rig->input.lost_frames == 0 && rig->wkc[0].actual == 3);
-    /* Who expects nobody cannot tell that all were visited. */
+    /* A frame without an expected counter cannot show that all were visited. */
     rig->present[1] = true;
     rig->frames.wire.frames[0].expected = 0;
     rig->queued = 0;

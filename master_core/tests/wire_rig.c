@@ -17,7 +17,7 @@ int clock_gettime(clockid_t clock, struct timespec *now) {
     return 0;
 }
 
-/** Nothing moves but this clock: what nobody sends while we wait does not come. */
+/** Only this clock moves: a packet that is not sent while we wait does not come. */
 int ppoll(struct pollfd *polled, nfds_t count, const struct timespec *left,
           const sigset_t *blocked) {
     CHECK(blocked == NULL && left->tv_nsec >= 0 && left->tv_nsec < 1000000000);

@@ -18,7 +18,7 @@ enum { MOST = 300, LEN = 1600 };
 
 struct rig;
 
-/** A piece of control data beside a packet. */
+/** A piece of control data with a packet. */
 struct control {
     int level, type;
     struct timespec at;
@@ -26,7 +26,7 @@ struct control {
 
 struct wall {
     uint64_t monotonic_ns, realtime_ns;
-    struct control control[3]; /**< beside the next packets, as far as there is a type */
+    struct control control[3]; /**< with the next packets, if there is a type */
     uint64_t later_ns;         /**< the stamp of each packet is so much later than the last one */
     unsigned interrupts;       /**< so many times a read is interrupted */
     unsigned flood;            /**< so many reads get the last packet once more */
@@ -71,7 +71,7 @@ bool hold(struct rig *rig, unsigned port);
 void answer(struct rig *rig, unsigned number, unsigned port);
 /** Sends one cycle; all SubDevices answer. */
 void exchange(struct rig *rig);
-/** Receives, and keeps what that says. */
+/** Receives, and keeps the result. */
 void take(struct rig *rig);
 /** Whether the inputs of both SubDevices hold these bytes. */
 bool inputs_are(const struct rig *rig, uint8_t first, uint8_t second);

@@ -294,7 +294,7 @@ ec_domain_t *ecrt_master_create_domain(ec_master_t *master) {
     return master->domain_count < DOMAINS ? &master->domain[master->domain_count++] : NULL;
 }
 
-/** Where a configuration looks: so many places behind the device with that alias. */
+/** Position of a configuration: so many places after the device with that alias. */
 static unsigned ring_of(uint16_t alias, uint16_t position) {
     unsigned first = 0;
     while (alias != 0 && first < FAKE_DEVICES && fake.device[first].info.alias != alias) {

@@ -1,5 +1,5 @@
 /** The part of the programming interface of IgH EtherCAT Master 1.6 that the backend uses, declared
- *  anew for its tests, so that they need no installation. The build of fsn_igh proves the backend
+ *  here for its tests, so that they need no installation. The build of fsn_igh proves the backend
  *  against the real header. */
 #ifndef FSN_FAKE_ECRT_H
 #define FSN_FAKE_ECRT_H

@@ -1,4 +1,4 @@
-/** The cyclic calls, and what works beside them. */
+/** The cyclic calls, and the work next to them. */
 #include <errno.h>
 #include <string.h>
 
@@ -67,7 +67,7 @@ int ecrt_master_send(ec_master_t *master) {
     return 0;
 }
 
-/** What stands in a domain that did not come back, the interface does not promise. */
+/** The interface does not define the content of a domain that did not come back. */
 static void scribble(ec_domain_t *domain) {
     memset(domain->data, 0xDD, sizeof domain->data);
 }

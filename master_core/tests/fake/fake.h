@@ -21,7 +21,7 @@ struct fake_device {
     ec_slave_info_t info;
     struct fake_object objects[FAKE_OBJECTS];
     unsigned object_count; /**< 0: no CoE */
-    unsigned sii_bits[4];  /**< of its sync managers; 0: it says nothing */
+    unsigned sii_bits[4];  /**< of its sync managers; 0: no data */
     uint8_t inputs[FAKE_BYTES], outputs[FAKE_BYTES];
     uint8_t al, al_code;
     bool refuses_op, refuses_preop;
@@ -53,14 +53,14 @@ struct fake {
 
 extern struct fake fake;
 
-/** Counts a call; whether it is to fail as the test wants. */
+/** Counts a call; returns whether it is to fail in this test. */
 bool fake_fails(void);
 
 /** As many devices as the test plans have: vendor 2, product 0x1000 + n, revision 1, in PREOP. */
 void fake_reset(unsigned devices);
 void fake_object(unsigned device, uint16_t index, uint8_t sub, uint32_t value, uint8_t size,
                  bool read_only);
-/** Takes a device and all behind it from the line, or puts them back in INIT. */
+/** Takes a device and all devices after it from the line, or puts them back in INIT. */
 void fake_unplug(unsigned device);
 void fake_plug(unsigned device);
 
