@@ -45,7 +45,7 @@ struct fsn_bus_input {
     uint32_t foreign_frames; /**< of another MainDevice, heard since the last receive() */
     uint32_t unsent_frames;  /**< frames of the last send() that the system rejected */
     int send_errno;          /**< errno of the last rejected frame; 0: none */
-    uint64_t round_trip_ns;  /**< from send() to the last reply; 0 when the bus does not know */
+    uint64_t round_trip_ns;  /**< from send() to the last reply; 0 if unknown to the bus */
     uint64_t dc_time_ns;     /**< time of the DC reference clock in this reply; 0 without one */
 };
 

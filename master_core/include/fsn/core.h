@@ -77,7 +77,7 @@ struct fsn_cycle {
     uint64_t dc_time_ns;     /**< DC reference clock in its reply; 0 without one */
     uint32_t late_ns;        /**< how late it woke up; this and the next two saturate at 2^32 - 1 */
     uint32_t work_ns;        /**< from the wake-up to the end of send() */
-    uint32_t round_trip_ns;  /**< from send() to the last reply; 0 where the bus does not know */
+    uint32_t round_trip_ns;  /**< from send() to the last reply; 0 if unknown to the bus */
     uint32_t lost_frames;    /**< frames that have not come back in this cycle */
     uint32_t old_replies;    /**< replies to earlier frames, discarded in this cycle */
     uint32_t foreign_frames; /**< of another MainDevice, received since the cycle before */
@@ -103,8 +103,8 @@ struct fsn_thread_options {
  *  proves bounds, direction, disjoint destinations and one datagram per copy, merges neighbours.
  *  Afterwards the copies are immutable.
  *  @param[in]  plan   held until the core is freed.
- *  @param[in]  ops, bus  must outlive the core; an emulated bus does so by itself. ops->close is
- *                     called by fsn_core_free(), and on a refusal after ops->open.
+ *  @param[in]  ops, bus  must outlive the core; an emulated bus keeps a reference itself.
+ *                     ops->close is called by fsn_core_free(), and on a refusal after ops->open.
  *  @param[out] core   to be freed by fsn_core_free(); NULL on refusal.
  *  @param[out] fault  names the copy or sync manager and the rule; may be NULL.
  *  @retval FSN_E_ARG           plan, ops or one of open, receive and send is missing.
@@ -280,7 +280,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_core_set_outputs(struct fsn_core *core, size
 FSN_API bool fsn_core_is_open(const struct fsn_core *core, uint32_t symbol);
 
 /** Reads a symbol from an image taken by fsn_core_snapshot(), zero-extended.
- *  @retval FSN_E_ARG  no such symbol, or it has no place in the image.   Context: any thread. */
+ *  @retval FSN_E_ARG  no such symbol, or not in the image.   Context: any thread. */
 FSN_API FSN_MUST_USE fsn_status fsn_core_read_symbol(const struct fsn_core *core,
                                                      const uint8_t *image, uint32_t symbol,
                                                      uint64_t *value);

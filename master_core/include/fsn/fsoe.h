@@ -34,23 +34,23 @@ FSN_API bool fsn_fsoe_is_frame_length(size_t len_bytes);
  *  Context: any. */
 FSN_API uint16_t fsn_fsoe_connection_id(const uint8_t *frame, size_t len_bytes);
 
-/** CRC_0 as the frame carries it, right or wrong. `len_bytes` is a frame length. Context: any. */
+/** CRC_0 as in the frame, correct or not. `len_bytes` is a frame length. Context: any. */
 FSN_API uint16_t fsn_fsoe_crc0(const uint8_t *frame, size_t len_bytes);
 
-/** CRC_0 as it should be (§2), with the ConnID the frame carries.
+/** Expected CRC_0 (§2), with the ConnID of the frame.
  *  @param[in] old_crc   CRC_0 of the frame before, of either direction; 0 after a Reset.
  *  @param[in] sequence  1 … 65535.
  *  Context: any thread. RT-safe. Cost: a dozen table look-ups. */
 FSN_API uint16_t fsn_fsoe_expected_crc0(const uint8_t *frame, size_t len_bytes, uint16_t old_crc,
                                         uint16_t sequence);
 
-/** Whether all CRCs of a frame are right for this old CRC and sequence number (§2).
- *  @retval false  a CRC differs, or no FSoE frame has this length.
+/** Whether all CRCs of a frame are correct for this old CRC and sequence number (§2).
+ *  @retval false  a CRC differs, or invalid FSoE frame length.
  *  Context: any thread. RT-safe. Cost: O(length). */
 FSN_API bool fsn_fsoe_check(const uint8_t *frame, size_t len_bytes, uint16_t old_crc,
                             uint16_t sequence);
 
-/** The one sequence number for which CRC_0 of a frame is right; 0 is a number FSoE never uses.
+/** The only sequence number for which CRC_0 of a frame is correct; FSoE never uses 0.
  *  Context: any thread. RT-safe. Cost: constant. */
 FSN_API uint16_t fsn_fsoe_solve_sequence(const uint8_t *frame, size_t len_bytes, uint16_t old_crc);
 

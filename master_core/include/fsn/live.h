@@ -17,8 +17,8 @@ struct fsn_live_options {
     const char *interface;    /**< network interface (soem) or number of the master (igh) */
     const char *redundant;    /**< second interface at the other end of the ring; NULL: none */
     uint64_t cycle_ns;        /**< bus cycle, for SYNC0 and timeouts; 0 takes the plan's */
-    uint64_t receive_wait_ns; /**< how long receive() waits for the replies; 0 takes those that are
-                                   there, which is right when the cycle is timed */
+    uint64_t receive_wait_ns; /**< how long receive() waits for the replies; 0 reads only those that
+                               * have arrived, as required for a timed cycle */
     uint32_t dc_every;        /**< DC reference time is distributed every n cycles; 0: each, where
                                    the plan has a SubDevice with SYNC0, else never */
     bool dc_host;             /**< this machine sets the reference clock; false: its cycle follows
@@ -39,8 +39,8 @@ struct fsn_backend {
     const struct fsn_bus_ops *ops;
     bool needs_interface; /**< fsn_live_options.interface is required */
     bool takes_redundant; /**< it drives a ring from both ends: fsn_live_options.redundant */
-    /** Makes the context for `ops`; nothing is sent before ops->open().
-     *  @param[in]  options  not needed after the call, nor are its strings.
+    /** Creates the context for `ops`; nothing is sent before ops->open().
+     *  @param[in]  options  copied, including its strings.
      *  @param[out] bus      to be given to `free`; NULL on refusal.
      *  @retval FSN_E_ARG    no interface, or a value that is not allowed.
      *  @retval FSN_E_NOMEM  out of memory.   Context: set-up. Allocates. */

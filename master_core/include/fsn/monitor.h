@@ -23,7 +23,7 @@ enum fsn_observed {
     FSN_OBSERVED_UNKNOWN = 7        /**< a command no FSoE frame has */
 };
 
-/** What was found out about one frame. */
+/** Result of the check of one frame. */
 enum fsn_verdict {
     FSN_VERDICT_SAME = 0,     /**< the bytes seen last, so no event */
     FSN_VERDICT_RIGHT = 1,    /**< every CRC fits the chain */
@@ -51,7 +51,7 @@ struct fsn_direction {
     uint8_t reset_code;     /**< data byte of the last Reset */
 };
 
-/** Bits of what is known of the parameters of a connection, or differs in them; those of
+/** Bits of the parameters of a connection that are known, or that differ; those of
  *  fsn_connection_info.known. */
 enum fsn_stated {
     FSN_STATED_CONNECTION_ID = 1,
@@ -73,8 +73,8 @@ struct fsn_parameters {
 /** A connection, observed. */
 struct fsn_connection_status {
     struct fsn_direction direction[2]; /**< enum fsn_way */
-    /** What the main has sent in its last start-up. Nothing is known of one whose frames were not
-     *  all seen from the Session on, with right CRCs. A Reset leaves what was known. */
+    /** Parameters that the main sent in its last start-up. They are known only if all of its frames
+     *  were seen from the Session on, with correct CRCs. A Reset leaves them unchanged. */
     struct fsn_parameters parameters;
     /** Bits of the parameters that were not as planned when they were last known; only the core,
      *  which has a plan, sets them. */
@@ -89,7 +89,7 @@ struct fsn_connection_status {
 struct fsn_followed {
     uint32_t size_bytes;
     uint16_t sequence; /**< number of the next frame */
-    uint16_t guess;    /**< number of the next frame, if the solved one was right */
+    uint16_t guess;    /**< number of the next frame, if the solved one was correct */
     uint16_t own;      /**< CRC_0 of the last frame, for the collision rule (§3) */
     bool has_own;
     uint8_t last[FSN_MAX_FRAME_BYTES];

@@ -22,7 +22,7 @@ enum fsn_scan_roles {
     FSN_ROLES_BY_START = 1    /**< its first Session frame was seen */
 };
 
-/** Where the frames of one direction were seen. */
+/** Position of the frames of one direction. */
 struct fsn_scan_place {
     uint32_t address;    /**< logical address, or station address and offset, of the first byte */
     uint8_t command;     /**< EtherCAT command of the datagram */
@@ -33,7 +33,8 @@ struct fsn_scan_place {
 /** A connection that was found. */
 struct fsn_scan_connection {
     struct fsn_connection_status status;
-    struct fsn_scan_place places[FSN_SCAN_PLACES]; /**< [0] and [1]: those the monitor looks at */
+    struct fsn_scan_place places[FSN_SCAN_PLACES]; /**< [0] and [1]: those that the monitor follows
+                                                    */
     uint32_t place_count;
     uint16_t connection_id;
     uint8_t roles; /**< enum fsn_scan_roles */
@@ -52,7 +53,7 @@ struct fsn_sighting {
     uint8_t frame[FSN_MAX_FRAME_BYTES];
 };
 
-/** What was seen besides FSoE. */
+/** Counters of all other observations. */
 struct fsn_scan_counts {
     uint64_t packets;    /**< handed in */
     uint64_t ethercat;   /**< of these, EtherCAT frames */
@@ -86,7 +87,7 @@ FSN_API uint32_t fsn_scan_connection_count(const struct fsn_scan *scan);
 /** One connection; FSN_E_ARG when there is none of this number. Context: one thread. */
 FSN_API FSN_MUST_USE fsn_status fsn_scan_connection(const struct fsn_scan *scan, uint32_t number,
                                                     struct fsn_scan_connection *connection);
-/** What was seen so far. Context: one thread. */
+/** All counters so far. Context: one thread. */
 FSN_API void fsn_scan_counts(const struct fsn_scan *scan, struct fsn_scan_counts *counts);
 
 #ifdef __cplusplus

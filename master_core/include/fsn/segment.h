@@ -17,7 +17,7 @@ extern "C" {
 
 struct fsn_segment;
 
-/** What a segment has seen; counters only grow. */
+/** Counters of a segment; they only grow. */
 struct fsn_segment_counts {
     uint64_t frames;    /**< EtherCAT frames answered */
     uint64_t datagrams; /**< in them */
@@ -101,9 +101,9 @@ FSN_API void fsn_segment_set_present(struct fsn_segment *segment, uint32_t posit
 FSN_API void fsn_segment_power_cycle(struct fsn_segment *segment, uint32_t position);
 
 /** Cuts a cable, or repairs it; SubDevices on both sides keep their power and their state, and
- * count a lost link.
- *  @param[in] position  of the SubDevice in front of the cable; FSN_NONE: the cable from the
- *                       MainDevice to the first SubDevice.
+ *  count a lost link.
+ *  @param[in] position  of the SubDevice before the cable; FSN_NONE: the cable from the MainDevice
+ *                       to the first SubDevice.
  *  @retval FSN_E_ARG    no such cable.
  *  Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_set_link(struct fsn_segment *segment, uint32_t position,
@@ -118,9 +118,9 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_rx_errors(struct fsn_segment *segmen
                                                       uint32_t position, uint32_t port,
                                                       uint32_t errors);
 
-/** Exchanges two SubDevices, process data and all, as after a mistake at the cabinet; both start as
- *  after power-on. They keep the position they had in the plan for all other functions; swapping
- *  them again puts them back.
+/** Exchanges two SubDevices with their process data, as after a cabling mistake; both start as
+ *  after power-on. All other functions still use their planned positions; a second swap restores
+ *  them.
  *  @retval FSN_E_ARG    no such SubDevices, or the same twice.
  *  Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_swap(struct fsn_segment *segment, uint32_t one,
@@ -157,7 +157,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_set_object(struct fsn_segment *segme
                                                        uint8_t sub, const void *bytes,
                                                        size_t len_bytes);
 
-/** Sets an object as fsn_segment_set_object() does; where it is added, CoE may write it too.
+/** Sets an object as fsn_segment_set_object() does; an added object can also be written by CoE.
  *  @retval FSN_E_ARG    as there.
  *  Context: any thread. Locks; allocates when it adds. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_offer_object(struct fsn_segment *segment,
@@ -165,7 +165,7 @@ FSN_API FSN_MUST_USE fsn_status fsn_segment_offer_object(struct fsn_segment *seg
                                                          uint8_t sub, const void *bytes,
                                                          size_t len_bytes);
 
-/** Reads an object as it is now: as it was set, or as CoE has written it since.
+/** Reads the present value of an object: as set, or as written by CoE since.
  *  @retval FSN_E_ARG    no such SubDevice or object, or another length; nothing was copied.
  *  Context: any thread. Locks. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_get_object(struct fsn_segment *segment,
@@ -250,8 +250,8 @@ FSN_API void fsn_segment_set_delay(struct fsn_segment *segment, uint64_t delay_n
  *  Context: any thread. Locks. */
 FSN_API void fsn_segment_stall(struct fsn_segment *segment, uint64_t duration_ns);
 
-/** Keeps the next answer on the wire, and brings it once more after each of so many further ones: a
- *  frame from the past. Context: any thread. Locks. */
+/** Holds the next answer, and repeats it after each of so many further ones: a frame from the past.
+ *  Context: any thread. Locks. */
 FSN_API void fsn_segment_repeat(struct fsn_segment *segment, uint32_t frames);
 
 /** Context: any thread. Locks. */
@@ -273,16 +273,17 @@ struct fsn_segment_link_options {
 FSN_API bool fsn_segment_test_rig(void);
 
 /** Answers on one or two network interfaces, in a thread of its own, until fsn_segment_unlink().
- *  Only veth and tap interfaces are taken: an emulated SubDevice with a valid FSoE address must
- *  never meet a real machine. fsn_segment_test_rig() is the one exception.
+ *  Only veth and tap interfaces are accepted: an emulated SubDevice with a valid FSoE address must
+ *  never reach a real machine. fsn_segment_test_rig() is the one exception.
  *  @param[in]  options    copied.
- *  @param[out] sys_errno  of the system, when FSN_E_SYS; may be NULL.
+ *  @param[out] sys_errno  of the system, with FSN_E_SYS; may be NULL.
  *  @retval FSN_E_ARG      not a virtual interface.
  *  @retval FSN_E_STATE    linked already.
- *  @retval FSN_E_SYS      the system refused: ENODEV without such an interface, EADDRINUSE when
- *                         another segment answers on it, EMSGSIZE for an MTU below 1500; EPERM for
- * a missing CAP_NET_RAW, or CAP_SYS_NICE for the priority; EINVAL for a priority or CPU that does
- * not exist. Context: set-up. */
+ *  @retval FSN_E_SYS      a system call failed: ENODEV without such an interface, EADDRINUSE when
+ *                        another segment answers on it, EMSGSIZE for an MTU below 1500; EPERM for a
+ *                        missing CAP_NET_RAW, or CAP_SYS_NICE for the priority; EINVAL for a
+ *                        priority or CPU that does not exist.
+ *  Context: set-up. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_link(struct fsn_segment *segment,
                                                  const struct fsn_segment_link_options *options,
                                                  int *sys_errno);

@@ -21,8 +21,8 @@ struct fsn_several;
 struct fsn_several_member {
     const struct fsn_bus_ops *ops; /**< the same for all */
     void *bus;
-    const struct fsn_plan *part; /**< what fsn_plan_part() made for it, where the bus was created
-                                      from that; NULL: it is made */
+    const struct fsn_plan *part; /**< plan from fsn_plan_part(), if the bus was created from it;
+                                  * NULL: it is created */
 };
 
 /** Puts the buses of a plan together.
