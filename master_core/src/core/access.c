@@ -1,4 +1,4 @@
-/** What other threads may do while the cycle runs: look at the snapshot, take events, set outputs.
+/** Functions for other threads while the cycle runs: read the snapshot, take events, set outputs.
  *  Nothing here can delay the cyclic thread. */
 #define _POSIX_C_SOURCE 200809L
 
@@ -9,7 +9,7 @@
 #include "rt/bytes.h"
 #include "rt/words.h"
 
-/** Reads the last whole picture; false when the writer has begun to overwrite it meanwhile. */
+/** Reads the last whole snapshot; false if the writer has begun to overwrite it meanwhile. */
 static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statistics,
                          struct fsn_connection_status *connections, uint8_t *image) {
     const uint32_t picture = atomic_load_explicit(&rt->snapshot.shown->whole, memory_order_acquire);
@@ -17,7 +17,7 @@ static bool try_snapshot(const struct fsn_rt *rt, struct fsn_statistics *statist
     from = fsn_words_take(from, statistics, sizeof rt->statistics);
     from = fsn_words_take(from, connections, rt->connection_count * sizeof *connections);
     fsn_words_take(from, image, rt->image_bytes);
-    /* The loads above may not sink below this look at what was begun. */
+    /* The loads above must not be reordered after this check for a new write. */
     atomic_thread_fence(memory_order_acquire);
     return atomic_load_explicit(&rt->snapshot.shown->begun, memory_order_relaxed) - picture <
            FSN_RT_PICTURES;

@@ -13,7 +13,7 @@ struct span {
     uint32_t number; /**< copy of the plan, to name it in a refusal */
 };
 
-/** Where a sync manager lies in the image. */
+/** Position of a sync manager in the image. */
 struct place {
     uint32_t begin, end, sm;
 };
@@ -48,8 +48,8 @@ static fsn_status place_all(const struct fsn_core *core, struct place *places, u
     return FSN_OK;
 }
 
-/** No sync manager lies over another: an input that shared bytes with an output would show us our
- *  own frames, and two outputs that shared bytes would make disjoint copies collide. */
+/** Sync managers must not overlap: an input that shared bytes with an output would return our own
+ *  frames, and two outputs that shared bytes would make disjoint copies collide. */
 static fsn_status check_places(const struct fsn_core *core, struct fsn_fault *fault) {
     struct place *places = calloc((size_t)core->plan->count[FSN_SEC_SM] + 1, sizeof *places);
     if (places == NULL) {
@@ -110,7 +110,7 @@ static bool straddles(const struct fsn_bus_layout *layout, uint32_t byte, uint32
 }
 
 /** An FSoE copy must be one of the two of its connection, and run in the direction it has there.
- *  The loader has proved it; once more here, since this is what keeps frames apart. */
+ *  The loader has proved it; it is proved again here, since this keeps frames apart. */
 static bool is_paired(const struct fsn_plan *plan, uint32_t number,
                       const struct fsn_copy_info *copy) {
     struct fsn_connection_info c;
@@ -327,7 +327,7 @@ static fsn_status activate_outputs(struct fsn_core *core, struct fsn_fault *faul
     return FSN_OK;
 }
 
-/** What the bus fills in every cycle, and what is counted from it. */
+/** Data that the bus fills in every cycle, and its counters. */
 static fsn_status activate_input(struct fsn_core *core, struct fsn_fault *fault) {
     struct fsn_rt *rt = &core->rt;
     rt->datagram_count = core->layout.datagram_count;

@@ -132,7 +132,7 @@ static size_t outputs_bytes(uint32_t count) {
     return sets_at(count) + FSN_SHARED_SETS * (1 + (size_t)count) * sizeof(uint64_t);
 }
 
-/** Gives back what a client had. */
+/** Releases the resources of a client. */
 static void clear_place(struct fsn_core *core, uint32_t n) {
     struct fsn_core_place *place = &core->places[n];
     if (place->outputs != NULL) {
@@ -243,7 +243,7 @@ static fsn_status check_wanted(const struct fsn_core *core, const struct fsn_cor
     return FSN_OK;
 }
 
-/** All that the cycle looks at is there. */
+/** All fields that the cycle reads are present. */
 static void let_in(struct fsn_core *core, uint32_t n) {
     atomic_fetch_or_explicit(&core->rt.clients.present, 1u << n, memory_order_release);
 }
@@ -280,7 +280,7 @@ fsn_status fsn_core_client_open(struct fsn_core *core, const struct fsn_core_cli
     return FSN_OK;
 }
 
-/** Pages that the client took out before the seal come back here, not in the cycle. */
+/** Pages that the client removed before the seal are mapped again here, not in the cycle. */
 static void touch(const struct fsn_shared_outputs *outputs, size_t size_bytes) {
     enum { STEP_BYTES = 1024 }; /* no page is smaller */
     const volatile uint8_t *at = (const volatile uint8_t *)outputs;

@@ -158,7 +158,7 @@ static void close_trace(struct fsn_core *core) {
     }
 }
 
-/** Opens, locks and creates what the cycle needs. Returns 0, or errno. */
+/** Opens, locks and creates the resources of the cycle. Returns 0, or errno. */
 static int start_thread(struct fsn_core *core, const struct fsn_thread_options *options) {
     int error = options->trace ? open_trace(core) : 0;
     if (error == 0 && options->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0) {

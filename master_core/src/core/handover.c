@@ -85,7 +85,7 @@ fsn_status fsn_room_read(const void *at, size_t len_bytes, uint32_t image_bytes,
         from = fsn_words_take(from, statistics, sizeof *statistics);
         from = fsn_words_take(from, NULL, room->connections_bytes);
         fsn_words_take(from, image, image_bytes);
-        /* The loads above may not sink below this look at what was begun. */
+        /* The loads above must not be reordered after this check for a new write. */
         atomic_thread_fence(memory_order_acquire);
         if (atomic_load_explicit(&room->shown.begun, memory_order_relaxed) - picture <
             FSN_RT_PICTURES) {

@@ -90,7 +90,7 @@ fsn_status fsn_core_record(const struct fsn_core *core, uint64_t cycle, struct f
     const _Atomic uint64_t *from = fsn_words_take(sequence + 1, record, sizeof *record);
     from = fsn_words_take(from, wkc, core->rt.datagram_count * sizeof *wkc);
     fsn_words_take(from, image, core->rt.image_bytes);
-    /* The loads above may not sink below the second look at the sequence. */
+    /* The loads above must not be reordered after the second read of the sequence. */
     atomic_thread_fence(memory_order_acquire);
     return atomic_load_explicit(sequence, memory_order_relaxed) == 2 * cycle ? FSN_OK : FSN_E_ARG;
 }

@@ -140,8 +140,8 @@ static fsn_status read_own_address(const struct fsn_objects *objects, uint16_t e
     return fsn_is_silent(status) ? status : FSN_OK;
 }
 
-/** Reads the address of a SubInstance from the parameters of its connection; absent where it has
- *  none before the first connection. */
+/** Reads the address of a SubInstance from the parameters of its connection; absent if it has none
+ *  before the first connection. */
 static fsn_status read_given_address(const struct fsn_plan *plan,
                                      const struct fsn_connection_info *c,
                                      const struct fsn_objects *objects, uint16_t *found,

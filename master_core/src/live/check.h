@@ -1,4 +1,4 @@
-/** What every live bus checks of a SubDevice against the plan, however it reaches it. */
+/** Checks of a SubDevice against the plan, common to all live buses. */
 #ifndef FSN_LIVE_CHECK_H
 #define FSN_LIVE_CHECK_H
 
@@ -17,8 +17,8 @@ struct fsn_objects {
 /** Whether no answer came back, or the SubDevice is lost. */
 bool fsn_is_silent(fsn_status status);
 
-/** Reads an object of at most 8 bytes, the rest of them 0, several times where no answer comes.
- *  @param[out] detail  which one was not answered; else as it was.   Returns as upload(). */
+/** Reads an object of at most 8 bytes, the rest of them 0, with retries if no answer comes.
+ *  @param[out] detail  the object without an answer; else unchanged.   Returns as upload(). */
 fsn_status fsn_objects_read(const struct fsn_objects *objects, uint16_t index, uint8_t sub,
                             uint8_t bytes[8], char detail[FSN_DETAIL_BYTES]);
 /** Writes an object, several times where no answer comes.

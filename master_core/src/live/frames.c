@@ -13,13 +13,13 @@ enum {
     DC_TIME = 0x0910,
     DC_BYTES = 8,
     DC_DATAGRAM = DATAGRAM_HEAD + DC_BYTES + DATAGRAM_TAIL,
-    DC_SET_BYTES = 4, /**< a clock compares so many */
+    DC_SET_BYTES = 4, /**< number of bytes that a clock compares */
     DC_SET_DATAGRAM = DATAGRAM_HEAD + DC_SET_BYTES + DATAGRAM_TAIL,
     MORE = 0x8000,
 };
 
 static void write_head(struct fsn_wire_frame *frame) {
-    /* Everybody, from a locally administered address; EtherCAT looks at neither. */
+    /* Broadcast, from a locally administered address; EtherCAT ignores both. */
     static const uint8_t ethernet[] = {0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x02,
                                        0x46, 0x53, 0x4E, 0x00, 0x01, 0x88, 0xA4};
     memcpy(frame->sent, ethernet, sizeof ethernet);
@@ -27,7 +27,7 @@ static void write_head(struct fsn_wire_frame *frame) {
     fsn_put16(frame->sent + FSN_WIRE_NOP + 6, FSN_WIRE_MARK_BYTES | MORE);
 }
 
-/** Fills one frame: where it lies in the image is known already. */
+/** Fills one frame: its position in the image is known already. */
 static void build(struct fsn_wire_frame *frame, uint32_t logical, bool with_dc, bool dc_host) {
     const uint32_t lrw_end = FSN_WIRE_DATA + frame->size_bytes + DATAGRAM_TAIL;
     const uint32_t set_bytes = with_dc && dc_host ? DC_SET_DATAGRAM : 0;
@@ -81,7 +81,7 @@ static bool list_inputs(const struct fsn_plan *plan, struct fsn_frames *frames) 
     return true;
 }
 
-/** What each group adds to the working counter of each datagram. */
+/** Share of each group in the working counter of each datagram. */
 static bool list_groups(const struct fsn_plan *plan, struct fsn_frames *frames) {
     struct fsn_wire *wire = &frames->wire;
     const uint32_t count = fsn_plan_group_count(plan);

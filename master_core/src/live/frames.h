@@ -11,7 +11,7 @@ struct fsn_frames {
     struct fsn_image image;
     uint8_t *bytes;      /**< process image */
     uint32_t *group_wkc; /**< of the groups of the wire */
-    uint8_t *storage;    /**< what the frames point to: as sent, and both replies */
+    uint8_t *storage;    /**< data of the frames: as sent, and both replies */
 };
 
 /** Builds image and frames; logical addresses are offsets in the image.
@@ -27,7 +27,7 @@ fsn_status fsn_frames_create(const struct fsn_plan *plan, uint16_t dc_station, b
 /** Gives every frame its source address; see fsn_port_tag(). */
 void fsn_frames_sign(struct fsn_frames *frames, uint16_t tag);
 
-/** Frees what create made; also of frames that are all zeros. */
+/** Frees the result of create; also frames that are all zeros. */
 void fsn_frames_free(struct fsn_frames *frames);
 
 #endif

@@ -1,4 +1,4 @@
-/** Where the sync managers of a plan lie in a process image that we lay out ourselves. */
+/** Positions of the sync managers of a plan in a process image laid out by this library. */
 #ifndef FSN_IMAGE_H
 #define FSN_IMAGE_H
 
@@ -22,13 +22,13 @@ struct fsn_image {
 fsn_status fsn_image_create(const struct fsn_plan *plan, uint32_t datagram_bytes,
                             struct fsn_image *image);
 
-/** What a bus reports to the core of an image that lies at `bytes`. */
+/** Layout of an image at `bytes`, as a bus reports it to the core. */
 struct fsn_bus_layout fsn_image_layout(const struct fsn_image *image, uint8_t *bytes);
 
 /** Frees the arrays; also of an image that is all zeros. */
 void fsn_image_free(struct fsn_image *image);
 
-/** What a sync manager adds to the working counter of its datagram: each SubDevice counts once per
+/** Share of a sync manager in the working counter of its datagram: each SubDevice counts once per
  *  direction and datagram, 2 for outputs and 1 for inputs, as LRW does. The SMs of one SubDevice
  *  are checked one after the other. Returns 0 when another one before it counted already. */
 uint32_t fsn_image_wkc(const struct fsn_plan *plan, const struct fsn_image *image, uint32_t sm);

@@ -1,5 +1,5 @@
-/** The SubDevices of a plan as every live bus keeps them: what is known of each, and what was
- *  observed last. */
+/** The SubDevices of a plan as every live bus keeps them: data of each, and its last observation.
+ */
 #ifndef FSN_LIVE_NODE_H
 #define FSN_LIVE_NODE_H
 
@@ -40,22 +40,22 @@ struct fsn_node *fsn_nodes_at(const struct fsn_nodes *nodes, uint32_t number);
 fsn_status fsn_nodes_state(struct fsn_nodes *nodes, uint32_t subdevice,
                            struct fsn_bus_subdevice *seen);
 
-/** Writes what was found about a node, for fsn_nodes_state(); printf-like. */
+/** Writes a note about a node, for fsn_nodes_state(); printf-like. */
 __attribute__((format(printf, 4, 5))) void fsn_node_note(struct fsn_nodes *nodes,
                                                          struct fsn_node *node, uint8_t found,
                                                          const char *format, ...);
 
-/** Adds to the last note of a node what it means in numbers, see fsn_bus_subdevice. */
+/** Adds the numeric meaning to the last note of a node, see fsn_bus_subdevice. */
 void fsn_node_note_facts(struct fsn_nodes *nodes, struct fsn_node *node, uint16_t fsoe_address,
                          bool link_down);
 
-/** What is found of a SubDevice whose check ended so: enum fsn_found. */
+/** Maps the result of the check of a SubDevice to enum fsn_found. */
 uint8_t fsn_found_of(fsn_status status);
 
 /** In OP: counts it when it was away since it had been here last. */
 void fsn_node_note_op(struct fsn_nodes *nodes, struct fsn_node *node);
 
-/** Refuses because of a node; the detail is what was noted about it. */
+/** Refuses because of a node; the detail is its note. */
 fsn_status fsn_node_refuse(struct fsn_fault *fault, fsn_status status, const struct fsn_node *node);
 
 /** Checks every node, also after a refused one, so that all can be reported.
@@ -64,7 +64,7 @@ fsn_status fsn_nodes_check(struct fsn_nodes *nodes, void *bus,
                            fsn_status (*check)(void *bus, struct fsn_node *node),
                            struct fsn_fault *fault);
 
-/** The bus cycle, where none is given that of the plan, or 1 ms. */
+/** The bus cycle; if not given, that of the plan, or 1 ms. */
 uint64_t fsn_live_cycle_ns(uint64_t given_ns, const struct fsn_plan *plan);
 
 #endif

@@ -17,7 +17,7 @@ struct assignment {
     uint16_t pdos[MOST_PDOS];
 };
 
-/** What is needed everywhere here. */
+/** Common arguments of this file. */
 struct at {
     const struct fsn_plan *plan;
     const struct fsn_objects *objects;
@@ -148,8 +148,8 @@ static fsn_status differs(const struct at *at, const char *what, uint32_t found,
     return FSN_E_BUS_MAPPING;
 }
 
-/** What cannot be read is not compared: the SubDevice judges the length itself, in SAFEOP. Without
- * an answer it is not known whether that is so. */
+/** Objects that cannot be read are not compared: the SubDevice checks the length itself, in SAFEOP.
+ *  Without an answer it is not known whether they can be read. */
 static fsn_status unless_silent(fsn_status status) {
     return fsn_is_silent(status) ? status : FSN_OK;
 }

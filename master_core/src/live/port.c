@@ -60,8 +60,8 @@ static fsn_status refuse_detail(struct fsn_fault *fault, fsn_status status, cons
         BPF_STMT(BPF_LD | BPF_H | BPF_ABS, FSN_PORT_TAG),                                          \
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, (tag), 0, (others))
 
-/** Older kernels cannot leave out what this host sends; then our own frames are seen twice, and
- *  dropped later. */
+/** Older kernels cannot filter the frames that this host sends; then our own frames are seen twice,
+ *  and dropped later. */
 static void ignore_outgoing(int socket) {
     const int yes = 1;
     (void)setsockopt(socket, SOL_PACKET, PACKET_IGNORE_OUTGOING, &yes, sizeof yes);
@@ -303,7 +303,7 @@ fsn_status fsn_port_listen(const char *interface, uint64_t listen_ns, struct fsn
     if (status != FSN_OK) {
         return status;
     }
-    /* All protocols, or what this host sends would stay unseen. */
+    /* All protocols; otherwise the frames that this host sends would not be seen. */
     struct sock_filter ethercat[] = {
         BPF_STMT(BPF_LD | BPF_H | BPF_ABS, 12),
         BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, ETHERCAT, 0, 1),

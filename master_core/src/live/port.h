@@ -44,7 +44,7 @@ fsn_status fsn_port_lock(const char *interface, int *lock, struct fsn_fault *fau
 /** Connects to the process that has the lock of an interface; see `reach` of fsn_backend. */
 fsn_status fsn_port_reach(const char *interface, int *fd, struct fsn_fault *fault);
 
-/** Throws away what waits in a socket. */
+/** Discards the packets that wait in a socket. */
 void fsn_port_discard(int socket);
 
 /** Listens for another MainDevice on the interface.

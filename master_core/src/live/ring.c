@@ -7,7 +7,7 @@
 enum {
     FEWEST_CYCLES = 4, /**< between two judgements */
     LOST_AFTER = 2,    /**< judgements */
-    SILENT_AFTER = 10, /**< when nothing comes back at all */
+    SILENT_AFTER = 10, /**< when no frame comes back at all */
     NAME_BYTES = 40,   /**< of a SubDevice, in a place */
     ENTRY = 1,         /**< bit of port 0, where frames come in */
 };
@@ -72,7 +72,7 @@ __attribute__((format(printf, 2, 3))) static void add(struct text *text, const c
     }
 }
 
-/** Its first port, of those where frames leave, that has lost its link; FSN_PORTS: none. */
+/** Its first port with a lost link, of those where frames leave; FSN_PORTS: none. */
 static unsigned lost_exit(const struct fsn_ring_member *m) {
     unsigned port = 1;
     while (port < FSN_PORTS && (m->had & ~m->has & (1u << port)) == 0) {

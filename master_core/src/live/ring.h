@@ -41,7 +41,7 @@ struct fsn_ring_watch {
 bool fsn_ring_judge(struct fsn_ring_watch *watch, const struct fsn_ring_counts *now,
                     bool both_linked);
 
-/** Whether no frame at all has come back between the last two judgements. */
+/** Whether no frame has come back between the last two checks. */
 bool fsn_ring_silent(const struct fsn_ring_watch *watch);
 
 /** Names the gaps of a ring that is not closed, with their cables, as many as there is room for. */

@@ -1,4 +1,4 @@
-/** SDO transfers over a mailbox, step by step; takes whatever comes back as hostile input. */
+/** SDO transfers over a mailbox, step by step; treats all received data as hostile input. */
 #ifndef FSN_LIVE_SDO_H
 #define FSN_LIVE_SDO_H
 
@@ -12,7 +12,7 @@ struct fsn_mailbox {
     uint16_t in_bytes, out_bytes; /**< length from it, length to it */
     /** Counter of the next message, 1 to 7. */
     uint8_t (*next_counter)(void *context);
-    /** Throws away what waits, then sends `out_bytes` bytes. */
+    /** Discards the waiting messages, then sends `out_bytes` bytes. */
     bool (*send)(void *context, const uint8_t *message);
     /** The next message of `in_bytes` bytes; false when its time is over. */
     bool (*receive)(void *context, uint8_t *message);

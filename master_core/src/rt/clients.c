@@ -24,7 +24,7 @@ static bool take(struct fsn_rt_client *client, uint64_t *answers) {
         const _Atomic uint64_t *from = client->set[whole % FSN_SHARED_SETS];
         from = fsn_words_take(from, answers, sizeof *answers);
         fsn_words_take(from, client->fresh, client->count * sizeof *client->fresh);
-        /* The loads above may not sink below this look at what was begun. */
+        /* The loads above must not be reordered after this check for a new write. */
         atomic_thread_fence(memory_order_acquire);
         if (atomic_load_explicit(&client->sent->begun, memory_order_relaxed) - whole <
             FSN_SHARED_SETS) {
@@ -39,7 +39,7 @@ static bool take(struct fsn_rt_client *client, uint64_t *answers) {
     return false;
 }
 
-/** What becomes of the client in this cycle; returns its state.
+/** State of the client in this cycle.
  *  @param[in] last  cycle that the clients have seen last. */
 static uint32_t judge(struct fsn_rt_client *client, uint64_t last) {
     uint64_t answers = 0;

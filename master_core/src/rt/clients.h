@@ -6,7 +6,8 @@
 
 #include "rt/shared.h"
 
-/** One client that owns outputs. All but what `sent` and `set` point to is the master's own. */
+/** One client that owns outputs. Only the master accesses it, except the targets of `sent` and
+ *  `set`. */
 struct fsn_rt_client {
     const struct fsn_shared_numbers *sent;        /**< the client writes it */
     const _Atomic uint64_t *set[FSN_SHARED_SETS]; /**< as well */
@@ -28,9 +29,9 @@ struct fsn_rt_clients {
 
 struct fsn_rt;
 
-/** Writes what clients have sent over the outputs that they own. A client that has sent nothing in
- *  time leaves them as they are: at their stop values, which every cycle writes before.
- *  Cost: O(outputs of all clients); nothing that they write can make it longer. */
+/** Writes the outputs that clients own, with the values they have sent. A client that has sent
+ *  nothing in time leaves them at their stop values, which every cycle writes first.
+ *  Cost: O(outputs of all clients); no data of theirs can make it longer. */
 void fsn_rt_clients_write(struct fsn_rt *rt);
 
 /** Shows the cycle to the clients, when there are any. */

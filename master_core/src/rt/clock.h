@@ -12,7 +12,7 @@ static inline uint64_t fsn_clock_ns(clockid_t clock) {
 }
 
 /** Continues a reading of which 32 bits count: the moment nearest to the expected one.
- *  @param[in] shown_ns  a clock may have 32 bits only; what it shows above is not used. */
+ *  @param[in] shown_ns  a clock may have 32 bits only; its upper bits are not used. */
 static inline uint64_t fsn_clock_nearest(uint64_t expected_ns, uint64_t shown_ns) {
     return expected_ns + (uint64_t)(int64_t)(int32_t)((uint32_t)shown_ns - (uint32_t)expected_ns);
 }

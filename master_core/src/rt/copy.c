@@ -3,7 +3,7 @@
 #include <string.h>
 
 /* A constant size lets the compiler turn memcpy into one to four loads and stores, which is why
- * copies are grouped by size: the only branch is per group, none per copy, none on data.
+ * copies are grouped by size: the only branch is per group, not per copy, and not on data.
  *
  * Above 64 bytes: whole blocks of 16 with a constant count, then the last 16 bytes once more from
  * the end. Both halves stay inside the range, so no byte outside it is ever written, and since

@@ -41,7 +41,7 @@ static uint16_t byte_crc(uint8_t byte, unsigned zeros) {
     return table[zeros - FIRST][byte];
 }
 
-/** What comes before the data: old CRC, ConnID, sequence, command; `zeros` bytes follow. */
+/** Bytes before the data: old CRC, ConnID, sequence, command; `zeros` bytes follow. */
 static inline uint16_t head_crc(const uint8_t *frame, uint16_t id, uint16_t old_crc,
                                 uint16_t sequence, unsigned zeros) {
     return (uint16_t)(byte_crc((uint8_t)old_crc, zeros + 6) ^

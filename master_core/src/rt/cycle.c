@@ -71,8 +71,8 @@ static void mark(const struct fsn_rt *rt, const char *marker) {
     }
 }
 
-/** What this cycle counts and observes. Nothing here changes what is sent, so it waits for that
- *  where it may. */
+/** Counts and observations of this cycle. They do not change the sent data, so they run after
+ *  sending where possible. */
 static void observe(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     struct fsn_statistics *s = &rt->statistics;
     judge_input(rt);
@@ -103,8 +103,8 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     const uint64_t after_copy = timed ? fsn_clock_ns(CLOCK_MONOTONIC) : 0;
     write_outputs(rt);
     fsn_rt_clients_write(rt);
-    /* Who follows must never find older outputs than those that went out: to FSoE they would be new
-     * frames of a broken chain. Newer ones are sent by the successor. */
+    /* The successor must never read outputs older than the last ones sent. FSoE would treat them as
+     * new frames with a broken CRC chain. Newer ones are sent by the successor. */
     const bool first = atomic_load_explicit(&rt->show_first, memory_order_relaxed);
     if (first) {
         observe(rt, now_ns, timed);
@@ -124,8 +124,8 @@ void fsn_rt_cycle(struct fsn_rt *rt, uint64_t now_ns, bool timed) {
     fsn_rt_clients_show(rt, timed);
 }
 
-/** Distance of a DC time from where frames shall come, so long before a multiple of the cycle, half
- *  a cycle at most to either side: positive when it is late. A frame may say any time. */
+/** Distance of a DC time from its target, a fixed time before a multiple of the cycle, half a cycle
+ *  at most to either side: positive when it is late. A frame may contain any time. */
 static int64_t dc_distance(const struct fsn_rt *rt, uint64_t dc_time_ns) {
     const uint64_t cycle = rt->cycle_ns;
     const uint64_t behind = (dc_time_ns % cycle + rt->dc_shift_ns % cycle) % cycle;
@@ -137,8 +137,8 @@ static int64_t bounded(int64_t value, int64_t most) {
 }
 
 /** Steers the wake-ups after the reference clock, by phase and rate: a sixteenth of the distance
- *  per cycle, and what stays of it adds up. Never more than a hundredth of a cycle, so that one odd
- *  reading moves next to nothing. The reply is that of the cycle before. */
+ *  per cycle, and the remainder adds up. Never more than a hundredth of a cycle, so that one
+ *  outlier has little effect. The reply is that of the cycle before. */
 static uint64_t steer(struct fsn_rt *rt, uint64_t next_ns) {
     const uint64_t late_ns = rt->dc_late_ns;
     rt->dc_late_ns = rt->late_ns;
@@ -177,7 +177,7 @@ void fsn_rt_loop(struct fsn_rt *rt) {
         before = now;
         rt->late_ns = !rt->free_run && now > next ? now - next : 0;
         rt->left_out = rt->late_ns / rt->cycle_ns;
-        s->overruns += rt->left_out; /* in the picture of this cycle already, as its time is */
+        s->overruns += rt->left_out; /* already in the snapshot of this cycle, as its time is */
         mark(rt, "fsn: cycle begins");
         fsn_rt_cycle(rt, now, true);
         mark(rt, "fsn: cycle ends");

@@ -11,12 +11,12 @@ struct fsn_exchange_span {
     uint32_t byte, size_bytes;
 };
 
-/** What has been counted since the bus was opened. */
+/** Counters since the bus was opened. */
 struct fsn_exchange_totals {
     uint32_t lost_frames, old_replies, foreign_frames, unsent_frames;
 };
 
-/** One whole set of what a bus has brought. */
+/** One whole set of data from a bus. */
 struct fsn_exchange_inputs {
     uint8_t *image;
     struct fsn_wkc *wkc;
@@ -43,7 +43,7 @@ void fsn_exchange_in_bus(struct fsn_exchange *exchange, const struct fsn_bus_inp
 
 /** Leading cycle: takes the inputs.
  *  @param[out] image  of this bus inside the leading one.
- *  @param[out] input  its `wkc` and `sm_stale` are those of this bus; what is counted is added. */
+ *  @param[out] input  its `wkc` and `sm_stale` are those of this bus; counters are added. */
 void fsn_exchange_receive(struct fsn_exchange *exchange, uint8_t *image,
                           struct fsn_bus_input *input);
 

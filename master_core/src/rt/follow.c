@@ -67,7 +67,7 @@ static void count_frame(struct fsn_direction *d, const uint8_t *frame, uint32_t 
     d->command = frame[0];
 }
 
-/** §3: at every Reset, right or wrong, and when the main starts a session. */
+/** §3: at every Reset, correct or not, and when the main starts a session. */
 static void clear_chain(struct fsn_monitor *m) {
     for (unsigned way = 0; way < 2; way++) {
         m->followed[way].has_own = false;
@@ -146,7 +146,7 @@ static bool continues(const struct fsn_monitor *m, const struct fsn_followed *f,
     return crc == f->own && sequence == advance(f->guess);
 }
 
-/** Solves for the number; a second one that follows the first shows that it is right. */
+/** Solves for the number; a second one that follows the first confirms it. */
 static enum fsn_verdict search(struct fsn_monitor *m, unsigned way, const uint8_t *frame) {
     struct fsn_followed *f = &m->followed[way];
     const uint16_t sequence =
@@ -252,7 +252,7 @@ static void take_chunk(struct fsn_monitor *m, const uint8_t *frame) {
     show_list(&m->sent, &m->status.parameters);
 }
 
-/** Puts together what the main sends in Connection and Parameter. */
+/** Collects the parameters that the main sends in Connection and Parameter. */
 static void follow_parameters(struct fsn_monitor *m, const uint8_t *frame, bool right) {
     struct fsn_sent_list *list = &m->sent;
     struct fsn_parameters *parameters = &m->status.parameters;
@@ -316,7 +316,7 @@ enum fsn_verdict fsn_monitor_frame(struct fsn_monitor *monitor, enum fsn_way way
     return verdict;
 }
 
-/** What the monitor would say to a frame. */
+/** Verdict of the monitor on a frame. */
 static enum fsn_verdict try_frame(const struct fsn_monitor *monitor, enum fsn_way way,
                                   const uint8_t *frame) {
     struct fsn_monitor trial = *monitor;
@@ -336,7 +336,7 @@ bool fsn_monitor_sub_first(const struct fsn_monitor *monitor, const uint8_t *to_
         const uint8_t before = monitor->status.direction[FSN_TO_SUB].command;
         return to_sub[0] == FSN_CMD_SESSION && (before == FSN_CMD_RESET || before == 0);
     }
-    /* A restart is right at any time, so it does not show the order; other frames of the main do.
+    /* A restart is valid at any time, so it does not show the order; other frames of the main do.
      */
     const bool restart = to_sub[0] == FSN_CMD_RESET || to_sub[0] == FSN_CMD_SESSION;
     return (restart || try_frame(monitor, FSN_TO_SUB, to_sub) != FSN_VERDICT_RIGHT) &&

@@ -13,7 +13,7 @@ static uint32_t bucket_of(uint64_t time_ns) {
     return bucket < FSN_BUCKETS ? bucket : FSN_BUCKETS - 1;
 }
 
-/** Where it lies among the words of the statistics. */
+/** Its position in the words of the statistics. */
 static uint32_t word_of(const struct fsn_rt *rt, const void *place) {
     return (uint32_t)((const uint8_t *)place - (const uint8_t *)&rt->statistics) / 8;
 }

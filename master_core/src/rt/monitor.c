@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-/** Who began the reset that is seen now. An end acknowledges with code 0, so when both show a Reset
+/** The end that began the present reset. An end acknowledges with code 0, so when both show a Reset
  *  in one cycle, it is the one that gives a reason; else the main. */
 static unsigned reset_by(const struct fsn_connection_status *status) {
     const struct fsn_direction *d = status->direction;
@@ -39,7 +39,7 @@ static void follow(struct fsn_monitor *monitor, const uint8_t *const frames[2], 
     (void)fsn_monitor_frame(monitor, second, frames[second], now_ns);
 }
 
-/** Compares what was observed with the plan; what is not known in either is left as it was. */
+/** Compares the observation with the plan; values unknown in either are left unchanged. */
 static void compare(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
     struct fsn_connection_status *status = &rt->monitors[connection].status;
     const struct fsn_parameters *seen = &status->parameters;
@@ -65,7 +65,7 @@ static void compare(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
     fsn_rt_push_event(rt, &event);
 }
 
-/** Both ends have stopped: the last frames they left say nothing any more. */
+/** Both ends have stopped: their last frames are no longer valid. */
 static void fall_silent(struct fsn_rt *rt, uint32_t connection, uint64_t now_ns) {
     struct fsn_rt_watch *watch = &rt->watches[connection];
     struct fsn_connection_status *status = &rt->monitors[connection].status;

@@ -1,5 +1,5 @@
-/** What the cyclic path touches. Set-up code fills it, then only the cyclic thread writes it.
- *  Nothing here allocates, locks, prints or calls the system but for clock and sleep. */
+/** Data of the cyclic path. Set-up code fills it, then only the cyclic thread writes it. Nothing
+ *  here allocates, locks, prints or makes a system call, except for clock and sleep. */
 #ifndef FSN_RT_H
 #define FSN_RT_H
 
@@ -12,7 +12,7 @@
 
 enum {
     FSN_RT_EVENTS = 256,  /**< slots of the event ring, a power of two */
-    FSN_RT_PICTURES = 2,  /**< pictures that the cycle shows in turn */
+    FSN_RT_PICTURES = 2,  /**< snapshots that the cycle fills in turn */
     FSN_RT_COUNTED = 12,  /**< times that two cycles count, six each */
     FSN_RT_STEERED = 100, /**< a reference clock moves a cycle by this part of it at most */
 };
@@ -30,13 +30,13 @@ struct fsn_rt_group {
 /** Position of an observed connection. The fields that every cycle reads are kept small and close
  *  together; its monitor is accessed only when one of its frames is new. */
 struct fsn_rt_watch {
-    uint32_t offset[2];            /**< where its frames lie after the copy, enum fsn_way */
+    uint32_t offset[2];            /**< position of its frames after the copy, enum fsn_way */
     uint32_t size_bytes[2];        /**< of these frames */
     uint32_t seen;                 /**< positions, consecutive, in fsn_rt.seen */
     uint64_t new_ns;               /**< when a frame of it was new */
-    uint64_t silent_ns;            /**< after so long without a new frame it counts as silent */
-    struct fsn_parameters planned; /**< what the plan states of its parameters */
-    uint8_t unshown; /**< pictures that still show it as it was before its last change */
+    uint64_t silent_ns;            /**< time without a new frame after which it counts as silent */
+    struct fsn_parameters planned; /**< planned parameters */
+    uint8_t unshown;               /**< snapshots that still show it before its last change */
 };
 
 /** Bits of the image that a symbol names. */
@@ -64,10 +64,10 @@ struct fsn_rt_ring {
     struct fsn_event slot[FSN_RT_EVENTS];
 };
 
-/** Pictures for other threads: the cycle fills one while readers take the other, the last that is
- *  whole. A reader fails only where the cycle has come around to its picture meanwhile. */
+/** Snapshots for other threads: the cycle fills one while readers take the other, the last whole
+ *  one. A reader fails only if the cycle has reached its snapshot again meanwhile. */
 struct fsn_rt_shown {
-    _Atomic uint32_t begun, whole; /**< pictures so far; number n lies at n % FSN_RT_PICTURES */
+    _Atomic uint32_t begun, whole; /**< snapshots so far; number n is at n % FSN_RT_PICTURES */
 };
 
 /** A time that was counted: the words of its histogram and its bucket in the statistics. */
@@ -75,8 +75,8 @@ struct fsn_rt_counted {
     uint32_t histogram, bucket;
 };
 
-/** What a picture does not show yet of the histograms: they are too large to be copied in each
- *  cycle. More times than fit: all of them. */
+/** Changes of the histograms that a snapshot does not contain yet: they are too large to be copied
+ *  in each cycle. If the times do not fit: all of them. */
 struct fsn_rt_unshown {
     uint32_t count;
     struct fsn_rt_counted counted[FSN_RT_COUNTED];
@@ -135,16 +135,16 @@ struct fsn_rt {
     uint64_t cycle_ns;
     uint64_t period_ns; /**< since the cycle before woke up; 0 in the first one */
     uint64_t late_ns;   /**< how late this cycle woke up; 0 in virtual time */
-    uint64_t left_out;  /**< cycles left out right before this one, for it woke up so late */
+    uint64_t left_out;  /**< cycles skipped right before this one, because it woke up late */
     bool free_run, follow_dc;
     bool goes_on;           /**< the first cycle keeps to the times of another core */
-    uint64_t dc_shift_ns;   /**< frames reach the reference clock so long before SYNC0 */
+    uint64_t dc_shift_ns;   /**< required lead of frames at the reference clock before SYNC0 */
     uint64_t dc_base_ns;    /**< the bus is set to CLOCK_MONOTONIC and this; 0: it is not */
     int64_t dc_sum_ns;      /**< distances so far, for the rate of that clock */
     uint64_t dc_late_ns;    /**< how late the cycle before woke up */
     fsn_rt_trace_fn trace;  /**< NULL: no markers */
     int trace_fd;           /**< for it */
-    atomic_bool show_first; /**< the picture of a cycle is whole before its frames go out */
+    atomic_bool show_first; /**< the snapshot of a cycle is whole before its frames are sent */
     atomic_bool stop;
 };
 

@@ -12,15 +12,15 @@
 enum {
     FSN_SHARED_MAGIC = 0x736E7366, /**< "fsns" */
     FSN_SHARED_LAYOUT = 2,
-    FSN_SHARED_PICTURES = 4, /**< cycles that stay readable: a reader may be so much late */
+    FSN_SHARED_PICTURES = 4, /**< cycles that stay readable: the largest delay of a reader */
     FSN_SHARED_SETS = 2,     /**< sets of outputs that a client fills in turn */
     FSN_SHARED_CLIENTS = 8,  /**< at once */
     FSN_SHARED_ALIGN = 64,
 };
 
-/** What becomes of a client's outputs. */
+/** State of a client's outputs. */
 enum fsn_shared_state {
-    FSN_SHARED_WAITS, /**< none have come: they have their stop values */
+    FSN_SHARED_WAITS, /**< none received: they have their stop values */
     FSN_SHARED_RUNS,
     FSN_SHARED_LATE /**< too many cycles without new ones: they have their stop values */
 };
@@ -58,12 +58,12 @@ struct fsn_shared_client {
     _Atomic uint32_t holder;                      /**< owner of the slot; never reused, 0: none */
 };
 
-/** Numbers of sets so far; number n lies at n % FSN_SHARED_PICTURES or FSN_SHARED_SETS. */
+/** Numbers of sets so far; number n is at n % FSN_SHARED_PICTURES or FSN_SHARED_SETS. */
 struct fsn_shared_numbers {
     _Atomic uint32_t begun, whole;
 };
 
-/** Head of the inputs. Symbols, names and pictures follow. */
+/** Head of the inputs. Symbols, names and snapshots follow. */
 struct fsn_shared_inputs {
     uint32_t magic, layout;
     uint64_t size_bytes; /**< of the file */

@@ -90,7 +90,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
             struct fsn_wire_frame *frame = &wire->frames[f];
             set_index(frame, index_of(f, port));
             frame->back[port] = false;
-            /* A frame that cannot be sent is one that does not come back. */
+            /* A frame that cannot be sent does not come back. */
             /* mutants: nothing sends 0 bytes of a packet */
             if (send(wire->sockets[port], frame->sent, frame->len_bytes, MSG_DONTWAIT) < 0) {
                 wire->unsent++;
@@ -150,7 +150,7 @@ static enum taken take(struct fsn_wire *wire, uint32_t came_in, const uint8_t *p
     return TAKEN;
 }
 
-/** When the kernel got the packet, CLOCK_REALTIME; 0 when it did not say. */
+/** Time at which the kernel got the packet, CLOCK_REALTIME; 0 without a timestamp. */
 static uint64_t arrival_ns(struct msghdr *message) {
     for (struct cmsghdr *c = CMSG_FIRSTHDR(message); c != NULL; c = CMSG_NXTHDR(message, c)) {
         if (c->cmsg_level == SOL_SOCKET && c->cmsg_type == SCM_TIMESTAMPNS) {
@@ -194,7 +194,7 @@ static uint32_t counter_of(const struct fsn_wire_frame *frame) {
     return sum;
 }
 
-/** Whether nothing more can come: every frame is back, or has visited everybody. */
+/** Whether all replies are in: every frame is back, or has visited every SubDevice. */
 static bool complete(const struct fsn_wire *wire) {
     for (uint32_t f = 0; f < wire->frame_count; f++) {
         const struct fsn_wire_frame *frame = &wire->frames[f];
@@ -261,8 +261,8 @@ static uint64_t collect(struct fsn_wire *wire, struct fsn_bus_input *input) {
     return complete(wire) ? fsn_clock_ns(CLOCK_MONOTONIC) : 0;
 }
 
-/** Moves one input into the image, whole: from the reply in which it differs from what was sent,
- *  since that one has visited its SubDevice. Where both are as sent there is nothing to move. */
+/** Moves one input into the image, whole: from the reply in which it differs from the sent bytes,
+ *  since that one has visited its SubDevice. If neither differs, there is nothing to move. */
 static void move_input(struct fsn_wire *wire, const struct fsn_wire_frame *frame,
                        const struct fsn_wire_input *in) {
     for (uint32_t port = 0; port < FSN_WIRE_PORTS; port++) {

@@ -1,9 +1,9 @@
 /** The cyclic frames of a live bus on raw sockets of its own.
  *
  *  Each frame carries a NOP datagram that no SubDevice touches, with the number of its cycle: a
- *  reply is taken only in the cycle it belongs to, however long the segment or this process stood
- *  still. Then one LRW datagram, whose input bytes go out as they are in the image: those of a
- *  SubDevice that does not answer come back unchanged. One frame may carry the DC time as well.
+ *  reply is accepted only in its own cycle, however long the segment or this process was stopped.
+ *  Then one LRW datagram, whose input bytes are sent as in the image: without an answer of the
+ *  SubDevice they come back unchanged. One frame may carry the DC time as well.
  *
  *  With two sockets the same frame enters the ring at both ends. On a closed ring only the first is
  *  processed; on a broken one each visits the SubDevices on its side.
@@ -23,7 +23,7 @@ enum {
     FSN_WIRE_FIRST_INDEX = 0x80, /**< below: frames of the acyclic side */
     FSN_WIRE_FRAMES = 0x40,      /**< most frames: their numbers share the index with the port */
     FSN_WIRE_MARK_BYTES = 8,     /**< data of the NOP datagram: this run, the cycle */
-    /* Where things lie in a frame. */
+    /* Positions in a frame. */
     FSN_WIRE_NOP = 16,
     FSN_WIRE_MARK = FSN_WIRE_NOP + 10,
     FSN_WIRE_LRW = FSN_WIRE_MARK + FSN_WIRE_MARK_BYTES + 2,
@@ -43,7 +43,7 @@ struct fsn_wire_input {
 enum { FSN_WIRE_ABSENT, FSN_WIRE_COMING, FSN_WIRE_THERE };
 
 struct fsn_wire_group {
-    uint32_t *wkc; /**< per datagram: what it adds to the working counter */
+    uint32_t *wkc; /**< per datagram: its share of the working counter */
     /** Written by the acyclic side. One that comes may answer, in any part. */
     _Atomic uint8_t there;
     uint32_t missed; /**< frames in a row that came back without it while it was there */
@@ -56,7 +56,7 @@ struct fsn_wire_frame {
     uint32_t len_bytes;
     uint32_t image_byte, size_bytes; /**< data of its LRW; of the image where it carries some */
     uint32_t expected;               /**< working counter of the LRW */
-    uint32_t dc;                     /**< where the DC datagram begins; 0: none in this frame */
+    uint32_t dc;                     /**< start of the DC datagram; 0: none in this frame */
     uint32_t dc_set; /**< where the one begins that sets the reference clock; or 0 */
     uint32_t first_input, input_count;
 };
@@ -78,12 +78,12 @@ struct fsn_wire {
     uint32_t cycle; /**< number of the last frames sent; 0: none yet */
     uint32_t dc_every, dc_left;
     _Atomic uint16_t dc_station; /**< station address of the DC reference clock */
-    bool dc_host;                /**< it is set from here: `dc_base` stays as it is */
+    bool dc_host;                /**< this machine sets it: `dc_base` stays unchanged */
     /** The DC time is CLOCK_MONOTONIC plus this. It is sent in the datagram: if the reference clock
      *  is lost, or not reached because of a gap in the ring, all others follow this time. */
     _Atomic uint64_t dc_base;
     uint64_t dc_sent_ns;      /**< of the last send with a DC time, CLOCK_MONOTONIC */
-    _Atomic uint64_t dc_seen; /**< the reference clock as it was read last; 0: never */
+    _Atomic uint64_t dc_seen; /**< last reading of the reference clock; 0: never */
     uint64_t wait_ns;         /**< how long to wait for replies */
     /** Of the last send: CLOCK_MONOTONIC when replies are waited for, else CLOCK_REALTIME, the
      * clock on which the kernel stamps packets. */

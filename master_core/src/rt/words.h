@@ -9,7 +9,7 @@
 
 #include "rt/atomics.h"
 
-/** Words that hold so many bytes. */
+/** Number of words that hold so many bytes. */
 static inline size_t fsn_words_of(size_t len_bytes) {
     return (len_bytes + 7) / 8;
 }
