@@ -87,7 +87,7 @@ static void become(const char *path, const struct options *o, int plan_fd, int t
     }
 }
 
-/** Reads until the other end is closed; what has no room is thrown away. */
+/** Reads until the other end is closed; bytes that do not fit are discarded. */
 static void read_text(int fd, char text[MOST_TEXT]) {
     char rest[512];
     size_t used = 0;

@@ -5,13 +5,13 @@
 #include "app/base/backends.h"
 #include "app/base/options.h"
 
-/** Gives every bus of the plan its interface; of several buses the backend is one for all of them.
- *  @param[in,out] backend  what drives one bus; then what drives the plan.
- *  @return -1 to go on, else the exit code; then it has said why. */
+/** Gives every bus of the plan its interface; several buses get one common backend.
+ *  @param[in,out] backend  backend of one bus; then that of the plan.
+ *  @return -1 to continue, else the exit code, with the error logged. */
 int buses_choose(struct options *options, const struct fsn_plan *plan,
                  const struct fsn_backend **backend);
 
-/** Refuses options that a plan with groups does not go with; -1: none is given. */
+/** Refuses options that conflict with a plan with groups; -1: none is given. */
 int buses_check_groups(const struct options *options, const struct fsn_plan *plan);
 
 #endif

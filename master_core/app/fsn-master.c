@@ -1,5 +1,5 @@
 /** fsn-master: loads a plan, drives a bus, serves a local control socket. Runs without Python and
- *  survives its clients. Part of the black channel: it makes no FSoE frame and changes none. */
+ *  continues without clients. Part of the black channel: it creates and changes no FSoE frame. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -58,8 +58,8 @@ static uint8_t *read_file(const char *path, size_t *len) {
     return bytes;
 }
 
-/** Loads the plan, and has its signatures checked.
- *  @return -1, else the exit code; then it has said why. */
+/** Loads the plan, and checks its signatures.
+ *  @return -1, else the exit code, with the error logged. */
 static int load(struct options *o, struct fsn_plan **plan) {
     const char *path = o->plan_file;
     size_t len;
@@ -172,7 +172,7 @@ struct words {
     char **word;
 };
 
-/** Opens the intervention log.   @return -1, else the exit code; then it has said why. */
+/** Opens the intervention log.   @return -1, else the exit code, with the error logged. */
 static int keep_log(const struct options *o, const struct words *words) {
     struct interventions *log = NULL;
     struct fsn_refusal refusal;
@@ -190,7 +190,7 @@ static int keep_log(const struct options *o, const struct words *words) {
     return -1;
 }
 
-/** What a log that is opened late lacks. */
+/** Entries that a log opened late lacks. */
 struct late {
     const struct options *options;
     const struct fsn_plan *plan;
@@ -266,7 +266,7 @@ int main(int argc, char **argv) {
         return code;
     }
     signal(SIGPIPE, SIG_IGN);
-    signal(SIGXFSZ, SIG_IGN); /* what gets too long is cut off, and said to be */
+    signal(SIGXFSZ, SIG_IGN); /* longer text is cut off, and marked */
     log_as_json(options.log_json);
     const struct words words = {argc, argv};
     code = options.take_over || options.standby ? -1 : keep_log(&options, &words);

@@ -38,7 +38,7 @@ struct master {
     int signal_fd;
     enum state state;
     bool wanted;      /**< the bus is to run */
-    bool again;       /**< it is to be stopped before it runs again */
+    bool again;       /**< it must be stopped before it runs again */
     bool ending;      /**< the program is to end */
     bool opened_once; /**< the cycle has run */
     bool ready;       /**< every SubDevice has reached OP since the bus was opened */
@@ -57,7 +57,8 @@ struct master {
     struct handover_listener handover_listener; /**< for the successor process */
     bool turns;                                 /**< the runner begins or ends a rest */
     const char *socket_path;
-    struct predecessor *predecessor; /**< whose bus is taken over; NULL: none, or it is ours */
+    struct predecessor *predecessor; /**< predecessor whose bus is taken over; NULL: none, or the
+                                      * bus is ours */
     bool follows;                    /**< as standby */
     bool listener_waits;             /**< its control socket will be ours as well */
     int (*taken)(void *self);
@@ -167,7 +168,7 @@ static void host_log(void *self, enum fsn_log_level level, enum fsn_role account
     log_event(level, account, text, json, json_bytes);
 }
 
-/** Takes the next step towards what is wanted, when nothing is under way. */
+/** Takes the next step towards the requested state, unless a job is in progress. */
 static void advance(struct master *m) {
     const bool leave = !m->wanted || m->again;
     if (m->turns) {
@@ -237,7 +238,7 @@ static void warn_of_throttling(void) {
     }
 }
 
-/** The predecessor has ended, and this process has what was its own. */
+/** The predecessor has ended, and this process has its resources. */
 static void took_over(struct master *m, const struct runner_result *result) {
     struct predecessor *predecessor = m->predecessor;
     struct fsn_refusal refusal;
@@ -312,8 +313,8 @@ static void rested(struct master *m, const struct runner_result *result) {
     }
 }
 
-/** The bus is the successor's. All that may take time is done before the last cycle: what is
- *  requested of a client or a disk must not become a gap on the bus. */
+/** The successor owns the bus. Slow work is done before the last cycle: a request to a client or a
+ *  disk must not become a gap on the bus. */
 static void hand_over(struct master *m) {
     m->ending = true;
     fsn_control_state_changed(m->control, FSN_LOG_WARNING,
@@ -324,7 +325,7 @@ static void hand_over(struct master *m) {
     const int code = log_end(differs ? EXIT_DIFFERS : EXIT_FINE);
     fsn_core_stop(m->core);
     handover_listener_say_end(&m->handover_listener);
-    _exit(code); /* the socket's file and the states of the bus stay as they are */
+    _exit(code); /* the socket's file and the states of the bus stay unchanged */
 }
 
 static void serve_handover_listener(struct master *m, const struct pollfd *fds) {

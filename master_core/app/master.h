@@ -9,8 +9,8 @@ struct predecessor;
 
 /** Runs until a signal or a client ends it.   @return the exit code. Signals must be blocked and in
  *  `signal_fd`.
- *  @param[in] predecessor  whose bus is taken over; NULL: none. Then `taken` is called once, when
- * it has ended: it may open what the predecessor had open. */
+ *  @param[in] predecessor  its bus is taken over; NULL: none. Then `taken` is called once, when it
+ *      has ended: it may open the files of the predecessor. */
 int master_run(const struct options *options, const struct fsn_plan *plan,
                const struct fsn_backend *backend, const char *socket_path, int signal_fd,
                struct predecessor *predecessor, int (*taken)(void *self), void *self);

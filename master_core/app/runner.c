@@ -50,7 +50,7 @@ struct runner {
     /* The thread's own. */
     void *bus;
     struct fsn_core *core;
-    struct predecessor *predecessor; /**< whose bus is taken over; NULL: none, or none any more */
+    struct predecessor *predecessor; /**< its bus is taken over; NULL: none, or no longer */
     bool rests;                      /**< nothing but the cycle touches the bus */
     void *room;                      /**< where the core publishes its cycles; NULL: nowhere */
     size_t room_bytes;
@@ -186,7 +186,7 @@ static uint64_t cycles_of(struct runner *runner) {
 }
 
 /** From its first cycle on an output holds its stop value until a client writes it. The control
- *  thread, the one writer of outputs later, does not know this core yet. */
+ *  thread, the one writer of outputs later, does not have this core yet. */
 static void set_stop_values(struct runner *runner) {
     struct fsn_symbol_info symbol;
     for (uint32_t i = 0; fsn_plan_symbol(runner->plan, i, &symbol) == FSN_OK; i++) {
@@ -215,7 +215,7 @@ static bool first_cycle(struct runner *runner, uint64_t before) {
 static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
                               struct runner_result *result) {
     const struct options *o = runner->options;
-    /* The predecessor has ended: what it drove is not given up for the sake of scheduling. */
+    /* The predecessor has ended: its bus is not given up because of scheduling. */
     const bool strict = o->policy_given && runner->predecessor == NULL;
     pid_t before[SCHEDULE_THREADS];
     pid_t after[SCHEDULE_THREADS];
@@ -301,7 +301,7 @@ static fsn_status open_room(struct runner *runner) {
     return fsn_core_share(runner->core, room);
 }
 
-/** What a successor would need. */
+/** Data for a successor. */
 static void describe(struct runner *runner, struct runner_result *result) {
     result->attachment.lock = -1;
     result->room = runner->room_fd;
@@ -312,7 +312,7 @@ static void describe(struct runner *runner, struct runner_result *result) {
     }
 }
 
-/** One turn of a standby: what comes in for the cycle of the predecessor would fill the socket. */
+/** One turn of a standby: frames for the cycle of the predecessor would fill the socket. */
 static bool follow_on(void *self) {
     struct runner *runner = self;
     runner->backend->ops->discard(runner->bus);

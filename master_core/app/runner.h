@@ -20,7 +20,7 @@ enum runner_job {
     RUNNER_GO_ON  /**< ends the rest */
 };
 
-/** What came of the last job. */
+/** Result of the last job. */
 struct runner_result {
     enum runner_job done;   /**< RUNNER_IDLE: none since the last call */
     fsn_status status;      /**< of RUNNER_OPEN */
@@ -31,19 +31,19 @@ struct runner_result {
     bool environment;       /**< it was the system that refused, not plan or bus */
     /** Of RUNNER_OPEN and RUNNER_REST: for a successor; lock -1: the bus cannot be handed over. */
     struct fsn_bus_attachment attachment;
-    int room;          /**< descriptor of the memory in which cycles are shown; -1: none */
+    int room;          /**< descriptor of the memory in which cycles are published; -1: none */
     size_t room_bytes; /**< of it */
     /** Of RUNNER_OPEN that took a bus over: from the last cycle of the predecessor to the first
      * here. */
     uint64_t gap_ns, gap_cycles;
-    /** When the bus did not open: what was found of each SubDevice of the plan, until RUNNER_OPEN
-     *  is requested again; NULL: nothing. */
+    /** If the bus did not open: the device found for each SubDevice of the plan, until RUNNER_OPEN
+     *  is requested again; NULL: none. */
     const struct fsn_bus_subdevice *found;
 };
 
 /** Starts the thread.
- *  @param[in] predecessor  whose bus is taken over when it is opened first; NULL: none.
- *  @retval NULL  the system refused. */
+ *  @param[in] predecessor  its bus is taken over at the first opening; NULL: none.
+ *  @retval NULL  a system call failed. */
 struct runner *runner_create(const struct options *options, const struct fsn_plan *plan,
                              const struct fsn_backend *backend, struct predecessor *predecessor);
 
@@ -59,7 +59,7 @@ void runner_give_up(struct runner *runner);
 /** Takes a job, to be done between two steps of the acyclic work. */
 void runner_submit(struct runner *runner, struct fsn_job *job);
 
-/** Gives back a job that is done; NULL: none. */
+/** Returns a finished job; NULL: none. */
 struct fsn_job *runner_take_job(struct runner *runner);
 
 /** Readable when a result is there, or all SubDevices have reached OP. */

@@ -1,4 +1,4 @@
-/** `fsn-master --scan`: looks at a bus without a plan. */
+/** `fsn-master --scan`: scans a bus without a plan. */
 #ifndef FSN_APP_SCAN_H
 #define FSN_APP_SCAN_H
 

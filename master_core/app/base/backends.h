@@ -12,7 +12,7 @@ const struct fsn_backend *backend_find(const char *name);
 /** Whether there is a bus of that name in some build. */
 bool backend_is_known(const char *name);
 
-/** Prints version, buses with their terms, and what this program is not. */
+/** Prints version, buses with their terms, and the limits of this program. */
 void backends_print(FILE *out);
 
 #endif

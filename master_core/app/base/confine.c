@@ -34,7 +34,7 @@
 #ifdef UNCONFINED
 
 int confine_process(void) {
-    return 0; /* a sanitizer looks at itself with calls of its own */
+    return 0; /* a sanitizer makes system calls of its own */
 }
 
 #else
@@ -126,7 +126,7 @@ static const int allowed[] = {
     SYS_readlinkat,
     SYS_mkdirat,
     SYS_umask,
-    /* Who it is itself; the end by abort(); giving up capabilities. */
+    /* Identity of the process; the end by abort(); dropping capabilities. */
     SYS_getpid,
     SYS_gettid,
     SYS_getuid,

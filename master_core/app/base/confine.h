@@ -1,5 +1,5 @@
-/** What the running program gives up: system calls for the whole process, capabilities thread by
- *  thread. A mistake in what reads requests of clients reaches less then. */
+/** Restrictions of the running program: system calls for the whole process, capabilities thread by
+ *  thread. They limit the effect of a defect in the code that reads requests of clients. */
 #ifndef FSN_APP_CONFINE_H
 #define FSN_APP_CONFINE_H
 

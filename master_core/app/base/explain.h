@@ -7,7 +7,7 @@
 #include "app/base/options.h"
 #include "fsn/plan.h"
 
-/** Writes "FSN_E_…: record: rule: what was found; what to do". `plan` may be NULL. */
+/** Writes "FSN_E_…: record: rule: detail; remedy". `plan` may be NULL. */
 void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, char *room,
                    size_t room_bytes);
 
@@ -15,7 +15,7 @@ void explain_fault(const struct fsn_fault *fault, const struct fsn_plan *plan, c
 void explain_bus_fault(const struct fsn_fault *fault, const struct fsn_plan *plan,
                        const struct options *options, char *room, size_t room_bytes);
 
-/** What to do when the system does not permit something. Context: one thread. */
+/** Remedy when the system does not permit an operation. Context: one thread. */
 const char *explain_permission(void);
 
 #endif

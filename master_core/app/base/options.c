@@ -299,7 +299,7 @@ static int take_time(int id, const char *text, struct options *o) {
     }
 }
 
-/** Options whose text is kept as it is, and those without one. */
+/** Options whose text is kept unchanged, and those without one. */
 static bool take_plain(int id, const char *text, struct options *o) {
     const char **const texts[HELP] = {
         [REDUNDANT] = &o->redundant,
@@ -401,7 +401,7 @@ static int check_interventions(const struct options *o) {
                : options_wrong("--intervention-log-file", NULL, "goes with --intervention-log DIR");
 }
 
-/** A scan looks at one bus, whatever is on it. */
+/** A scan reads one bus, with any SubDevices. */
 static int check_scan(const struct options *o) {
     if (!o->scan) {
         return -1;

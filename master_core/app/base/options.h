@@ -20,9 +20,9 @@ enum policy { POLICY_FIFO, POLICY_DEADLINE, POLICY_OTHER };
 struct options {
     const char *plan_file, *bus, *interface, *redundant, *socket, *accepted, *incidents;
     const char *acceptance, *signers, *revoked; /**< files of who accepted the plan; or NULL */
-    const char *acceptance_said;        /**< what was said when they were checked; NULL: not yet */
-    const char *interventions;          /**< folder of the intervention log; or NULL */
-    const char *interfaces[MOST_BUSES]; /**< as given; `interface` is the first */
+    const char *acceptance_said;                /**< output of their check; NULL: not yet */
+    const char *interventions;                  /**< folder of the intervention log; or NULL */
+    const char *interfaces[MOST_BUSES];         /**< as given; `interface` is the first */
     size_t interface_count;
     const char *const *bus_interfaces; /**< of each bus of the plan; NULL where it has one */
     uint64_t cycle_ns;                 /**< 0: the plan's */
@@ -35,21 +35,21 @@ struct options {
     int cpu;                /**< CPU number + 1; 0: any */
     uint32_t dc_every;      /**< 0: as the plan needs it */
     bool dc_host;           /**< this machine sets the clocks of the bus */
-    uint64_t dc_shift_ns;   /**< frames come so long before SYNC0; 0: half a cycle */
-    uint64_t dc_window_ns;  /**< what clocks may differ; 0: 1000 ns */
-    long incidents_mib;     /**< most MiB of incident files; 0: as it is usual */
+    uint64_t dc_shift_ns;   /**< required lead of frames before SYNC0; 0: half a cycle */
+    uint64_t dc_window_ns;  /**< permitted difference of clocks; 0: 1000 ns */
+    long incidents_mib;     /**< most MiB of incident files; 0: the default */
     long interventions_mib; /**< of a file of the intervention log */
     bool free_run, trace, log_json;
     bool require_observed; /**< other parameters on the bus than in the plan are an alarm */
     bool standby;          /**< follows another process, and takes over when that one stops */
     bool take_over;        /**< the bus of another process, without leaving OP */
-    bool confine;          /**< gives up what it does not need while it runs; set by main() */
+    bool confine;          /**< drops unneeded privileges while it runs; set by main() */
     bool scan;             /**< scans the bus and ends, without a plan */
     struct fsn_control_access access;
 };
 
 /** Reads the command line.
- *  @return -1 to go on, else the exit code; then it has said why. */
+ *  @return -1 to continue, else the exit code, with the error printed. */
 int options_read(int argc, char **argv, struct options *options);
 
 /** Priority of the cyclic threads; 0: normal scheduling. */
@@ -60,7 +60,7 @@ static inline int options_priority(const struct options *options) {
     return options->priority > 0 ? options->priority : DEFAULT_PRIORITY;
 }
 
-/** Says what is wrong with an option.   @return EXIT_USAGE. */
+/** Reports an error of an option.   @return EXIT_USAGE. */
 int options_wrong(const char *option, const char *value, const char *text);
 
 #endif

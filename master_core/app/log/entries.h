@@ -9,10 +9,10 @@
  */
 void entry_start(int argc, char **argv);
 
-/** The plan that was loaded: hash, fingerprint, cycle, and what it is accepted by. */
+/** The loaded plan: hash, fingerprint, cycle, and its acceptance. */
 void entry_plan(const struct fsn_plan *plan, const struct options *options);
 
-/** What was said when the signatures of an acceptance record were checked, lines of text. */
+/** Output of the signature check of an acceptance record, lines of text. */
 void entry_acceptance(const struct options *options, bool as_signed, const char *text);
 
 #endif

@@ -32,13 +32,13 @@ static const char begin_text[] = "{\"number\":";
 static const char hash_text[] = ",\"previous\":";
 static const char stop_text[] = ",\"event\":\"stop\",";
 
-/** End of a file as it is on the disk. */
+/** End of a file on the disk. */
 struct tail {
     uint64_t number; /**< of its last whole entry; 0: none found */
     bool stopped;
     char hash[2 * FSN_SHA256_BYTES + 1];
     char *bytes;          /**< owned */
-    size_t len_bytes, at; /**< what begins at `at` belongs to no whole entry */
+    size_t len_bytes, at; /**< the bytes at `at` belong to no whole entry */
     bool whole_file;      /**< the file is not longer than `bytes` */
 };
 
@@ -67,9 +67,9 @@ void intervention_files_close(struct intervention_files *files) {
     }
 }
 
-/* -- what is there -------------------------------------------------------------------------- */
+/* -- existing files --------------------------------------------------------------------------- */
 
-/** Number of the last file in the folder, 0: there is none; and the bytes of all. */
+/** Number of the last file in the folder, 0: none; and the bytes of all. */
 static int last_file(const struct intervention_files *files, uint32_t *last, uint64_t *bytes) {
     const int copy = openat(files->folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     DIR *rows = copy < 0 ? NULL : fdopendir(copy);
@@ -310,7 +310,7 @@ static void take_end(struct intervention_files *files, const struct tail *tail) 
     }
 }
 
-/** Takes number and hash from the last file below `file` that holds an entry.
+/** Reads number and hash from the last file below `file` that holds an entry.
  *  @param[out] before  that file; 0: none. */
 static int find_before(struct intervention_files *files, uint32_t file, uint32_t *before) {
     for (*before = file - 1; *before > 0 && file - *before <= MOST_BACK; (*before)--) {
@@ -338,7 +338,7 @@ static int find_before(struct intervention_files *files, uint32_t file, uint32_t
     return 0;
 }
 
-/** Goes on in the file that is open: marks what is torn at its end. */
+/** Continues in the open file: marks a torn entry at its end. */
 static int go_on(struct intervention_files *files, const struct tail *tail) {
     uint32_t before = 0;
     const size_t torn = tail->len_bytes - tail->at;
@@ -382,7 +382,7 @@ static int find_end(struct intervention_files *files) {
     error = open_file(files, last, O_RDWR | O_APPEND, &files->fd, &found);
     error = error != 0 ? error : read_tail(files->fd, (uint64_t)found.st_size, &tail);
     if (error == 0 && tail.number == 0 && !tail.whole_file) {
-        /* Long, and nothing in it is ours: it stays as it is, and the next one begins. */
+        /* Long, without any entry of ours: it stays unchanged, and the next one begins. */
         close_file(files);
         error = find_before(files, last, &before);
         error = error != 0 ? error : begin_file(files, last + 1, before);

@@ -17,7 +17,7 @@ enum {
     INTERVENTION_LINE_BYTES = 1 << 20, /**< most bytes of a line */
     INTERVENTION_PATH_BYTES = 512,
     INTERVENTION_NAME_BYTES = 40, /**< of a file in the folder, with its zero */
-    INTERVENTION_FILES = 64,      /**< the folder holds at most so many times the bytes of a file */
+    INTERVENTION_FILES = 64,      /**< limit of the folder, as a multiple of that of a file */
     INTERVENTION_FULL = -1,       /**< with errno: the limit was reached */
     INTERVENTION_QUARTERS = 4,    /**< of them, see intervention_files_append() */
 };
@@ -42,14 +42,14 @@ struct intervention_files {
 void intervention_files_init(struct intervention_files *files, const char *path,
                              uint64_t most_bytes);
 
-/** Opens the folder, locks it, finds the end of the chain and marks what is torn there. Does
- * nothing while the folder is open and the file is still there.
+/** Opens the folder, locks it, finds the end of the chain and marks a torn entry there. Does
+ *  nothing while the folder is open and the file is still there.
  *  @return 0, or errno: EBUSY for a folder that another program has locked. */
 int intervention_files_open(struct intervention_files *files);
 
 /** Appends one entry: the object `json` with number and hash added. After an error the files are
  *  closed, and intervention_files_open() begins again.
- *  @param[in] quarters  how much of what the folder holds at most the entry may use.
+ *  @param[in] quarters  share of the limit of the folder that the entry may use.
  *  @return 0, errno, or INTERVENTION_FULL: these quarters are full, until files are moved away. */
 int intervention_files_append(struct intervention_files *files, unsigned quarters, const char *json,
                               size_t len_bytes);

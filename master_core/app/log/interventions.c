@@ -36,7 +36,7 @@ struct entry {
 struct interventions {
     struct intervention_files files; /**< of the thread */
     pthread_t thread;
-    pthread_mutex_t lock; /**< of all below; held for what does not wait only */
+    pthread_mutex_t lock; /**< of all below; held only for operations that do not wait */
     pthread_cond_t changed;
     struct entry *first, *last;
     uint64_t waiting, waiting_bytes;
@@ -215,7 +215,7 @@ static void take_off(struct interventions *log) {
     free(entry);
 }
 
-/** What is written next: an entry of the queue, or the one about lost entries. */
+/** The next entry to write: one of the queue, or the one about lost entries. */
 struct next {
     enum fsn_role account;
     const char *json;

@@ -40,8 +40,8 @@ void interventions_put_event(struct interventions *log, enum fsn_role account, c
 /** How it is now; strings live until the next call. Context: one thread. */
 void interventions_state(struct interventions *log, struct fsn_interventions *state);
 
-/** Writes what waits, for at most `wait_ms`, and ends. NULL is allowed.
- *  @return how many entries were not written. */
+/** Writes the waiting entries, for at most `wait_ms`, and ends. NULL is allowed.
+ *  @return number of entries that were not written. */
 uint64_t interventions_close(struct interventions *log, int wait_ms);
 
 /** Why the system refused, in words. Context: any thread. */

@@ -24,7 +24,7 @@ static bool as_json; /* set once, before there are threads */
 
 /** The intervention log; NULL: none. Another thread may log while it ends. */
 static struct {
-    pthread_mutex_t lock; /**< held for what does not wait only */
+    pthread_mutex_t lock; /**< held only for operations that do not wait */
     struct interventions *log;
 } kept = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
@@ -37,13 +37,11 @@ void log_as_json(bool json) {
     as_json = json;
 }
 
-enum {
-    MOST_PIECE = 4096
-}; /* a pipe that takes something takes so much without waiting: PIPE_BUF */
+enum { MOST_PIECE = 4096 }; /* a writable pipe accepts this many bytes without waiting: PIPE_BUF */
 
-/** Where lines go. Several threads write them. */
+/** Destination of lines. Several threads write them. */
 static struct {
-    pthread_mutex_t lock; /**< held for what does not wait only */
+    pthread_mutex_t lock; /**< held only for operations that do not wait */
     bool known;
     bool socket; /**< send() leaves the waiting to us */
     bool polled; /**< nothing else shows whether it would block: polled before each piece */
@@ -53,8 +51,8 @@ static struct {
     unsigned long lost; /**< lines since the last one that was taken */
 } out = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
-/** Standard error may be shared with other programs, which expect it to wait: what does not is a
- *  description of our own. */
+/** Standard error may be shared with other programs, which expect it to block: the non-blocking one
+ *  is an open file description of our own. */
 static void find_out(void) {
     struct stat found;
     out.known = true;
@@ -82,7 +80,7 @@ static ssize_t write_some(const char *bytes, size_t len) {
     return write(out.fd, bytes, out.polled && len > MOST_PIECE ? MOST_PIECE : len);
 }
 
-/** Writes what is taken without waiting, and returns how much that is. */
+/** Writes the bytes that are accepted without waiting, and returns their number. */
 static size_t write_all(const char *bytes, size_t len) {
     size_t done = 0;
     while (done < len) {
@@ -110,14 +108,14 @@ static bool finish_rest(void) {
     return true;
 }
 
-/** Writes a line, and keeps what is not taken at once; false when nothing of it was. */
+/** Writes a line, and keeps the rest that is not accepted at once; false if nothing was written. */
 static bool put_whole(const char *line, size_t len) {
     const size_t done = finish_rest() ? write_all(line, len) : 0;
     if (done == 0) {
         return false;
     }
     if (done < len) {
-        out.rest = malloc(len - done); /* without memory the line stays as it is */
+        out.rest = malloc(len - done); /* without memory the line stays unchanged */
         out.rest_bytes = out.rest != NULL ? len - done : 0;
         out.rest_at = 0;
         if (out.rest != NULL) {

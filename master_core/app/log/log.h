@@ -12,15 +12,15 @@
 /** Chooses between text and JSON lines. */
 void log_as_json(bool json);
 
-/** From now on warnings, errors and what belongs there go into an intervention log too; it is this
- *  one's to end. Context: the thread that ends it. */
+/** From now on warnings, errors and interventions also go into an intervention log, which this
+ *  module ends. Context: the thread that ends it. */
 void log_keep(struct interventions *log);
 
-/** How the intervention log is.   @return false  there is none. Context: the thread that ends it.
+/** State of the intervention log.   @return false  there is none. Context: the thread that ends it.
  */
 bool log_kept(struct fsn_interventions *state);
 
-/** Writes what is still to be written into the intervention log, the exit code last, and ends it.
+/** Writes the remaining entries into the intervention log, the exit code last, and ends it.
  *  @return `code`. */
 int log_end(int code);
 
@@ -36,7 +36,7 @@ __attribute__((format(printf, 2, 3))) void log_line(enum fsn_log_level level, co
 __attribute__((format(printf, 3, 4))) void
 log_subdevice(enum fsn_log_level level, const char *subdevice, const char *format, ...);
 
-/** One event on the account of a role: `text` for people, or `json` as it is. */
+/** One event on behalf of a role: `text` for people, or `json` unchanged. */
 void log_event(enum fsn_log_level level, enum fsn_role account, const char *text, const char *json,
                size_t json_bytes);
 

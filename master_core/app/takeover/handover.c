@@ -59,7 +59,7 @@ int handover_receive(int fd, void *message, size_t len_bytes, int *fds) {
         fds[i] = -1;
     }
     ssize_t got = recvmsg(fd, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
-    if (got < 0 && errno == ECONNRESET) { /* comes before what the other end has said last */
+    if (got < 0 && errno == ECONNRESET) { /* precedes the last message of the other end */
         got = recvmsg(fd, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
     }
     if (got < 0) {

@@ -1,5 +1,5 @@
-/** What two processes say to each other when one follows the other on a bus: whole messages over
- * the lock of the interface. See docs/explanation/standby.md. */
+/** Messages between two processes when one follows the other on a bus: whole messages over the lock
+ *  of the interface. See docs/explanation/standby.md. */
 #ifndef FSN_APP_HANDOVER_H
 #define FSN_APP_HANDOVER_H
 
@@ -43,7 +43,7 @@ struct handover_answer {
     char text[HANDOVER_TEXT_BYTES];
 };
 
-/** What follows, one 32 bit number each. */
+/** Content of the message, one 32 bit number each. */
 enum handover_word {
     HANDOVER_END = 1, /**< to the predecessor: end without leaving OP */
     HANDOVER_ENDS,    /**< from it: the cycle has stopped, the process ends now */

@@ -125,7 +125,7 @@ static void let_in(struct handover_listener *handover_listener) {
         close_fd(&handover_listener->successor);
     }
     if (handover_listener->state == HANDOVER_LISTENER_KNOCKS) {
-        forget_peer(handover_listener); /* it has said nothing, and makes room */
+        forget_peer(handover_listener); /* it has sent nothing, and makes room */
     }
     if (pidfd < 0 || (uid != 0 && uid != geteuid())) {
         const uint64_t now_ns = fsn_now_ns();

@@ -21,8 +21,8 @@ enum handover_listener_state {
 struct handover_listener {
     int lock; /**< of the interface, the bus's; -1: the bus is closed */
     int peer; /**< the process that is connected, or -1 */
-    /** Of the last process that was given the lock; -1: none. Nobody else is, before it has ended:
-     *  one that is frozen thaws, and would believe that it is the next. */
+    /** Of the last process that was given the lock; -1: none. No other process gets it before that
+     *  one has ended: a frozen process may resume, and would assume that it is the next. */
     int successor;
     int pidfd;         /**< of the peer, until it is given the lock */
     pid_t pid;         /**< of the peer */
@@ -32,14 +32,14 @@ struct handover_listener {
     enum handover_listener_state state;
 };
 
-/** What it needs to know to answer. */
+/** Data for its answers. */
 struct handover_listener_facts {
     const struct options *options;
     const struct fsn_plan *plan;
     bool in_op; /**< every SubDevice is in OP, and no stop is under way */
 };
 
-/** What is to be done. */
+/** Requested action. */
 enum handover_listener_event {
     HANDOVER_LISTENER_NOTHING,
     HANDOVER_LISTENER_REST,  /**< let the acyclic work rest, then call handover_listener_give() */
@@ -71,16 +71,16 @@ bool handover_listener_is_followed(const struct handover_listener *handover_list
 /** The bus is about to close: no successor is accepted any longer. */
 void handover_listener_close(struct handover_listener *handover_listener);
 
-/** What to wait for. */
+/** Descriptors and time to wait for. */
 void handover_listener_prepare(const struct handover_listener *handover_listener,
                                struct pollfd fds[HANDOVER_LISTENER_FDS]);
 
-/** Serves what poll() found. */
+/** Serves the results of poll(). */
 enum handover_listener_event handover_listener_serve(struct handover_listener *handover_listener,
                                                      const struct pollfd fds[HANDOVER_LISTENER_FDS],
                                                      const struct handover_listener_facts *facts);
 
-/** Gives the peer what it needs; the acyclic work rests. */
+/** Gives the peer its data; the acyclic work pauses. */
 enum handover_listener_event handover_listener_give(struct handover_listener *handover_listener,
                                                     const struct handover_listener_gift *gift);
 

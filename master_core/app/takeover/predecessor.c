@@ -57,7 +57,7 @@ void predecessor_release(struct predecessor *predecessor) {
     close_fd(&predecessor->fd);
 }
 
-/** Maps what came, if it is as long as was said; NULL: it is not, or the system refused. */
+/** Maps a received file, if it has the stated length; NULL: it has not, or a system call failed. */
 static void *map(int *fd, uint64_t len_bytes) {
     struct stat found;
     void *bytes = MAP_FAILED;
@@ -286,7 +286,7 @@ fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fa
     return predecessor_kill(predecessor, 0, fault);
 }
 
-/** The pidfd keeps the number from being used again while this looks at it. */
+/** The pidfd keeps the number from being used again during this check. */
 static void hasten(const struct predecessor *predecessor, int priority) {
     const struct sched_param urgent = {.sched_priority = priority};
     char path[32];

@@ -13,7 +13,7 @@ enum { PREDECESSOR_STILL_CYCLES = 10, PREDECESSOR_STILL_MS = 5 };
 
 struct predecessor {
     int fd;    /**< connection to it */
-    int pidfd; /**< shows its end; what sends it a signal */
+    int pidfd; /**< becomes readable at its end; used to send it a signal */
     pid_t pid;
     int lock, listener;
     void *room; /**< in which it shows its cycles */
@@ -31,7 +31,7 @@ int predecessor_find(struct predecessor *predecessor, const struct options *opti
 
 /** Follows as standby: until the predecessor has ended by itself, or its cycles have stopped.
  *  @param[in] cycle_ns  the bus cycle; PREDECESSOR_STILL_CYCLES without a cycle are a stop.
- *  @param[in] turn      called again and again, with what follows; false: give up.
+ *  @param[in] turn      called repeatedly, with the state of the standby; false: give up.
  *  @retval FSN_OK           predecessor_kill(), then the bus may be taken over.
  *  @retval FSN_E_BUS_BUSY   the predecessor closes the bus itself.
  *  @retval FSN_E_STATE      given up, or the predecessor has ended while the take-over was held.
@@ -40,8 +40,8 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
                               bool (*turn)(void *self), void *self, struct fsn_fault *fault);
 
 /** Ends the predecessor with SIGKILL and waits for its end.
- *  @param[in] priority  of SCHED_FIFO for its threads, where this is permitted: a thread that is
- *                       killed has to run to its end, and would wait for others; 0: as they are.
+ *  @param[in] priority  of SCHED_FIFO for its threads, if permitted: a killed thread has to run to
+ *      its end, and would wait for others; 0: unchanged.
  *  @retval  as predecessor_end(). */
 fsn_status predecessor_kill(struct predecessor *predecessor, int priority, struct fsn_fault *fault);
 
@@ -52,8 +52,8 @@ fsn_status predecessor_kill(struct predecessor *predecessor, int priority, struc
  *  @retval FSN_E_BUS_BUSY  it closes the bus itself. */
 fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fault);
 
-/** Goes on from what the predecessor has shown last.   @retval as fsn_room_read(),
- * fsn_core_continue()
+/** Continues from the last published cycle of the predecessor.   @retval as fsn_room_read(),
+ *  fsn_core_continue()
  */
 fsn_status predecessor_continue(const struct predecessor *predecessor, struct fsn_core *core,
                                 struct fsn_statistics *last);
