@@ -24,7 +24,7 @@ struct emulated_part {
 };
 
 struct fsn_emulated {
-    /** Caller and core: the last one to let go frees it, so that they may go in any order. */
+    /** References of caller and core: the last one frees it, so that they may end in any order. */
     atomic_uint holders;
     atomic_bool opened; /**< one image, so one core at a time */
     const struct fsn_plan *plan;
@@ -36,7 +36,7 @@ struct fsn_emulated {
     uint8_t *storage;
     uint8_t *image;
     struct fsn_image layout;
-    uint8_t *wkc; /**< per sync manager: what it adds to the working counter of its datagram */
+    uint8_t *wkc; /**< per sync manager: its share of the working counter of its datagram */
     struct emulated_part *parts;
     uint32_t part_count; /**< 0: one bus, all of it here */
     struct fsn_several *several;
@@ -104,7 +104,7 @@ static void fill(struct fsn_emulated *bus) {
     }
 }
 
-/** An emulated bus for each bus of the plan, and what puts them together. */
+/** An emulated bus for each bus of the plan, and the multi-bus backend over them. */
 static fsn_status make_parts(struct fsn_emulated *bus, uint32_t count) {
     struct fsn_several_member *members = calloc(count, sizeof *members);
     bus->parts = calloc(count, sizeof *bus->parts);
@@ -232,7 +232,7 @@ static void emulated_receive(void *context, struct fsn_bus_input *input) {
             continue;
         }
         if (!is_present(bus, box)) {
-            /* The input bytes of an absent SubDevice stay as they are, whole. */
+            /* The input bytes of an absent SubDevice stay unchanged, whole. */
             const bool optional = bus->optional[box->subdevice];
             input->sm_stale[sm] = box->direction == FSN_INPUT && !optional;
             if (optional) {

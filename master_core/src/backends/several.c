@@ -54,7 +54,7 @@ static void further_send(void *context) {
     m->of.ops->send(m->of.bus);
 }
 
-/** Without threads: runs the cycles that are due, none of them twice in one of the leading. */
+/** Without threads: runs the cycles that are due, each at most once per leading cycle. */
 static void run_due(struct fsn_several *several) {
     const uint64_t cycle_ns = several->members[0].info.cycle_ns;
     for (uint32_t n = 1; n < several->count; n++) {
@@ -70,7 +70,7 @@ static void run_due(struct fsn_several *several) {
     }
 }
 
-/** What the core counts is of all buses; this is of the first. */
+/** The counters of the core are for all buses; these are for the first. */
 static void count_lead(struct fsn_several *several, const struct fsn_bus_input *input) {
     uint32_t expected = 0;
     uint32_t actual = 0;
@@ -165,7 +165,7 @@ static fsn_status open_one(struct fsn_several *several, struct member *m, struct
     return status;
 }
 
-/** What a bus refuses is reported with its name, and with the numbers of the whole plan. */
+/** Errors of a bus are reported with its name, and with the numbers of the whole plan. */
 static fsn_status refuse(const struct member *m, fsn_status status, struct fsn_fault *fault) {
     if (fault == NULL) {
         return status;
@@ -419,7 +419,7 @@ static fsn_status several_statistics(void *context, uint32_t number,
 
 /* -- life ----------------------------------------------------------------------------------- */
 
-/** Knows what its members know. */
+/** Returns the data of its members. */
 static void choose_ops(struct fsn_several *several, const struct fsn_bus_ops *of) {
     several->ops = (struct fsn_bus_ops){.name = of->name,
                                         .open = several_open,

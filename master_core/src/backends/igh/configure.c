@@ -1,4 +1,4 @@
-/** What is checked before IgH takes over, and how IgH is configured. */
+/** Checks before IgH takes over, and the configuration of IgH. */
 #include "backends/igh/igh.h"
 
 #include "live/pdo.h"
@@ -103,7 +103,7 @@ static bool make_domain(struct fsn_igh *bus, const struct igh_node *node, struct
     if (area->domain == NULL) {
         return false;
     }
-    uint32_t pdo = 0; /* what has a place has bits, hence a PDO with entries */
+    uint32_t pdo = 0; /* an entry with a place has bits, hence a PDO with entries */
     while (fsn_read_pdo(bus->all.plan, sm.first_pdo + pdo).entry_count == 0) {
         pdo++;
     }

@@ -120,9 +120,9 @@ static bool queue(const struct igh_area *area) {
     return result == 0;
 }
 
-/** The time of the application is that of the reference clock as far as it is known. The clock
- *  itself is never set: the cycle follows it (fsn_thread_options.follow_dc), and two that follow
- *  each other would drift together. */
+/** The time of the application is that of the reference clock if it is known. The clock itself is
+ *  never set: the cycle follows it (fsn_thread_options.follow_dc), and two that follow each other
+ *  would drift together. */
 static void tell_time(struct fsn_igh *bus) {
     const uint64_t now_ns = fsn_clock_ns(CLOCK_MONOTONIC);
     if (bus->app_set_ns == 0) {

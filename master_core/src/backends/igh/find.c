@@ -1,4 +1,4 @@
-/** Who stands where, by the last scan of IgH. */
+/** Devices at the ring positions, by the last scan of IgH. */
 #define _POSIX_C_SOURCE 200809L
 
 #include "backends/igh/igh.h"
@@ -22,7 +22,7 @@ static void pause_a_little(void) {
     clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, NULL);
 }
 
-/** A scan that went wrong leaves zeros. */
+/** A failed scan leaves zeros. */
 static bool is_read(const ec_slave_info_t *slave) {
     return slave->vendor_id != 0 || slave->product_code != 0;
 }

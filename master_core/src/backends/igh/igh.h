@@ -25,7 +25,7 @@ enum {
     IGH_CONTROL_BYTES = 2,
 };
 
-/** What the register request of a SubDevice was last used for. */
+/** Last use of the register request of a SubDevice. */
 enum igh_register { IGH_REG_NONE, IGH_REG_AL, IGH_REG_ERRORS, IGH_REG_CONTROL };
 
 /** A SubDevice of the plan. */
@@ -85,7 +85,7 @@ struct fsn_igh {
     bool all_there;
 };
 
-/** Notes what was found about a node; printf-like. */
+/** Notes a text about a node; printf-like. */
 #define igh_note(bus, node, ...) fsn_node_note(&(bus)->all, &(node)->known, __VA_ARGS__)
 
 /* Finding (find.c). */
@@ -107,7 +107,7 @@ bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slav
  *  @retval FSN_E_BUS_SDO, FSN_E_BUS_MAPPING, FSN_E_BUS_ADDRESS, FSN_E_BUS_MAILBOX  details in
  *      `seen` of the node. */
 fsn_status igh_check(struct fsn_igh *bus, struct igh_node *node);
-/** Configures what IgH does with a SubDevice whenever it finds it, and makes the domains. */
+/** Configures how IgH handles a SubDevice whenever it finds it, and creates the domains. */
 fsn_status igh_configure(struct fsn_igh *bus, struct igh_node *node);
 /** Compares the FSoE address with the plan.
  *  @param[out] readable  whether it could be read. */

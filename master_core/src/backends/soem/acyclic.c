@@ -9,7 +9,7 @@
 #include "live/sdo.h"
 
 enum {
-    VISIT_PREOP_MS = 3000, /**< for everybody together */
+    VISIT_PREOP_MS = 3000, /**< for all together */
     LEAST_MS = 20,         /**< for each, whatever the others took */
     REG_DL = 0x0110,
     REG_ERRORS = 0x0300,
@@ -131,8 +131,8 @@ static bool mailbox_receive(void *context, uint8_t *message) {
 
 typedef fsn_status (*sdo_fn)(const struct fsn_mailbox *mailbox, struct fsn_transfer *transfer);
 
-/** One transfer with a SubDevice that has a mailbox.
- *  SOEM's own SDO transfers believe the lengths that a SubDevice states. */
+/** One transfer with a SubDevice that has a mailbox. SOEM's own SDO transfers trust the lengths
+ *  that a SubDevice states. */
 static fsn_status transfer_by_mailbox(struct fsn_soem *bus, struct fsn_transfer *transfer,
                                       sdo_fn transfer_it) {
     const uint16_t slave = (uint16_t)(transfer->position + 1);

@@ -51,7 +51,7 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
     const bool known = ecx_FPRD(bus->context.port, bus->slaves[before].configadr, ECT_REG_DLSTAT,
                                 sizeof links, &links, EC_TIMEOUTRET) == 1;
     if (!known && node->known.seen.found == FSN_FOUND_NOTHING) {
-        return; /* what was said before stays, until its links are known */
+        return; /* the last note stays, until its links are known */
     }
     links = etohs(links);
     unsigned port = 0;

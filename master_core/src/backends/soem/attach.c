@@ -9,7 +9,7 @@
 
 #include "live/port.h"
 
-/** What one process hands to the next. Both have the same SOEM, or it is refused. */
+/** State that one process hands to the next. Both must have the same SOEM, or it is refused. */
 struct description {
     uint32_t slave_bytes, slave_count;
     uint32_t dc_station, dc_every;

@@ -12,13 +12,13 @@ enum {
     REG_LOOP = 0x0930, /**< writing it restarts the mean difference */
     LOOP_DEFAULT = 0x1000,
     READING_BYTES = 6,   /**< 0x092C, followed by 0x0930, which is not zero */
-    BATCH = 100,         /**< frames with the time between two looks at the differences */
-    STEADY = 10,         /**< looks in a row: a clock that nothing reaches may cross the window */
-    MOST_FRAMES = 15000, /**< of one try; so many compensate a quartz */
+    BATCH = 100,         /**< frames with the time between two checks of the differences */
+    STEADY = 10,         /**< checks in a row: a clock without the time may cross the window */
+    MOST_FRAMES = 15000, /**< of one try; this many compensate a quartz */
     TRIES = 3,
     SYNC_DELAY_NS = 100000000, /**< until the first pulse, while the start is written */
     WATCH_NS = 100000000,
-    CALM = 30, /**< looks in a row, 3 s: where clocks cross the window again and again, too */
+    CALM = 30, /**< checks in a row, 3 s: also where clocks cross the window repeatedly */
     SETTLE_NS = 5000000,
     SETTLE_LOOKS = 100,
     NOBODY = 0xFFFE, /**< station while no clock shows the time: then the time continues from here
@@ -48,7 +48,7 @@ static uint16_t reference(const struct fsn_soem *bus) {
 
 /* -- differences ---------------------------------------------------------------------------- */
 
-/** Those with SYNC0 count; where there is none, all of the plan that have a clock. */
+/** Those with SYNC0 count; without any, all of the plan that have a clock. */
 static bool counts(const struct fsn_soem *bus, uint16_t slave, uint16_t of) {
     const struct node *node = node_at(bus, slave);
     return node != NULL && slave != of && bus->slaves[slave].hasdc &&
@@ -88,7 +88,7 @@ static uint16_t look(struct fsn_soem *bus, uint16_t of, bool running, struct fsn
 
 /* -- start ---------------------------------------------------------------------------------- */
 
-/** Reads the reference clock: what it is ahead of CLOCK_MONOTONIC. */
+/** Reads the reference clock: its lead over CLOCK_MONOTONIC. */
 static bool read_base(struct fsn_soem *bus, uint16_t station) {
     for (int tries = 0; tries < TRIES; tries++) {
         uint64_t time = 0;
@@ -238,7 +238,7 @@ static void pause_ns(uint64_t time_ns) {
 }
 
 /** Waits until the control loop of a clock has brought it into the window, and keeps it there.
- * While no time comes by, the difference stays as it was and shows nothing. */
+ *  While no time arrives, the difference stays unchanged and is not valid. */
 static bool settles(struct fsn_soem *bus, const struct node *node) {
     const uint64_t period_ns = bus->cycle_ns * bus->dc_every;
     uint64_t seen = atomic_load(&bus->frames.wire.dc_seen);
@@ -293,7 +293,7 @@ static void set_here(struct fsn_soem *bus, uint16_t slave) {
     }
 }
 
-/** The first SubDevice with a clock that answers, and that shows the time; 0: none. */
+/** The first SubDevice with a clock that answers, and has the time; 0: none. */
 static uint16_t first_clock(const struct fsn_soem *bus, bool set) {
     for (uint16_t s = 1; s <= bus->slave_count; s++) {
         const struct place *place = &bus->places[s];
@@ -378,8 +378,8 @@ static bool put(struct fsn_soem *bus, uint16_t station, uint16_t address, const 
 }
 
 /** One try: the first pulse on a whole multiple of the cycle, as that of all others. The multiple
- *  is one of the time that the cycle follows: a clock of 32 bits shows the rest of it only, and
- *  what a clock of 64 bits shows above need not be the same in all. */
+ *  is one of the time that the cycle follows: a clock of 32 bits has only the lower part of it, and
+ *  the upper part of 64-bit clocks may differ between them. */
 static bool start_pulses(struct fsn_soem *bus, const struct node *node) {
     const uint16_t station = bus->slaves[node->slave].configadr;
     const uint64_t cycle = bus->cycle_ns;
@@ -404,7 +404,7 @@ static bool start_pulses(struct fsn_soem *bus, const struct node *node) {
            put(bus, station, ECT_REG_DCSTART0, start, sizeof start) &&
            put(bus, station, ECT_REG_DCCUC, word, sizeof word) &&
            soem_read_surely(bus, node->slave, ECT_REG_DCSYSTIME, &now, sizeof now) &&
-           /* else this machine was too slow, and it would not pulse before its time is around */
+           /* else this machine was too slow, and it would not pulse before its time wraps */
            (uint32_t)(etohll(now) - shown) < first - time;
 }
 

@@ -1,4 +1,4 @@
-/** Who stands where. */
+/** Devices at the positions. */
 #include "backends/soem/soem.h"
 
 #include <stdio.h>

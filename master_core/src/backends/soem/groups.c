@@ -36,7 +36,7 @@ static struct node *member(const struct fsn_soem *bus, const struct soem_group *
     return &bus->nodes[group->info.first_subdevice + number];
 }
 
-/** The group that an alias is of; FSN_NONE: of none. */
+/** The group with this alias; FSN_NONE: none. */
 static uint32_t group_with(const struct fsn_soem *bus, uint16_t alias) {
     for (uint32_t g = 0; g < bus->group_count && alias != 0; g++) {
         if (member(bus, &bus->groups_of_plan[g], 0)->known.info.alias == alias) {
@@ -113,11 +113,11 @@ static uint8_t there_of(const struct fsn_soem *bus, uint32_t group) {
     return atomic_load_explicit(&bus->frames.wire.groups[group].there, memory_order_relaxed);
 }
 
-/** What the mailbox needs, out of the SII; the rest is read when it is configured. */
+/** Mailbox data, from the SII; the rest is read when it is configured. */
 static void read_mailbox(struct fsn_soem *bus, uint16_t slave) {
     ec_slavet *s = &bus->slaves[slave];
     uint16_t status = 0;
-    bus->context.esislave = 0; /* nothing of what was read before counts */
+    bus->context.esislave = 0; /* earlier data no longer counts */
     (void)ecx_FPRD(bus->context.port, s->configadr, ECT_REG_EEPSTAT, sizeof status, &status,
                    EC_TIMEOUTRET3);
     s->eep_8byte = (etohs(status) & EC_ESTAT_R64) != 0;
@@ -168,7 +168,7 @@ static bool take_in(struct fsn_soem *bus, struct node *node, uint16_t at) {
     return true;
 }
 
-/** The group of the same place that is there; NULL: none. */
+/** The present group of the same place; NULL: none. */
 static const struct soem_group *rival(const struct fsn_soem *bus, const struct soem_group *group) {
     for (uint32_t g = 0; g < bus->group_count && group->info.place[0] != 0; g++) {
         const struct soem_group *other = &bus->groups_of_plan[g];

@@ -46,7 +46,7 @@ uint16_t soem_sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number) {
     if (number < EC_MAXSM && s->SM[number].StartAddr == 0) {
         ec_eepromSMt sm = {0};
         soem_drain(bus);
-        bus->context.esislave = 0; /* nothing of what was read before counts */
+        bus->context.esislave = 0; /* earlier data no longer counts */
         if (ecx_siiSM(&bus->context, slave, &sm) > 0) {
             for (uint16 n = 0; n < sm.nSM && n < EC_MAXSM; n++) {
                 if (n > 0 && ecx_siiSMnext(&bus->context, slave, &sm, n) == 0) {

@@ -26,7 +26,7 @@ struct node {
     bool taken_in;         /**< of a group: identified, since it came */
 };
 
-/** A group of the plan, as it was found last. */
+/** A group of the plan, and its last result. */
 struct soem_group {
     struct fsn_group_info info;
     uint8_t found;                 /**< of its first SubDevice while it is absent */
@@ -68,7 +68,7 @@ struct fsn_soem {
     ec_eepromFMMUt eeprom_fmmu;
     ec_eepromPDOt eeprom_pdo;
     bool nic_open;
-    int lock;                    /**< -1, or what keeps others off the interface */
+    int lock;                    /**< -1, or the descriptor that locks the interface */
     int sockets[FSN_WIRE_PORTS]; /**< of the cycle */
     int foreign[FSN_WIRE_PORTS]; /**< hear another MainDevice */
     uint16_t tag;                /**< in the source address of all our frames */
@@ -89,17 +89,17 @@ struct fsn_soem {
     uint16_t dc_station;                     /**< of its reference clock, 0: none */
     bool dc_needed;                          /**< a SubDevice of the plan has SYNC0 */
     bool dc_host;                            /**< its reference clock is set from here */
-    uint64_t dc_base;             /**< what it is ahead of CLOCK_MONOTONIC at the start */
-    struct fsn_bus_clocks clocks; /**< as looked at last, under the lock */
-    uint64_t clocks_ns;           /**< when they are looked at again */
-    uint64_t clocks_seen;         /**< time of the reference at the last look */
-    uint32_t clocks_calm;         /**< looks in a row with all of them well inside the window */
-    void *described;              /**< as given out last */
+    uint64_t dc_base;                        /**< its lead over CLOCK_MONOTONIC at the start */
+    struct fsn_bus_clocks clocks;            /**< as looked at last, under the lock */
+    uint64_t clocks_ns;                      /**< when they are looked at again */
+    uint64_t clocks_seen;                    /**< time of the reference at the last check */
+    uint32_t clocks_calm; /**< checks in a row with all of them well inside the window */
+    void *described;      /**< as given out last */
     struct soem_group *groups_of_plan;
     uint32_t group_count;
 };
 
-/** Notes what was found about a node; printf-like. */
+/** Notes a text about a node; printf-like. */
 #define soem_note(bus, node, ...) fsn_node_note(&(bus)->all, &(node)->known, __VA_ARGS__)
 
 /* Finding (find.c). */
@@ -126,7 +126,7 @@ void soem_search(struct fsn_soem *bus);
 enum { SOEM_GROUP_GONE_NS = 100000000 /**< until then it is known who has gone */ };
 /** Room for the groups of the plan; false: no memory. */
 bool soem_make_groups(struct fsn_soem *bus);
-/** Takes what belongs to groups out of SOEM's list after its scan: positions count the others. */
+/** Removes SubDevices of groups from SOEM's list after its scan: positions count the others. */
 void soem_set_groups_apart(struct fsn_soem *bus);
 /** Gives each SubDevice of a group its number in SOEM's list. */
 fsn_status soem_place_groups(struct fsn_soem *bus, struct fsn_fault *fault);
@@ -153,7 +153,7 @@ fsn_status soem_compare_layout(struct fsn_soem *bus, struct node *node);
 /* A bus that is handed over in OP (attach.c). */
 fsn_status soem_describe(void *context, struct fsn_bus_attachment *attachment);
 void soem_discard(void *context);
-/** Takes over what the process before knew of the SubDevices; nothing on the bus is changed. */
+/** Takes over the predecessor's data of the SubDevices; nothing on the bus is changed. */
 fsn_status soem_restore(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Compares one SubDevice with the plan: in OP, with the same sync managers and FMMUs. */
 fsn_status soem_compare(struct fsn_soem *bus, struct node *node);
@@ -189,8 +189,8 @@ fsn_status soem_check_pdos(struct fsn_soem *bus, struct node *node);
 
 /* SII (sii.c). */
 
-/** Start address of a sync manager by the SII; 0 when it has none, or was not to be read. SOEM
- * reads all at the start, and takes a time-out for an empty SII. */
+/** Start address of a sync manager by the SII; 0 if it has none, or must not be read. SOEM reads
+ *  all at the start, and waits for a time-out at an empty SII. */
 uint16_t soem_sii_start(struct fsn_soem *bus, uint16_t slave, uint8_t number);
 
 /* Supervision (al_states.c). */
@@ -209,7 +209,7 @@ void soem_watch_ring(struct fsn_soem *bus, uint64_t now_ns);
 /** ring() of fsn_bus_ops. */
 bool soem_ring(void *context, struct fsn_bus_ring *ring);
 enum { SOEM_LINKS_BYTES = 2 * SOEM_NAME_BYTES + 32 };
-/** Puts into words which interface has a link; false: none. */
+/** Writes a text about which interface has a link; false: none. */
 bool soem_links(const struct fsn_soem *bus, char text[SOEM_LINKS_BYTES]);
 
 /* Objects, SII and registers (acyclic.c). */
@@ -229,9 +229,10 @@ fsn_status soem_open_nic(struct fsn_soem *bus, struct fsn_fault *fault);
 /** Closes everything that was opened. */
 void soem_release(struct fsn_soem *bus);
 
-/** Throws away what waits for SOEM. Nothing is under way when this is called, so it is the answer
- * to a frame that SOEM has given up. It distinguishes answers by an index modulo 16 only: after a
- * stall each of them would pass for the answer to a later frame, for good. */
+/** Discards the frames that wait for SOEM. No exchange is in progress when this is called, so such
+ *  a frame is the answer to one that SOEM has given up. SOEM distinguishes answers by an index
+ *  modulo 16 only: after a stall each of them would pass for the answer to a later frame,
+ *  permanently. */
 void soem_drain(struct fsn_soem *bus);
 /** Asks for an AL state and waits for it, milliseconds. */
 bool soem_reach(struct fsn_soem *bus, uint16_t slave, uint8_t al_state, unsigned most_ms);

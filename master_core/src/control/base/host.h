@@ -11,7 +11,7 @@
 
 struct fsn_job;
 
-/** What a client requests of the program around the socket. */
+/** Requests of a client to the program around the socket. */
 enum fsn_program_request {
     FSN_PROGRAM_START,
     FSN_PROGRAM_STOP,
@@ -27,7 +27,7 @@ enum fsn_log_level { FSN_LOG_DETAIL, FSN_LOG_INFO, FSN_LOG_WARNING, FSN_LOG_ERRO
 /** How the intervention log is. */
 struct fsn_interventions {
     const char *folder;
-    uint64_t entry;       /**< number of the last one that was written; 0: none */
+    uint64_t entry;       /**< number of the last written one; 0: none */
     const char *hash;     /**< SHA-256 of its line; empty: none */
     uint64_t waiting;     /**< entries to be written */
     uint64_t lost;        /**< entries of this run that nothing took in time */
@@ -49,9 +49,10 @@ struct fsn_control_status {
     int cpu;                           /**< CPU number + 1; 0: not pinned */
     int priority;                      /**< of the cyclic thread; 0: none */
     bool free_run;
-    const char *acceptance, *acceptance_said;      /**< signed record, and what its check said */
+    const char *acceptance, *acceptance_said;      /**< signed record, and the output of its check
+                                                    */
     const struct fsn_interventions *interventions; /**< NULL: none are logged */
-    int standby_pid;                               /**< process that follows; 0: none */
+    int standby_pid;                               /**< successor process; 0: none */
     bool standby_held;                             /**< maintenance: it takes nothing over */
     bool require_observed; /**< other parameters than the plan has are an alarm */
 };
@@ -66,7 +67,7 @@ struct fsn_control_host {
      *  whose share of the intervention log it uses. */
     void (*log)(void *self, enum fsn_log_level level, enum fsn_role account, const char *text,
                 const char *json, size_t json_bytes);
-    /** Takes a job, to be done in the acyclic thread of the bus and given back by
+    /** Takes a job, to be done in the acyclic thread of the bus and returned by
      *  fsn_control_job_done(); NULL: none are taken. */
     void (*submit)(void *self, struct fsn_job *job);
 };

@@ -30,8 +30,8 @@ void fsn_json_close(struct fsn_json *json, char bracket);
 /** Writes a key; a value follows. `key` needs no escapes. */
 void fsn_json_key(struct fsn_json *json, const char *key);
 
-/** Values. Text that is not UTF-8 gets a replacement character for each wrong byte; a number that
- *  JSON does not have becomes null. */
+/** Values. Text that is not valid UTF-8 gets a replacement character for each invalid byte; a
+ *  number that JSON does not have becomes null. */
 void fsn_json_text(struct fsn_json *json, const char *text);
 void fsn_json_chars(struct fsn_json *json, const char *text, size_t len_bytes);
 void fsn_json_u64(struct fsn_json *json, uint64_t value);

@@ -16,8 +16,8 @@ struct fsn_data_type {
 bool fsn_data_type_read(const char *text, struct fsn_data_type *type);
 
 /** Bytes of a value, low byte first.
- *  @param[out] bytes  room for the text's length.
- *  @return NULL, or what is wrong with it. */
+ *  @param[out] bytes  room for the length of the text.
+ *  @return NULL, or the text of the error. */
 const char *fsn_data_parse(const struct fsn_data_type *type, const char *text, uint8_t *bytes,
                            uint32_t *size_bytes);
 

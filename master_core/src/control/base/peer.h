@@ -1,4 +1,4 @@
-/** Who is at the other end of a socket or a signal, as far as the kernel and the machine say. */
+/** Identity of the other end of a socket or a signal, from the kernel and the machine. */
 #ifndef FSN_CONTROL_PEER_H
 #define FSN_CONTROL_PEER_H
 
@@ -8,10 +8,10 @@
 
 enum { FSN_PEER_TEXT_BYTES = 160 };
 
-/** What a client may request; each role includes those before it. */
+/** Permissions of a client; each role includes those before it. */
 enum fsn_role {
     FSN_NO_ROLE,    /**< may not connect */
-    FSN_OBSERVER,   /**< what is known already: nothing on the bus, no file, no output */
+    FSN_OBSERVER,   /**< data that is already known: no access to bus, file or output */
     FSN_OPERATOR,   /**< outputs, leases, arming, incidents, diagnosis messages, scans */
     FSN_MAINTAINER, /**< all: objects, aliases, start and stop */
     FSN_ROLES
@@ -20,13 +20,13 @@ enum fsn_role {
 /** Its word: "observer". */
 const char *fsn_role_name(enum fsn_role role);
 
-/** The role of a word; FSN_NO_ROLE: there is none. */
+/** The role of a word; FSN_NO_ROLE: unknown. */
 enum fsn_role fsn_role_of(const char *name);
 
 struct fsn_peer {
     pid_t pid;
     uid_t uid;
-    char user[33];    /**< name in /etc/passwd; empty: none there */
+    char user[33];    /**< name in /etc/passwd; empty: none */
     char program[17]; /**< as the process calls itself; empty: not known */
 };
 
@@ -34,7 +34,7 @@ struct fsn_peer {
  *  Context: control thread, or before any thread. */
 void fsn_peer_read(struct fsn_peer *peer, pid_t pid, uid_t uid);
 
-/** Adds pid, uid, user and program to an object; null what is not known. */
+/** Adds pid, uid, user and program to an object; null if unknown. */
 void fsn_peer_put(const struct fsn_peer *peer, struct fsn_json *json);
 
 /** In words: "pid 12 (fsoe-net), uid 1000 (anna)".   @return room. */

@@ -6,8 +6,8 @@
 #include "fsn/plan.h"
 
 /** Reads a value: true false on off for one bit, whole numbers decimal, 0x, 0o or 0b, floating
- *  point where the symbol is. `raw` gets the bits for fsn_core_set_output().
- *  @return NULL, or what is wrong, in words.   Context: any thread. */
+ *  point if the symbol is. `raw` gets the bits for fsn_core_set_output().
+ *  @return NULL, or the text of the error.   Context: any thread. */
 const char *fsn_value_parse(const struct fsn_symbol_info *symbol, const char *text, uint64_t *raw);
 
 /** Reads a whole number of 0 to 2^bits - 1, `bits` up to 64. Returns as above. Context: any thread.

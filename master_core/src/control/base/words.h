@@ -9,7 +9,7 @@
 enum {
     FSN_LINE_BYTES = 8192, /**< longest request, without its newline */
     FSN_WORDS = 256,       /**< most words of a request */
-    FSN_SHOWN_BYTES = 8,   /**< one character as it is shown, with its zero */
+    FSN_SHOWN_BYTES = 8,   /**< one character in its displayed form, with its zero */
 };
 
 struct fsn_words {
@@ -33,9 +33,9 @@ const char *fsn_words_split(char *line, size_t len_bytes, struct fsn_words *word
  *  Context: any thread. */
 size_t fsn_show_character(const char *at, size_t left, char shown[FSN_SHOWN_BYTES]);
 
-/** Writes a whole text so, as far as there is room.
+/** Writes a whole text in this form, as far as it fits.
  *  @param[out] to  size_bytes bytes, at least one; zero-terminated.
- *  @return length of what was written.
+ *  @return length of the written text.
  *  Context: any thread. */
 size_t fsn_show_text(char *to, size_t size_bytes, const char *text);
 

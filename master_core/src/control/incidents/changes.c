@@ -19,7 +19,7 @@ enum {
     DRAIN = 256,        /**< events of the core taken at once */
 };
 
-/** Into Data and out of it, and the first reset of several: that is what people look for. */
+/** Transitions into Data and out of it, and the first reset of several: people search for these. */
 static enum fsn_log_level connection_level(struct fsn_changes *changes,
                                            const struct fsn_event *event, bool left, bool data) {
     uint64_t *reported_ns = &changes->reset_reported_ns[event->connection];
@@ -240,7 +240,7 @@ static void poll_clocks(struct fsn_changes *changes, uint64_t now_ns) {
     const struct fsn_statistics *s = &changes->view->statistics;
     if ((clocks.state == FSN_CLOCKS_LOST || clocks.state == FSN_CLOCKS_UNKNOWN) &&
         s->expected_wkc > 0 && s->actual_wkc == 0) {
-        return; /* nothing answers, which has a line of its own */
+        return; /* no answer at all, which has a line of its own */
     }
     const bool first = changes->clocks == FSN_CLOCKS_UNKNOWN;
     struct fsn_json *json = fsn_event_begin(changes->events, "clocks", now_ns);
@@ -344,7 +344,7 @@ static const char *plural(uint64_t number) {
     return number == 1 ? "" : "s";
 }
 
-/** What the cycle lost since the last line, in words; the overruns and late replies name the cause.
+/** Losses of the cycle since the last line, as text; the overruns and late replies name the cause.
  */
 static void wkc_text(const struct fsn_changes *changes, const struct fsn_statistics *s, char *text,
                      size_t room_bytes) {

@@ -1,4 +1,4 @@
-/** Turns what changes on the bus into events. */
+/** Turns changes of the bus into events. */
 #ifndef FSN_CONTROL_CHANGES_H
 #define FSN_CONTROL_CHANGES_H
 
@@ -35,7 +35,7 @@ bool fsn_changes_init(struct fsn_changes *changes, struct fsn_bus_view *view,
                       struct fsn_events *events);
 void fsn_changes_free(struct fsn_changes *changes);
 
-/** There is another core, or none: forgets what the bus looked like. */
+/** There is another core, or none: forgets the state of the bus. */
 void fsn_changes_reset(struct fsn_changes *changes);
 
 /** Polls the bus; sends an event for every change. Some of them begin an incident. */

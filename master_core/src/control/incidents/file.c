@@ -127,7 +127,7 @@ static void put_number(FILE *out, const char *key, uint64_t value) {
     }
 }
 
-/** One line; what is as in the line before, or as it should be, is left out. */
+/** One line; values as in the line before, or as expected, are left out. */
 static void put_cycle(FILE *out, const struct fsn_window *w, uint64_t number) {
     const struct fsn_cycle *c = &w->cycles[number];
     const uint8_t *image = w->images + number * w->image_bytes;

@@ -33,7 +33,7 @@ struct fsn_incident_file *fsn_incident_file_begin(const char *folder, const char
                                                   uint64_t most_bytes, struct fsn_json *head,
                                                   struct fsn_window *window);
 
-/** What became of it. */
+/** Result. */
 struct fsn_incident_result {
     char path[FSN_INCIDENT_PATH];
     uint8_t sha256[FSN_SHA256_BYTES]; /**< of a file that is whole */

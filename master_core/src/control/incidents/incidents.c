@@ -23,7 +23,7 @@ enum {
     LATE_MS = 1000,     /**< longest wait for a cycle after that */
     PAUSE_MS = 10000,   /**< between two that were not requested, in the long run */
     AT_ONCE = 3,        /**< files without that pause: a second failure has its own */
-    PATIENCE_MS = 5000, /**< in OP and not in Data for so long */
+    PATIENCE_MS = 5000, /**< time in OP without Data */
     ANSWER_MS = 2000,   /**< longest wait for the FSoE values of the SubDevices */
     POLL_MS = 500,      /**< between two searches for those */
     MOST_FILES = 100,   /**< of one run of the program, against a connection that flaps for days */
@@ -106,8 +106,8 @@ static const char *subject_of(const struct fsn_pending *p) {
     return p->subdevice[0] != 0 ? p->subdevice : p->kind;
 }
 
-/** Names the file after when and what, with nothing that a shell or a file system treats specially:
- *  what is not plain becomes one '_', none at the begin. */
+/** Names the file after time and cause, without characters that a shell or a file system treats
+ *  specially: other characters become one '_', none at the start. */
 static void put_stem(const struct fsn_pending *p, char *stem, size_t room_bytes) {
     char utc[32];
     char whole[200];

@@ -1,4 +1,4 @@
-/** Incidents: what was on the bus before and after a connection left Data, written to a file each.
+/** Incidents: the bus data before and after a connection left Data, each written to a file.
  *
  *  The control thread notices and copies a window out of the recorder; a thread of its own writes
  *  the file, since a disk may be slow or full. Format: docs/reference/incident-file.md. */
@@ -21,7 +21,8 @@ fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
                                 struct fsn_events *events, struct fsn_job_queue *jobs,
                                 struct fsn_incidents **incidents, struct fsn_refusal *refusal);
 
-/** Writes no further file once those in the folder, of all runs, have so many bytes. */
+/** Limit in bytes for the incident files in the folder, of all runs; no further file is written
+ *  then. */
 void fsn_incidents_limit(struct fsn_incidents *incidents, uint64_t most_bytes);
 
 /** Waits until a file that is being written is whole. NULL is allowed. */
@@ -54,14 +55,14 @@ void fsn_incident_subdevice(struct fsn_incidents *incidents, uint32_t number,
 /** Keeps an event line for the next file. */
 void fsn_incident_event(struct fsn_incidents *incidents, const char *json, size_t len_bytes);
 
-/** To be called in every turn: ends windows, sees connections that do not come to Data, reports
- * what has been written. */
+/** To be called in every turn: ends windows, detects connections that do not reach Data, reports
+ *  written files. */
 void fsn_incident_turn(struct fsn_incidents *incidents, uint64_t now_ns);
 
 /** A job is done; it may be the one that read the FSoE values of the SubDevices. */
 void fsn_incident_job_done(struct fsn_incidents *incidents, struct fsn_job *job);
 
-/** The core is about to go: what is being kept is written with what is there. */
+/** The core is about to end: the incident in progress is written with the available data. */
 void fsn_incident_detach(struct fsn_incidents *incidents);
 
 #endif

@@ -1,4 +1,4 @@
-/** What incidents.c keeps, and the head of its files. */
+/** Data of incidents.c, and the head of its files. */
 #ifndef FSN_CONTROL_INCIDENT_KEPT_H
 #define FSN_CONTROL_INCIDENT_KEPT_H
 
@@ -7,7 +7,7 @@
 
 enum { FSN_INCIDENT_EVENTS = 200, FSN_INCIDENT_HEAD_BYTES = 16 << 20 };
 
-/** What is being kept. */
+/** The incident in progress. */
 struct fsn_pending {
     bool active;
     char kind[16], connection[128], subdevice[128], before[24], after[24], reset_by[8],

@@ -37,7 +37,7 @@ static const char *find(const struct range *ranges, size_t count, uint16_t index
     return NULL;
 }
 
-/** Whether it is an end of a connection, or an FSoE frame lies in its process data. */
+/** Whether it is an end of a connection, or its process data contains an FSoE frame. */
 static bool carries_safety(const struct fsn_plan *plan, uint32_t subdevice) {
     struct fsn_connection_info c;
     for (uint32_t i = 0; fsn_plan_connection(plan, i, &c) == FSN_OK; i++) {
@@ -54,7 +54,7 @@ static bool carries_safety(const struct fsn_plan *plan, uint32_t subdevice) {
     return false;
 }
 
-/** Whether an entry with this index lies between two bits of a sync manager. */
+/** Whether an entry with this index is between two bits of a sync manager. */
 static bool is_between(const struct fsn_plan *plan, uint32_t sm, uint16_t index, uint32_t from,
                        uint32_t to) {
     uint32_t behind;
@@ -77,7 +77,7 @@ static bool is_of_module(const struct fsn_plan *plan, const struct fsn_block_inf
            (index & 0xFF0) == (parameters & 0xFF0);
 }
 
-/** What an object has to do with the FSoE frames of a SubDevice; NULL: nothing. */
+/** Relation of an object to the FSoE frames of a SubDevice; NULL: none. */
 static const char *find_in_frames(const struct fsn_plan *plan, uint32_t subdevice, uint16_t index) {
     struct fsn_block_info frame;
     for (uint32_t i = 0; fsn_plan_block(plan, i, &frame) == FSN_OK; i++) {

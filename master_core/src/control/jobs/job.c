@@ -128,7 +128,7 @@ static fsn_status read_byte(struct doing *d, uint8_t sub, uint8_t *byte, uint32_
     return status;
 }
 
-/** All messages, the oldest first: they lie in a ring of subindices, whose newest is known. */
+/** All messages, the oldest first: they are in a ring of subindices, whose newest is known. */
 static fsn_status read_history(struct doing *d, uint32_t *abort_code) {
     struct fsn_job *job = d->job;
     uint8_t most, newest;

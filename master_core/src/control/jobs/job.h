@@ -41,7 +41,7 @@ struct fsn_job {
     struct fsn_refusal refusal;
 };
 
-/** What a job is done with. All in the acyclic thread. */
+/** Resources of a job. All in the acyclic thread. */
 struct fsn_job_context {
     struct fsn_core *core; /**< NULL: the bus is stopped by now */
     const struct fsn_bus_ops *ops;

@@ -78,7 +78,7 @@ static bool has_place(const struct fsn_outputs *o, uint32_t symbol) {
     return o->core != NULL && fsn_core_sm_base(o->core, o->output[symbol].info.sm) != FSN_NONE;
 }
 
-/** Notes a value for the next write_noted(); what is not open keeps what it has. */
+/** Notes a value for the next write_noted(); a closed output keeps its value. */
 static void note(struct fsn_outputs *o, uint32_t symbol, uint64_t raw) {
     if (fsn_core_is_open(o->core, symbol)) {
         o->noted[o->noted_count] = symbol;
@@ -86,7 +86,7 @@ static void note(struct fsn_outputs *o, uint32_t symbol, uint64_t raw) {
     }
 }
 
-/** Writes what was noted, all in one cycle. The core refuses only what is not open. */
+/** Writes the noted values, all in one cycle. The core refuses only closed outputs. */
 static void write_noted(struct fsn_outputs *o) {
     if (o->noted_count > 0 &&
         fsn_core_set_outputs(o->core, o->noted_count, o->noted, o->noted_raw) == FSN_OK) {
@@ -161,7 +161,7 @@ struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uin
                                      fsn_core_is_open(outputs->core, symbol)};
 }
 
-/** What holds for writing and for arming. */
+/** Common rules of writing and arming. */
 static fsn_status check_open(const struct fsn_outputs *o, uint32_t symbol, uint32_t client,
                              struct fsn_refusal *refusal) {
     const struct output *output = &o->output[symbol];

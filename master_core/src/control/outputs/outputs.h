@@ -1,4 +1,4 @@
-/** Who writes which output: leases, arming and stop values. One thread, the control thread. */
+/** Ownership of outputs: leases, arming and stop values. One thread, the control thread. */
 #ifndef FSN_CONTROL_OUTPUTS_H
 #define FSN_CONTROL_OUTPUTS_H
 
@@ -13,7 +13,7 @@ struct fsn_outputs;
 
 enum { FSN_NOBODY = 0, FSN_ARM_MS = 10000 };
 
-/** What a reader may know about an output. */
+/** Data of an output for readers. */
 struct fsn_output_state {
     uint32_t owner; /**< client that writes it, or FSN_NOBODY */
     uint32_t armed; /**< client that may make one edge, or FSN_NOBODY */
@@ -34,15 +34,15 @@ typedef void (*fsn_fallback_fn)(void *self, uint32_t symbol);
 struct fsn_outputs *fsn_outputs_create(const struct fsn_plan *plan);
 void fsn_outputs_free(struct fsn_outputs *outputs);
 
-/** Begins to write into a core; NULL: there is none, all is closed. Nobody owns anything then, and
- *  every open output of the core has its stop value. */
+/** Begins to write into a core; NULL: none, all outputs are closed. Then no output has an owner,
+ *  and every open output of the core has its stop value. */
 void fsn_outputs_attach(struct fsn_outputs *outputs, struct fsn_core *core);
 
 /** No client may write any more; those who did have lost it. Every output they wrote takes its
  *  stop value. */
 void fsn_outputs_close(struct fsn_outputs *outputs, fsn_fallback_fn fallback, void *self);
 
-/** Finds an input or an output by its name.   @retval FSN_NONE  no such name there. */
+/** Finds an input or an output by its name.   @retval FSN_NONE  no such name. */
 uint32_t fsn_outputs_find(const struct fsn_outputs *outputs, const char *name, bool output);
 
 struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uint32_t symbol);
@@ -53,7 +53,7 @@ struct fsn_output_state fsn_outputs_state(const struct fsn_outputs *outputs, uin
 fsn_status fsn_outputs_check(const struct fsn_outputs *outputs, uint32_t symbol, uint32_t client,
                              uint64_t raw, uint64_t now_ns, struct fsn_refusal *refusal);
 
-/** Writes values, all in one cycle, and they are the client's from then on. Each was checked
+/** Writes values, all in one cycle; the client owns the outputs from then on. Each was checked
  *  before, and none is named twice. */
 void fsn_outputs_write(struct fsn_outputs *outputs, uint32_t client, struct fsn_wanted *wanted,
                        size_t count);
@@ -65,8 +65,8 @@ fsn_status fsn_outputs_arm(struct fsn_outputs *outputs, uint32_t symbol, uint32_
 /** Whether a client writes an output, or may make an edge of one. */
 bool fsn_outputs_has(const struct fsn_outputs *outputs, uint32_t client);
 
-/** Takes everything from a client: its outputs fall back, what it armed is unarmed.
- *  @return how many outputs fell back. */
+/** Takes all outputs from a client: they return to their stop values, and are disarmed.
+ *  @return number of outputs that returned. */
 size_t fsn_outputs_take_back(struct fsn_outputs *outputs, uint32_t client, fsn_fallback_fn fallback,
                              void *self);
 

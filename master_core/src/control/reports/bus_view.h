@@ -20,7 +20,7 @@ struct fsn_bus_view {
     struct fsn_outputs *outputs;
     struct fsn_core *core; /**< NULL: none */
     char sha256[2 * FSN_SHA256_BYTES + 1];
-    struct fsn_fingerprint fingerprint; /**< of the plan as it was loaded */
+    struct fsn_fingerprint fingerprint; /**< of the loaded plan */
     struct fsn_statistics statistics;   /**< room for snapshots; with the next two */
     struct fsn_connection_status *connections;
     uint8_t *image;

@@ -48,7 +48,7 @@ void fsn_event_send(struct fsn_events *events, enum fsn_log_level level, const c
     const struct fsn_control_host *host = events->host;
     struct fsn_json *json = &events->json;
     put_tail(events, level, text);
-    if (json->failed != FSN_OK) { /* too long: without its keys it fits into what there is */
+    if (json->failed != FSN_OK) { /* too long: without its keys it fits into the memory */
         fsn_json_clear(json);
         put_head(events);
         fsn_json_put_bool(json, "cut", true);

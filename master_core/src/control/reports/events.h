@@ -21,7 +21,7 @@ struct fsn_events {
  *  an observer, unless fsn_event_begin_act() or the caller sets another. */
 struct fsn_json *fsn_event_begin(struct fsn_events *events, const char *name, uint64_t at_ns);
 
-/** The same for what a role has done: the program itself is a maintainer. */
+/** The same for an action of a role: the program itself is a maintainer. */
 struct fsn_json *fsn_event_begin_act(struct fsn_events *events, const char *name,
                                      enum fsn_role role);
 

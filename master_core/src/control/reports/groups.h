@@ -1,4 +1,4 @@
-/** Groups of SubDevices that may be absent, as far as they are there. */
+/** Groups of SubDevices that may be absent, and whether they are present. */
 #ifndef FSN_CONTROL_GROUPS_H
 #define FSN_CONTROL_GROUPS_H
 
@@ -12,7 +12,7 @@ enum fsn_group_state {
     FSN_GROUP_THERE,
 };
 
-/** State of a group by what is known of its SubDevices, as one array of the plan. */
+/** State of a group from the states of its SubDevices, as one array of the plan. */
 enum fsn_group_state fsn_group_state(const struct fsn_plan *plan, uint32_t group,
                                      const struct fsn_bus_subdevice *subdevices);
 

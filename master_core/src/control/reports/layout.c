@@ -1,4 +1,4 @@
-/** Where everything lies in the process image, for those who read whole images. */
+/** Positions in the process image, for programs that read whole images. */
 #include "control/reports/reports.h"
 #include "plan/plan_internal.h"
 

@@ -7,7 +7,7 @@
 
 enum { FSN_DIFFERS_BYTES = 256 };
 
-/** Writes an object under a key; what is not known is null. */
+/** Writes an object under a key; unknown values are null. */
 void fsn_report_parameters(struct fsn_json *json, const char *key,
                            const struct fsn_parameters *parameters);
 

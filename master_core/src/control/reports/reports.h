@@ -23,7 +23,7 @@ fsn_status fsn_report_subdevices(struct fsn_bus_view *view, struct fsn_page *pag
 /** The ring, or null if the bus is not a ring or is stopped; its keys alone. */
 void fsn_report_ring(struct fsn_bus_view *view, struct fsn_json *json);
 void fsn_report_ring_keys(const struct fsn_bus_ring *ring, struct fsn_json *json);
-/** The distributed clocks, or null where none are in use or the bus is stopped; its keys alone. */
+/** The distributed clocks, or null if none are in use or the bus is stopped; its keys alone. */
 void fsn_report_clocks(struct fsn_bus_view *view, struct fsn_json *json);
 void fsn_report_clocks_keys(const struct fsn_bus_clocks *clocks, struct fsn_json *json);
 fsn_status fsn_report_symbols(struct fsn_bus_view *view, struct fsn_page *page,
@@ -41,7 +41,7 @@ fsn_status fsn_report_snapshot(struct fsn_bus_view *view, struct fsn_page *page,
 /** The same for a file that is written in any case: without a core null and no connections. */
 void fsn_report_last_cycle(struct fsn_bus_view *view, struct fsn_json *json);
 
-/** Where everything lies in the image. FSN_E_STATE without a core. */
+/** Positions in the image. FSN_E_STATE without a core. */
 fsn_status fsn_report_layout(struct fsn_bus_view *view, struct fsn_page *page,
                              struct fsn_json *json);
 

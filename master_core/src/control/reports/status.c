@@ -125,7 +125,7 @@ static void put_cycle(struct fsn_bus_view *view, struct fsn_json *json) {
     put_parameters(view, json, taken);
 }
 
-/** Each of several buses; what stands above counts all of them together. */
+/** Each of several buses; the values above count all of them together. */
 static void put_buses(struct fsn_bus_view *view, const struct fsn_control_status *status,
                       struct fsn_json *json) {
     const uint32_t count = fsn_plan_bus_count(view->plan);
@@ -249,7 +249,7 @@ static void one_subdevice(struct fsn_bus_view *view, uint32_t number, struct fsn
     if (view->core != NULL) {
         known = fsn_core_subdevice(view->core, number, &seen) == FSN_OK;
     } else if (known) {
-        seen = view->subdevice[number]; /* the bus did not open: as it was found */
+        seen = view->subdevice[number]; /* the bus did not open: last result of the search */
     }
     fsn_json_put_bool(json, "known", known);
     if (known) {

@@ -18,7 +18,7 @@ void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_byt
     if (client->drop_reason != NULL) {
         return;
     }
-    if (client->sent > 0) { /* what is gone needs no room */
+    if (client->sent > 0) { /* a disconnected client needs no room */
         memmove(out->bytes, out->bytes + client->sent, out->len_bytes - client->sent);
         out->len_bytes -= client->sent;
         client->pass_at -= client->passes > 0 ? client->sent : 0;

@@ -1,4 +1,4 @@
-/** One client of the control socket: what came in, what goes out, what it holds. */
+/** One client of the control socket: received and queued bytes, and its resources. */
 #ifndef FSN_CONTROL_CLIENT_H
 #define FSN_CONTROL_CLIENT_H
 
@@ -8,7 +8,7 @@
 #include "core/clients.h"
 
 enum {
-    FSN_CLIENT_OUT_BYTES = 1 << 20, /**< what it may leave unread before it is dropped */
+    FSN_CLIENT_OUT_BYTES = 1 << 20, /**< limit of unread bytes before it is dropped */
     FSN_CLIENT_TEXT_BYTES = FSN_PEER_TEXT_BYTES + 20,
 };
 
@@ -27,16 +27,16 @@ struct fsn_client {
     int fd;          /**< -1: the slot is free */
     uint32_t number; /**< rising, never used twice, never FSN_NOBODY */
     struct fsn_peer peer;
-    enum fsn_role role; /**< as it was when it connected */
+    enum fsn_role role; /**< value at the time it connected */
     bool events;        /**< subscribed */
     struct fsn_stream stream;
     bool skipping;           /**< inside a line that was too long */
-    const char *drop_reason; /**< why it is to be dropped, or NULL */
+    const char *drop_reason; /**< reason to drop it, or NULL */
     bool more;               /**< whole lines are waiting in `in` */
     uint32_t lease_ms;       /**< 0: until it disconnects */
     uint64_t heard_ns;       /**< end of its last request, or of its last lease */
     uint64_t request_ns;     /**< end of its last request, or its beginning */
-    uint64_t moved_ns;       /**< when it last took bytes, or had none to take */
+    uint64_t moved_ns;       /**< when it last accepted bytes, or had none to accept */
     size_t in_bytes;
     char in[FSN_LINE_BYTES + 2];
     struct fsn_job *job; /**< its request in progress; the following lines wait */
@@ -50,19 +50,19 @@ struct fsn_client {
     bool begun;      /**< it is in the cycle; else its lease runs */
 };
 
-/** Appends bytes for a client; it is to be dropped when it has left too much unread. */
+/** Appends bytes for a client; it is dropped when it has left too many unread. */
 void fsn_client_put(struct fsn_client *client, const char *bytes, size_t len_bytes);
 
 /** The same for one long answer, which does not count as left unread. */
 void fsn_client_put_long(struct fsn_client *client, const char *bytes, size_t len_bytes);
 
-/** Sends descriptors with what is put next, and closes them here when they are gone. */
+/** Sends descriptors with the next bytes, and closes them here once they are sent. */
 void fsn_client_pass(struct fsn_client *client, const int *fds, unsigned count);
 
 /** Closes descriptors that have not gone. */
 void fsn_client_close_passed(struct fsn_client *client);
 
-/** Writes what a client that is there takes without waiting. false: it has disconnected. */
+/** Writes the bytes that a connected client accepts without waiting. false: it has disconnected. */
 bool fsn_client_send(struct fsn_client *client, uint64_t now_ns);
 
 /** Drops a client: its outputs fall back. */
@@ -74,15 +74,15 @@ void fsn_client_put_peer(const struct fsn_client *client, struct fsn_json *json)
 /** In words: "client 3, pid 12 (fsoe-net), uid 1000 (anna)".   @return room. */
 const char *fsn_client_text(const struct fsn_client *client, char room[FSN_CLIENT_TEXT_BYTES]);
 
-/** What counts against the quota of its user. */
+/** Events that count against the quota of its user. */
 struct fsn_cause fsn_client_cause(const struct fsn_client *client, const char *what,
                                   fsn_status status);
 
-/** Reports what was counted against quotas and may be reported now.
- *  @param[in] now_ns  UINT64_MAX: all of it, for the program ends. */
+/** Reports events counted against quotas that may be reported now.
+ *  @param[in] now_ns  UINT64_MAX: all of them, at the end of the program. */
 void fsn_services_report_counted(struct fsn_services *services, uint64_t now_ns);
 
-/** Takes back what a client holds and reports it. */
+/** Releases the resources of a client and reports it. */
 void fsn_client_take_back(struct fsn_services *services, struct fsn_client *client,
                           const char *why);
 

@@ -1,5 +1,5 @@
-/** How many events a user may cause by what is refused: by the user that the kernel names, since a
- *  program opens as many connections as it likes. */
+/** Limit of events that a user may cause by refused requests: by the user from the kernel, since a
+ *  program may open any number of connections. */
 #ifndef FSN_CONTROL_QUOTA_H
 #define FSN_CONTROL_QUOTA_H
 
@@ -8,7 +8,7 @@
 
 enum {
     FSN_QUOTA_AT_ONCE = 10, /**< events of a user and kind without a pause */
-    FSN_QUOTA_S = 60,       /**< then one in so many seconds */
+    FSN_QUOTA_S = 60,       /**< then one in this many seconds */
     FSN_QUOTA_USERS = 32,   /**< with a quota of their own; all others share one */
 };
 
@@ -37,8 +37,8 @@ struct fsn_quotas {
 uint32_t fsn_quota_take(struct fsn_quotas *quotas, enum fsn_quota_kind kind,
                         const struct fsn_cause *cause, uint64_t now_ns);
 
-/** What was counted without an event and may have one now, one at a time.
- *  @param[in] now_ns  UINT64_MAX: all of it, for the program ends.
+/** Events that were only counted and may be reported now, one at a time.
+ *  @param[in] now_ns  UINT64_MAX: all of them, at the end of the program.
  *  @param[out] times  how often.   @return NULL: none. */
 const struct fsn_cause *fsn_quota_left(struct fsn_quotas *quotas, enum fsn_quota_kind kind,
                                        uint64_t now_ns, uint32_t *times);

@@ -38,7 +38,7 @@ static fsn_status check(struct fsn_request *request, uint32_t symbol) {
                              &request->refusal);
 }
 
-/** Of what a word with a * names, the outputs that a client may write. */
+/** Of the outputs that match a word with a *, those that a client may write. */
 static fsn_status choose(struct fsn_request *request, struct wanted *wanted) {
     const struct fsn_bus_view *view = &request->services->view;
     for (uint32_t i = 0; i < fsn_plan_symbol_count(view->plan); i++) {
@@ -164,7 +164,7 @@ static fsn_status begin(struct fsn_request *request) {
     return FSN_OK;
 }
 
-/** What the client needs to know, besides its descriptors. */
+/** Data for the client, besides its descriptors. */
 static void put_reply(struct fsn_request *request, const struct wanted *wanted) {
     fsn_json_put_u64(request->json, "layout", FSN_SHARED_LAYOUT);
     fsn_json_put_text(request->json, "plan_sha256", request->services->view.sha256);

@@ -18,7 +18,7 @@ struct fsn_request {
     unsigned fds;
 };
 
-/** Answers a request: writes into its `json`, or returns what fsn_request_refuse() did. */
+/** Answers a request: writes into its `json`, or returns the result of fsn_request_refuse(). */
 typedef fsn_status (*fsn_answer_fn)(struct fsn_request *request);
 
 /** Refuses a request; returns `status`. */

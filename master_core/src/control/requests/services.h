@@ -1,4 +1,4 @@
-/** What requests are answered from: the rooms below, put together once. */
+/** Modules that answer requests, put together once. */
 #ifndef FSN_CONTROL_SERVICES_H
 #define FSN_CONTROL_SERVICES_H
 
@@ -13,7 +13,7 @@ struct fsn_client;
 struct fsn_services {
     struct fsn_bus_view view;
     struct fsn_events events;
-    struct fsn_quotas quotas; /**< of events about what is refused */
+    struct fsn_quotas quotas; /**< of events about refusals */
     struct fsn_job_queue jobs;
     struct fsn_incidents *incidents; /**< NULL: none are kept */
     struct fsn_client *client;       /**< the places of all clients, taken and free */

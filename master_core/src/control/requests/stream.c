@@ -1,5 +1,5 @@
-/** Requests of cycles: a client gets every N-th cycle as a line, out of the recorder of the core.
- *  Nobody waits for a slow one: what it misses is counted. */
+/** Requests of cycles: a client gets every N-th cycle as a line, out of the recorder of the core. A
+ *  slow client is not waited for: missed cycles are counted. */
 #include "control/requests/stream.h"
 
 #include <stdlib.h>
@@ -14,7 +14,7 @@ enum {
     TURN_LINES = 32,           /**< lines for one client before the others have their turn */
     PENDING_BYTES = 256 << 10, /**< unread bytes of a client that gets no further lines for now */
     LINE_BYTES = 512 << 10,    /**< of one line */
-    NUMBER_BYTES = 28,         /**< of a value, with what stands around its name */
+    NUMBER_BYTES = 28,         /**< of a value, with the text around its name */
 };
 
 void fsn_stream_end(struct fsn_client *client) {
@@ -22,7 +22,7 @@ void fsn_stream_end(struct fsn_client *client) {
     client->stream = (struct fsn_stream){0};
 }
 
-/** Takes a cycle out of the recorder, for all clients that want the same one. */
+/** Takes a cycle out of the recorder, for all clients that request the same one. */
 static fsn_status take(struct fsn_bus_view *view, uint64_t number) {
     struct fsn_recorded *recorded = &view->recorded;
     if (recorded->cycle == number) {
@@ -86,7 +86,7 @@ static void put_line(struct fsn_services *services, struct fsn_client *client) {
     fsn_client_put(client, json->bytes, json->len_bytes);
 }
 
-/** Leaves out what lies before cycle `until`. */
+/** Leaves out the data before cycle `until`. */
 static void skip_to(struct fsn_stream *stream, uint64_t until) {
     if (until > stream->next) {
         const uint64_t count = (until - stream->next + stream->every - 1) / stream->every;
@@ -155,7 +155,7 @@ fsn_status fsn_request_mark(struct fsn_request *request, const char *word, uint8
                                  "no input or output begins with %.*s", (int)(len - 1), word);
 }
 
-/** Takes over what is marked, and proves that a line of it is not too long. */
+/** Accepts the marked symbols, and proves that a line of them is not too long. */
 static fsn_status collect(struct fsn_request *request, const uint8_t *marks, uint32_t all,
                           struct fsn_stream *stream) {
     size_t bytes = 0;

@@ -4,10 +4,10 @@
 
 #include "control/requests/client.h"
 
-/** Sends clients the cycles they watch, as far as they are over. */
+/** Sends clients the completed cycles that they watch. */
 void fsn_streams_serve(struct fsn_services *services);
 
-/** Ends what a client watches. */
+/** Ends the subscription of a client. */
 void fsn_stream_end(struct fsn_client *client);
 
 #endif

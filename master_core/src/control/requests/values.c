@@ -143,7 +143,7 @@ void fsn_request_report_taken(struct fsn_request *request, const struct fsn_want
     }
 }
 
-/** All or none: every value is read and allowed before the first is written. */
+/** All or none: every value is read and checked before the first is written. */
 fsn_status fsn_answer_set(struct fsn_request *request) {
     static struct fsn_wanted wanted[FSN_WORDS]; /* one thread, and too large for its stack */
     const uint64_t now_ns = fsn_now_ns();

@@ -131,7 +131,7 @@ static void put_client(const struct fsn_control *control, uint32_t number, struc
     fsn_json_put_u64(json, "client", number);
 }
 
-/** Reports what became of a request to write into a SubDevice. */
+/** Reports the result of a request to write into a SubDevice. */
 static void report_written(struct fsn_control *control, const struct fsn_job *job) {
     struct fsn_services *services = &control->services;
     const bool alias = job->kind == FSN_JOB_ALIAS;

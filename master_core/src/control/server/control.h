@@ -26,7 +26,7 @@ enum {
     FSN_CONTROL_ALLOWED = 16, /**< users and groups that may be allowed */
 };
 
-/** A user or group, and what it may request. */
+/** A user or group, and its role. */
 struct fsn_control_allowed {
     uint32_t id; /**< uid or gid */
     enum fsn_role role;
@@ -65,27 +65,28 @@ int fsn_control_listener(const struct fsn_control *control);
 fsn_status fsn_control_keep_incidents(struct fsn_control *control, const char *folder,
                                       struct fsn_refusal *refusal);
 
-/** Writes no further file once those in the folder, of all runs, have so many bytes; nothing is
- * ever deleted. FSN_INCIDENTS_BYTES until this is called, after fsn_control_keep_incidents(). */
+/** Limit in bytes for the incident files in the folder, of all runs; no further file is written
+ *  then, and none is ever deleted. FSN_INCIDENTS_BYTES until this is called, after
+ *  fsn_control_keep_incidents(). */
 void fsn_control_limit_incidents(struct fsn_control *control, uint64_t most_bytes);
 
-/** The bus did not open: that is an incident as well.
+/** The bus did not open: this is also an incident.
  *  @param[in] text   for people.
  *  @param[in] fault  the same in numbers.
- *  @param[in] seen  what was found of each SubDevice of the plan; NULL: nothing. */
+ *  @param[in] seen  the device found for each SubDevice of the plan; NULL: none. */
 void fsn_control_bus_failed(struct fsn_control *control, const char *text,
                             const struct fsn_fault *fault, const struct fsn_bus_subdevice *seen);
 
-/** There is a core now (NULL: none any more). Until the next call with NULL it is polled. */
+/** There is a core now (NULL: no longer). Until the next call with NULL it is polled. */
 void fsn_control_attach(struct fsn_control *control, struct fsn_core *core);
 
 /** Every output takes its stop value and is closed, until the next attach. */
 void fsn_control_close_outputs(struct fsn_control *control);
 
-/** Says what to wait for: at most FSN_CONTROL_FDS descriptors, and for how long. */
+/** Returns the descriptors to wait for, at most FSN_CONTROL_FDS, and the longest wait. */
 size_t fsn_control_prepare(struct fsn_control *control, struct pollfd *fds, uint64_t *wait_ns);
 
-/** Serves what poll() found, polls the bus, takes back what silent clients hold. */
+/** Serves the results of poll(), polls the bus, takes outputs back from silent clients. */
 void fsn_control_serve(struct fsn_control *control, const struct pollfd *fds, size_t count);
 
 /** A job is done: answers, and frees it. */
@@ -102,10 +103,10 @@ void fsn_control_interventions_changed(struct fsn_control *control, enum fsn_log
 /** Whether a connection has had other parameters than the plan since the program began. */
 bool fsn_control_differed(const struct fsn_control *control);
 
-/** Writes what is still to be written to the clients, for at most `wait_ms`. */
+/** Writes the remaining bytes to the clients, for at most `wait_ms`. */
 void fsn_control_flush(struct fsn_control *control, int wait_ms);
 
-/** What a user with these ids may request: the highest role of the user and of its groups. */
+/** Role of a user with these ids: the highest role of the user and of its groups. */
 enum fsn_role fsn_control_role(const struct fsn_control_access *access, uid_t user,
                                const gid_t *groups, size_t count);
 

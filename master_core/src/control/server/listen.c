@@ -14,7 +14,7 @@ static fsn_status system_refuses(struct fsn_refusal *refusal, const char *what, 
                            what, path, strerror(errno));
 }
 
-/** Makes way for a new socket at `path`: nothing there, or what a dead process left. */
+/** Makes way for a new socket at `path`: no file, or the socket of an ended process. */
 static fsn_status make_way(const struct sockaddr_un *address, struct fsn_refusal *refusal) {
     struct stat found;
     if (lstat(address->sun_path, &found) != 0) {

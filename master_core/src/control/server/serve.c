@@ -1,4 +1,4 @@
-/** Turns of the server: new clients, their lines, what goes out. */
+/** Turns of the server: new clients, their lines, outgoing bytes. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -16,8 +16,8 @@ enum {
     OBSERVER_LINES = 2,    /**< the same of an observer */
     OBSERVERS_NS = 500000, /**< of a turn, for the requests of all observers */
     TURN_LINES = 16,       /**< requests of one client before the others have their turn */
-    STALL_MS = 5000,       /**< a client that reads nothing for so long is dropped */
-    IDLE_MS = 5000,        /**< one that does nothing for so long makes room for another */
+    STALL_MS = 5000,       /**< a client that reads nothing for this time is dropped */
+    IDLE_MS = 5000,        /**< a client without activity for this time makes room for another */
 };
 
 /** Answers the whole lines in the buffer, a few at a time. */
@@ -86,14 +86,14 @@ static void turn_away(int fd, const char *text) {
     close(fd);
 }
 
-/** What lies at a client and was not read yet: requests, its end. */
+/** Unread data of a client: requests, its end. */
 static short unread(const struct fsn_client *client) {
     struct pollfd there = {.fd = client->fd, .events = POLLIN};
     return client->fd >= 0 && poll(&there, 1, 0) > 0 ? there.revents : 0;
 }
 
-/** Whether all places are taken, one of them by a client that has gone: the next turn reads what it
- *  has left, and frees it. */
+/** Whether all places are taken, one of them by a client that has gone: the next turn reads its
+ *  remaining data, and frees it. */
 static bool is_place_coming(const struct fsn_control *control) {
     bool gone = false;
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
@@ -112,7 +112,7 @@ static bool is_idle(const struct fsn_control *control, const struct fsn_client *
            !fsn_outputs_has(control->services.view.outputs, client->number) && unread(client) == 0;
 }
 
-/** The client that has been idle longest, at least for so long; NULL: none. */
+/** The client that has been idle longest, for at least this time; NULL: none. */
 static struct fsn_client *idlest(struct fsn_control *control, uint64_t now_ns, uint64_t least_ns) {
     struct fsn_client *found = NULL;
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
@@ -135,8 +135,8 @@ static size_t places_of(const struct fsn_control *control, uid_t uid) {
     return count;
 }
 
-/** The newest observer of the user with most of the shared places, where that are two more than the
- *  user `uid` has; NULL: none. So one user cannot hold all of them against others. */
+/** The newest observer of the user with most of the shared places, if that user has two more than
+ *  the user `uid`; NULL: none. So one user cannot hold all of them against others. */
 static struct fsn_client *surplus(struct fsn_control *control, uid_t uid) {
     struct fsn_client *found = NULL;
     size_t most = places_of(control, uid) + 1;
@@ -209,7 +209,7 @@ static void report_turned_away(struct fsn_control *control, pid_t pid, uid_t uid
 
 /** Role of the peer process, from its credentials in the kernel; and its user. */
 static enum fsn_role read_role(const struct fsn_control *control, int fd, struct ucred *peer) {
-    enum { GROUPS = 256 }; /* more than anybody has: then only its own counts */
+    enum { GROUPS = 256 }; /* more than any user has: then only its own count matters */
     gid_t group[1 + GROUPS];
     socklen_t size = sizeof *peer, group_bytes = GROUPS * sizeof *group;
     if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, peer, &size) != 0) {
@@ -341,9 +341,9 @@ static void serve_clients(struct fsn_control *control, const struct pollfd *fds,
     }
 }
 
-/** Of a client in the cycle the cycles are counted. Another one was silent when nothing of it lay
- * there at the last poll: however long this thread was held up since, what came meanwhile is not
- * read yet. */
+/** For a client in the cycle the cycles are counted. Any other client was silent if it had no
+ *  unread data at the last poll: however long this thread was delayed since, data that came
+ *  meanwhile is not read yet. */
 static bool is_silent(const struct fsn_control *control, const struct fsn_client *client) {
     const uint64_t lease_ns = client->lease_ms * UINT64_C(1000000);
     return client->lease_ms != 0 && !client->more && client->job == NULL && !client->begun &&
@@ -351,7 +351,7 @@ static bool is_silent(const struct fsn_control *control, const struct fsn_client
            control->polled_ns - client->heard_ns > lease_ns;
 }
 
-/** Writes what a client takes without waiting. */
+/** Writes the bytes that a client accepts without waiting. */
 static void send_some(struct fsn_control *control, struct fsn_client *client, uint64_t now_ns) {
     if (!fsn_client_send(client, now_ns)) {
         fsn_client_drop(&control->services, client, "disconnected");

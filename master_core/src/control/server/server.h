@@ -13,7 +13,7 @@ struct fsn_control {
     struct fsn_changes changes;
     const struct fsn_control_access *access;
     struct fsn_client client[FSN_CONTROL_CLIENTS];
-    uint64_t polled_ns; /**< what was sent before then has been read, when clients are served */
+    uint64_t polled_ns; /**< data sent before this time has been read when clients are served */
     uint32_t last_number;
     uint64_t
         turned_away_due_ns; /**< of fsn_pace_allows(): events about users that may not connect */
@@ -21,7 +21,7 @@ struct fsn_control {
     size_t first_observer;  /**< whose turn it is */
     int listener;           /**< -1: none */
     char path[108];         /**< as long as the system allows */
-    dev_t device;           /**< of the socket's file, to remove none but our own */
+    dev_t device;           /**< of the socket's file, to remove only our own */
     ino_t inode;
 };
 

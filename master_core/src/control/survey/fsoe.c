@@ -1,4 +1,4 @@
-/** What a SubDevice reports of its FSoE addresses and connections. */
+/** FSoE addresses and connections that a SubDevice reports. */
 #include "control/survey/member.h"
 #include "live/fsoe_objects.h"
 #include "plan/plan_internal.h"
@@ -21,7 +21,7 @@ struct found_connection {
     uint8_t side;
 };
 
-/** What a SubDevice reports. */
+/** Data that a SubDevice reports. */
 struct found {
     bool has_addresses;
     uint16_t address[MOST_ADDRESSES];

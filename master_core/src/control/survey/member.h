@@ -1,4 +1,4 @@
-/** One SubDevice being surveyed, and what reads its parts. */
+/** One SubDevice being surveyed, and the readers of its parts. */
 #ifndef FSN_CONTROL_SURVEY_MEMBER_H
 #define FSN_CONTROL_SURVEY_MEMBER_H
 

@@ -29,7 +29,7 @@ static bool goes_on(struct fsn_surveyed *of) {
     return !of->stopped;
 }
 
-/** Reads an object; what goes wrong beyond an abort ends the reading of objects. */
+/** Reads an object; any failure other than an abort ends the reading of objects. */
 static bool upload(struct fsn_surveyed *of, struct fsn_transfer *transfer) {
     const struct fsn_survey *s = of->survey;
     if (!of->coe || !goes_on(of)) {
@@ -102,7 +102,8 @@ static void read_sii(struct fsn_surveyed *of, uint8_t *room) {
 
 static void put_identity(struct fsn_surveyed *of, struct fsn_json *json) {
     const struct fsn_bus_member *m = &of->member;
-    const uint8_t *sii = of->sii.bytes; /* read with care; what the bus could not read is 0 */
+    const uint8_t *sii = of->sii.bytes; /* read with care; values that the bus could not read are 0
+                                         */
     const uint32_t vendor = sii != NULL ? fsn_get32(sii + VENDOR) : m->vendor_id;
     const uint32_t product = sii != NULL ? fsn_get32(sii + VENDOR + 4) : m->product_code;
     if (vendor != 0 && product != 0) {

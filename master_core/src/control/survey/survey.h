@@ -1,4 +1,4 @@
-/** What stands on the bus, as one JSON document: for `fsn-master --scan` and the request `scan`. */
+/** SubDevices on the bus, as one JSON document: for `fsn-master --scan` and the request `scan`. */
 #ifndef FSN_CONTROL_SURVEY_H
 #define FSN_CONTROL_SURVEY_H
 
@@ -25,8 +25,8 @@ struct fsn_survey {
  *  Context: the acyclic thread of the bus; takes seconds. */
 fsn_status fsn_survey_write(const struct fsn_survey *survey, struct fsn_json *json);
 
-/** Writes an array: what each planned SubDevice that answers reports of its FSoE addresses and
- *  connections. Returns and context as above. */
+/** Writes an array: FSoE addresses and connections that each planned SubDevice with an answer
+ *  reports. Returns and context as above. */
 fsn_status fsn_survey_planned_fsoe(const struct fsn_survey *survey, struct fsn_json *json);
 
 #endif
