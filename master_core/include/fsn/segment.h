@@ -280,9 +280,9 @@ FSN_API bool fsn_segment_test_rig(void);
  *  @retval FSN_E_ARG      not a virtual interface.
  *  @retval FSN_E_STATE    linked already.
  *  @retval FSN_E_SYS      a system call failed: ENODEV without such an interface, EADDRINUSE when
- *                        another segment answers on it, EMSGSIZE for an MTU below 1500; EPERM for a
- *                        missing CAP_NET_RAW, or CAP_SYS_NICE for the priority; EINVAL for a
- *                        priority or CPU that does not exist.
+ *                         another segment answers on it, EMSGSIZE for an MTU below 1500; EPERM for
+ *                         a missing CAP_NET_RAW, or CAP_SYS_NICE for the priority; EINVAL for
+ *                         a priority or CPU that does not exist.
  *  Context: set-up. */
 FSN_API FSN_MUST_USE fsn_status fsn_segment_link(struct fsn_segment *segment,
                                                  const struct fsn_segment_link_options *options,

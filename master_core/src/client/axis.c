@@ -1,7 +1,7 @@
 /** An axis by CiA 402 in its cycle: the drive's states, its commands, and targets that never jump.
  *
- *  Each step answers three questions in this order: what has become of the drive (watch), which
- *  targets it gets (targets), which controlword brings it where it was requested (command). */
+ *  Each step answers three questions in this order: the state of the drive (watch), its targets
+ *  (targets), and the controlword that leads to the requested state (command). */
 #include <stddef.h>
 
 #include "client/axis_own.h"
@@ -10,7 +10,8 @@ enum {
     NS_PER_MS = 1000000,
     DEFAULT_ANSWER_MS = 3000,
     SETTLE_MS = 100, /**< then bits of an earlier homing are those of this one */
-    LOW_MS = 10,     /**< bit 7 is 0 so long before it rises: drives look at it in their own time */
+    LOW_MS = 10,     /**< bit 7 is 0 for this time before it rises: drives sample it at their own
+                      * rate */
 };
 
 /** Controlword: the commands, and bits of the modes (IEC 61800-7-201, table of commands). */
@@ -68,7 +69,7 @@ static bool is_over(const struct fsn_axis *axis, uint64_t since_ns, uint64_t tim
     return axis->inputs.now_ns > since_ns && axis->inputs.now_ns - since_ns > time_ns;
 }
 
-/* -- what has become of the drive -------------------------------------------------------------- */
+/* -- state of the drive ------------------------------------------------------------------------ */
 
 /** The drive is no longer where it was requested: nothing brings it back but the program. */
 static void lose(struct fsn_axis *axis, enum fsn_axis_phase phase) {
@@ -199,7 +200,7 @@ static void watch(struct fsn_axis *axis) {
     }
 }
 
-/* -- what it is commanded ---------------------------------------------------------------------- */
+/* -- its command ------------------------------------------------------------------------------- */
 
 /** A rising edge that the drive cannot miss. */
 static uint16_t reset_bit(struct fsn_axis *axis) {
@@ -304,7 +305,7 @@ static void follow_job(struct fsn_axis *axis) {
 
 /* -- targets ----------------------------------------------------------------------------------- */
 
-/** Where the drive is or was commanded: of the targets only that of the mode moves. */
+/** Actual or commanded state of the drive: only the target of its mode may move. */
 static int32_t target_position(const struct fsn_axis *axis, bool was_enabled) {
     const struct fsn_axis_own *own = &axis->own;
     const int8_t mode = axis->outputs.mode;

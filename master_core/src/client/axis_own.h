@@ -1,10 +1,10 @@
-/** What the two files of an axis share: requests on one side, the step on the other. */
+/** Data shared by the two files of an axis: requests on one side, the step on the other. */
 #ifndef FSN_AXIS_OWN_H
 #define FSN_AXIS_OWN_H
 
 #include "fsn/axis.h"
 
-/** What the program requests. */
+/** Requests of the program. */
 enum goal { GOAL_OFF, GOAL_ON, GOAL_QUICK_STOP };
 
 /** Statusword in addition to the state. */
@@ -25,7 +25,7 @@ static inline bool fsn_axis_mode_is_confirmed(const struct fsn_axis *axis) {
     return axis->inputs.mode == axis->outputs.mode;
 }
 
-/** Bits that are 1 while the drive does as it is commanded, as far as it has shown them so. */
+/** Bits that are 1 while the drive follows its command, if it has shown them so. */
 static inline uint16_t fsn_axis_watched_bits(const struct fsn_axis *axis) {
     const bool follows =
         fsn_axis_is_cyclic(axis->outputs.mode) && fsn_axis_mode_is_confirmed(axis) && !axis->halted;

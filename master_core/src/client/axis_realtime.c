@@ -27,7 +27,7 @@ static const struct object objects[] = {
     OBJECT(0x60FF, 32, true, target_velocity),  OBJECT(0x6071, 16, true, target_torque),
 };
 
-/** What is looked for, and who is answered. */
+/** The object to find, and the fault to fill. */
 struct search {
     const struct fsn_realtime *realtime;
     const struct fsn_axis_options *options;

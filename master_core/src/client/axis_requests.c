@@ -1,4 +1,4 @@
-/** What a program requests of an axis, and what it is refused. */
+/** Requests of a program to an axis, and their refusals. */
 #include <stddef.h>
 
 #include "client/axis_own.h"
@@ -58,7 +58,7 @@ fsn_status fsn_axis_enable(struct fsn_axis *axis) {
     return FSN_OK;
 }
 
-/** Ends what the program requested; a reason why the axis stands stays until it is looked at. */
+/** Ends the request of the program; the cause of a stop stays until it is checked. */
 static void leave(struct fsn_axis *axis, uint8_t goal) {
     axis->own.goal = goal;
     axis->own.started = true;

@@ -1,4 +1,4 @@
-/** The client in the cycle: connecting, and what it reads and writes in shared memory. */
+/** The real-time client: connecting, and its reads and writes in shared memory. */
 #define _GNU_SOURCE
 
 #include "fsn/client.h"
@@ -32,7 +32,7 @@ struct fsn_realtime {
     uint8_t *image;
     uint64_t *values; /**< of the outputs */
     uint32_t *slot;   /**< per symbol: its place in `values` + 1; 0: not ours */
-    uint32_t taken;   /**< number of the last picture */
+    uint32_t taken;   /**< number of the last snapshot */
     struct fsn_shared_cycle cycle;
 };
 
@@ -277,7 +277,7 @@ static fsn_status request(const struct fsn_realtime_options *options, int fd, st
     return ask(options, fd, line, used, answer, fault);
 }
 
-/** Maps what came with an answer, and closes its descriptors. */
+/** Maps the files of an answer, and closes its descriptors. */
 static bool take_memory(struct fsn_realtime *realtime, struct answer *answer, bool writes) {
     const bool taken = answer->fds == (writes ? 2u : 1u) && take_inputs(realtime, answer->fd[0]) &&
                        (!writes || take_outputs(realtime, answer->fd[1]));
@@ -395,7 +395,7 @@ int32_t fsn_realtime_output(const struct fsn_realtime *realtime, const char *nam
     return find(realtime, name, true);
 }
 
-/** NULL: there is none of this number. */
+/** NULL: no such number. */
 static const struct fsn_shared_symbol *symbol_of(const struct fsn_realtime *realtime,
                                                  int32_t number) {
     return number >= 0 && (uint32_t)number < realtime->inputs->symbol_count
@@ -405,7 +405,7 @@ static const struct fsn_shared_symbol *symbol_of(const struct fsn_realtime *real
 
 /* -- cycles --------------------------------------------------------------------------------- */
 
-/** Takes the newest picture; false when the master has begun to overwrite it meanwhile. */
+/** Takes the newest snapshot; false if the master has begun to overwrite it meanwhile. */
 static bool take(struct fsn_realtime *realtime, uint32_t whole) {
     const struct fsn_shared_inputs *inputs = realtime->inputs;
     const _Atomic uint64_t *words = (const void *)((const uint8_t *)inputs + inputs->pictures_at);
@@ -413,7 +413,7 @@ static bool take(struct fsn_realtime *realtime, uint32_t whole) {
     words = fsn_words_take(words + (whole % FSN_SHARED_PICTURES) * inputs->picture_words, &cycle,
                            sizeof cycle);
     fsn_words_take(words, realtime->image, inputs->image_bytes);
-    /* The loads above may not sink below this look at what was begun. */
+    /* The loads above must not be reordered after this check for a new write. */
     atomic_thread_fence(memory_order_acquire);
     if (atomic_load_explicit(&inputs->shown.begun, memory_order_relaxed) - whole >=
         FSN_SHARED_PICTURES) {

@@ -16,7 +16,7 @@ struct by_place {
     const char *name;
 };
 
-/** What the sections share: the tables, the hash that runs, canonical numbers. */
+/** Common data of the sections: the tables, the running hash, canonical numbers. */
 struct text {
     const struct fsn_plan *plan;
     struct fsn_sha256_run run;
@@ -37,7 +37,7 @@ __attribute__((format(printf, 2, 3))) static void put(struct text *text, const c
     } /* GCOVR_EXCL_BR_STOP */
 }
 
-/** A string of the plan as one word: visible ASCII but '%' as it is, all else as %XX. */
+/** A string of the plan as one word: visible ASCII except '%' unchanged, all else as %XX. */
 static void put_word(struct text *text, uint32_t offset) {
     const uint8_t *at = text->plan->bytes + text->plan->offset[FSN_SEC_STRINGS] + offset;
     for (; *at != 0; at++) {
@@ -163,7 +163,7 @@ static void copies(struct text *text) {
     }
 }
 
-/** Puts a number that the plan may not know. */
+/** Puts a number that may be missing in the plan. */
 static void put_stated(struct text *text, const char *key, unsigned value, bool known) {
     if (known) {
         put(text, " %s=%u", key, value);

@@ -22,7 +22,7 @@ static bool holds(const struct range *range, uint32_t number) {
     return number >= range->first && number - range->first < range->count;
 }
 
-/** What belongs to the SubDevices: ranges tile, as the loader has proved. */
+/** Records of the SubDevices: ranges tile, as the loader has proved. */
 static void find_ranges(struct part *part) {
     const struct fsn_plan *from = part->from;
     for (uint32_t n = 0; n < part->subdevices.count; n++) {

@@ -26,8 +26,8 @@ enum fsn_section {
 };
 
 struct fsn_plan {
-    /** Caller, buses and cores that use it: the last one to let go frees it, so that they may be
-     *  freed in any order. */
+    /** References of caller, buses and cores: the last one frees it, so that they may be freed in
+     *  any order. */
     atomic_uint holders;
     uint8_t *bytes;
     uint32_t len_bytes;
@@ -101,7 +101,7 @@ FSN_KNOWN(connection)
 FSN_KNOWN(group)
 #undef FSN_KNOWN
 
-/** What a plan states of the parameters of a connection. */
+/** Planned parameters of a connection. */
 static inline struct fsn_parameters fsn_planned_parameters(const struct fsn_connection_info *info) {
     return (struct fsn_parameters){.known = info->known,
                                    .connection_id = info->connection_id,
@@ -124,7 +124,7 @@ static inline uint32_t fsn_sm_entries(const struct fsn_plan *plan, uint32_t sm, 
     return fsn_read_pdo(plan, r.first_pdo).first_entry;
 }
 
-/** The bytes of a start-up SDO's value, as they are sent. */
+/** The bytes of a start-up SDO's value, as sent. */
 static inline const uint8_t *fsn_sdo_value(const struct fsn_plan *plan, uint32_t number) {
     return fsn_record(plan, FSN_SEC_SDO, number) + FSN_AT(sdo, value);
 }
@@ -133,7 +133,7 @@ static inline uint32_t fsn_sm_bytes(const struct fsn_plan *plan, uint32_t sm) {
     return (fsn_read_sm(plan, sm).bits + 7) / 8;
 }
 
-/** What a rule needs to refuse a record. */
+/** Data that a rule needs to refuse a record. */
 struct fsn_at {
     const struct fsn_plan *plan;
     struct fsn_fault *fault;
@@ -197,14 +197,14 @@ uint8_t fsn_eeprom_checksum(const uint8_t bytes[14]);
  *  is. */
 bool fsn_plan_is_first_choice(const struct fsn_plan *plan, uint32_t subdevice);
 
-/** Takes a further hold of a plan; fsn_plan_free() lets go. */
+/** Takes another reference to a plan; fsn_plan_free() releases it. */
 void fsn_plan_hold(const struct fsn_plan *plan);
 
 /** Fills a fault (may be NULL) and returns its status; `rule` NULL means the status text. */
 fsn_status fsn_refuse(struct fsn_fault *fault, fsn_status status, uint32_t section, uint32_t record,
                       uint32_t byte, const char *rule);
 
-/** The same for what concerns no record. */
+/** The same for faults without a record. */
 static inline fsn_status fsn_refuse_all(struct fsn_fault *fault, fsn_status status,
                                         const char *rule) {
     return fsn_refuse(fault, status, 0, FSN_FAULT_NO_RECORD, 0, rule);

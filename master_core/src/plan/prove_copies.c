@@ -107,7 +107,7 @@ static bool is_stop_value_ok(const struct fsn_symbol_record *symbol) {
     return value == 0 || (!closed && (symbol->bits == 64 || value >> symbol->bits == 0));
 }
 
-/** Finite, by its bits: what is read here is not believed to be a number. */
+/** Finite, by its bits: the bytes read here may not be a number. */
 static bool is_scale_ok(const struct fsn_symbol_record *symbol) {
     return (symbol->factor << 1) != 0 && ((symbol->factor >> 52) & 0x7FFu) != 0x7FFu &&
            ((symbol->offset >> 52) & 0x7FFu) != 0x7FFu;
@@ -176,7 +176,7 @@ static struct end destination_of(const struct fsn_copy_record *copy) {
                         FSN_AT(copy, destination_bit)};
 }
 
-/** A registered SM of the right direction, whole bytes inside it. */
+/** A registered SM of the correct direction, whole bytes inside it. */
 static fsn_status prove_end(const struct fsn_at *at, const struct end end, uint8_t direction,
                             uint32_t bits) {
     if (end.sm >= at->plan->count[FSN_SEC_SM]) {
@@ -274,7 +274,7 @@ static fsn_status prove_copies(const struct fsn_plan *plan, struct fsn_fault *fa
     return FSN_OK;
 }
 
-/** One direction of a connection: an FSoE copy of its own, between the right SubDevices.
+/** One direction of a connection: an FSoE copy of its own, between the correct SubDevices.
  *  @param[in] field  first byte of the field with the number of the copy. */
 static fsn_status prove_direction(const struct fsn_at *at, uint32_t field, uint32_t number,
                                   uint32_t from, uint32_t to, uint32_t safe_bytes) {

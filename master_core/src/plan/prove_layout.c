@@ -1,5 +1,5 @@
-/** The proofs of docs/reference/plan-format.md, “What a reader proves again”, first half: what the
- *  SubDevices look like. Section by section; a later one relies on what the earlier have shown. */
+/** The proofs of docs/reference/plan-format.md, “What a reader proves again”, first half: the
+ *  SubDevices. Section by section; a later one relies on the proofs of the earlier ones. */
 #include "plan/plan_internal.h"
 
 fsn_status fsn_refuse_at(const struct fsn_at *at, fsn_status status, uint32_t field,

@@ -122,8 +122,8 @@ static uint32_t length_by_blocks(const uint8_t *frame, uint32_t room) {
     return 3 + 4 * blocks;
 }
 
-/** Whether the length taken for a place was wrong: blocks beyond it fitted each other by chance, or
- *  its first frame was damaged and now more blocks fit in every frame. */
+/** Whether the assumed length of a place was wrong: blocks beyond it fitted each other by chance,
+ *  or its first frame was damaged and now more blocks fit in every frame. */
 static bool is_other_length(struct candidate *c, uint32_t size_bytes) {
     c->against = (uint8_t)(size_bytes > c->size_bytes ? c->against + 1 : 0);
     return size_bytes < c->size_bytes || c->against >= PATIENCE;
@@ -261,7 +261,7 @@ void scan_process_data(struct fsn_scan *scan, struct run *run) {
         if (w->strikes[p] < GIVEN_UP) {
             check_place(scan, w, p, data);
         } else if (is_command[data[p]] != 0) {
-            w->strikes[p]--; /* what was given up may be used otherwise now */
+            w->strikes[p]--; /* a place that was given up may be used otherwise now */
         } else {
             strike(w, p, data[p] != 0);
         }

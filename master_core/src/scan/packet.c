@@ -1,5 +1,5 @@
-/** Captured Ethernet frames taken apart down to process data. Every length is the capture's, so
- * none is believed. */
+/** Parses captured Ethernet frames down to process data. Every length comes from the capture, so
+ *  none is trusted. */
 #include "scan/scan.h"
 
 #include <stdlib.h>
@@ -14,7 +14,8 @@ enum {
     MAC_BYTES = 12,
     DATAGRAM_HEAD_BYTES = 10,
     WKC_BYTES = 2,
-    PROCESS_DATA_START = 0x1000, /**< below lie the registers of the SubDevice controller */
+    PROCESS_DATA_START = 0x1000, /**< lower addresses are the registers of the SubDevice controller
+                                  */
 };
 
 enum { CMD_APRD = 1, CMD_FPRW = 6, CMD_BRD = 7, CMD_LRD = 10, CMD_LRW = 12 };
@@ -142,7 +143,7 @@ uint32_t fsn_scan_packet(struct fsn_scan *scan, uint32_t bus, const uint8_t *byt
     const unsigned head = little16(bytes + start);
     const size_t said = head & 0x07FF;
     const size_t left = len_bytes - start - 2;
-    /* Where the capture has cut a packet, its whole datagrams are still good. */
+    /* If the capture has cut a packet, its whole datagrams are still valid. */
     if (head >> 12 == 1 && !walk(scan, bytes + start + 2, said < left ? said : left)) {
         scan->counts.malformed++;
     }

@@ -11,7 +11,7 @@ enum {
     LEAST_COPIES = 3, /**< frames equal to those of a known place, to be taken for a copy of it */
 };
 
-/** What two places have shown, merged by time. */
+/** Frames of two places, merged by time. */
 struct merged {
     const struct candidate *end[2]; /**< enum fsn_way */
     uint32_t left[2];
@@ -63,7 +63,7 @@ static bool is_chain(const struct candidate *main, const struct candidate *sub,
     return right[0] >= LEAST_RIGHT && right[1] >= LEAST_RIGHT;
 }
 
-/** Whether a place has shown a Session frame that begins a chain: only a main sends such. */
+/** Whether a place has shown a Session frame that begins a chain: only a main sends these. */
 static bool began_session(const struct candidate *c) {
     for (uint32_t back = 0; back < scan_remembered(c); back++) {
         const uint8_t *frame = scan_shown(c, back)->bytes;
@@ -256,8 +256,8 @@ const struct candidate *scan_original(const struct fsn_scan *scan, const struct 
     return NULL;
 }
 
-/** Whether a place shows what a known place of a connection shows. Frames outside of a chain do not
- *  count: every connection of this size has the same Resets. */
+/** Whether a place shows the same frames as a known place of a connection. Frames outside of a
+ *  chain do not count: every connection of this size has the same Resets. */
 static bool is_copy_of(const struct candidate *c, const struct candidate *known) {
     if (known->size_bytes != c->size_bytes) {
         return false;
@@ -274,7 +274,7 @@ static void set_free(struct candidate *c) {
     c->connection = NONE;
     c->copy = false;
     c->against = 0;
-    c->count = 0; /* what it has shown belongs to the past */
+    c->count = 0; /* its frames so far are outdated */
     c->next_try = 0;
     c->connection_id = 0;
 }
@@ -370,7 +370,7 @@ void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
             }
         }
     }
-    c->next_try = c->count + 1 + c->count / 4; /* rarely, for what will never fit */
+    c->next_try = c->count + 1 + c->count / 4; /* rarely, for places that never fit */
 }
 
 static void swap_ways(struct fsn_monitor *monitor) {

@@ -12,11 +12,11 @@ enum {
     STRIKE = 2,             /**< a value that is not a command counts this much, a command one back
                              */
     MOST_STRIKES = 8,
-    GIVEN_UP = 6,    /**< a place with so many is left alone */
-    PATIENCE = 3,    /**< frames in a row that speak against what is believed of a place */
+    GIVEN_UP = 6,    /**< a place with this many is ignored */
+    PATIENCE = 3,    /**< consecutive frames that contradict the assumption about a place */
     PAIR_TRIES = 32, /**< searches for another end per packet, and pairs tried */
     OWN_TRIES = 4,   /**< of these, pairs tried with one place */
-    SLOTS = 2,       /**< candidates per place: of the length its blocks say, and of 6 bytes */
+    SLOTS = 2,       /**< candidates per place: of the length of its blocks, and of 6 bytes */
     DEFERRED = 341,  /**< 6-byte frames that a packet has room for */
 };
 
@@ -39,8 +39,8 @@ struct candidate {
     uint32_t next_free;  /**< of an unused slot: the next one, plus 1 */
     uint32_t connection; /**< NONE: not known to be an end of any */
     uint8_t way;
-    uint8_t against; /**< frames in a row that speak against length, connection or copy */
-    bool copy;       /**< shows what another place of the connection shows */
+    uint8_t against; /**< consecutive frames that contradict length, connection or copy */
+    bool copy;       /**< repeats another place of the connection */
     bool used;
 };
 
@@ -59,8 +59,8 @@ struct window {
 struct found {
     struct fsn_scan_connection info;
     struct fsn_monitor monitor;
-    /** While the chain is not known: what the monitor would be if in packets with frames of both
-     *  ends that of the sub had come first. */
+    /** While the chain is not known: the state of the monitor if, in packets with frames of both
+     *  ends, that of the sub had come first. */
     struct fsn_monitor other;
     bool unsure;
 };
@@ -99,7 +99,7 @@ struct fsn_scan {
     uint32_t queue_head, queue_count, queue_slots;
 };
 
-/** Looks at the process data of a run; what has no answer stays as it was seen last. */
+/** Processes the process data of a run; data without an answer stays as last seen. */
 void scan_process_data(struct fsn_scan *scan, struct run *run);
 
 /** Follows the frames that waited for the end of the packet. */
@@ -111,8 +111,8 @@ const struct shown *scan_shown(const struct candidate *candidate, uint32_t back)
 /** How many frames a candidate remembers. */
 uint32_t scan_remembered(const struct candidate *candidate);
 
-/** A place shows no longer what its connection shows: it, or with it the connection, is set free to
- *  be found again. */
+/** A place no longer shows the frames of its connection: it, or the whole connection, is released
+ *  to be found again. */
 void scan_release(struct fsn_scan *scan, uint32_t candidate);
 
 /** Whether a place has shown a frame, lately. */
@@ -125,8 +125,8 @@ const struct candidate *scan_original(const struct fsn_scan *scan, const struct 
  *  packet. */
 void scan_follow(struct fsn_scan *scan, uint32_t candidate);
 
-/** Looks for the other end of a candidate that has shown a new frame; when it is found, both become
- *  a connection, and what they have shown so far is followed. */
+/** Searches for the other end of a candidate that has shown a new frame. When it is found, both
+ *  become a connection, and their frames so far are followed. */
 void scan_pair(struct fsn_scan *scan, uint32_t candidate);
 
 #endif

@@ -3,24 +3,24 @@
 
 enum {
     BILLION = 1000000000,
-    LOOP_NS = 1000000, /**< the control loop corrects at most as after so long */
+    LOOP_NS = 1000000, /**< the control loop corrects at most as after this time */
     MOST_PPB = 500000, /**< fastest correction of the rate */
     FILTER = 16,       /**< readings in the mean difference */
     FEATURES = 0x0008,
     FEATURE_CLOCK = 0x04, /**< a distributed clock */
     FEATURE_WIDE = 0x08,  /**< of 64 bits */
     SYNC_ACTIVE = 0x03,   /**< of REG_DC_ACTIVATION: cyclic operation, SYNC0 */
-    LATE_OF_64 = 48,      /**< so many of the last 64 output frames near a pulse: an error */
+    LATE_OF_64 = 48,      /**< with this many of the last 64 output frames near a pulse: an error */
 };
 
-/** Without the reference time for so long a device with SYNC0 gives up. */
+/** Without the reference time for this long a device with SYNC0 gives up. */
 static const uint64_t served_most_ns = BILLION;
 
 static int64_t bounded(int64_t value, int64_t most) {
     return value > most ? most : value < -most ? -most : value;
 }
 
-/** What a rate adds in a time; both may be large. */
+/** Drift of a rate over a time; both may be large. */
 static int64_t drifted(uint64_t time_ns, int64_t ppb) {
     return (int64_t)(time_ns / BILLION) * ppb + (int64_t)(time_ns % BILLION) * ppb / BILLION;
 }

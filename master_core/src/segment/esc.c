@@ -26,7 +26,7 @@ static const struct {
     uint16_t from, to; /**< first byte, and the first one after it */
     bool writable;
 } registers[] = {
-    {ESC_PROCESS_DATA, ESC_MEMORY_BYTES, true}, /* what every frame touches comes first */
+    {ESC_PROCESS_DATA, ESC_MEMORY_BYTES, true}, /* fields that every frame uses come first */
     {REG_DC_RECEIVE, REG_DC_END, true},
     {0x0000, 0x000A, false}, /* type, FMMUs, SMs, ports, features */
     {REG_STATION, 0x0012, true},

@@ -1,5 +1,5 @@
 /** One emulated EtherCAT SubDevice controller: registers, memory, FMMUs, sync managers, AL states,
- *  SII interface and mailbox. Knows neither plan nor link; time is given with every frame. */
+ *  SII interface and mailbox. Independent of plan and link; time is given with every frame. */
 #ifndef FSN_SEGMENT_ESC_H
 #define FSN_SEGMENT_ESC_H
 
@@ -78,8 +78,8 @@ enum {
     AL_CODE_NO_SYNC = 0x002D,
 };
 
-/** One sync manager with process data: what the device published, or what it shall read. The
- *  bytes on the bus side lie in the memory of the controller. */
+/** One sync manager with process data: published by the device, or to be read by it. The bytes on
+ *  the bus side are in the memory of the controller. */
 struct esc_buffer {
     uint8_t *device;     /**< newest whole set on the side of the device */
     uint32_t size_bytes; /**< 0: this sync manager carries no process data */
@@ -107,7 +107,7 @@ struct esc_identity {
     uint32_t numbers[3];
 };
 
-/** What a test makes a SubDevice do wrong; it outlives the power. */
+/** Faults that a test sets in a SubDevice; they outlive the power. */
 struct esc_faults {
     uint64_t al_delay_ns, mailbox_delay_ns;
     bool is_other; /**< from the next power-on it reports the other identity */
@@ -116,30 +116,30 @@ struct esc_faults {
     uint32_t abort_count;
 };
 
-/** A sync manager as its registers say; number counts from 0. */
+/** A sync manager as in its registers; number counts from 0. */
 struct esc_sm {
     uint16_t start, length;
     uint8_t number;
     bool mailbox, from_device; /**< from_device: the bus reads it */
 };
 
-/** An FMMU as its registers say. */
+/** An FMMU as in its registers. */
 struct esc_fmmu {
     uint32_t logical;
     uint16_t length, physical;
     uint8_t start_bit, end_bit, physical_bit;
     bool read, write, whole_bytes;
-    uint8_t inside; /**< 1 + place in esc.sms of the process data it lies in, one way; 0: ask */
+    uint8_t inside; /**< 1 + place in esc.sms of its process data, one way; 0: ask */
 };
 
-/** Its distributed clock: quartz, then what the control loop makes of it. */
+/** Its distributed clock: quartz, and the corrections of the control loop. */
 struct esc_clock {
     bool absent;           /**< there is none: those registers do not exist */
     bool deaf;             /**< the control loop corrects nothing */
     bool narrow;           /**< its times have 32 bits */
-    uint32_t forward_ns;   /**< a frame takes so long to the next controller */
+    uint32_t forward_ns;   /**< delay of a frame to the next controller */
     uint64_t offset_ns;    /**< the free-running clock starts somewhere */
-    int64_t drift_ppb;     /**< and runs so much faster than it should */
+    int64_t drift_ppb;     /**< rate error of a fast quartz */
     int64_t phase_ns;      /**< correction by the control loop at compared_ns */
     int64_t rate_ppb;      /**< by which it grows */
     int64_t difference_ns; /**< mean difference to the reference clock */
@@ -200,7 +200,7 @@ void esc_pass(struct esc *esc, struct datagram *datagram);
  *  @param[in] arrival_ns, return_ns  local time of the frame at port 0, and back from port 1. */
 void esc_latch_times(struct esc *esc, uint64_t arrival_ns, uint64_t return_ns);
 
-/** What happens between frames: watchdogs, mailbox answers, state transitions. */
+/** Events between frames: watchdogs, mailbox answers, state transitions. */
 void esc_idle(struct esc *esc, uint64_t now_ns);
 
 /** Adds to an error counter; it stays at 255. */
@@ -211,7 +211,7 @@ uint8_t esc_state(const struct esc *esc);
 
 /* Parts of the controller, one file each. */
 
-/** A request in AL control; what was requested and is due (al.c). */
+/** A request in AL control; the requested and due state (al.c). */
 void esc_al_control(struct esc *esc);
 void esc_al_decide(struct esc *esc);
 /** Falls back to SAFEOP with an error. */
@@ -235,7 +235,7 @@ void esc_clock_compare(struct esc *esc, const uint8_t *time, uint16_t size_bytes
 /** SYNC0 was switched on; outputs have come in. */
 void esc_clock_activate(struct esc *esc);
 void esc_clock_outputs(struct esc *esc);
-/** Time until the next pulse of SYNC0, nanoseconds; UINT64_MAX: it is off, or none ever comes. */
+/** Time until the next pulse of SYNC0, nanoseconds; UINT64_MAX: off, or no further pulse. */
 uint64_t esc_clock_until_pulse(const struct esc *esc);
 /** AL status code of a device whose SYNC0 cannot be used; 0: it can, or is off. */
 uint16_t esc_clock_fault(const struct esc *esc);

@@ -1,4 +1,4 @@
-/** What a test makes a segment do wrong, until it takes that back. */
+/** Faults that a test sets in a segment, until it clears them. */
 #include <string.h>
 
 #include "segment/segment_internal.h"

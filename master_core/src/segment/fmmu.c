@@ -85,7 +85,7 @@ static uint32_t bit_count(const struct esc_fmmu *f) {
     return 8u * f->length - f->start_bit - (7u - f->end_bit);
 }
 
-/** Bytes of memory they lie in; one access. */
+/** Bytes of memory of these bits; one access. */
 static uint32_t byte_count(const struct esc_fmmu *f) {
     return (f->physical_bit + bit_count(f) + 7) / 8;
 }
@@ -179,8 +179,7 @@ void esc_fmmu_pass(struct esc *esc, struct datagram *d) {
     if (logical > esc->fmmu_end || (uint64_t)logical + d->size_bytes <= esc->fmmu_begin) {
         return; /* nothing of it is mapped here */
     }
-    /* Writes first: inputs and outputs may lie at the same address, and what comes in is written.
-     */
+    /* Writes first: inputs and outputs may share an address, and the received bytes are written. */
     for (unsigned i = 0; i < esc->fmmu_count && wants_write; i++) {
         const struct esc_fmmu *f = &esc->fmmus[i];
         if (f->write && overlap(f, logical, d->size_bytes, &p)) {

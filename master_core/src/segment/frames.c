@@ -129,7 +129,7 @@ static bool is_lost(struct fsn_segment *s) {
     return false;
 }
 
-/** Whether a frame gets through at all; what does not is counted. */
+/** Whether a frame passes at all; a lost one is counted. */
 static bool is_taken(struct fsn_segment *s, uint32_t port, const uint8_t *frame, size_t len) {
     if (!is_ethercat(frame, len)) {
         s->counts.foreign++;

@@ -88,14 +88,14 @@ static void answer(struct fsn_segment *s) {
     }
 }
 
-/** Takes what comes in until a held frame is due; false when nothing came for a while. */
+/** Receives frames until a held frame is due; false if none came for a while. */
 static bool take_next(struct fsn_segment *s) {
     const uint64_t until_due = fsn_segment_wait(s, fsn_clock_ns(CLOCK_MONOTONIC));
     if (until_due >= WAIT_NS && s->sockets[1] < 0) {
         return take(s, 0, 0); /* one system call instead of two; the socket has a time-out */
     }
     struct pollfd ready[PORTS];
-    for (uint32_t port = 0; port < PORTS; port++) { /* poll() skips what is negative */
+    for (uint32_t port = 0; port < PORTS; port++) { /* poll() skips negative ones */
         ready[port] = (struct pollfd){.fd = s->sockets[port], .events = POLLIN};
     }
     const uint64_t wait_ns = until_due < WAIT_NS ? until_due : WAIT_NS;
@@ -104,7 +104,7 @@ static bool take_next(struct fsn_segment *s) {
         return false;
     }
     bool taken = false;
-    for (uint32_t port = 0; port < PORTS; port++) { /* an error, too: read once, it is gone */
+    for (uint32_t port = 0; port < PORTS; port++) { /* also an error: reading it once clears it */
         taken |= ready[port].revents != 0 && take(s, port, MSG_DONTWAIT);
     }
     return taken;
@@ -210,7 +210,8 @@ static int set_up_thread(pthread_attr_t *attributes, const struct fsn_segment_li
         const struct sched_param parameter = {.sched_priority = o->priority};
         (void)pthread_attr_setinheritsched(attributes, PTHREAD_EXPLICIT_SCHED);
         (void)pthread_attr_setschedpolicy(attributes, SCHED_FIFO);
-        error = pthread_attr_setschedparam(attributes, &parameter); /* only this one may be wrong */
+        error = pthread_attr_setschedparam(attributes, &parameter); /* only this field may be wrong
+                                                                     */
     }
     if (error == 0 && o->cpu != 0) {
         if ((unsigned)o->cpu > CPU_SETSIZE) { /* or below 0 */

@@ -1,4 +1,4 @@
-/** Mailbox of an emulated SubDevice: CoE, and an error for what it does not speak. */
+/** Mailbox of an emulated SubDevice: CoE, and an error for other protocols. */
 #include "segment/esc.h"
 
 #include <string.h>
@@ -64,7 +64,7 @@ static void abort_sdo(struct esc *esc, uint16_t index, uint8_t sub, uint32_t cod
     esc->transfer.active = false;
 }
 
-/** Collects what an upload reads: one value, or a whole object with sub-index 0 in 16 bits. */
+/** Collects the data of an upload: one value, or a whole object with sub-index 0 in 16 bits. */
 static bool collect(struct esc *esc, uint16_t index, uint8_t sub, bool complete) {
     struct transfer *t = &esc->transfer;
     t->size_bytes = 0;

@@ -1,4 +1,4 @@
-/** Object dictionary of an emulated SubDevice: what CoE reads and writes. */
+/** Object dictionary of an emulated SubDevice: objects that CoE reads and writes. */
 #ifndef FSN_SEGMENT_OBJECTS_H
 #define FSN_SEGMENT_OBJECTS_H
 
@@ -45,7 +45,7 @@ bool objects_has(const struct objects *objects, uint16_t index);
 
 uint8_t *objects_value(const struct objects *objects, const struct object *object);
 
-/** Puts all values back to what they are at power-on. */
+/** Resets all values to those at power-on. */
 void objects_reset(struct objects *objects);
 
 void objects_free(struct objects *objects);

@@ -1,4 +1,4 @@
-/** Building a segment from a plan, and what its devices see of it. */
+/** Builds a segment from a plan, with the data access of its devices. */
 #define _GNU_SOURCE
 
 #include <stdlib.h>
@@ -52,7 +52,7 @@ static bool allocate(struct fsn_segment *s) {
         return false;
     }
     s->count = place_subdevices(s);
-    const size_t cables = (size_t)s->count + 1; /* one more than SubDevices, and never none */
+    const size_t cables = (size_t)s->count + 1; /* one more than SubDevices, and never 0 */
     s->escs = calloc(cables, sizeof *s->escs);
     s->present = calloc(cables, sizeof *s->present);
     s->optional = calloc(cables, sizeof *s->optional);
@@ -86,7 +86,7 @@ static void give_buffers(struct fsn_segment *s) {
     }
 }
 
-/** Who holds it inherits the priority of who waits: the link may be a real-time thread. */
+/** The owner inherits the priority of waiting threads: the link may be a real-time thread. */
 static void init_lock(pthread_mutex_t *lock) {
     pthread_mutexattr_t attributes;
     pthread_mutexattr_init(&attributes);
@@ -132,7 +132,7 @@ fsn_status fsn_segment_create(struct fsn_plan *plan, struct fsn_segment **segmen
         }
         s->present[p] = true;
         s->order[p] = p;
-        /* Their clocks do not agree: neither now nor a while later. */
+        /* Their clocks differ: now and later. */
         s->escs[p].clock = (struct esc_clock){.forward_ns = FORWARD_NS,
                                               .offset_ns = 1000003u * (uint64_t)p,
                                               .drift_ppb = (int64_t)(p * 37 % 101) * 1000 - 50000};

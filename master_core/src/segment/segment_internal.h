@@ -9,7 +9,7 @@
 #include "plan/plan_internal.h"
 #include "segment/esc.h"
 
-/** Where a sync manager of the plan lies. */
+/** Position of a sync manager of the plan. */
 struct place {
     uint32_t position; /**< FSN_NONE: nowhere */
     uint8_t sm;

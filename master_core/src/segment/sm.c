@@ -23,7 +23,7 @@ void esc_sm_load(struct esc *esc) {
     for (unsigned n = 0; n < ESC_SMS; n++) {
         esc->sm_count += get_sm(esc, n, &esc->sms[esc->sm_count]);
     }
-    esc_fmmu_load(esc); /* where they lie in these */
+    esc_fmmu_load(esc); /* their position in these */
 }
 
 static uint8_t *status(struct esc *esc, unsigned number) {

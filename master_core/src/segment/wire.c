@@ -10,7 +10,7 @@ static void begin_stall(struct wire *w, uint64_t now_ns) {
     }
 }
 
-/** When the first held frame may pass; UINT64_MAX: there is none. */
+/** Time at which the first held frame may pass; UINT64_MAX: no such frame. */
 static uint64_t due(const struct wire *w) {
     if (w->count == 0) {
         return UINT64_MAX;
