@@ -20,14 +20,14 @@ static inline fsn_status load(const uint8_t *bytes, size_t len, struct fsn_fault
     return status;
 }
 
-/** One broken rule: where, what is written there, what must be answered. */
+/** One broken rule: position, written bytes, expected fault. */
 struct broken {
     uint32_t section, record, field, bytes, value;
     fsn_status status;
     const char *says; /**< the whole fault; NULL: not looked at */
 };
 
-/** A fault in one line: what, where, which rule. */
+/** A fault in one line: code, position, rule. */
 static inline const char *line_of(const struct fsn_fault *fault, const uint8_t *bytes) {
     static char line[256];
     uint32_t at = fault->byte;

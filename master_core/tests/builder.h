@@ -71,8 +71,8 @@ struct build {
 /** Returns plan bytes to be freed by the caller; copies are sorted by destination here. */
 uint8_t *build_plan(const struct build *build, size_t *len_bytes);
 
-/** Appends a name and lets a record have it; returns the bytes, which may lie elsewhere then. The
- *  CRC is not written. */
+/** Appends a name and assigns it to a record; returns the bytes, which may have moved. The CRC is
+ *  not written. */
 uint8_t *build_name(uint8_t *bytes, size_t *len_bytes, uint32_t section, uint32_t record,
                     const char *text);
 
@@ -92,7 +92,7 @@ uint8_t *build_with_safety(size_t *len_bytes);
 /** Pseudo random numbers that are the same on every machine. */
 uint32_t next_random(uint64_t *state);
 
-/** Descriptors of this process that are open; what a test opens it closes again. */
+/** Number of open descriptors of this process; a test closes all that it opens. */
 int open_files(void);
 
 #endif

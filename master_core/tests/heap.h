@@ -4,7 +4,7 @@
 #define FSN_TEST_HEAP_H
 
 struct heap {
-    long fails_in; /**< the so manyth allocation from now on fails; 0: none */
+    long fails_in; /**< number of the allocation that fails, from now on; 0: none */
     long alive;    /**< allocations that were not freed */
 };
 

@@ -40,7 +40,7 @@ struct wire {
     int socket;
     uint64_t random; /**< of the thread that answers */
     uint64_t own_random;
-    atomic_uint one_in;           /**< of so many answers one is damaged; 0: none */
+    atomic_uint one_in;           /**< one of this many answers is damaged; 0: none */
     atomic_uint lie;              /**< enum lie */
     atomic_bool requested[ASKED]; /**< for PREOP, by station; of the thread that answers */
     atomic_uint asked_as;         /**< mailbox counter of the first request for an entry */

@@ -29,7 +29,7 @@ fsn_status open_with(struct rig *rig, uint32_t dc_every);
 /** Opening is refused with a text; takes the rig down. */
 void refuses(struct rig *rig, fsn_status status, const char *detail);
 struct fsn_bus_subdevice look(struct rig *rig, uint32_t n);
-/** Cycles of 1 ms, each with one step of the acyclic work; returns what the last one said. */
+/** Cycles of 1 ms, each with one step of the acyclic work; returns the result of the last one. */
 bool run(struct rig *rig, unsigned cycles, uint8_t goal);
 struct fsn_statistics snapshot(struct rig *rig);
 bool is_in_op(struct rig *rig, uint32_t n);

@@ -1,4 +1,4 @@
-/** Locks of a program under test are checked: who unlocks what he has not locked ends the test. */
+/** Locks of a program under test are checked: unlocking a lock of another thread ends the test. */
 #define _GNU_SOURCE
 
 #include <dlfcn.h>

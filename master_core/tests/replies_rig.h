@@ -1,5 +1,5 @@
 /** A bus, objects, an SII and a time of the test's own, and the control server on them, without a
- *  socket: what test_replies.c asks. */
+ *  socket: for the requests of test_replies.c. */
 #ifndef FSN_TEST_REPLIES_RIG_H
 #define FSN_TEST_REPLIES_RIG_H
 
@@ -23,7 +23,7 @@ struct replies_rig {
     uint8_t sii[SII_BYTES];
     uint8_t written[8];
     uint32_t written_bytes;
-    fsn_status fails; /**< what every transfer answers instead */
+    fsn_status fails; /**< answer of every transfer instead */
     bool goes_on, stateless, no_coe;
     uint8_t clocks; /**< enum fsn_clocks */
     time_t takes_s; /**< each upload */
@@ -42,7 +42,7 @@ extern struct fsn_job *waiting;
 void set_up(void);
 void tear_down(void);
 void cycle(void);
-/** Takes what transfers need of the rig. */
+/** Data of the rig for transfers. */
 struct fsn_job_context context_of(void);
 /** The acyclic thread: does the job that waits. */
 void do_job(void);

@@ -18,7 +18,7 @@ struct rig {
     struct fsn_core *core;
     struct fsn_fault fault;
     struct fsn_live_options live; /**< as the bus is opened */
-    uint8_t beat;                 /**< what the SubDevices deliver, changed by each check */
+    uint8_t beat;                 /**< data of the SubDevices, changed by each check */
 };
 
 /** A network namespace with a veth pair; false where this user may not make one. */
@@ -39,7 +39,7 @@ struct rig *set_up_plans(const char *second, uint8_t *bytes, const uint8_t *of_s
 struct rig *set_up(void);
 /** Opens the bus once. */
 fsn_status open_bus(struct rig *rig);
-/** Takes back what open_bus() made. */
+/** Frees the result of open_bus(). */
 void close_bus(struct rig *rig);
 /** Opens the bus, starts the cycle and brings all to OP. */
 struct rig *bring_up_from(struct rig *rig);
@@ -48,10 +48,10 @@ void tear_down(struct rig *rig);
 
 struct fsn_bus_subdevice look(struct rig *rig, uint32_t n);
 struct fsn_statistics statistics(struct rig *rig);
-/** Cycles that were left out and replies that came late so far: when it grows, this machine was
- *  too busy, and whoever was lost meanwhile was lost by that. */
+/** Skipped cycles and late replies so far: if the number grows, this machine was too busy, which is
+ *  why SubDevices were lost meanwhile. */
 uint64_t lateness(struct rig *rig);
-/** Tends the bus until a SubDevice has an AL state, or none (0); fails after long. */
+/** Polls the bus until a SubDevice has an AL state, or none (0); fails after a long time. */
 void poll_until(struct rig *rig, uint32_t n, uint8_t al_state);
 void poll_until_all_in_op(struct rig *rig);
 /** Whether a frame goes from sub `k` to its place in the main, and one from there to the sub; waits

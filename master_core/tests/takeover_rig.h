@@ -1,4 +1,4 @@
-/** What the tests of both sides of a hand-over have in common. */
+/** Common code of the tests of both sides of a handover. */
 #ifndef FSN_TEST_TAKEOVER_RIG_H
 #define FSN_TEST_TAKEOVER_RIG_H
 

@@ -211,8 +211,8 @@ static void one_core_per_bus(void) {
     emulated_rig_end(&rig);
 }
 
-/** A writer that stopped in the middle of a picture leaves the one before to its readers; a reader
- *  that is overtaken every time is reported. */
+/** A writer that stopped in the middle of a snapshot leaves the previous one to its readers; a
+ *  reader that is overtaken every time is reported. */
 static void writer_in_the_middle_takes_nothing_away(void) {
     struct emulated_rig rig = set_up_full();
     struct fsn_rt_snapshot *shown = &rig.core->rt.snapshot;
@@ -230,7 +230,8 @@ static void writer_in_the_middle_takes_nothing_away(void) {
     emulated_rig_end(&rig);
 }
 
-/** Both pictures show a connection as it is, also the one filled after the change's own cycle. */
+/** Both snapshots show the present connection, also the one filled after the cycle of the change.
+ */
 static void no_picture_shows_an_old_state(void) {
     struct emulated_rig rig = set_up_full();
     send(&rig, 1, "\x2a\x01\x02\x03\x04\x05");
@@ -292,7 +293,7 @@ static void arguments_are_looked_at(void) {
     emulated_rig_end(&rig);
 }
 
-/** Where a bucket begins, and the value that so many of a million stay below. */
+/** Start of a bucket, and the value that a share per million stays below. */
 static void percentiles_are_ends_of_buckets(void) {
     static const uint64_t floors[][2] = {{0, 0},     {1, 1},     {63, 63},   {64, 64},
                                          {65, 65},   {127, 127}, {128, 128}, {129, 130},

@@ -226,7 +226,7 @@ static void what_the_loader_has_proved_is_proved_again(void) {
     }
 }
 
-/** The copies of a connection are there, whatever kind they say they are. */
+/** The copies of a connection are there, whatever their kind field is. */
 static void a_connection_has_its_copies(void) {
     set_up();
     on.plan->bytes[on.plan->offset[8] + fsn_record_bytes[8] + 24] = 2; /* copy 1: standard data */
@@ -234,7 +234,7 @@ static void a_connection_has_its_copies(void) {
     ANSWERS("COPY_PAIR 9.0+0: a connection is not a pair of opposite copies");
 }
 
-/** Two copies to the same bytes, which is proved for the image too. */
+/** Two copies to the same bytes, which is also proved for the image. */
 static void destinations_are_disjoint(void) {
     static const struct build_sm sm[2][2] = {{{1, 9}, {2, 8}}, {{1, 8}, {2, 8}}};
     static const struct build_copy copies[] = {{0, 0, 1, 0, 4}, {0, 4, 1, 4, 4}};
@@ -296,7 +296,7 @@ static void the_image_begins_empty(void) {
     size_t len;
     uint8_t *bytes = build_plan(&build, &len);
     set_up_build(bytes, len);
-    on.base[0] = on.base[3] = FSN_NONE; /* what has no bytes may have a place */
+    on.base[0] = on.base[3] = FSN_NONE; /* a symbol without bytes may have a place */
     CHECK(fsn_core_create(on.plan, &ops, &on, &core, NULL) == FSN_OK);
     CHECK(!fsn_core_is_open(core, 0) && fsn_core_is_open(core, 1));
     CHECK(fsn_core_set_output(core, 0, 1) == FSN_E_ARG);

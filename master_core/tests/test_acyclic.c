@@ -1,4 +1,4 @@
-/** Objects and SII through the core, on a bus in memory: what is passed on, and what is refused
+/** Objects and SII through the core, on a bus in memory: passed requests, and requests refused
  *  before a bus is used. */
 #include <string.h>
 
@@ -15,12 +15,12 @@ static struct {
     struct fsn_bus_acyclic acyclic;
     uint32_t place;
     uint8_t sii[FSN_SII_BYTES];
-    fsn_status fails;     /**< what the bus answers */
-    uint32_t fails_after; /**< after so many good answers */
+    fsn_status fails;     /**< answer of the bus */
+    uint32_t fails_after; /**< after this many good answers */
     uint32_t steps[STEPS], reads, between, goes_on_for;
     uint16_t word[2];
     uint32_t words;
-    bool forgets; /**< what is written */
+    bool forgets; /**< written data */
     const struct fsn_transfer *seen;
     bool wrote;
 } on;

@@ -8,7 +8,7 @@
 
 enum { MS = 1000000, LIMIT = 50, START_POSITION = 100000 };
 
-/** A drive: state, and what its statusword shows besides. */
+/** A drive: state, and the other bits of its statusword. */
 struct drive {
     enum fsn_axis_state state;
     uint16_t extra; /**< bits over those of the state */
@@ -88,7 +88,7 @@ static struct fsn_axis_config csp(void) {
         .mode = FSN_AXIS_CSP, .max_step = LIMIT, .max_velocity = 500, .max_torque = 70};
 }
 
-/** What the header promises of every step. */
+/** Guarantees of the header for every step. */
 static void check_promises(int32_t last_position, bool was_enabled) {
     const struct fsn_axis *axis = &rig.axis;
     const struct fsn_axis_outputs *out = &axis->outputs;
@@ -185,7 +185,7 @@ static void reset(void) {
 
 /* -- states ----------------------------------------------------------------------------------- */
 
-/** Every statusword there is: bits that say nothing about the state change nothing. */
+/** Every possible statusword: bits outside of the state field change nothing. */
 static void every_statusword_has_its_state(void) {
     unsigned found[FSN_AXIS_NO_STATE + 1] = {0};
     for (uint32_t word = 0; word <= 0xFFFF; word++) {
@@ -213,7 +213,7 @@ static void every_statusword_has_its_state(void) {
     CHECK(found[FSN_AXIS_FAULT] == 2048 && found[FSN_AXIS_OPERATION_ENABLED] == 1024);
 }
 
-/** All states with each request, and bits in the statusword that say nothing. */
+/** All states with each request, and statusword bits outside of the state field. */
 static void each_state_and_each_request(void) {
     enum { OFF, ON, QUICK, REQUESTS };
     static const uint16_t expected[][REQUESTS] = {
@@ -309,7 +309,7 @@ static void found_enabled_and_stuck(void) {
 
 /* -- stops by the drive ------------------------------------------------------------------------ */
 
-/** STO: no fault, nothing comes back by itself, the program requests it. */
+/** STO: not a fault, no automatic restart, the program requests it. */
 static void torque_off_is_expected(void) {
     set_up(csp());
     to_enabled();
@@ -649,7 +649,7 @@ static void homing_and_its_result(void) {
         const bool runs = cases[i].job == FSN_AXIS_JOB_RUNNING;
         CHECK(((rig.axis.outputs.controlword & 0x10) != 0) == runs);
     }
-    /* What a set-point had is not for homing. */
+    /* Results of a set-point do not apply to homing. */
     config.mode = FSN_AXIS_PP;
     set_up(config);
     to_enabled();

@@ -1,5 +1,5 @@
-/** An axis bound to the symbols of a client in the cycle: which it finds, what it refuses, and that
- *  each value goes where it belongs. The client is a table here; it counts as the real one does. */
+/** An axis bound to the symbols of a real-time client: symbols found, configurations refused, and
+ *  the destination of each value. The client is a table here; it counts as the real one does. */
 #include <string.h>
 
 #include "builder.h"

@@ -1,4 +1,4 @@
-/** What both live backends check of a SubDevice, against objects in memory. */
+/** Checks of a SubDevice common to both live backends, with objects in memory. */
 #define _POSIX_C_SOURCE 200809L
 
 #include "live/check.h"
@@ -40,7 +40,7 @@ struct objects {
     uint32_t abort_code;
     uint16_t value;
     uint32_t transfers;
-    char made[200]; /**< index and subindex of each transfer, and what it writes */
+    char made[200]; /**< index and subindex of each transfer, and the written data */
 };
 
 static void note(char *made, size_t room, const struct fsn_transfer *t, bool writes) {
@@ -168,7 +168,7 @@ static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
           !readable);
     CHECK(wrong_address == 0);
     CHECK(objects.transfers == 1);
-    objects.value = 0x0108; /* of 8 addresses at most each is the same wrong one */
+    objects.value = 0x0108; /* of at most 8 addresses, each with the same wrong one */
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==
           FSN_E_BUS_ADDRESS);
     CHECK(readable && wrong_address == 264);
@@ -321,7 +321,7 @@ static void lost_answers_are_asked_for_again(struct fsn_plan *plan) {
         }
         looked_up[0] = 0;
     }
-    /* Where each try takes long, three are enough; a SubDevice that is gone is not asked again. */
+    /* If each attempt takes long, three are enough; a lost SubDevice is not asked again. */
     struct dictionary objects = rows[0].objects;
     const struct fsn_objects reached = {.bus = &objects, .upload = look_up};
     bool readable;

@@ -1,4 +1,4 @@
-/** What a confined process and thread can still do. Each case runs in a process of its own. */
+/** Calls still possible in a confined process and thread. Each case runs in its own process. */
 #define _GNU_SOURCE
 
 #include "app/base/confine.h"

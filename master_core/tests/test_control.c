@@ -176,7 +176,7 @@ static void values_are_typed(void) {
     }
 }
 
-/** Values in the units of a symbol; `text` is what is written, `written` what is read back. */
+/** Values in the units of a symbol; `text` is written, `written` is read back. */
 static void values_are_scaled(void) {
     static const struct {
         struct fsn_symbol_info symbol;
@@ -414,7 +414,7 @@ static void utf8_has_its_bounds(void) {
     }
 }
 
-/** What no client may write, whoever asks: first the reason that is nearest to the plan. */
+/** Outputs that are closed to every client: first the reason that is nearest to the plan. */
 static void not_every_output_is_for_clients(void) {
     static const struct build_sm sm[3][2] = {
         {{1, 20}, {2, 20}}, {{1, 6}, {2, 6}}, {{1, 4}, {2, 4}}};

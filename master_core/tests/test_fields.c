@@ -1,5 +1,5 @@
-/** Where the fields of a record lie, and the text that a fingerprint is made of: the bytes of a
- *  loaded plan are overwritten, so that each field has a value of its own. */
+/** Positions of the fields of a record, and the text of a fingerprint: the bytes of a loaded plan
+ *  are overwritten, so that each field has a value of its own. */
 /* shows R5 */
 #include <inttypes.h>
 #include <stdarg.h>
@@ -326,7 +326,7 @@ static void fingerprints_are_of_their_text(void) {
     fsn_sha256(text, strlen(text), digest);
     CHECK(memcmp(digest, made.whole, sizeof digest) == 0);
 
-    /* Names go byte by byte; a cycle time that is not known is none. */
+    /* Names are compared by byte; an unknown cycle time is absent. */
     plan->cycle_ns = 0;
     uint8_t *strings = plan->bytes + plan->offset[FSN_SEC_STRINGS];
     static const uint8_t odd[] = {0x20, 0x21, 0x25, 0x7E, 0x7F, 0x80, 0xFF, 'a'};

@@ -86,7 +86,7 @@ static void a_change_changes_its_section(void) {
         {{6, 0, 0, 4, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_PROCESS_DATA},
         {{9, 0, 0, 4, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_CONNECTIONS},
         {{9, 0, 4, 4, 0, FSN_OK, NULL}, 1u << FSN_FINGERPRINT_CONNECTIONS},
-        {{2, 0, 0, 4, 0, FSN_OK, NULL}, 0}, /* what was there already */
+        {{2, 0, 0, 4, 0, FSN_OK, NULL}, 0}, /* existing text */
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         CHECK(changed_by(&rows[i].change) == rows[i].section);
@@ -96,7 +96,7 @@ static void a_change_changes_its_section(void) {
     CHECK(strcmp(fsn_fingerprint_section(FSN_FINGERPRINT_SECTIONS), "?") == 0);
 }
 
-/** Application parameters are in the text, and their length and CRC-32 in what is known. */
+/** Application parameters are in the text; their length and CRC-32 are marked as known. */
 static void application_parameters_are_stated(void) {
     size_t len;
     uint8_t *bytes = build_full(&len);
@@ -108,7 +108,7 @@ static void application_parameters_are_stated(void) {
     bytes = build_name(bytes, &len, FSN_SEC_CONNECTION, 0, "313233343536373839");
     uint8_t *record = bytes + fsn_get32(bytes + 32 + 16 * (FSN_SEC_CONNECTION - 1) + 4);
     memcpy(record + 36, record, 4);
-    fsn_put32(record, 1); /* its name, as it was */
+    fsn_put32(record, 1); /* its name, unchanged */
     build_fix_crc(bytes, len);
     fingerprint_of_bytes(bytes, len, &after);
     CHECK(memcmp(before.section[FSN_FINGERPRINT_CONNECTIONS],

@@ -1,4 +1,4 @@
-/** Groups of SubDevices that may be absent: the plan, and what a working counter must be. */
+/** Groups of SubDevices that may be absent: the plan, and the expected working counter. */
 #define _GNU_SOURCE
 
 #include <string.h>
@@ -75,7 +75,7 @@ static void a_group_of_its_own_is_a_first_choice(void) {
     }
 }
 
-/** Every group in its words, so that a wrong tool cannot be meant. */
+/** Every group with its name, so that a wrong tool cannot be meant. */
 static void wrong_groups_are_refused(void) {
     static const struct {
         uint32_t section, record, byte, value;

@@ -65,7 +65,7 @@ static void a_room_shows_every_cycle(void) {
     ((uint32_t *)room)[1]++; /* another version counts more */
     CHECK(fsn_room_read(room, len, image_bytes(&rig), &shown, image) == FSN_E_ARG);
     ((uint32_t *)room)[1]--;
-    /* A writer that is ended in the middle of a picture leaves the one before. */
+    /* A writer that is ended in the middle of a snapshot leaves the previous one. */
     atomic_fetch_add(&rig.core->rt.snapshot.shown->begun, 1);
     CHECK(fsn_room_read(room, len, image_bytes(&rig), &shown, image) == FSN_OK);
     CHECK(shown.cycles == 5);
@@ -99,7 +99,7 @@ static void the_second_core_goes_on(void) {
     CHECK(now.cycles == 7 && now.copies == copies && now.locked == 0);
     CHECK(memcmp(shown, image, image_bytes(&first)) == 0);
     free(shown);
-    emulated_rig_cycle(&second); /* nothing new comes in: the outputs are as they were */
+    emulated_rig_cycle(&second); /* no new input: the outputs are unchanged */
     shown = image_of(&second, &now);
     CHECK(now.cycles == 8 && now.bytes_copied > last.bytes_copied);
     CHECK(fsn_core_continue(second.core, &last, image) == FSN_E_STATE);

@@ -138,7 +138,7 @@ static void refused(const struct handover_hello *hello, bool again, const char *
     shut_handover_listener(&rig);
 }
 
-/** What does not fit is refused with its reason, and only "not yet" may be tried again. */
+/** An invalid request is refused with its reason, and only "not yet" may be retried. */
 static void who_does_not_fit_is_refused(void) {
     struct handover_hello hello = hello_of();
     hello.format++;
@@ -175,7 +175,7 @@ static void who_does_not_fit_is_refused(void) {
     shut_handover_listener(&rig);
 }
 
-/** From the first word to the hand-over; the standby is told what it may. */
+/** From the first message to the handover; the standby gets its permissions. */
 static void one_follows_and_takes_over(void) {
     struct takeover_rig rig = open_handover_listener();
     const int fd = given(&rig);

@@ -83,7 +83,7 @@ static void holders_are_named(void) {
     CHECK(holder_text(shown_name, text)[0] == 0);
 }
 
-/** A connection to the lock has its name as well, and is none. */
+/** A connection to the lock has its name as well, and is not the lock. */
 static void a_connection_is_no_holder(void) {
     struct sockaddr_un name;
     const socklen_t size = name_lock(&name);

@@ -1,11 +1,11 @@
-/** Cycles of the backend on IgH: what it moves, what it sees of its SubDevices, who returns. */
+/** Cycles of the backend on IgH: moved data, observed SubDevices, returns. */
 /* shows R3 */
 #include <string.h>
 
 #include "igh_rig.h"
 #include "plan/plan_internal.h"
 
-/* -- what is moved -------------------------------------------------------------------------- */
+/* -- moved data ----------------------------------------------------------------------------- */
 
 /** The frame of the SubInstance as in the outputs of the MainInstance, and back. */
 static void data_flows(void) {
@@ -76,8 +76,7 @@ static void clocks_are_reported(void) {
     CHECK((uint32_t)snapshot(rig).dc_time_ns == fake.reference_time);
     /* Our own time follows the clock from then on. */
     CHECK(snapshot(rig).dc_time_ns <= fake.app_time);
-    /* A cycle that nothing comes back of has no time to read: the library would say so each time.
-     */
+    /* A cycle without replies has no time to read: the library would report an error each time. */
     const unsigned reads = fake.clock_reads;
     fake.lose_frames = true;
     run(rig, 10, FSN_AL_OP);
@@ -88,7 +87,7 @@ static void clocks_are_reported(void) {
     tear_down(rig);
 }
 
-/* -- what is seen --------------------------------------------------------------------------- */
+/* -- observations --------------------------------------------------------------------------- */
 
 static void devices_return(void) {
     struct rig *rig = bring_up();

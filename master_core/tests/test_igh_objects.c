@@ -144,8 +144,8 @@ static void pdos_are_told_by_the_sii(void) {
     CHECK(acyclic->pdo(rig->bus, 1, 2, 0, &index, &output, entries, 4, &count) == FSN_OK);
     CHECK(count == 1);
     tear_down(rig);
-    /* What cannot be read to its end is not judged: of the calls that fail in turn, four make a
-     * wrong SII unknown. */
+    /* Data that cannot be read completely is not checked: of the calls that fail in turn, four make
+     * a wrong SII unknown. */
     unsigned unknown = 0;
     for (unsigned n = 1; n < 60; n++) {
         rig = set_up();

@@ -1,4 +1,4 @@
-/** Opening the backend on IgH: what is refused, how it is configured, and which calls may fail. */
+/** Opening the backend on IgH: refusals, configuration, and which calls may fail. */
 #include <errno.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 #include "igh_rig.h"
 #include "plan/plan_internal.h"
 
-/* -- what is refused ------------------------------------------------------------------------ */
+/* -- refusals ------------------------------------------------------------------------------- */
 
 static void options_are_checked(void) {
     void *bus = NULL;
@@ -90,7 +90,7 @@ static void other_devices_are_refused(void) {
     rig = set_up();
     fake.device[0].info.vendor_id = fake.device[0].info.product_code = 0;
     refuses(rig, FSN_E_BUS_STATE, "could not read who it is");
-    /* IgH does not look at the revision; we do, at both ends of the range. */
+    /* IgH ignores the revision; we check it, at both ends of the range. */
     for (uint32_t revision = 4; revision <= 8; revision += 4) {
         rig = set_up();
         record(rig, FSN_SEC_SUBDEVICE, 1)[16] = 5;
@@ -114,7 +114,7 @@ static void mappings_are_checked(void) {
     rig = set_up();
     fake_object(0, 0x1C12, 1, 0x1601, 2, true);
     refuses(rig, FSN_E_BUS_MAPPING, "an assigned PDO is 0x1601");
-    /* What can be written is written once, then it fits. */
+    /* A writable difference is written once, then it fits. */
     rig = set_up();
     fake_object(0, 0x1C12, 1, 0x1601, 2, false);
     fake_object(0, 0x1600, 1, 0x70000108, 4, false);

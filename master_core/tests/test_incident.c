@@ -125,7 +125,7 @@ static struct rig set_up(void) {
     return set_up_with(0);
 }
 
-/** One cycle at a time of our choice, and what the control thread makes of it. */
+/** One cycle at a time of our choice, and the reaction of the control thread. */
 static void cycle_at(struct rig *rig, uint64_t now_ns) {
     CHECK(fsn_core_cycle(rig->on.core, now_ns) == FSN_OK);
     fsn_changes_poll(&rig->control->changes, rig->control->services.incidents, now_ns);
@@ -257,7 +257,7 @@ static void a_subdevice_that_refuses_is_one(void) {
     CHECK(tear_down(&rig) >= 1);
 }
 
-/** Who was in Data has left it, and not never come. */
+/** A connection that was in Data has left it; it did not fail to reach it. */
 static void who_was_in_data_did_come(void) {
     struct rig rig = set_up();
     fsn_incident_connection(rig.control->services.incidents, 0, FSN_OBSERVED_RESET);
@@ -314,9 +314,9 @@ static void one_that_runs_is_not_either(void) {
     CHECK(tear_down(&rig) == 1);
 }
 
-/* -- what goes wrong ------------------------------------------------------------------------- */
+/* -- failures ------------------------------------------------------------------------------- */
 
-/** One incident from its begin to its end; what was reported of it, with `*` for the folder. */
+/** One incident from start to end; its reports, with `*` for the folder. */
 static const char *one_incident(struct rig *rig, uint64_t now_ns) {
     static char text[2000];
     logged[0] = 0;
@@ -417,7 +417,7 @@ static void a_slow_disk_holds_nobody_up(void) {
     CHECK(tear_down(&rig) == 1);
 }
 
-/** A file is named after a connection, a SubDevice or what happened, in plain characters. */
+/** A file is named after a connection, a SubDevice or the event, in plain characters. */
 static void files_have_plain_names(void) {
     static const char long_name[] =
         "0123456789abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ-_0123456789";
@@ -461,7 +461,7 @@ static void files_have_plain_names(void) {
     CHECK(tear_down(&rig) == 5);
 }
 
-/** What is kept begins five seconds before, to the nanosecond. */
+/** The recorded window begins five seconds before, to the nanosecond. */
 static void five_seconds_before_are_kept(void) {
     struct rig rig = set_up();
     char expected[500];
@@ -501,7 +501,7 @@ static void a_folder_has_a_limit(void) {
     CHECK(tear_down(&rig) == 5);
 }
 
-/** Whoever reads the file decides by the status and the SubDevice, not by the text. */
+/** A reader of the file decides by the status and the SubDevice, not by the text. */
 static void a_bus_that_failed_is_kept_in_numbers(void) {
     struct rig rig = set_up();
     struct fsn_incidents *in = rig.control->services.incidents;
@@ -525,7 +525,7 @@ static void a_bus_that_failed_is_kept_in_numbers(void) {
     CHECK(tear_down(&rig) == 0);
 }
 
-/** A whole file: its head, a line for each cycle with what is not as it should be, and the end. */
+/** A whole file: its head, a line for each cycle with its deviations, and the end. */
 static void a_file_says_what_is_new(void) {
     static const char expected[] =
         "{\"incident\":1}\n"
@@ -689,7 +689,7 @@ static void a_stop_is_no_incident(void) {
     CHECK(tear_down(&rig) == 1);
 }
 
-/** What is shut stays shut: nothing is kept, and nothing breaks. */
+/** After closing nothing is recorded, and nothing fails. */
 static void without_a_folder_nothing_is_kept(void) {
     struct rig rig = set_up();
     const struct fsn_trigger trigger = {.kind = "request", .now_ns = 1, .text = "a test"};

@@ -95,7 +95,7 @@ static void cut(uint32_t file, off_t bytes) {
     CHECK(truncate(path_of(file), found.st_size - bytes) == 0);
 }
 
-/** What a walk along the chain has found. */
+/** Result of a walk along the chain. */
 struct walk {
     uint64_t entries, torn_lines;
     char hash[65];
@@ -262,7 +262,7 @@ static void what_is_torn_stays_and_is_marked(void) {
     }
 }
 
-/** The last line without its newline is a line that is torn, however whole it looks. */
+/** A last line without its newline is torn, however whole it looks. */
 static void a_cut_newline_is_torn(void) {
     set_up();
     begin();
@@ -508,7 +508,7 @@ static void check_bytes_near(uint64_t expected) {
     CHECK(bytes + SLACK > expected && bytes < expected + SLACK);
 }
 
-/** The folder has a limit with the same reserve; what is moved away makes room again. */
+/** The folder has a limit with the same reserve; moved files make room again. */
 static void the_folder_has_a_limit(void) {
     enum { MOST = 1000, LIMIT = INTERVENTION_FILES * MOST };
     struct fsn_interventions state;
@@ -524,7 +524,7 @@ static void the_folder_has_a_limit(void) {
     check_bytes_near(LIMIT / 4 * 3);
     const uint64_t entry = wait_until(false).entry;
     put(some);                                   /* the program and maintainers still have room */
-    CHECK(wait_until(false).entry == entry + 2); /* after the entry about what was lost */
+    CHECK(wait_until(false).entry == entry + 2); /* after the entry about lost entries */
     state = fill_as(FSN_MAINTAINER);
     CHECK(strstr(state.error, "move old ones away") != NULL && state.waiting > 0);
     check_bytes_near(LIMIT);

@@ -1,4 +1,4 @@
-/** Typed bytes, what may be written, diagnosis messages and SII contents, without a bus. */
+/** Typed bytes, writable objects, diagnosis messages and SII contents, without a bus. */
 /* shows R20 */
 #include <stdio.h>
 #include <string.h>

@@ -1,5 +1,5 @@
-/** Leases over a socket: who was silent is reported by what lay there at the last poll, not by how
- * long the control thread was away itself. No time passes here. */
+/** Leases over a socket: a silent client is detected by its unread data at the last poll, not by
+ *  how long the control thread was away itself. No time passes here. */
 /* shows R20 */
 #define _GNU_SOURCE
 

@@ -29,7 +29,7 @@ enum { FRAME_BYTES = 60, ETHERTYPE = 0x88A4 };
 static struct rig rig;
 
 static struct {
-    int fails_in; /**< the so manyth call from now on fails; 0: none */
+    int fails_in; /**< number of the call that fails, from now on; 0: none */
     const char *driver;
     int mtu;
     atomic_bool running[2]; /**< per interface: it has a carrier */
@@ -136,11 +136,11 @@ int ppoll(struct pollfd *fds, nfds_t count, const struct timespec *timeout, cons
     if (fds[0].revents + fds[1].revents != 0) {
         return 1;
     }
-    struct timespec left = *timeout; /* the kernel writes what is left of it */
+    struct timespec left = *timeout; /* the kernel writes the rest of it */
     return (int)syscall(SYS_ppoll, fds, count, &left, NULL, (size_t)0);
 }
 
-/** What the thread would run with; it runs as any other here. */
+/** Scheduling requested for the thread; here it runs as any other. */
 int pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*run)(void *),
                    void *context) {
     int (*libc)(pthread_t *, const pthread_attr_t *, void *(*)(void *), void *);

@@ -1,5 +1,5 @@
-/** Who may connect, and what the socket's file goes through. The users and groups of this program
- *  are its own, whatever machine it runs on; the sockets are real. */
+/** Users that may connect, and the states of the socket's file. The users and groups of this
+ *  program are its own, whatever machine it runs on; the sockets are real. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -29,7 +29,7 @@ uid_t geteuid(void) {
 
 /* -- a system that refuses --------------------------------------------------------------------- */
 
-/** The so manyth of these calls from now on fails with EMFILE; 0: none does. */
+/** Number of these calls that fails with EMFILE, from now on; 0: none. */
 static struct {
     int socket, listen, lstat, unlink, getsockopt;
 } fails_in;
@@ -231,7 +231,7 @@ static void leave_dead_socket(void) {
     CHECK(bind(dead, (const struct sockaddr *)&address, sizeof address) == 0 && close(dead) == 0);
 }
 
-/** Whatever the system refuses is reported, and no file of ours stays. */
+/** Every refusal of the system is reported, and no file of ours stays. */
 static void a_system_that_refuses_is_reported(void) {
     static const char another[] = "--socket PATH names another place";
     static const struct {
@@ -260,7 +260,7 @@ static void a_system_that_refuses_is_reported(void) {
         CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
         tear_down();
     }
-    /* A file that has gone by itself is not removed, nor one that cannot be looked at. */
+    /* A file that has disappeared is not removed, nor one that cannot be examined. */
     set_up();
     CHECK(fsn_control_listen(rig.control, rig.path, &rig.refusal) == FSN_OK);
     fails_in.lstat = 1;
@@ -276,7 +276,7 @@ static mode_t mode_of(const char *path) {
     return found.st_mode & 0777;
 }
 
-/** Only its owner reaches it, unless others may connect at all; the umask stays as it was. */
+/** Only its owner reaches it, unless others may connect at all; the umask is unchanged. */
 static void the_file_is_for_those_who_may(void) {
     const mode_t before = umask(0027);
     for (int kind = 0; kind < 3; kind++) {
@@ -291,7 +291,7 @@ static void the_file_is_for_those_who_may(void) {
     umask(before);
 }
 
-/** What a dead process left is replaced; what has taken our place is left alone. */
+/** The socket of an ended process is replaced; that of a new one is left unchanged. */
 static void dead_sockets_make_way(void) {
     set_up();
     leave_dead_socket();
@@ -410,7 +410,7 @@ static int connect_as(uid_t user) {
     return fd;
 }
 
-/** What lies at a peer, and its end. */
+/** Unread data of a peer, and its end. */
 static const char *last_words(int fd) {
     size_t len = 0;
     ssize_t got = 1;
@@ -434,7 +434,7 @@ static const char *last_words(int fd) {
  *  at once. A client that waits for an answer, or writes, is not idle. */
 static void who_is_idle_makes_room(void) {
     enum { LEAST = 5000, RECENT = 9 };
-    static const unsigned order[] = {2, 4, 1, 0}; /* what the fifth had to say is said by then */
+    static const unsigned order[] = {2, 4, 1, 0}; /* the message of the fifth is sent by then */
     int peer[FSN_CONTROL_CLIENTS];
     static struct fsn_job job;
     set_up();

@@ -1,4 +1,4 @@
-/** The life of fsn-master on a bus that has states, can be missing, wrong or stubborn. */
+/** The life of fsn-master on a bus that has states, can be missing, wrong or slow. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -18,7 +18,7 @@
 /** A bus that behaves as set, and remembers in which order it was used. */
 static struct bus {
     struct fsn_emulated *memory;
-    fsn_status refusal; /**< what open() answers, `refusals` times */
+    fsn_status refusal; /**< result of open(), `refusals` times */
     int sys_errno;
     unsigned refusals, opens, closes;
     bool stubborn; /**< never leaves OP */

@@ -68,7 +68,7 @@ static fsn_status segment(void) {
     return status;
 }
 
-/** An object that finds no room leaves the others as they are, and may be set again. */
+/** An object without memory leaves the others unchanged, and may be set again. */
 static fsn_status object(void) {
     static const uint8_t bytes[1024];
     const long after = heap.fails_in;

@@ -79,7 +79,7 @@ static void put16(uint8_t *at, uint16_t value) {
     at[1] = (uint8_t)(value >> 8);
 }
 
-/** Random frames of every length: right with their CRCs, wrong with any other. */
+/** Random frames of every length: correct with their CRCs, wrong with any other. */
 static void the_tables_are_the_polynomial(void) {
     uint64_t seed = 3;
     for (int round = 0; round < 300; round++) {
@@ -246,7 +246,7 @@ static void lost_numbers_are_found_again(void) {
     }
 }
 
-/** An answer that passes unseen: the two in a row say nothing, and the chain is found again. */
+/** A missed answer: the two in a row prove nothing, and the chain is found again. */
 static void one_end_alone_is_not_checked(void) {
     struct chain c = chain_of(6, 6, 5);
     struct fsn_monitor monitor;
@@ -264,7 +264,7 @@ static void one_end_alone_is_not_checked(void) {
     CHECK(monitor.status.gaps == 1 && monitor.status.direction[0].wrong == 0);
 }
 
-/** What was never known is not lost: no gap is reported. */
+/** A chain that was never known is not lost: no gap is reported. */
 static void what_was_not_known_is_no_gap(void) {
     struct chain c = chain_of(6, 6, 700);
     struct fsn_monitor monitor;
@@ -301,7 +301,7 @@ static void broken_blocks_are_wrong_at_any_time(void) {
     CHECK(strcmp(both(&monitor, &c), "ur") == 0 && strcmp(both(&monitor, &c), "rr") == 0);
 }
 
-/** §3, §5, §6: what Reset and Session do to the chain. */
+/** §3, §5, §6: effects of Reset and Session on the chain. */
 static void sessions_begin_anew(void) {
     struct fsn_monitor monitor;
     uint8_t reset[6] = {FSN_CMD_RESET, 5};
@@ -311,7 +311,7 @@ static void sessions_begin_anew(void) {
     (void)seal(reset, 6, 0, 0, 1);
     const uint16_t first = seal(session, 6, 0, 0, 1);
     (void)seal(answer, 6, 0, first, 1);
-    /* A sub may answer before the main has begun: right when it follows a Reset. */
+    /* A sub may answer before the main has begun: correct when it follows a Reset. */
     uint8_t early[6] = {FSN_CMD_SESSION, 0x99};
     (void)seal(early, 6, 0, 0, 1);
     CHECK(fsn_monitor_frame(&monitor, FSN_TO_MAIN, answer, 1) == FSN_VERDICT_UNCHECKED);
@@ -438,7 +438,7 @@ static void the_order_of_a_cycle_is_seen(void) {
     CHECK(!fsn_monitor_sub_first(&monitor, to_sub, monitor.followed[1].last));
     uint8_t reset[6] = {FSN_CMD_RESET};
     (void)seal(reset, 6, 0, 0, 1);
-    CHECK(fsn_monitor_sub_first(&monitor, reset, to_main)); /* a restart does not tell the order */
+    CHECK(fsn_monitor_sub_first(&monitor, reset, to_main)); /* a restart does not show the order */
     to_main[1] ^= 1;
     CHECK(!fsn_monitor_sub_first(&monitor, reset, to_main));
     CHECK(!fsn_monitor_sub_first(&monitor, to_sub, reset));

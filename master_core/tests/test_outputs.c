@@ -1,4 +1,4 @@
-/** Several outputs in one cycle: none goes out before the others. Run under TSan too. */
+/** Several outputs in one cycle: they are sent together. Run under TSan too. */
 #define _POSIX_C_SOURCE 200809L
 
 #include <pthread.h>
@@ -54,7 +54,7 @@ static void all_or_none(void) {
         cycle(&rig, 2);
         CHECK(sent(&rig, 5) == 500);
     }
-    /* One more set keeps what was set before; two sets before one cycle count both. */
+    /* One more set keeps the earlier values; two sets before one cycle count both. */
     CHECK(fsn_core_set_output(rig.core, 4, 400) == FSN_OK);
     CHECK(fsn_core_set_outputs(rig.core, 2, (const uint32_t[]){5, 5}, (const uint64_t[]){1, 501}) ==
           FSN_OK);

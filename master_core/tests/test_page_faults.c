@@ -15,7 +15,7 @@ static long faults(void) {
     return usage.ru_minflt;
 }
 
-/** Many pages of every kind: image, pictures, outputs, buffers of the bus. */
+/** Many pages of every kind: image, snapshots, outputs, buffers of the bus. */
 static struct emulated_rig large(void) {
     static struct build_sm sm[SUBDEVICES][2];
     static struct build_symbol symbols[SYMBOLS];

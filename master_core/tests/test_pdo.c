@@ -1,5 +1,5 @@
-/** PDO assignment and mapping against the plan: what is read, what is written and in which order,
- *  and what is said where it stays different. */
+/** PDO assignment and mapping compared with the plan: reads, writes and their order, and the report
+ *  if it stays different. */
 #define _POSIX_C_SOURCE 200809L
 
 #include "live/pdo.h"
@@ -33,11 +33,11 @@ static struct {
     struct object row[MOST];
     size_t rows;
     uint16_t locked;          /**< object that takes nothing */
-    bool locked_whole;        /**< nor how many it holds */
+    bool locked_whole;        /**< nor their number */
     struct object unreadable; /**< one that is not read, or 0 */
-    unsigned unreadable_from; /**< so many reads of it go well before */
+    unsigned unreadable_from; /**< number of its reads that succeed before */
     bool silent;              /**< nothing answers to it, where others refuse */
-    char log[2000];           /**< what was written */
+    char log[2000];           /**< written data */
 } on;
 
 static struct object *find(uint16_t index, uint8_t sub) {

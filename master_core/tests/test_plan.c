@@ -260,7 +260,7 @@ static void a_connection_has_two_copies(void) {
     free(bytes);
 }
 
-/** What is wrong only where several fields are changed together. */
+/** Rules that break only when several fields are changed together. */
 static void several_fields_together(void) {
     static const struct {
         bool full; /**< the plan with blocks, else without */

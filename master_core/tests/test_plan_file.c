@@ -57,7 +57,7 @@ static void header_rules(void) {
     static const struct {
         size_t at;
         uint8_t value;
-        bool crc; /**< made right again */
+        bool crc; /**< corrected again */
         const char *says;
     } table[] = {
         {0, 'f', false, "PLAN_MAGIC 0.-1+0: these bytes are no plan"},

@@ -1,5 +1,5 @@
-/** An interface as a MainDevice uses it, on a system that this program plays: which frames pass the
- *  filters, what is set on a socket, and what is reported when the system refuses. */
+/** An interface as a MainDevice uses it, on a system that this program emulates: frames that pass
+ *  the filters, socket options, and reports when the system refuses. */
 #define _DEFAULT_SOURCE
 
 #include <errno.h>
@@ -34,7 +34,7 @@ static struct {
     short flags;
     uint8_t address[6];
     uint32_t counted;
-    /* What was requested. */
+    /* Requests. */
     int opens, closes, family, type, protocol_of_socket;
     struct sock_filter code[32];
     size_t code_len;
@@ -201,7 +201,7 @@ static void logged(fsn_status status, int error, const char *rule, const char *d
 
 /* -- filters --------------------------------------------------------------------------------- */
 
-/** What the kernel does with a packet: as far as our filters go. */
+/** Handling of a packet by the kernel, as far as our filters go. */
 static uint32_t filtered(const uint8_t *packet, uint32_t len) {
     uint32_t a = 0;
     uint32_t x = 0;

@@ -23,7 +23,7 @@ enum { ROOM_BYTES = 1 << 18 }; /**< enough for the e-stop pair */
 
 static struct fsn_plan *plan;
 static struct options options = {.interface = "test0", .cycle_ns = 1000000};
-static int listening = -1;  /**< of the process before; -1: there is none */
+static int listening = -1;  /**< of the predecessor; -1: none */
 static unsigned tries_left; /**< until it can be reached */
 static fsn_status unreachable = FSN_E_BUS_SILENT;
 
@@ -235,7 +235,7 @@ static void stands_still(int fd, void *room) {
     pause();
 }
 
-/* It is held before it is followed: however late a busy machine lets it speak. */
+/* It is in maintenance mode before it follows: however late its message comes on a busy machine. */
 static void is_held_and_ends(int fd, void *room) {
     say(fd, HANDOVER_HOLD);
     CHECK(next_word(fd) == HANDOVER_FOLLOWS);
@@ -261,7 +261,8 @@ static void ends(int fd, void *room) {
     (void)room;
 }
 
-/** A standby takes over what has ended or stands still, and nothing that closes its bus itself. */
+/** A standby takes over from a process that has ended or is stalled, but not from one that closes
+ *  its bus itself. */
 static void a_standby_follows(void) {
     enum { LONG = 100000 };
     struct part part = with(lives_and_leaves);
@@ -324,7 +325,7 @@ static void does_not_listen(int fd, void *room) {
     pause();
 }
 
-/** A take-over asks, kills what does not answer, and leaves alone what goes its own way. */
+/** A take-over asks, kills a process that does not answer, and leaves others unchanged. */
 static void a_take_over_ends_the_predecessor(void) {
     static const struct {
         void (*part)(int fd, void *room);
@@ -356,7 +357,7 @@ static void a_take_over_ends_the_predecessor(void) {
         predecessor_release(&predecessor);
         close(listening);
         CHECK(waitpid(child, &status, 0) == child);
-        /* Who is about to end by itself may be faster than the signal. */
+        /* A process that is about to end may be faster than the signal. */
         CHECK(parts[i].killed || !predecessor.ended ? WIFSIGNALED(status) : true);
         CHECK(!WIFSIGNALED(status) || WTERMSIG(status) == (predecessor.ended ? SIGKILL : SIGTERM));
     }

@@ -1,5 +1,5 @@
-/** Clients in the cycle, over a real socket and real memory: what they read, what they own, what
- *  they cannot touch whatever they write, and what happens when they are late or gone. */
+/** Real-time clients, over a real socket and real memory: the data they read and own, the data they
+ *  cannot reach whatever they write, and the effect of being late or gone. */
 /* shows R20 */
 #define _GNU_SOURCE
 
@@ -37,7 +37,7 @@ static struct {
 
 /* -- a system that refuses -------------------------------------------------------------------- */
 
-static int memfd_fails;     /**< so manyth call from now on; 0: none */
+static int memfd_fails;     /**< number of the call, from now on; 0: none */
 static bool takes_no_seals; /**< as an old kernel */
 static bool has_no_size;
 
@@ -70,7 +70,7 @@ static void begin_serving(void) {
     CHECK(pthread_create(&rig.thread, NULL, serve, NULL) == 0);
 }
 
-/** Afterwards this thread may do what the control thread may. */
+/** Afterwards this thread has the rights of the control thread. */
 static void end_serving(void) {
     atomic_store(&rig.ends, true);
     CHECK(pthread_join(rig.thread, NULL) == 0);
@@ -155,7 +155,7 @@ static void cycle(void) {
     emulated_rig_cycle(&rig.on);
 }
 
-/** Runs cycles until so many clients are in the cycle: the server thread sees an end in its turn.
+/** Runs cycles until this many clients are in the cycle: the server thread sees an end in its turn.
  */
 static void until_present(unsigned count) {
     while ((unsigned)__builtin_popcount(atomic_load(&rig.on.core->rt.clients.present)) != count) {
@@ -163,7 +163,7 @@ static void until_present(unsigned count) {
     }
 }
 
-/** What lies on the bus after the last cycle. */
+/** Data on the bus after the last cycle. */
 static uint64_t sent(uint32_t symbol) {
     struct fsn_symbol_info info;
     uint8_t image[2 * (MAIN_BYTES + SUB_BYTES)];
@@ -297,7 +297,7 @@ static void on_time_late_and_gone(void) {
     cycle();
     CHECK(sent(0) == 1000 && counts(client).on_time == 1);
     CHECK(wait_for(client) == FSN_OK);
-    cycle(); /* missed; what was sent stays */
+    cycle(); /* missed; the sent values stay */
     CHECK(sent(0) == 1000 && counts(client).missed == 1);
     CHECK(fsn_realtime_set(client, 0, 1001) == FSN_OK);
     fsn_realtime_send(client); /* answers the cycle before the last */
@@ -330,7 +330,7 @@ static void on_time_late_and_gone(void) {
     cycle();
     CHECK(sent(0) == 5 && counts(again).on_time == 1);
     CHECK(wait_for(client) == FSN_E_CLOSED && wait_for(again) == FSN_OK);
-    cycle(); /* it may miss none */
+    cycle(); /* no cycle may be missed */
     CHECK(sent(0) == 7);
     end_serving();
     CHECK(strstr(rig.logged, ", late: 1 output takes its stop value") != NULL);
@@ -398,7 +398,7 @@ static void several_at_once(void) {
     tear_down();
 }
 
-/** Sends a line and returns what came, with the descriptors; -1: none. */
+/** Sends a line and returns the answer, with the descriptors; -1: none. */
 static const char *request(int fd, const char *line, int fds[2]) {
     static char text[65536];
     union {
@@ -650,9 +650,9 @@ static void odd_answers(void) {
     CHECK(strncmp(fault.text, "a \"b\" c: ", 9) == 0);
     expect_odd(address.sun_path, yes, 0, FSN_E_NOMEM); /* no memory came */
     expect_odd(address.sun_path, yes, 3, FSN_E_NOMEM); /* one too many */
-    expect_odd(address.sun_path, yes, 2, FSN_E_NOMEM); /* outputs that are none */
+    expect_odd(address.sun_path, yes, 2, FSN_E_NOMEM); /* invalid outputs */
     CHECK(pwrite(odd.fd[0], "x", 1, 0) == 1);
-    expect_odd(address.sun_path, yes, 1, FSN_E_NOMEM); /* inputs that are none */
+    expect_odd(address.sun_path, yes, 1, FSN_E_NOMEM); /* invalid inputs */
     CHECK(ftruncate(odd.fd[0], 4) == 0);
     expect_odd(address.sun_path, yes, 1, FSN_E_NOMEM); /* too short to be any */
     close(odd.fd[0]);
@@ -733,7 +733,7 @@ static void descriptors_go_with_their_reply(void) {
     const int fd = connect_raw();
     const char *text = request(fd, "events on\nstatus\nrealtime 2 any 3 speed\nhello\n", fds);
     ssize_t got = (ssize_t)strlen(text);
-    while (fds[0] < 0) { /* the first piece ends before what brings descriptors */
+    while (fds[0] < 0) { /* the first piece ends before the one with the descriptors */
         CHECK(got > 0 && strstr(text, "\"outputs\":1") == NULL);
         text = request(fd, "hello\n", fds);
     }
@@ -779,7 +779,7 @@ static void whatever_a_client_writes(void) {
     CHECK(out != MAP_FAILED);
     CHECK(fallocate(fds[1], FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0, out_bytes) == 0);
     begin_raw(fd);
-    /* Who takes pages out of them now would have the cycle wait for it. */
+    /* Removing pages of them now would make the cycle wait. */
     CHECK(fallocate(fds[1], FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, 0, out_bytes) != 0);
     CHECK(madvise(out, (size_t)out_bytes, MADV_REMOVE) != 0 && pwrite(fds[1], "x", 1, 0) < 0);
     CHECK(mmap(NULL, (size_t)out_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fds[1], 0) ==
@@ -800,7 +800,7 @@ static void whatever_a_client_writes(void) {
         cycle();
         CHECK(wait_for(other) == FSN_OK);
         CHECK(fsn_core_snapshot(rig.on.core, NULL, NULL, frames) == FSN_OK);
-        for (uint32_t sm = 0; sm < 4; sm += 2) { /* all but their own bits is what it would be */
+        for (uint32_t sm = 0; sm < 4; sm += 2) { /* all bits but their own are unchanged */
             uint8_t *at = frames + fsn_core_sm_base(rig.on.core, sm);
             uint8_t expected[MAIN_BYTES] = {0};
             const uint32_t bytes = sm == 0 ? MAIN_BYTES : SUB_BYTES;
@@ -850,7 +850,7 @@ static void a_set_is_whole(void) {
     atomic_store(&head->sent.begun, 2); /* 2 is being written: 1 is whole */
     cycle();
     CHECK(sent(0) == 0);
-    /* What is taken and what is not lies apart: half of a set changes nothing that is sent. */
+    /* Accepted and rejected values are separate: half of a set changes nothing that is sent. */
     _Atomic uint64_t *set = (void *)((uint8_t *)head + head->sets_at);
     for (uint32_t number = 2; number < 6; number++) {
         atomic_store(set + 3 * (number % 2) + 1, 100 + number);
@@ -894,7 +894,7 @@ static void a_stop_ends_it(void) {
     CHECK(try_open(0, 0, NULL, &client) == FSN_E_STATE);
     end_serving();
     fsn_control_free(rig.control);
-    CHECK(wait_for(reads) == FSN_OK); /* what it has not seen yet */
+    CHECK(wait_for(reads) == FSN_OK); /* cycles it has not seen yet */
     CHECK(wait_for(reads) == FSN_E_STATE);
     fsn_realtime_close(writes);
     fsn_realtime_close(reads);

@@ -1,5 +1,5 @@
-/** The recorder: what is kept, for how long, and that a cycle taken out of it is never half of two.
- *  Run under TSan too. */
+/** The recorder: its content and length, and that a cycle taken out of it is never half of two. Run
+ *  under TSan too. */
 #define _POSIX_C_SOURCE 200809L
 
 #include <pthread.h>
@@ -99,7 +99,8 @@ static void the_room_bounds_it(void) {
     CHECK(fsn_core_keep(NULL, 1, 1) == FSN_E_ARG);
     CHECK(fsn_core_keep(rig.core, 9000000, image) == FSN_E_ARG); /* not even one */
     const struct fsn_thread_options options = {.cycle_ns = 1000000};
-    CHECK(fsn_core_start(rig.core, &options, NULL) == FSN_OK); /* what was refused is forgotten */
+    CHECK(fsn_core_start(rig.core, &options, NULL) == FSN_OK); /* the refused request has no effect
+                                                                */
     fsn_core_stop(rig.core);
     CHECK(fsn_core_kept_cycles(rig.core) == 0);
     CHECK(fsn_core_kept_cycles(rig.core) == 0);
@@ -174,8 +175,8 @@ static void look_back(void *bus, struct fsn_bus_input *input) {
     atomic_fetch_add(&held_up.looks, 1);
 }
 
-/** A cycle that came too late is reported together with what was left out because of it: its time
- * and the counters of one picture fit each other. */
+/** A cycle that came too late is reported together with the cycles skipped because of it: its time
+ *  and the counters of one snapshot match. */
 static void a_picture_counts_what_was_left_out_before_it(void) {
     struct emulated_rig rig = set_up(CYCLE_NS);
     fsn_core_free(rig.core);
@@ -198,8 +199,8 @@ struct shared {
     atomic_ulong records, missed;
 };
 
-/** Goes through the cycles one by one; where it was too slow it takes up at the oldest ones, which
- *  the writer is about to overwrite. */
+/** Reads the cycles one by one; if it was too slow it continues with the oldest ones, which the
+ *  writer is about to overwrite. */
 static void *reader(void *argument) {
     struct shared *shared = argument;
     struct fsn_core *core = shared->rig.core;

@@ -15,7 +15,7 @@
 #include "heap.h"
 #include "replies_rig.h"
 
-/** What an incident asks of the planned SubDevices; shown as an answer. */
+/** Requests of an incident to the planned SubDevices; shown as an answer. */
 static void ask_for_fsoe(void) {
     on.read[0] = 0;
     struct fsn_job *job =
@@ -37,7 +37,7 @@ static void ask_for_fsoe(void) {
     fsn_control_job_done(on.control, job);
 }
 
-/** Incidents are kept; what is shown of them is their head, so no file is ever written. */
+/** Incidents are recorded; only their head is shown, so no file is ever written. */
 static void keep_incidents(void) {
     char folder[] = "/tmp/fsn-replies-XXXXXX";
     struct fsn_refusal refusal;
@@ -177,7 +177,7 @@ static size_t encode(uint32_t c, char to[5]) {
     return more + 1;
 }
 
-/** Where characters begin to be hidden, and where they end. */
+/** First and last of the hidden characters. */
 static void show_hidden(void) {
     bool before = false;
     for (uint32_t c = 0; c <= 0x110000; c++) {
@@ -209,7 +209,7 @@ static void cycle_later(unsigned ms) {
     fsn_changes_poll(&on.control->changes, on.control->services.incidents, on.now_ns);
 }
 
-/** Writes bytes into the SII: an offset, and what goes there, in hex. */
+/** Writes bytes into the SII: an offset, and the bytes in hex. */
 static void change_sii(const char *words) {
     unsigned at, byte;
     int used;
@@ -280,7 +280,7 @@ static void change(const char *word) {
     } else if (strcmp(word, "reads") == 0) {
         strcat(on.read, "\n");
         fsn_client_put(on.client, on.read, strlen(on.read));
-    } else if (strcmp(word, "unstable") == 0) { /* the cycle writes the picture that is read */
+    } else if (strcmp(word, "unstable") == 0) { /* the cycle writes the snapshot that is read */
         atomic_fetch_add(&on.core->rt.snapshot.shown->begun, FSN_RT_PICTURES);
     } else if (strcmp(word, "stable") == 0) {
         atomic_fetch_sub(&on.core->rt.snapshot.shown->begun, FSN_RT_PICTURES);
@@ -318,7 +318,7 @@ static void request(const char *line) {
     do_job();
 }
 
-/** The reply to a request, or what a change sends; of the version only that there is one. */
+/** The reply to a request, or the events of a change; of the version only that there is one. */
 static char *reply_to(const char *line) {
     static char text[65536];
     static const char version[] = "\"version\":\"" FSN_VERSION_STRING "\"";

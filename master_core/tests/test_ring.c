@@ -1,4 +1,4 @@
-/** Which way of a ring is lost, and what its gap is called. */
+/** Which way of a ring is lost, and the name of its gap. */
 #include "live/ring.h"
 
 #include <stdio.h>
@@ -11,8 +11,8 @@ enum { MEMBERS = 4, CYCLES = 20 };
 
 /* -- ways ----------------------------------------------------------------------------------- */
 
-/** Twenty cycles in which so many frames came: by the port where they were sent, then where they
- *  came in. */
+/** Twenty cycles with this many frames: by the port where they were sent, then where they came in.
+ */
 static uint8_t after(struct fsn_ring_watch *watch, struct fsn_ring_counts *counts,
                      const uint32_t came[4], bool both_linked) {
     counts->sent += CYCLES;
@@ -74,7 +74,7 @@ static void one_bad_judgement_is_forgotten(void) {
     CHECK(watch.ring.breaks == 0);
 }
 
-/** Too few cycles say nothing, and are judged with those that follow. */
+/** Too few cycles are not conclusive, and are judged with those that follow. */
 static void a_slow_cycle_is_waited_for(void) {
     struct fsn_ring_counts counts = {.sent = 3, .came = {{0, 3}, {3, 0}}};
     struct fsn_ring_watch watch = {0};
@@ -93,7 +93,7 @@ struct place {
     const char *text;
 };
 
-enum { GONE = UINT8_MAX, SILENT = INT32_MAX }; /* the latter: nothing comes back */
+enum { GONE = UINT8_MAX, SILENT = INT32_MAX }; /* the latter: no frame comes back */
 
 #define LINE {3, 3, 3, 3}
 

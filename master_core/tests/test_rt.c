@@ -1,6 +1,6 @@
-/** The cyclic thread on a clock of the test's own: when it wakes up, what it counts, what it keeps.
- *  This program's clock and sleep take the place of libc's, so every time is known to the
- *  nanosecond and nothing depends on the machine. */
+/** The cyclic thread on a clock of the test's own: wake-ups, counters, records. This program's
+ *  clock and sleep replace those of libc, so every time is known to the nanosecond and nothing
+ *  depends on the machine. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -20,7 +20,7 @@ enum {
     STATISTICS_WORDS = (sizeof(struct fsn_statistics) + 7) / 8,
     RECORD_WORDS = 1 + sizeof(struct fsn_cycle) / 8 + DATAGRAMS * sizeof(struct fsn_wkc) / 8 + 1,
     SLOTS = 4,
-    TICK_NS = 7, /**< between two looks at the clock */
+    TICK_NS = 7, /**< between two readings of the clock */
 };
 
 #define START_NS UINT64_C(1500000000)
@@ -70,13 +70,13 @@ static struct {
     struct fsn_rt_shown shown;
     _Atomic uint64_t pictures[FSN_RT_PICTURES][STATISTICS_WORDS + 1];
     _Atomic uint64_t slots[SLOTS * RECORD_WORDS];
-    struct fsn_bus_input script[MOST]; /**< what comes in, cycle by cycle */
+    struct fsn_bus_input script[MOST]; /**< input, cycle by cycle */
     struct fsn_wkc script_wkc[MOST][DATAGRAMS];
     uint8_t script_stale[MOST][SMS];
     uint64_t sent_ns;       /**< when the last frames went out */
     uint64_t seen;          /**< cycles that were counted and observed by then */
-    uint32_t shown_to_all;  /**< pictures by then */
-    const int32_t *far_ppb; /**< the script is a reference clock that runs so much faster */
+    uint32_t shown_to_all;  /**< snapshots by then */
+    const int32_t *far_ppb; /**< the script is a reference clock with this rate error */
     uint32_t cycles, stop_after, sent;
 } on;
 
@@ -215,7 +215,7 @@ static void a_free_run_never_sleeps(void) {
     CHECK(s->dc_offset.count == 0);
     CHECK(wall.sleeps == 0 && s->cycles == 4 && s->latency.count == 0 && s->overruns == 0);
     CHECK(on.rt.late_ns == 0 && on.rt.left_out == 0);
-    /* Four looks at the clock per cycle: begin, before and after the copies, end. */
+    /* Four readings of the clock per cycle: begin, before and after the copies, end. */
     CHECK(counted(&s->period, 3, 4 * TICK_NS, 4 * TICK_NS, 3 * 4 * TICK_NS));
     CHECK(counted(&s->copy, 4, TICK_NS, TICK_NS, 4 * TICK_NS));
     CHECK(counted(&s->work, 4, 3 * TICK_NS, 3 * TICK_NS, 4 * 3 * TICK_NS));
@@ -227,7 +227,7 @@ static void a_free_run_never_sleeps(void) {
 static void follows(const int64_t *off_ns, const int64_t *step_ns, uint32_t cycles, bool follow) {
     set_up(cycles);
     on.rt.follow_dc = follow;
-    const uint64_t shift = 123456789; /* frames shall come so long before a multiple of the cycle */
+    const uint64_t shift = 123456789; /* target time of frames before a multiple of the cycle */
     on.rt.dc_shift_ns = shift;
     uint64_t planned = START_NS + CYCLE_NS;
     uint64_t expected[MOST];
@@ -269,7 +269,7 @@ static void steers_after_the_reference_clock(void) {
     follows(far, step, 3, true);
 }
 
-/** Without a reading the wake-ups stay as they are, and what was read last is still shown. */
+/** Without a reading the wake-ups stay unchanged, and the last reading is still shown. */
 static void a_cycle_without_reading_steers_nothing(void) {
     set_up(3);
     on.rt.follow_dc = true;
@@ -314,7 +314,7 @@ static void locks_to_a_clock_that_drifts(void) {
     CHECK(on.rt.statistics.dc_offset.max_ns < CYCLE_NS / 1000);
 }
 
-/** Where the bus is set to our clock, only the first wake-up has to be placed. */
+/** If the bus is set to our clock, only the first wake-up has to be placed. */
 static void the_first_wake_up_is_placed_before_sync0(void) {
     for (uint64_t base = 1; base < CYCLE_NS; base += CYCLE_NS / 5) {
         set_up(2);
@@ -329,7 +329,7 @@ static void the_first_wake_up_is_placed_before_sync0(void) {
     }
 }
 
-/* -- what it counts ------------------------------------------------------------------------- */
+/* -- counters ------------------------------------------------------------------------------- */
 
 static void counts_what_comes_in(void) {
     set_up(4);
@@ -352,7 +352,7 @@ static void counts_what_comes_in(void) {
     on.rt.bytes_per_cycle = 12;
     fsn_rt_loop(&on.rt);
     const struct fsn_statistics *s = &on.rt.statistics;
-    /* Two datagrams that are wrong by as much to both sides are one bad cycle too. */
+    /* Two datagrams with opposite errors of the same size are also one bad cycle. */
     CHECK(s->wkc_errors == 3 && s->expected_wkc == 7 && s->actual_wkc == 4);
     CHECK(s->lost_frames == 11 && s->old_replies == 22 && s->foreign_frames == 33);
     CHECK(s->unsent_frames == 44 && s->send_errno == 0); /* of the last cycle */
@@ -403,7 +403,7 @@ static void times_fall_into_their_buckets(void) {
     CHECK(times->bucket[FSN_BUCKETS - 1] == 3);
 }
 
-/* -- what it keeps -------------------------------------------------------------------------- */
+/* -- records -------------------------------------------------------------------------------- */
 
 /** A slot is whole if its sequence matches; times that do not fit saturate. */
 static void a_record_holds_the_cycle(void) {
@@ -460,7 +460,7 @@ static void a_record_tells_times_exactly(void) {
     CHECK(record.now_ns == 5 && record.work_ns == 0);
 }
 
-/** Two pictures in turn; the number of the last whole one is the last thing written. */
+/** Two snapshots in turn; the number of the last whole one is written last. */
 static void pictures_take_turns(void) {
     set_up(3);
     fsn_rt_loop(&on.rt);
@@ -482,7 +482,7 @@ static bool shown_is_all(void) {
     return memcmp(shown(), &on.rt.statistics, sizeof on.rt.statistics) == 0;
 }
 
-/** A picture shows every time, those of the cycle before as well, however many were counted. */
+/** A snapshot shows every time, also those of the cycle before, however many were counted. */
 static void each_picture_shows_all_times(void) {
     set_up(MOST);
     struct fsn_statistics *s = &on.rt.statistics;
@@ -548,7 +548,7 @@ static void clients_learn_when_a_cycle_is_shown(void) {
     }
 }
 
-/* -- whom a reset is put down to ------------------------------------------------------------- */
+/* -- origin of a reset ------------------------------------------------------------------------- */
 
 static struct {
     struct fsn_rt_watch watch;
@@ -692,7 +692,7 @@ static void the_ring_goes_around(void) {
     CHECK(on.rt.ring.slot[on.rt.ring.tail % FSN_RT_EVENTS].now_ns == 0);
 }
 
-/** A connection that was silent when it went silent again has nothing to tell. */
+/** A connection that was silent when it went silent again has nothing to report. */
 static void silent_stays_silent(void) {
     watch_one();
     one.image[1] = 1; /* not a frame: its command is 0 */

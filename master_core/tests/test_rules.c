@@ -1,4 +1,4 @@
-/** The loader's rules for SDOs, symbols, FSoE blocks and what copies may touch of them; every byte
+/** The loader's rules for SDOs, symbols, FSoE blocks and the bytes that copies may use; every byte
  *  of a plan changed, one at a time; and a large plan, which must load in milliseconds. */
 /* shows R2 */
 #define _POSIX_C_SOURCE 200809L
@@ -11,7 +11,7 @@
 #include "plan/plan_internal.h"
 #include "rules_of_fields.h"
 
-/** One broken rule: where, what is written there, what must be answered, and which record named. */
+/** One broken rule: position, written bytes, expected fault, and the named record. */
 struct broken {
     uint32_t section, record, field, bytes, value;
     fsn_status status;
@@ -166,7 +166,7 @@ static bool is_tried(uint32_t section, uint32_t record) {
     return record < 32 && (tried[section] >> record & 1u) != 0;
 }
 
-/** What a change of one field does: fault and where in its record, "." when it is a plan still. */
+/** Effect of a change of one field: fault and position in its record, "." if it is still a plan. */
 static void say(char *text, size_t room, uint8_t *bytes, size_t len, uint8_t *field, size_t width,
                 uint64_t value) {
     uint8_t kept[8];
@@ -234,7 +234,7 @@ static void every_field_has_its_rule(void) {
     free(bytes);
 }
 
-/** A plan with one changed byte and a right CRC is refused, or is a plan that can be run. */
+/** A plan with one changed byte and a correct CRC is refused, or is a plan that can be run. */
 static void every_byte_may_lie(void) {
     size_t len;
     uint8_t *bytes = build_full(&len);

@@ -30,7 +30,7 @@ static void begin_packet(void) {
     packet.now_ns += NS;
 }
 
-/** Adds a datagram that does not say of the one before that it is followed. */
+/** Adds a datagram without setting the "more follows" bit of the one before. */
 static void add_last_datagram(uint32_t address, const uint8_t *data, uint16_t size) {
     uint8_t *at = packet.bytes + packet.len;
     CHECK(packet.len + DATAGRAM_HEAD + size + 2 <= sizeof packet.bytes);
@@ -170,10 +170,10 @@ static void places_are_limited(void) {
 
 enum { PER_DATAGRAM = 82, PER_PACKET = 2 * PER_DATAGRAM, PAIRS = 7 * PER_PACKET };
 
-/** Shows connections whose frames stand side by side, as in the process data of a main terminal.
+/** Shows connections whose frames are adjacent, as in the process data of a main terminal.
  *  @param[in] together  from this even round on the answer comes in the same packet, but that of
- * the first connection.
- *  @return how many frames were right from then on. */
+ *  the first connection.
+ *  @return number of correct frames from then on. */
 static uint64_t show_side_by_side(struct fsn_scan *scan, size_t count, unsigned rounds,
                                   unsigned together) {
     static struct pair pairs[PAIRS];
@@ -258,7 +258,8 @@ static unsigned packets_until_found(size_t others, uint16_t id) {
     return packets;
 }
 
-/** What never fits lets the others in between, and each place meets all others in the end. */
+/** Places that never fit do not block the others, and each place is compared with all others in the
+ *  end. */
 static void what_is_no_frame_holds_nothing_up(void) {
     CHECK(packets_until_found(0, 7) < 20);
     CHECK(packets_until_found(326, 7) < 300);
@@ -314,7 +315,7 @@ static void a_frame_may_be_cut_by_two_datagrams(void) {
             begin_packet();
             add_datagram(0x1000, pair.frames, cut);
             packet.bytes[HEAD_AT + 2 + 7] |= 0x80; /* another follows */
-            uint8_t rest[2 * FRAME] = {0}; /* without an answer the outputs of before come back */
+            uint8_t rest[2 * FRAME] = {0}; /* without an answer the previous outputs come back */
             memcpy(rest, answered ? pair.frames + cut : rest, (size_t)(2 * FRAME - cut));
             add_last_datagram(0x1000u + cut, rest, (uint16_t)(2 * FRAME - cut));
             if (!answered) {
@@ -377,8 +378,8 @@ static void an_answer_comes_before_the_next_session(void) {
     fsn_scan_free(scan);
 }
 
-/** A capture begins in Data, and the numbers of the ends speak for the wrong roles. A session that
- *  the main begins shows the right ones: all that was counted goes with its end. */
+/** A capture begins in Data, and the numbers of the ends suggest the wrong roles. A session that
+ *  the main begins shows the correct ones: all counters move with their end. */
 static void a_session_shows_who_is_the_main(void) {
     enum { PACKETS = 40 };
     uint8_t data[LONG + FRAME] = {0};

@@ -211,7 +211,7 @@ static void bad_answers(void) {
         {{0, 0x30, 0x60, 0, 0, 0, 0, 0, 0, 0}, 1, FSN_E_BUS_STATE, 0},
         {{0, 0x30, 0x43, 1, 0, 0, 0, 0, 0, 0}, 1, FSN_E_BUS_MAILBOX, 0},
         {{0, 0x10, 0x43, 0, 0, 0, 0, 0, 0, 0}, 1, FSN_E_BUS_MAILBOX, 0},
-        /* segments: wrong toggle, more than was said, none, too few, no segment at all */
+        /* segments: wrong toggle, more than announced, none, too few, not a segment */
         {{0, 0x30, 0x41, 0, 0, 0, 9, 0, 0, 0, 0, 0x30, 0x10}, 2, FSN_E_BUS_STATE, 0},
         {{0, 0x30, 0x41, 0, 0, 0, 5, 0, 0, 0, 0, 0x30, 0x01}, 2, FSN_E_BUS_STATE, 0},
         {{0, 0x30, 0x41, 0, 0, 0, 9, 0, 0, 0, 0, 0x30, 0x0E}, 2, FSN_E_BUS_STATE, 0},

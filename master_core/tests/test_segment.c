@@ -91,7 +91,7 @@ static void frames_are_checked(void) {
     tear_down(&rig);
 }
 
-/** The watchdog is as long as the registers say, from the write on. */
+/** The watchdog time is that of the registers, from the write on. */
 static void the_watchdog_takes_its_time_from_the_registers(void) {
     static const struct {
         uint16_t divider, limit, most_ms;
@@ -113,8 +113,8 @@ static void the_watchdog_takes_its_time_from_the_registers(void) {
     }
 }
 
-/** A set of inputs is taken as a whole when its first byte is read, and only then; what reaches
- *  beyond the memory is left out. */
+/** A set of inputs is taken as a whole when its first byte is read, and only then; bytes beyond the
+ *  memory are left out. */
 static void inputs_are_taken_with_their_first_byte(void) {
     static const uint8_t inputs[2][8] = {{1, 2, 3, 4, 5, 6, 7, 8}, {9, 9, 9, 9, 9, 9, 9, 9}};
     struct rig rig = set_up();
@@ -245,7 +245,7 @@ static void mailbox_speaks_coe(void) {
     const uint8_t no_sub[8] = {0x40, 0x18, 0x10, 9};
     CHECK(sdo(&rig, no_sub, 8) == 10);
     CHECK(rig.data[8] == 0x80 && rig.data[12] == 0x11 && rig.data[14] == 0x09);
-    /* The mailbox is full of a protocol it does not speak. */
+    /* The mailbox is full of an unsupported protocol. */
     uint8_t foreign[128] = {4, 0, 0, 0, 0, 0x14};
     CHECK(datagram(&rig, FPWR, 1001, 0x1000, foreign, 128) == 1);
     CHECK(datagram(&rig, FPRD, 1001, 0x1080, NULL, 128) == 1 && rig.data[5] % 16 == 0);

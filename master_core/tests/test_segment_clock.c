@@ -1,5 +1,5 @@
-/** The distributed clocks of the emulated segment: what they show, how they follow, what devices do
- *  whose SYNC0 cannot be used. */
+/** The distributed clocks of the emulated segment: their times, how they follow, and the reaction
+ *  of devices whose SYNC0 cannot be used. */
 #include <string.h>
 
 #include "segment_rig.h"
@@ -111,7 +111,7 @@ static void the_reference_can_be_set(void) {
     }
     const int64_t left = (int64_t)(read(&rig, 1001, DC_TIME, 8) - rig.now_ns - 12000);
     CHECK(left < 100 && left > -100);
-    CHECK(datagram(&rig, FPWR, 1001, DC_TIME, NULL, 2) == 1); /* half a time is none */
+    CHECK(datagram(&rig, FPWR, 1001, DC_TIME, NULL, 2) == 1); /* half a time is not a time */
     tear_down(&rig);
 }
 
@@ -262,7 +262,7 @@ static void a_start_that_has_passed_comes_around_in_32_bits(void) {
     tear_down(&rig);
 }
 
-/** Outputs near the pulse, always: a device cannot know to which cycle they belong. */
+/** Outputs near the pulse, always: a device cannot assign them to a cycle. */
 static void outputs_belong_between_the_pulses(void) {
     for (int64_t phase = 0; phase < MS; phase += MS / 8) {
         struct rig rig = set_up_synchronous();

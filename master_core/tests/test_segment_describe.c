@@ -1,4 +1,4 @@
-/** What emulated SubDevices say of themselves: SII, objects, and where the plan has a place. */
+/** Self-description of emulated SubDevices: SII, objects, and places left free by the plan. */
 #define _GNU_SOURCE
 
 #include <string.h>
@@ -63,7 +63,7 @@ static void the_others_have_their_places(void) {
     tear_down(&rig);
 }
 
-/** Where the plan leaves a place free stands a coupler, with an SII and no objects. */
+/** A place left free by the plan has a coupler, with an SII and no objects. */
 static void a_free_place_has_a_coupler(void) {
     struct rig rig = {.bytes = NULL};
     size_t len;

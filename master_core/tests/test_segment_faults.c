@@ -62,7 +62,7 @@ static void lost_links_count_to_255(void) {
     CHECK(peek(&rig, 0, 0x0311, 1)[0] == 0);
     CHECK(peek(&rig, 0, 0x0302, 1)[0] == 3); /* and no others */
     fsn_segment_set_present(rig.segment, 1, false);
-    fsn_segment_power_cycle(rig.segment, 1); /* what is unplugged has no power to switch */
+    fsn_segment_power_cycle(rig.segment, 1); /* an unplugged SubDevice has no power to switch */
     CHECK(datagram(&rig, BRD, 0, 0, NULL, 1) == 1);
     CHECK(peek(&rig, 0, 0x0311, 1)[0] == 1);
     tear_down(&rig);

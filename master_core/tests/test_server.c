@@ -132,7 +132,7 @@ static void turn(void) {
     fsn_control_serve(rig.control, rig.fds, count);
 }
 
-/** What a peer has got, whole lines. */
+/** Whole lines that a peer has received. */
 static const char *heard(unsigned peer) {
     static char text[65536];
     const ssize_t got = recv(rig.peer[peer], text, sizeof text - 1, MSG_DONTWAIT);
@@ -271,7 +271,7 @@ static void what_is_not_taken_waits(void) {
     tear_down(1);
 }
 
-/** Five seconds in which nothing is taken are the end; what was sent before is gone, not lost. */
+/** Five seconds in which nothing is read are the end; data sent before is received, not lost. */
 static void who_does_not_read_is_dropped(void) {
     set_up(1);
     struct fsn_client *client = &rig.control->client[0];
@@ -337,7 +337,7 @@ static void long_answers_have_their_limit_one_by_one(void) {
     tear_down(1);
 }
 
-/** What was read ends for a moment, or for ever. */
+/** Readable data ends for a moment, or permanently. */
 static void reading_may_fail(void) {
     static const int passing[] = {EAGAIN, EINTR};
     set_up(2);
@@ -402,7 +402,7 @@ static void a_full_buffer_waits_for_its_turn(void) {
     tear_down(1);
 }
 
-/** Who is silent for longer than his lease loses his outputs, and is reported. */
+/** A client that is silent for longer than its lease loses its outputs, and is reported. */
 static void leases_end(void) {
     set_up(1);
     struct fsn_client *client = &rig.control->client[0];
@@ -532,7 +532,7 @@ static void a_long_event_is_cut(void) {
     tear_down(1);
 }
 
-/** At the end what is left to be written is written, for so long. */
+/** At the end the remaining data is written, for a limited time. */
 static void a_flush_waits_for_readers(void) {
     set_up(2);
     static char block[300000];

@@ -370,7 +370,7 @@ struct live {
     uint64_t frames, torn, changes;
 };
 
-/** A device: writes frames of one byte that changes, looks whether what it gets is of one piece. */
+/** A device: writes frames of one changing byte, and checks that received frames are whole. */
 static void *device(void *argument) {
     struct live *of = argument;
     const size_t size = of->subdevice % 2 == 0 ? 70 : SM_BYTES;

@@ -37,7 +37,7 @@ static void *device(void *argument) {
 }
 
 /** The inputs of the sub, and the outputs of the main that they are copied to, hold the number of
- *  the cycle: statistics and image of one picture must be of one cycle. */
+ *  the cycle: statistics and image of one snapshot must be of one cycle. */
 static void check_bytes_of_cycle(const struct fsn_core *core, const uint8_t *image, uint8_t cycle) {
     const uint8_t *source = image + fsn_core_sm_base(core, 3);
     const uint8_t *destination = image + fsn_core_sm_base(core, 0);

@@ -45,7 +45,8 @@ static void unplug(struct rig *rig, uint32_t p) {
     }
 }
 
-/** Whoever is cut off is named; all others go on; whoever returns is brought to OP again. */
+/** A SubDevice that is cut off is named; all others continue; one that returns is brought to OP
+ *  again. */
 static void each_is_unplugged_and_returns(void) {
     struct rig *rig = bring_up();
     for (uint32_t p = 0; p < SUBDEVICES; p++) {
@@ -139,8 +140,7 @@ static void stalls_and_repetitions(void) {
     tear_down(rig);
 }
 
-/** Of a SubDevice that comes back a part of the SII reads as zeros: it is not known, and no other.
- */
+/** A part of the SII of a returning SubDevice reads as zeros: it is unknown, not another device. */
 static void half_an_sii_is_no_other_device(void) {
     struct rig *rig = bring_up();
     const struct fsn_segment_identity half = {.vendor_id = 0, .product_code = 3, .revision = 4};
@@ -158,7 +158,7 @@ static void half_an_sii_is_no_other_device(void) {
     tear_down(rig);
 }
 
-/** Another device, and the right ones in each other's place, are not brought anywhere. */
+/** Another device, and correct ones in each other's place, stay in their state. */
 static void wrong_devices_stay_out(void) {
     struct rig *rig = bring_up();
     const struct fsn_segment_identity other = {.vendor_id = 2, .product_code = 3, .revision = 4};
@@ -187,8 +187,8 @@ static void wrong_devices_stay_out(void) {
     tear_down(rig);
 }
 
-/** A SubDevice that comes back and refuses a start-up SDO stays in PREOP, named, until it takes it;
- *  one that is slow is waited for. */
+/** A returning SubDevice that refuses a start-up SDO stays in PREOP, named, until it accepts it; a
+ *  slow one is waited for. */
 static void who_refuses_is_asked_again(void) {
     struct rig *rig = bring_up();
     CHECK(fsn_segment_set_sdo_abort(rig->segment, 3, 0x8000, 1, 0x06090030) == FSN_OK);
@@ -206,7 +206,7 @@ static void who_refuses_is_asked_again(void) {
     tear_down(rig);
 }
 
-/** Cuts a cable, and looks for a while; returns whether everybody stayed in OP. */
+/** Cuts a cable, and observes for a while; returns whether all SubDevices stayed in OP. */
 static bool stays_up_without(struct rig *rig, uint32_t front) {
     uint32_t returns[SUBDEVICES];
     bool stayed = true;
@@ -303,7 +303,8 @@ static void all_flow(struct rig *rig) {
     poll_until_all_in_op(rig);
 }
 
-/** Either interface may go, the other one serves on; without both the bus is lost, and comes back.
+/** Either interface may fail, the other one continues; without both the bus is lost, and comes
+ *  back.
  */
 static void each_interface_may_go(void) {
     struct rig *rig = bring_up_from(set_up_with("far2"));
@@ -317,7 +318,7 @@ static void each_interface_may_go(void) {
     for (uint32_t n = 0; n < SUBDEVICES; n++) {
         poll_until(rig, n, FSN_AL_NONE);
         for (int polls = 0; strcmp(look(rig, n).detail, "neither near nor near2 has a link") != 0;
-             polls++) { /* what was said of the first loss is looked at again */
+             polls++) { /* the note of the first loss is checked again */
             CHECK(polls < PATIENCE_MS / 2);
             fsn_core_poll(rig->core, FSN_AL_OP, now_ns());
             pause_ms(2);

@@ -10,7 +10,7 @@
 
 enum { SKIPPED = 77, PRODUCT = 12 /**< of a SubDevice's record */ };
 
-/** Attaches with a plan, looks at all SubDevices, and lets go. */
+/** Attaches with a plan, checks all SubDevices, and detaches. */
 static fsn_status attach(const struct fsn_plan *plan, const struct fsn_bus_attachment *attachment,
                          const char *second, struct fsn_fault *fault) {
     const struct fsn_live_options options = {

@@ -110,7 +110,7 @@ static uint64_t pulses_apart(struct rig *rig) {
     return most;
 }
 
-/** A wrong start stays wrong; a clock that has just begun to follow is right soon. */
+/** A wrong start stays wrong; a clock that has just begun to follow is correct soon. */
 static void pulses_come_together(struct rig *rig) {
     for (int i = 0; pulses_apart(rig) > CYCLE / 50; i++) {
         if (i == PATIENCE_MS / 20) {
@@ -243,7 +243,7 @@ static void pass(struct rig *rig, uint8_t command, uint32_t n, uint16_t address,
     memcpy(value, frame + 26, sizeof *value);
 }
 
-/** Moves the clock of s3 until a look has met it outside of the window. */
+/** Moves the clock of s3 until a check has met it outside of the window. */
 static void push_out(struct rig *rig) {
     enum { FPRD = 4, FPWR = 5, OFFSET = 0x0920 };
     for (int i = 0; clocks(rig).outside == 0; i++) {
@@ -306,7 +306,7 @@ static void clocks_that_cannot_be_set_are_refused(void) {
     tear_down(rig);
 }
 
-/** The same for one that comes back: it stays out of OP, by name, and the others go on. */
+/** The same for a returning one: it stays out of OP, by name, and the others continue. */
 static void a_clock_that_follows_nobody_stays_out(void) {
     const struct fsn_segment_clock deaf = {.deaf = true, .drift_ppb = 900000, .forward_ns = 300};
     struct rig *rig = bring_up_from(set_up_with_sync());

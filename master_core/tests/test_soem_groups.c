@@ -67,7 +67,7 @@ static int compare(const void *left, const void *right) {
     return (a > b) - (a < b);
 }
 
-/** Who is always there stays in OP, and no cycle is incomplete but for frames that were late. */
+/** Permanent SubDevices stay in OP, and no cycle is incomplete except for late frames. */
 static void tools_are_exchanged(int times) {
     struct rig *rig = begin();
     uint64_t *took_ns = calloc((size_t)times, sizeof *took_ns);
@@ -189,7 +189,7 @@ static void strangers_are_named(void) {
     tear_down(rig);
 }
 
-/** Who is always there is found again, wherever a tool stands. */
+/** Permanent SubDevices are found again, wherever a tool is. */
 static void the_bus_is_lost_and_comes_back(void) {
     struct rig *rig = begin();
     CHECK(fsn_segment_set_link(rig->segment, FSN_NONE, false) == FSN_OK);

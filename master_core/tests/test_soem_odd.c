@@ -1,4 +1,4 @@
-/** The SOEM backend with SubDevices of other kinds, and what its set-up refuses. As test_soem.c. */
+/** The SOEM backend with SubDevices of other kinds, and refusals of its set-up. As test_soem.c. */
 #include <string.h>
 
 #include "fsn/acyclic.h"
@@ -176,7 +176,7 @@ static void preop_is_not_waited_for_for_ever(void) {
     tear_down(rig);
 }
 
-/** Whoever is not there is not reached either. */
+/** An absent SubDevice cannot be reached either. */
 static void nobody_is_reached_in_vain(void) {
     const struct fsn_bus_acyclic *acyclic = fsn_backend_soem()->ops->acyclic;
     struct rig *rig = bring_up();
@@ -197,7 +197,7 @@ static void nobody_is_reached_in_vain(void) {
     tear_down(rig);
 }
 
-/** Tends the bus at a time that lies ahead until something was noted about a SubDevice. */
+/** Polls the bus at a time in the future until something was noted about a SubDevice. */
 static void is_noted(struct rig *rig, uint32_t n, const char *detail) {
     uint64_t ahead_ns = 0;
     while (strstr(look(rig, n).detail, detail) == NULL) {
@@ -208,7 +208,7 @@ static void is_noted(struct rig *rig, uint32_t n, const char *detail) {
     }
 }
 
-/** What another master would write: a request of an AL state, by ring position. */
+/** A write of another master: a request of an AL state, by ring position. */
 static void request_from_elsewhere(struct rig *rig, uint32_t position, uint8_t al_state) {
     enum { ETHERNET = 14, APWR = 2, REG_AL_CONTROL = 0x0120 };
     uint8_t frame[60] = {0};
@@ -229,7 +229,7 @@ static void request_from_elsewhere(struct rig *rig, uint32_t position, uint8_t a
     CHECK(ecat[14] == 1); /* one has taken it */
 }
 
-/** Who refuses the state that was requested is named with its code, and tried again. */
+/** A SubDevice that refuses the requested state is named with its code, and tried again. */
 static void a_refusal_is_told_with_its_code(void) {
     struct rig *rig = bring_up();
     const uint32_t position = fsn_segment_position(rig->segment, 2);
@@ -251,7 +251,7 @@ static void a_refusal_is_told_with_its_code(void) {
     tear_down(rig);
 }
 
-/** Who does not come to a state in four seconds is named, and tried again. */
+/** A SubDevice that does not reach a state in four seconds is named, and tried again. */
 static void states_have_their_time(void) {
     struct rig *rig = bring_up();
     const uint32_t position = fsn_segment_position(rig->segment, 2);

@@ -1,5 +1,5 @@
-/** Watching cycles through the control socket: each cycle once and in order, and what a slow client
- *  misses is counted. */
+/** Watching cycles through the control socket: each cycle once and in order, and cycles missed by a
+ *  slow client are counted. */
 #define _GNU_SOURCE
 
 #include <string.h>
@@ -140,7 +140,7 @@ static void what_is_overwritten_is_counted(void) {
     struct rig rig = set_up();
     CHECK(answer(&rig, "watch 2", "\"ok\":true"));
     for (int turns = 0; turns < 10; turns++) {
-        run(&rig, 3 * KEPT + 1); /* the control thread was away for so long */
+        run(&rig, 3 * KEPT + 1); /* the control thread was away for this long */
         fsn_streams_serve(&rig.control->services);
         read_lines(&rig, 2, "\"t\":");
     }
@@ -185,7 +185,7 @@ static void a_slow_reader_is_not_waited_for(void) {
     tear_down(&rig);
 }
 
-/** Up to 256 KiB may lie unread before a line is left out. */
+/** Up to 256 KiB may be unread before a line is left out. */
 static void so_much_may_lie_unread(void) {
     static char block[(256 << 10) + 1];
     for (size_t more = 0; more < 2; more++) {

@@ -14,7 +14,7 @@ static void add(const char *kind, unsigned number, const char *text) {
     snprintf(texts + used, sizeof texts - used, "%s %x %s\n", kind, number, text);
 }
 
-/** What a number has that none of its neighbours need have. */
+/** Property of a number that none of its neighbours need have. */
 static void add_all(const char *kind, unsigned from, unsigned to, const char *(*text_of)(unsigned),
                     const char *none) {
     for (unsigned number = from; number <= to; number++) {

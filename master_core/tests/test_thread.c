@@ -1,5 +1,5 @@
-/** How the cyclic thread is started: what the system is requested and what it refuses. Its calls
- *  are answered by this program, so that no right and no machine matters. */
+/** Start of the cyclic thread: requests to the system and refusals. Its calls are answered by this
+ *  program, so that privileges and machine do not matter. */
 #define _GNU_SOURCE
 
 #include <dlfcn.h>
@@ -149,7 +149,7 @@ static void what_the_system_refuses_is_reported(void) {
     os.create_fails[0] = os.create_fails[1] = EAGAIN;
     refused(&plain, EAGAIN);
     set_up();
-    os.create_fails[0] = EAGAIN; /* only a right that is missing is gone without */
+    os.create_fails[0] = EAGAIN; /* only a missing privilege is tolerated */
     struct fsn_fault fault;
     CHECK(fsn_core_start(rig.core, &fast, &fault) == FSN_E_SYS && os.creates == 1);
     emulated_rig_end(&rig);
@@ -196,7 +196,7 @@ static void markers_are_written(void) {
     emulated_rig_end(&rig);
 }
 
-/** The borders of what may be requested. */
+/** The limits of the parameters. */
 static void options_have_limits(void) {
     static const char limits[] = "the cycle is 1 us to 4 s, the priority 0 to 99, the CPU exists";
     static const struct {

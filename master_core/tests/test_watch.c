@@ -1,5 +1,5 @@
-/** What changes on the bus, as lines of the log and as events: whole texts, each reported once and
- * at its level. The bus is a script, the clock stands where the test puts it. */
+/** Changes of the bus, as lines of the log and as events: whole texts, each reported once and at
+ *  its level. The bus is a script, the test sets the clock. */
 #define _GNU_SOURCE
 
 #include <string.h>
@@ -85,8 +85,7 @@ static const struct fsn_bus_ops ops = {.name = "script",
                                        .poll = bus_poll,
                                        .state = bus_state};
 
-/* -- what is reported ----------------------------------------------------------------------------
- */
+/* -- reports ----------------------------------------------------------------------------------- */
 
 static void add(char *to, size_t room, const char *text, size_t len) {
     const size_t used = strlen(to);
@@ -148,7 +147,7 @@ static void tear_down(void) {
     fsn_plan_free(on.plan);
 }
 
-/** One cycle, so much later, and a look at it. */
+/** One cycle, this much later, and one check of it. */
 static void look_after(uint64_t later_ns) {
     on.now_ns += later_ns;
     CHECK(fsn_core_cycle(on.core, on.now_ns) == FSN_OK);
@@ -183,7 +182,7 @@ static void subdevices_are_told_once(void) {
     on.seen[1].al_status = FSN_AL_SAFEOP | FSN_AL_ERROR;
     on.seen[1].al_code = 0x001B;
     look_after(19 * MS);
-    TOLD(""); /* too soon after the last look */
+    TOLD(""); /* too soon after the last check */
     look_after(MS);
     TOLD("w SubDevice t: OP -> SAFEOP+ERROR, AL status code 0x001b sync manager watchdog: "
          "no outputs came in time\n");
@@ -284,7 +283,7 @@ static void a_bus_is_told_as_a_whole(void) {
         "{\"event\":\"bus\",\"utc\":\"2023-11-14T21:58:20.061000Z\",\"now_ns\":100061000000,"
         "\"lost\":true,\"level\":\"warning\",\"text\":\"the bus is lost: none of 2 SubDevices "
         "answers\"}\n";
-    on.json[sizeof lost - 1] = 0; /* what follows are the SubDevices */
+    on.json[sizeof lost - 1] = 0; /* the SubDevices follow */
     JSON(lost);
     on.seen[0].al_status = FSN_AL_INIT;
     look_after(20 * MS);
@@ -386,14 +385,14 @@ static void a_lost_bus_is_told_once(void) {
     TOLD("w working counter 6 of 6; since the last line 0 incomplete cycles, 0 frames not back in "
          "time\n");
     fsn_changes_poll(&on.control->changes, on.control->services.incidents,
-                     on.now_ns + 50 * MS); /* no new cycle: nothing to look at */
+                     on.now_ns + 50 * MS); /* no new cycle: nothing to check */
     TOLD("");
     tear_down();
 }
 
 /* -- connections ----------------------------------------------------------------------------- */
 
-/** Both ends show a command: the frames lie in the inputs of main and sub. */
+/** Both ends show a command: the frames are in the inputs of main and sub. */
 static void show(uint8_t to_sub, uint8_t to_main, uint8_t code) {
     static uint8_t fresh;
     uint8_t *inputs[2] = {on.image + on.base[1], on.image + on.base[3]};
@@ -457,7 +456,7 @@ static void observe(uint32_t known, uint16_t connection_id, uint16_t address,
                                 .connection_id = connection_id,
                                 .address = address,
                                 .watchdog_ms = watchdog_ms};
-    show(FSN_CMD_RESET, FSN_CMD_RESET, 0); /* leaves them as they are */
+    show(FSN_CMD_RESET, FSN_CMD_RESET, 0); /* leaves them unchanged */
     look_after(MS);
 }
 

@@ -1,4 +1,4 @@
-/** The cyclic wire: freshness, old replies, what is in a frame. */
+/** The cyclic wire: freshness, old replies, content of a frame. */
 /* shows R3 */
 #define _GNU_SOURCE
 
@@ -103,7 +103,7 @@ static void damaged_replies_are_foreign(void) {
         const bool in_lrw = byte >= FSN_WIRE_DATA && byte < FSN_WIRE_DATA + frame->size_bytes + 2;
         const bool in_dc_data = byte >= frame->dc + 10;
         if (in_lrw || in_dc_data) {
-            continue; /* data and working counters are what a reply is for */
+            continue; /* data and working counters are the purpose of a reply */
         }
         const uint32_t head = byte >= frame->dc      ? byte - frame->dc
                               : byte >= FSN_WIRE_LRW ? byte - FSN_WIRE_LRW
@@ -152,7 +152,8 @@ static void padding_is_left_alone(void) {
     tear_down(rig);
 }
 
-/** What the acyclic side has heard of another MainDevice is counted once, whenever it comes. */
+/** Frames of another MainDevice, as seen by the acyclic side, are counted once, whenever they come.
+ */
 static void foreign_frames_count_once(void) {
     struct rig *rig = set_up(1);
     exchange(rig);
@@ -168,7 +169,7 @@ static void foreign_frames_count_once(void) {
     tear_down(rig);
 }
 
-/** What the system refuses to send is counted, with its reason. */
+/** Frames that the system refuses to send are counted, with the reason. */
 static void what_cannot_be_sent_is_counted(void) {
     struct rig *rig = set_up(1);
     const int wire = rig->frames.wire.sockets[0];
@@ -191,7 +192,7 @@ static void what_cannot_be_sent_is_counted(void) {
 /** The whole frame as it stands on the wire, and its datagram for the time of the segment. */
 static void frames_are_what_the_standard_says(void) {
     static const char expected[] =
-        "FFFFFFFFFFFF0246534E000188A4" /* everybody, from us; EtherCAT */
+        "FFFFFFFFFFFF0246534E000188A4" /* broadcast, from us; EtherCAT */
         "5510"                         /* 85 bytes of datagrams */
         "0080000000000880"             /* NOP, index 0x80, 8 bytes, another one follows */
         "0000785634120100000000"       /* this run, cycle 1 */

@@ -118,7 +118,7 @@ static void a_clock_of_32_bits_goes_on(void) {
     tear_down(rig);
 }
 
-/** A clock that is set from here gets four bytes of our time, right before it is distributed. */
+/** A clock set by this machine gets four bytes of our time, right before it is distributed. */
 static void the_time_of_this_machine_goes_out(void) {
     struct rig *rig = set_up(1);
     struct fsn_wire *wire = &rig->frames.wire;

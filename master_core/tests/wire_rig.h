@@ -1,5 +1,5 @@
 /** The cyclic wire against a segment of the test's own, at a time of its own: clock, ppoll() and
- *  recvmsg() of these programs take the place of libc's. */
+ *  recvmsg() of these programs replace those of libc. */
 #ifndef FSN_TEST_WIRE_RIG_H
 #define FSN_TEST_WIRE_RIG_H
 
@@ -27,11 +27,12 @@ struct control {
 struct wall {
     uint64_t monotonic_ns, realtime_ns;
     struct control control[3]; /**< with the next packets, if there is a type */
-    uint64_t later_ns;         /**< the stamp of each packet is so much later than the last one */
-    unsigned interrupts;       /**< so many times a read is interrupted */
-    unsigned flood;            /**< so many reads get the last packet once more */
+    uint64_t later_ns;         /**< the timestamp of each packet is this much later than the last
+                                * one */
+    unsigned interrupts;       /**< number of times a read is interrupted */
+    unsigned flood;            /**< number of reads that get the last packet once more */
     unsigned reads;
-    void (*while_waiting)(struct rig *rig); /**< what happens while ppoll() waits */
+    void (*while_waiting)(struct rig *rig); /**< events while ppoll() waits */
     struct rig *rig;
     uint64_t waited_ns; /**< longest time that ppoll() was to wait */
     nfds_t polled;
@@ -53,7 +54,7 @@ struct rig {
     ssize_t length[MOST];
     unsigned queued;
     bool present[2];
-    uint8_t fill; /**< what the SubDevices deliver */
+    uint8_t fill; /**< data of the SubDevices */
 };
 
 struct rig *set_up_plan(unsigned ports, uint8_t *bytes, size_t len);
@@ -63,7 +64,7 @@ void tear_down(struct rig *rig);
 
 /** Adds to a working counter. */
 void count_up(uint8_t *at, uint16_t by);
-/** What SubDevice `n` does to a frame that passes. */
+/** Effect of SubDevice `n` on a frame that passes. */
 void visit(const struct rig *rig, unsigned n, uint8_t *frame);
 /** Takes the next frame from a port into the queue; false when there is none. */
 bool hold(struct rig *rig, unsigned port);

@@ -48,7 +48,7 @@ struct fake {
     /** Calls number `fails_from` (0: none) and so many of them fail, with a negative error. */
     unsigned calls, fails_from, fails_for, failed;
     int fails_as;
-    char log[FAKE_LOG]; /**< what was called in the set-up, in order */
+    char log[FAKE_LOG]; /**< calls of the set-up, in order */
 };
 
 extern struct fake fake;

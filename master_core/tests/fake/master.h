@@ -1,4 +1,4 @@
-/** What the two files of the fake share. */
+/** Data shared by the two files of the fake. */
 #ifndef FSN_FAKE_MASTER_H
 #define FSN_FAKE_MASTER_H
 
