@@ -1,5 +1,4 @@
-/** Memory that runs out when a test requests it. Not with a sanitizer: that has an allocator too.
- */
+/** Memory that runs out when a test requests it. Not with a sanitizer: it has its own allocator. */
 #ifndef FSN_TEST_HEAP_H
 #define FSN_TEST_HEAP_H
 

@@ -230,8 +230,7 @@ static void writer_in_the_middle_takes_nothing_away(void) {
     emulated_rig_end(&rig);
 }
 
-/** Both snapshots show the present connection, also the one filled after the cycle of the change.
- */
+/** Both snapshots show the present connection, also the one filled after the change. */
 static void no_picture_shows_an_old_state(void) {
     struct emulated_rig rig = set_up_full();
     send(&rig, 1, "\x2a\x01\x02\x03\x04\x05");

@@ -145,7 +145,7 @@ static void jumping_receive(void *bus, struct fsn_bus_input *input) {
     input->dc_time_ns = clock[at++ % 5];
 }
 
-/** The time of a reference clock comes from a frame: for any value, wake-ups stay near their cycle.
+/** The time of a reference clock comes from a frame: wake-ups stay near their cycle for any value.
  */
 static void jumps_of_the_reference_clock_are_bounded(void) {
     struct emulated_rig rig = set_up();

@@ -11,7 +11,7 @@
  *      > put PORT, > take, > wait       frames on the wire
  *      > all                            counters, and all of each SubDevice that is not 0
  *
- *  test_dialogue --write prints the file again, to be read before it is kept. */
+ *  test_dialogue --write prints the file again: read it before you keep it. */
 #include <string.h>
 
 #include "heap.h"

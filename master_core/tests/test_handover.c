@@ -115,8 +115,7 @@ static uint64_t clock_ns(void) {
     return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
-/** Cycles that no process ran are overruns of the first, and the times are those of the first core.
- */
+/** Cycles that no process ran are overruns of the first; the times are those of the first core. */
 static void the_gap_is_counted(void) {
     enum { CYCLE_NS = 1000000, MISSED = 50 };
     struct emulated_rig rig = set_up();

@@ -1,5 +1,4 @@
-/** The side of a process that drives the bus: which peers may follow, for any message of the peer.
- */
+/** The side of a process that drives the bus: which peers may follow, for any message. */
 #define _GNU_SOURCE
 
 #include "app/takeover/handover_listener.h"
@@ -262,8 +261,7 @@ static void who_does_nothing_is_left(void) {
     handover_listener_prepare(&rig.handover_listener, fds);
     CHECK(handover_listener_serve(&rig.handover_listener, fds, &facts) == HANDOVER_LISTENER_GO_ON &&
           rig.handover_listener.state == HANDOVER_LISTENER_FREE);
-    /* The peer has the lock, and may assume that it owns the bus: no other peer until it has ended.
-     */
+    /* The peer has the lock, and may assume that it owns the bus: no other peer before its end. */
     const int next = knock(&rig);
     CHECK(rig.handover_listener.state == HANDOVER_LISTENER_FREE &&
           answer_at(next, NULL).again == 1);

@@ -585,8 +585,7 @@ static void too_long_is_reported(void) {
     tear_down();
 }
 
-/** A process is killed while it writes: all whole entries are chained, and the next one reports it.
- */
+/** A process is killed while it writes: all whole entries are chained; the next one reports it. */
 static void a_killed_writer_leaves_a_chain(void) {
     struct stat found = {0};
     set_up();

@@ -565,8 +565,7 @@ static void what_the_client_itself_refuses(void) {
     tear_down();
 }
 
-/* -- answers of another program -----------------------------------------------------------------
- */
+/* -- answers of another program -------------------------------------------------------------- */
 
 static struct {
     int listener;

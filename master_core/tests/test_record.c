@@ -99,8 +99,7 @@ static void the_room_bounds_it(void) {
     CHECK(fsn_core_keep(NULL, 1, 1) == FSN_E_ARG);
     CHECK(fsn_core_keep(rig.core, 9000000, image) == FSN_E_ARG); /* not even one */
     const struct fsn_thread_options options = {.cycle_ns = 1000000};
-    CHECK(fsn_core_start(rig.core, &options, NULL) == FSN_OK); /* the refused request has no effect
-                                                                */
+    CHECK(fsn_core_start(rig.core, &options, NULL) == FSN_OK); /* the refused one has no effect */
     fsn_core_stop(rig.core);
     CHECK(fsn_core_kept_cycles(rig.core) == 0);
     CHECK(fsn_core_kept_cycles(rig.core) == 0);

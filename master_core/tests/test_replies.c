@@ -1,6 +1,6 @@
 /** Every request of the control socket with its whole reply, on a bus, with objects and at a time
  *  of the test's own. They are in replies.txt: a request after '>', a change of the rig after '!',
- *  and the reply below. test_replies --write prints the file again, to be read before it is kept.
+ *  and the reply below. test_replies --write prints the file again: read it before you keep it.
  */
 #define _GNU_SOURCE
 

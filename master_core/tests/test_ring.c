@@ -11,7 +11,7 @@ enum { MEMBERS = 4, CYCLES = 20 };
 
 /* -- ways ----------------------------------------------------------------------------------- */
 
-/** Twenty cycles with this many frames: by the port where they were sent, then where they came in.
+/** Twenty cycles with this many frames: by the port where they were sent, then by that of arrival.
  */
 static uint8_t after(struct fsn_ring_watch *watch, struct fsn_ring_counts *counts,
                      const uint32_t came[4], bool both_linked) {

@@ -210,7 +210,7 @@ static uint64_t show_side_by_side(struct fsn_scan *scan, size_t count, unsigned 
 }
 
 /** The second byte after each frame is the first of the next, so all of them look like 7-byte
- *  frames of one ConnID as well, and each such place has hundreds of candidates to be tried with.
+ *  frames of one ConnID as well, and each such place has hundreds of candidates to try.
  */
 static void connections_are_limited(void) {
     struct fsn_scan *scan;

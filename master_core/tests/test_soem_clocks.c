@@ -188,8 +188,7 @@ static void the_time_survives_its_reference(void) {
     tear_down(rig);
 }
 
-/** All come back while frames are lost: no SubDevice is in OP with another time than the reference.
- */
+/** All come back while frames are lost: no SubDevice is in OP with a time that differs. */
 static void no_lost_frame_leaves_a_clock_behind(void) {
     enum { TURNS = 6, OF_FRAMES = 17, SYNC_FATAL = 0x002C };
     struct rig *rig = bring_up_from(set_up_with_sync());

@@ -152,8 +152,7 @@ static void padding_is_left_alone(void) {
     tear_down(rig);
 }
 
-/** Frames of another MainDevice, as seen by the acyclic side, are counted once, whenever they come.
- */
+/** Frames of another MainDevice, as seen by the acyclic side, are counted once. */
 static void foreign_frames_count_once(void) {
     struct rig *rig = set_up(1);
     exchange(rig);

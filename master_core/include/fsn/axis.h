@@ -128,8 +128,7 @@ struct fsn_axis {
     uint8_t state;                   /**< enum fsn_axis_state */
     uint8_t phase;                   /**< enum fsn_axis_phase */
     uint8_t job;                     /**< enum fsn_axis_job */
-    bool enabled; /**< targets of the program are in effect: Operation enabled, and the mode is
-                   * confirmed */
+    bool enabled; /**< targets are in effect: Operation enabled, mode confirmed */
     bool halted;
     bool limited; /**< the drive limits the motion (bit 11), as with SLS or at its own limits */
     bool reached; /**< target reached (bit 10) */

@@ -154,8 +154,7 @@ struct fsn_bus_clocks {
      *  reference clock. */
     uint8_t state;
     bool host;           /**< this machine sets the reference clock; false: the cycle follows it */
-    uint32_t subdevices; /**< SubDevices of the plan that were checked: in SAFEOP or OP, not the
-                          * reference */
+    uint32_t subdevices; /**< checked ones of the plan: in SAFEOP or OP, not the reference */
     uint32_t outside;    /**< of them, further from the reference clock than the window */
     uint32_t leaves;     /**< times they were found apart since the bus opened */
     uint32_t window_ns;  /**< largest permitted difference from the reference clock */

@@ -33,9 +33,8 @@ enum { FSN_REALTIME_NONE = -1, FSN_REALTIME_TEXT_BYTES = 512 };
 
 /** Options of a client. Zero is a valid value for every field but `socket`. */
 struct fsn_realtime_options {
-    const char *socket;      /**< control socket of fsn-master */
-    const char *plan_sha256; /**< required plan, 64 hex digits; NULL: any, symbols are found by name
-                              */
+    const char *socket;         /**< control socket of fsn-master */
+    const char *plan_sha256;    /**< required plan, 64 hex digits; NULL: any, by names */
     const char *const *outputs; /**< names of outputs to write; a final * matches any ending */
     size_t output_count;        /**< 0: it only reads */
     /** Consecutive cycles that may pass without new outputs, 0 … 1000. After one more the outputs

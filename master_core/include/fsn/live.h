@@ -27,7 +27,7 @@ struct fsn_live_options {
     uint64_t dc_window_ns;    /**< permitted difference from the reference clock; 0: 1000 ns */
     /** Data from describe() of the process that drives the bus. Then open() changes nothing on the
      *  bus, compares it with the plan, and rejects a difference; close() leaves the bus unchanged
-     *  as long as no cycle was sent. Needed until open() has returned. NULL: a bus that is started.
+     *  as long as no cycle was sent. Needed until open() has returned. NULL: start the bus.
      */
     const struct fsn_bus_attachment *attach;
 };

@@ -129,8 +129,7 @@ enum {
 /** Name and version of the text that is hashed. */
 #define FSN_FINGERPRINT_FORM "fsoe-net fingerprint 2"
 
-/** SHA-256 of each section and of the whole; its input is defined in docs/reference/fingerprint.md.
- */
+/** SHA-256 of each section and of the whole; input: docs/reference/fingerprint.md. */
 struct fsn_fingerprint {
     uint8_t whole[FSN_SHA256_BYTES];
     uint8_t section[FSN_FINGERPRINT_SECTIONS][FSN_SHA256_BYTES];

@@ -33,8 +33,7 @@ struct fsn_scan_place {
 /** A connection that was found. */
 struct fsn_scan_connection {
     struct fsn_connection_status status;
-    struct fsn_scan_place places[FSN_SCAN_PLACES]; /**< [0] and [1]: those that the monitor follows
-                                                    */
+    struct fsn_scan_place places[FSN_SCAN_PLACES]; /**< [0] and [1]: those of the monitor */
     uint32_t place_count;
     uint16_t connection_id;
     uint8_t roles; /**< enum fsn_scan_roles */

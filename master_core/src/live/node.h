@@ -1,5 +1,4 @@
-/** The SubDevices of a plan as every live bus keeps them: data of each, and its last observation.
- */
+/** The SubDevices of a plan as every live bus keeps them: data and last observation. */
 #ifndef FSN_LIVE_NODE_H
 #define FSN_LIVE_NODE_H
 

@@ -146,7 +146,7 @@ bool fsn_fsoe_is_whole(const uint8_t *frame, size_t len_bytes, unsigned *blocks)
     const unsigned all = blocks_of(len_bytes);
     unsigned fitting = 1;
     if (all >= 2) {
-        /* CRC of the first block after its head and two zero bytes. */
+        /* Share of the head in the CRC of the first block, with two more zero bytes after it. */
         const uint16_t head = shift(fsn_fsoe_crc0(frame, len_bytes) ^ data_crc(frame + 1), 16);
         fitting = fitting_blocks(frame, all, head);
     }

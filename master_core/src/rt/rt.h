@@ -83,8 +83,7 @@ struct fsn_rt_unshown {
 };
 
 struct fsn_rt_snapshot {
-    struct fsn_rt_shown *shown;               /**< next to the words: another process may read both
-                                               */
+    struct fsn_rt_shown *shown;               /**< next to the words: both may be shared */
     _Atomic uint64_t *words[FSN_RT_PICTURES]; /**< statistics, connections, image, each padded */
     struct fsn_rt_unshown unshown[FSN_RT_PICTURES];
 };

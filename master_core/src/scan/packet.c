@@ -14,8 +14,7 @@ enum {
     MAC_BYTES = 12,
     DATAGRAM_HEAD_BYTES = 10,
     WKC_BYTES = 2,
-    PROCESS_DATA_START = 0x1000, /**< lower addresses are the registers of the SubDevice controller
-                                  */
+    PROCESS_DATA_START = 0x1000, /**< lower: registers of the SubDevice controller */
 };
 
 enum { CMD_APRD = 1, CMD_FPRW = 6, CMD_BRD = 7, CMD_LRD = 10, CMD_LRW = 12 };

@@ -9,8 +9,7 @@ enum {
     MAX_CANDIDATES = 8192,  /**< places that may hold FSoE frames */
     MAX_CONNECTIONS = 1024, /**< found */
     MEMORY = 24,            /**< frames a candidate remembers */
-    STRIKE = 2,             /**< a value that is not a command counts this much, a command one back
-                             */
+    STRIKE = 2,             /**< a value that is not a command counts so much, a command -1 */
     MOST_STRIKES = 8,
     GIVEN_UP = 6,    /**< a place with this many is ignored */
     PATIENCE = 3,    /**< consecutive frames that contradict the assumption about a place */

@@ -210,8 +210,7 @@ static int set_up_thread(pthread_attr_t *attributes, const struct fsn_segment_li
         const struct sched_param parameter = {.sched_priority = o->priority};
         (void)pthread_attr_setinheritsched(attributes, PTHREAD_EXPLICIT_SCHED);
         (void)pthread_attr_setschedpolicy(attributes, SCHED_FIFO);
-        error = pthread_attr_setschedparam(attributes, &parameter); /* only this field may be wrong
-                                                                     */
+        error = pthread_attr_setschedparam(attributes, &parameter); /* only this may be invalid */
     }
     if (error == 0 && o->cpu != 0) {
         if ((unsigned)o->cpu > CPU_SETSIZE) { /* or below 0 */

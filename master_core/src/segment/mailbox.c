@@ -224,8 +224,7 @@ static void download_segment(struct esc *esc, const uint8_t *sdo, uint32_t sdo_b
     }
     uint32_t given = sdo_bytes - 1;
     if (given == 7) {
-        given -= command >> 1 & 7; /* only a segment of 7 bytes contains the number of unused bytes
-                                    */
+        given -= command >> 1 & 7; /* only a segment of 7 bytes has this number */
     }
     if (given > t->size_bytes - t->done) {
         abort_sdo(esc, t->index, t->sub, ABORT_LENGTH);

@@ -21,8 +21,7 @@ enum {
     CALM = 30, /**< checks in a row, 3 s: also where clocks cross the window repeatedly */
     SETTLE_NS = 5000000,
     SETTLE_LOOKS = 100,
-    NOBODY = 0xFFFE, /**< station while no clock shows the time: then the time continues from here
-                      */
+    NOBODY = 0xFFFE, /**< station while no clock shows the time: then it continues from here */
 };
 
 static const uint64_t try_ns = 2000000000u;

@@ -14,8 +14,8 @@ static uint16_t word_at(ecx_contextt *context, uint16_t slave, uint32_t at) {
     return (uint16_t)(low | ecx_siigetbyte(context, slave, (uint16)(at + 1)) << 8);
 }
 
-/** SOEM's own search goes back to its start when a length makes its 16 bits wrap, and then never
- *  ends: one damaged answer is enough. If SOEM is built from source, this function replaces it
+/** SOEM's own search returns to an earlier position when a length makes its 16 bits wrap, and then
+ * never ends: one damaged answer is enough. If SOEM is built from source, this function replaces it
  *  (weak.h), for all SII reads of SOEM. Values that could not be read are zeros: a SubDevice that
  *  does not hear its address costs a time-out for each of them, minutes for all that fit. */
 int16 ecx_siifind(ecx_contextt *context, uint16 slave, uint16 cat) {

@@ -102,8 +102,7 @@ static void read_sii(struct fsn_surveyed *of, uint8_t *room) {
 
 static void put_identity(struct fsn_surveyed *of, struct fsn_json *json) {
     const struct fsn_bus_member *m = &of->member;
-    const uint8_t *sii = of->sii.bytes; /* read with care; values that the bus could not read are 0
-                                         */
+    const uint8_t *sii = of->sii.bytes; /* read with care; unread values are 0 */
     const uint32_t vendor = sii != NULL ? fsn_get32(sii + VENDOR) : m->vendor_id;
     const uint32_t product = sii != NULL ? fsn_get32(sii + VENDOR + 4) : m->product_code;
     if (vendor != 0 && product != 0) {
