@@ -7,8 +7,8 @@
         ...
     network.compile().save("machine.fsnplan")
 
-These names are stable; ``docs/reference/stability.md`` says how they change. What stands in the
-packages below is not: it moves without notice.
+These names are stable; see ``docs/reference/stability.md`` for how they change. The packages below
+are internal and change without notice.
 
 Part of the black channel, not certified, never a safety function.
 """
@@ -58,7 +58,7 @@ __all__ = [
     "propose",
 ]
 
-# Imported when they are used: a command loads what it needs, and nothing else.
+# Imported on first use: a command loads only what it needs.
 _PLACES = {
     "Client": "live.client",
     "ConnectionState": "fsoe.observed",

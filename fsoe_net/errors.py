@@ -1,18 +1,18 @@
 """Exceptions of fsoe-net.
 
-What is wrong in a user's file is data (`fsoe_net.Diagnostic`), not an exception. Exceptions are for
-the outside world and for programming mistakes:
+Errors in a user's file are data (`fsoe_net.Diagnostic`), not exceptions. Exceptions are for the
+outside world and for programming mistakes:
 
     FsnError                      anything this package raises on purpose
     +-- EnvironmentFault          a tool, permission or compiled part is missing      (exit 3)
     |   +-- CoreMissing           the compiled module could not be loaded
     |   +-- ControlRefused        fsn-master refused a request; carries the name of its status
-    +-- InputError                a file was refused as a whole; carries diagnostics  (exit 1)
-    |   +-- PlanFormatError       bytes that are no valid .fsnplan
-    |   +-- RecordingError        a line that is no part of a recorded run
-    |   +-- IncidentError         a line that is no part of an incident file
+    InputError                a file was rejected as a whole; carries diagnostics (exit 1)
+    |   +-- PlanFormatError       bytes that are not a valid .fsnplan
+    |   +-- RecordingError        an invalid line in a recorded run
+    |   +-- IncidentError         an invalid line in an incident file
     +-- FsoeError                 misuse of the FSoE engine
-    |   +-- PduSizeError          no FSoE PDU has this size
+    |   +-- PduSizeError          invalid size of an FSoE PDU
     |   +-- ConfigError           an FSoE instance was configured with impossible values
     +-- ConsoleError              a command of the console failed                     (exit 1)
     +-- CoreError                 the C core refused a call; carries its status
@@ -49,7 +49,7 @@ class ControlRefused(EnvironmentFault):
     """A running ``fsn-master`` refused a request on its control socket.
 
     Args:
-        message: What was refused, why, and the next step.
+        message: The refused request, the reason, and the next step.
         status: Name of its ``fsn_status``, e.g. ``FSN_E_STATE``.
     """
 
@@ -69,11 +69,11 @@ class ControlRefused(EnvironmentFault):
 
 
 class InputError(FsnError):
-    """A file was refused as a whole.
+    """A file was rejected as a whole.
 
     Args:
         message: One sentence for the user.
-        diagnostics: What is wrong, located; may be empty when the message says it all.
+        diagnostics: Findings with locations; may be empty when the message is complete.
     """
 
     exit_code = 1
@@ -84,15 +84,15 @@ class InputError(FsnError):
 
 
 class PlanFormatError(InputError):
-    """Bytes that are no valid `.fsnplan`: wrong magic, length, CRC, or inconsistent tables."""
+    """Bytes that are not a valid `.fsnplan`: wrong magic, length, CRC, or inconsistent tables."""
 
 
 class RecordingError(InputError):
-    """A recorded run of FSoE ends holds something that is no recording.
+    """A recorded run of FSoE ends has invalid content.
 
     Args:
-        reason: What is wrong, one sentence for the user.
-        line: Line of the file, from 1; 0 when it is the whole file.
+        reason: The error, one sentence for the user.
+        line: Line of the file, from 1; 0 for the whole file.
     """
 
     def __init__(self, reason: str, line: int = 0) -> None:
@@ -102,10 +102,10 @@ class RecordingError(InputError):
 
 
 class IncidentError(InputError):
-    """A line that is no part of an incident file.
+    """Invalid line in an incident file.
 
     Args:
-        reason: What is wrong, one sentence for the user.
+        reason: The error, one sentence for the user.
         name: Name of the file.
         line: Line in it, from 1.
     """
@@ -132,7 +132,7 @@ class CoreError(FsnError):
     """The C core refused a call.
 
     Args:
-        message: What was refused, with the core's reason.
+        message: The refused call, with the core's reason.
         status: Value of `fsn_status`, negative.
     """
 
@@ -142,11 +142,11 @@ class CoreError(FsnError):
 
 
 class ConsoleError(FsnError):
-    """A command of ``fsoe-net console`` could not be done, or an expectation did not hold.
+    """A command of ``fsoe-net console`` failed, or an expectation was not met.
 
     Args:
-        message: What is wrong, and the next step.
-        is_usage: The command is written wrongly: nothing was sent to ``fsn-master``.
+        message: The error and the next step.
+        is_usage: Usage error: nothing was sent to ``fsn-master``.
     """
 
     exit_code = 1

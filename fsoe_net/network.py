@@ -47,12 +47,13 @@ def load(
     A mistake in a file is a finding of `Network.check`, not an exception.
 
     Args:
-        paths: A network YAML; or a URDF or xacro with its transfer YAML. Other files beside them
-            are compared with it: ESI, ENI, SII image, TwinSAFE export and more, known by content.
+        paths: A network YAML, or a URDF or xacro with its transfer YAML. Other files in the list
+            are compared with it: ESI, ENI, SII image, TwinSAFE export and more, recognised by
+            content.
         packages: ROS package name to folder, for ``$(find NAME)`` and ``package://NAME``.
         xacro_args: Values of ``$(arg NAME)``.
         xacro_env: Names of the environment variables that ``$(env NAME)`` may read.
-        trust_xacro: Expand xacro without confinement: the file may then do all that you may do.
+        trust_xacro: Expand xacro without confinement: the file then has all your permissions.
 
     Raises:
         ValueError: No path.
@@ -70,11 +71,11 @@ def load(
 
 
 class Network:
-    """A network as its files described it when they were read; see `load`.
+    """A network as read from its files; see `load`.
 
     Attributes:
-        name: Of the network; that of the first file where nothing could be read.
-        paths: The files that were named.
+        name: Name of the network, or of the first file if nothing could be read.
+        paths: The files given to `load`.
     """
 
     def __init__(self, paths: Sequence[str], options: LoadOptions) -> None:
@@ -89,16 +90,16 @@ class Network:
         return f"<Network {self.name!r}: {self.check()!r}>"
 
     def check(self, scan: AnyPath | None = None) -> Findings:
-        """Return what is wrong, each finding with its place and the next step.
+        """Return the findings, each with its location and the next step.
 
-        It is what ``fsoe-net check`` reports: the files, their timing, the device library and the
-        files beside them.
+        Same checks as ``fsoe-net check``: the files, their timing, the device library and the other
+        files in the list.
 
         Args:
-            scan: A ``scan.json`` of the bus, to be compared with the network.
+            scan: A ``scan.json`` of the bus to compare with the network.
 
         Raises:
-            InputError: The scan cannot be used, or there is no whole network to compare it with.
+            InputError: The scan cannot be used, or there is no complete network to compare it with.
         """
         if scan is None:
             return Findings(self._checked.diagnostics)
@@ -111,8 +112,8 @@ class Network:
         """Return the copy plan.
 
         Raises:
-            InputError: The network has errors, which the exception carries; or it is only a part of
-                one, or moves nothing.
+            InputError: The network has errors, which the exception carries; or it is incomplete, or
+                copies nothing.
         """
         return compile_plan(self._whole("no plan"))
 
@@ -156,16 +157,16 @@ class Network:
 
         Args:
             scenario: YAML with steps and expectations.
-            duration_s: Seconds; otherwise those of the scenario, or 3.
-            virtual: Simulated time: as fast as the machine goes, and the same every time. Otherwise
-                the C core cycles in real time.
+            duration_s: Seconds; default: the duration of the scenario, or 3.
+            virtual: Simulated time: as fast as the machine allows, and reproducible. Otherwise the
+                C core cycles in real time.
             capture: File for the frames of a virtual run (pcapng).
-            incidents: Folder for a file when a connection fails; made if missing.
+            incidents: Folder for an incident file when a connection fails; created if missing.
 
         Raises:
             InputError: As `compile`; or the scenario cannot be used.
             ValueError: ``capture`` without ``virtual``.
-            CoreMissing: The compiled part is not there.
+            CoreMissing: The compiled part is missing.
             EnvironmentFault: A file cannot be written.
         """
         from fsoe_net.formats.shared.write_files import make_folder
@@ -185,13 +186,13 @@ class Network:
         )
 
     def diff(self, other: Network | Plan | AnyPath) -> Difference:
-        """Return what differs by meaning: comments, order and names of files do not.
+        """Return the differences in meaning, without comments, order and file names.
 
         Args:
-            other: The other side; as a path all that ``fsoe-net diff`` reads.
+            other: The other side; a path may be anything that ``fsoe-net diff`` reads.
 
         Raises:
-            InputError: One of the two cannot be compared; the exception carries the errors.
+            InputError: One side cannot be compared; the exception carries the errors.
         """
         from fsoe_net.compare.diff import compare
         from fsoe_net.compare.diff_read import side_of_plan
@@ -221,15 +222,15 @@ class Network:
         protocol: AnyPath | None = None,
         self_test: AnyPath | None = None,
     ) -> Report:
-        """Return the report that a safety engineer hands in; one with errors says so first.
+        """Return the report for the safety engineer; errors come first.
 
         Args:
-            scenario: A scenario to run in virtual time, with its result.
+            scenario: A scenario to run in virtual time; the report contains its result.
             evidence: ``scan.json``, results of runs (JSON), incident files.
-            plan: A plan file that shall be the plan of this network.
-            against: An earlier plan or network: the change log starts from it.
-            accepted: An acceptance record: the change log starts from it otherwise.
-            protocol: A test protocol of this network.
+            plan: A plan file that must match the network.
+            against: An earlier plan or network, the base of the change log.
+            accepted: An acceptance record, the base of the change log without ``against``.
+            protocol: A test record of this network.
             self_test: The result (JSON) of ``fsoe-net self-test``.
 
         Raises:
@@ -255,13 +256,13 @@ class Network:
         )
 
     def edit(self, path: AnyPath | None = None) -> NetworkEdit:
-        """Change a YAML file of this network; comments and layout stay.
+        """Change a YAML file of this network; comments and layout are preserved.
 
-        `NetworkEdit.document` is what is in the file; `NetworkEdit.save` writes it and returns the
-        network as it is then. This one stays as it was read.
+        `NetworkEdit.document` is the content of the file. `NetworkEdit.save` writes it and returns
+        the changed network. This object does not change.
 
         Args:
-            path: The file; otherwise the first one of `paths`.
+            path: The file; default: the first of `paths`.
 
         Raises:
             InputError: The file is not YAML, or cannot be read.
@@ -283,11 +284,11 @@ class Network:
 
 
 def propose(*paths: AnyPath, answers: AnyPath | None = None) -> Draft:
-    """Propose a network from whatever files there are, as ``fsoe-net init`` does.
+    """Propose a network from the files available, as ``fsoe-net init`` does.
 
     Args:
-        paths: All that `convert` reads, a ``scan.json``, and folders with such files.
-        answers: YAML that answers what files do not say; `Draft.questions` are open otherwise.
+        paths: Anything that `convert` reads, a ``scan.json``, and folders with such files.
+        answers: YAML with answers that the files do not contain; without it see `Draft.questions`.
 
     Raises:
         InputError: A file or an answer cannot be used; the exception carries the findings.
@@ -301,16 +302,16 @@ def propose(*paths: AnyPath, answers: AnyPath | None = None) -> Draft:
 
 
 def convert(*paths: AnyPath, to: str, name: str = "network.yaml") -> Conversion:
-    """Return the bus that files describe together in another format.
+    """Convert the bus that the files describe together to another format.
 
     Args:
-        paths: Files, or folders that a conversion wrote; each is known by content.
+        paths: Files, or folders written by a conversion; recognised by content.
         to: ``network``, ``driver``, ``eni``, ``igh``, ``c`` or ``lcec``.
-        name: Of the file that is made; a format of several files chooses theirs.
+        name: Name of the file to write; formats with several files choose their own names.
 
     Raises:
-        ValueError: There is no such format.
-        InputError: A file cannot be used, or the format cannot hold the bus.
+        ValueError: Unknown format.
+        InputError: A file cannot be used, or the format cannot represent the bus.
     """
     from fsoe_net.formats.registry import all_targets
     from fsoe_net.project.convert import convert_files

@@ -31,18 +31,18 @@ _REPLY_S = 5.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedConnection:
-    """A connection as `ConnectionResult`, and what only a monitor reports.
+    """A connection as `ConnectionResult`, with the values that only a monitor reports.
 
     Attributes:
-        result: As of a run.
-        resets_to_sub: Resets the main has sent, as answers and at starts too.
-        resets_to_main: Those the sub has sent.
-        cause: Of the last Reset in words, with the end that began it where that was seen.
-        watchdog_share: Longest FSoE cycle as a share of the watchdog; ``None``: it is not known.
-        held_main: Cycles in which the inputs of the main's SubDevice held old bytes.
-        held_sub: The same of the sub's.
-        silent_to_sub_ms: Since the main's last new frame.
-        silent_to_main_ms: Since the sub's last new frame.
+        result: As in the result of a run.
+        resets_to_sub: Resets sent by the main, including answers and those at start.
+        resets_to_main: Resets sent by the sub.
+        cause: Cause of the last Reset in words, with the end that sent it first if observed.
+        watchdog_share: Longest FSoE cycle as a share of the watchdog; ``None`` if unknown.
+        held_main: Cycles in which the inputs of the main's SubDevice were old.
+        held_sub: The same for the sub's SubDevice.
+        silent_to_sub_ms: Time since the main's last new frame.
+        silent_to_main_ms: Time since the sub's last new frame.
     """
 
     result: ConnectionResult
@@ -163,7 +163,7 @@ class Attachment:
         self.close()
 
     def close(self) -> None:
-        """Leave; ``fsn-master`` goes on."""
+        """Disconnect; ``fsn-master`` continues."""
         if self._client is not None:
             self._client.close()
             self._client = None
@@ -174,16 +174,16 @@ class Attachment:
         return self._events.start_ns
 
     def take_events(self) -> list[RunEvent]:
-        """Return the events that are kept, and keep them no longer: for who watches for long."""
+        """Return the stored events and discard them; for programs that watch for a long time."""
         taken = self._events.events
         self._events.events = []
         return taken
 
     def look(self, wait_s: float, stop: threading.Event | None = None) -> BusView:
-        """Take what is reported for so long, then a snapshot.
+        """Collect reports for the given time, then take a snapshot.
 
-        Never raises because ``fsn-master`` stops, ends or comes back: the view and its events say
-        so. ``stop``, once set, ends the waiting early.
+        Never raises when ``fsn-master`` stops, ends or returns: the view and its events report it.
+        Setting ``stop`` ends the wait early.
         """
         current = False
         try:
@@ -293,7 +293,7 @@ class Attachment:
 
 
 def _facts(client: Client) -> tuple[PlannedConnection, ...]:
-    """Return names of the connections, and what the plan states where this master reports it."""
+    """Return the connections by name, with their plan values if they match this master."""
     names = client.connections()
     try:
         stated = {c.name: c for c in client.layout().connections}
@@ -307,7 +307,7 @@ def _facts(client: Client) -> tuple[PlannedConnection, ...]:
 
 
 def _cause(name: str, wire: ConnectionSnapshot, events: BusEvents) -> str:
-    """Return why it was reset last; what the counters show when no event has."""
+    """Return the cause of the last reset, from the counters if no event gives it."""
     if name in events.last_reset:
         text = reset_code_text(events.last_reset[name])
         return f"{events.last_reset_by.get(name, 'one end')}: {text}"

@@ -1,6 +1,6 @@
-"""An axis by CiA 402 in the cycle of ``fsn-master``: see ``docs/howto/program.md``.
+"""A CiA 402 axis in the cycle of ``fsn-master``: see ``docs/howto/program.md``.
 
-Its state machine is that of the C library (``fsn/axis.h``); nothing of it is written here again.
+The state machine is that of the C library (``fsn/axis.h``), not repeated here.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class Axis:
         return str(self._ffi.string(self._lib.fsn_status_name(status)).decode())
 
     def _check(self, status: int, what: str, limit: str = "") -> None:
-        """Raise what a refusal is: a value outside a limit, or not possible now."""
+        """Raise the exception for a refusal: value outside a limit, or not possible now."""
         if not status:
             return
         if status == self._lib.FSN_E_ARG:
@@ -173,22 +173,22 @@ class Axis:
 
     @property
     def controlword(self) -> int:
-        """Controlword, as it was noted for ``send``."""
+        """Controlword for the next ``send``."""
         return int(self._axis.outputs.controlword)
 
     @property
     def target_position(self) -> int:
-        """Target position, as it was noted for ``send``."""
+        """Target position for the next ``send``."""
         return int(self._axis.outputs.position)
 
     @property
     def target_velocity(self) -> int:
-        """Target velocity, as it was noted for ``send``."""
+        """Target velocity for the next ``send``."""
         return int(self._axis.outputs.velocity)
 
     @property
     def target_torque(self) -> int:
-        """Target torque, as it was noted for ``send``."""
+        """Target torque for the next ``send``."""
         return int(self._axis.outputs.torque)
 
     @property
@@ -206,7 +206,7 @@ class Axis:
         self._check(status, f"mode {mode.name}", "not mapped, not of this drive, or its limit is 0")
 
     def enable(self) -> None:
-        """Request Operation enabled; `enabled` says when targets count. Ends a halt.
+        """Request Operation enabled and end a halt; targets count once `enabled` is true.
 
         Raises:
             ControlRefused: A fault (`reset` first), Quick stop active (`disable` first), the drive
@@ -275,21 +275,22 @@ class Axis:
         )
 
     def move(self, position: int, *, at_once: bool = False) -> None:
-        """PP: offer a set-point, absolute; `job` says what becomes of it.
+        """PP: offer an absolute set-point; `job` reports its progress.
 
         Args:
-            position: Where to.
-            at_once: The drive leaves the set-point that it is on its way to.
+            position: Target position.
+            at_once: The drive drops its current set-point.
 
         Raises:
-            ControlRefused: Not enabled in PP, halted, or the one before is not taken.
+            ControlRefused: Not enabled in PP, halted, or the previous set-point is not yet
+                accepted.
         """
         self._check(self._lib.fsn_axis_move(self._axis, position, at_once), f"move to {position}")
 
     def home(self) -> None:
-        """HM: start homing by the method of the drive; `job` says how it ends.
+        """HM: start homing by the drive's method; `job` reports its progress.
 
         Raises:
-            ControlRefused: Not enabled in HM, halted, or it runs.
+            ControlRefused: Not enabled in HM, halted, or already homing.
         """
         self._check(self._lib.fsn_axis_home(self._axis), "home")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from fsoe_net.errors import EnvironmentFault
 
-# SOEM 1.4 lies in the source distribution of pysoem, which is in the package index.
+# SOEM 1.4 is part of the source distribution of pysoem in the package index.
 _PYSOEM = "1.1.13"
 _SHA256 = "4be98d8531e492f2ee5d21f6ef51e51493a10ee1322ed22e909c91a8bcfff950"
 
@@ -29,21 +29,21 @@ SOEM_TERMS = (
 
 
 def master_place() -> Path:
-    """Return where ``fsn-master`` is installed and looked for first: beside the interpreter."""
+    """Return the install path of ``fsn-master``, next to the interpreter; searched first."""
     return Path(sys.executable).parent / "fsn-master"
 
 
 def fetch_soem(folder: Path) -> Path:
-    """Fetch the source of SOEM once.
+    """Download the source of SOEM once.
 
     Args:
-        folder: Takes the archive and what is in it.
+        folder: Folder for the archive and its content.
 
     Returns:
         The folder for ``SOEM_SOURCE_DIR``.
 
     Raises:
-        EnvironmentFault: The package index does not answer, or gives another file.
+        EnvironmentFault: The package index does not answer, or returns another file.
     """
     source = folder / f"pysoem-{_PYSOEM}" / "soem"
     if (source / "soem" / "ethercatmain.h").is_file():
@@ -59,7 +59,7 @@ def fetch_soem(folder: Path) -> Path:
         archive.unlink()
         raise EnvironmentFault(f"{archive}: not the file that was expected (SHA-256); deleted")
     with tarfile.open(archive) as tar:
-        # Not as an argument: Python 3.11 of Debian 12 does not have it yet.
+        # Not as an argument: Python 3.11 of Debian 12 does not support it.
         tar.extraction_filter = getattr(tarfile, "data_filter", None)
         tar.extractall(folder)  # noqa: S202 - the filter above
     return source
@@ -68,16 +68,16 @@ def fetch_soem(folder: Path) -> Path:
 def build_master(
     target: Path, *, soem: Path | None = None, with_soem: bool = True, build: Path | None = None
 ) -> str:
-    """Build ``fsn-master`` and put it in its place.
+    """Build ``fsn-master`` and install it.
 
     Args:
-        target: The program; an old one is replaced, one that runs goes on.
-        soem: Source of SOEM 1.4; it is fetched without it.
-        with_soem: Without it only the buses that this machine has libraries of: IgH.
-        build: Folder that is kept, so that a later build is quick; a temporary one without it.
+        target: The program; replaces an old one, running instances continue.
+        soem: Source of SOEM 1.4; downloaded by default.
+        with_soem: ``False``: only buses whose libraries are installed here (IgH).
+        build: Build folder to keep, for faster rebuilds; default: a temporary folder.
 
     Returns:
-        What ``fsn-master --version`` prints.
+        The output of ``fsn-master --version``.
 
     Raises:
         EnvironmentFault: A tool or the source of SOEM is missing, or the build failed.
@@ -165,7 +165,7 @@ def _run(command: Sequence[str], what: str, env: dict[str, str]) -> str:
     if done.returncode != 0:
         lines = text.strip().splitlines() or ["no word why"]
         at = next((n for n, line in enumerate(lines) if "error" in line.lower()), len(lines) - 1)
-        # CMake says why on the next lines, up to an empty one.
+        # CMake gives the reason on the following lines, up to an empty one.
         rest = takewhile(str.strip, lines[at:]) if lines[at].startswith("CMake") else [lines[at]]
         reason = " ".join(" ".join(rest).split())
         raise EnvironmentFault(f"{what}: exit code {done.returncode}: {reason}")

@@ -41,7 +41,7 @@ class BusEvents:
         self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, **facts))
 
     def take(self, event: Mapping[str, Any]) -> None:
-        """Add what ``fsn-master`` reports."""
+        """Add an event of ``fsn-master``."""
         kind, at_ns = event.get("event"), int(event.get("now_ns", 0))
         if kind == "connection":
             self._connection(event, at_ns)
@@ -52,7 +52,7 @@ class BusEvents:
         elif kind == "group":
             self.log(str(event["group"]), str(event.get("text", "")), at_ns=at_ns)
         elif kind == "bus":
-            pass  # its SubDevices say the same, and in which state each is
+            pass  # its SubDevices report the same, with the state of each
         elif kind == "lost":
             self.events_lost += 1
             self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
@@ -72,7 +72,7 @@ class BusEvents:
             return
         code = int(event["reset_code"])
         end = ENDS.get(str(event["reset_by"]), "one end")
-        if event["before"] != "silent":  # else what was on the wire before this run
+        if event["before"] != "silent":  # else it was on the wire before this run
             self.last_reset[name] = code
             self.last_reset_by[name] = end
         # One that resets again and again is reported now and then.

@@ -51,27 +51,26 @@ _T = TypeVar("_T")
 class Client(ControlLink):
     """A connection to one ``fsn-master``; a context manager. One thread at a time.
 
-    Its methods, by what they are for:
+    Methods by purpose:
 
     - State of the bus: `status`, `snapshot`, `connections`, `subdevices`, `symbols`, `layout`,
       `scan`.
-    - Values: `get`, `set`, `arm`, `lease`, `renew`; of each cycle `watch` or, in a loop of your
-      own, `watch_on`, `watched` and `watch_off`; `realtime` for a program in the cycle.
+    - Values: `get`, `set`, `arm`, `lease`, `renew`; every cycle with `watch` or, in your own loop,
+      `watch_on`, `watched` and `watch_off`; `realtime` for a real-time client.
     - Events: `subscribe`, `events`.
     - SDO and the memory of a SubDevice: `sdo_read`, `sdo_write`, `history`, `sii_read`,
       `alias_write`.
     - Control: `start`, `stop`, `restart`, `shutdown`, `hold`, `resume`, `incident`.
 
     Every method raises `ControlRefused` when the request is refused, with the reason and the next
-    step, and `EnvironmentFault` when the connection breaks or no reply comes.
+    step, and `EnvironmentFault` when the connection breaks or no reply arrives.
 
     Args:
         path: Its control socket.
-        timeout_s: How long to wait for a connection or a reply.
+        timeout_s: Timeout of a connection attempt or a reply.
 
     Raises:
-        EnvironmentFault: Nobody answers there, the user may not connect, or what answers speaks
-            another protocol.
+        EnvironmentFault: No answer, no permission to connect, or the peer uses another protocol.
     """
 
     # -- state of the bus -------------------------------------------------------------------------
@@ -93,21 +92,21 @@ class Client(ControlLink):
         return self._document("snapshot", read_connections)
 
     def subdevices(self) -> tuple[SubDeviceSnapshot, ...]:
-        """Return what is known about each SubDevice."""
+        """Return the known facts about each SubDevice."""
         return self._document(
             "subdevices", lambda reply: tuple(map(read_subdevice, reply.children("subdevices")))
         )
 
     def symbols(self) -> tuple[Symbol, ...]:
-        """Return the named inputs and outputs, and who writes them."""
+        """Return the named inputs and outputs, with the writer of each output."""
         return self._read(self.request_all("symbols"), read_symbols)
 
     def layout(self) -> Layout:
-        """Return where everything lies in the process image."""
+        """Return the layout of the process image."""
         return self._document("layout", read_layout)
 
     def scan(self) -> ScanReply:
-        """Return the SubDevices that are on the bus, whatever the plan says."""
+        """Return the SubDevices found on the bus, independent of the plan."""
         return self._read(self.request("scan", timeout_s=SCAN_S), read_scan)
 
     def _document(self, request: str, read: Callable[[JsonObject], _T]) -> _T:
@@ -172,13 +171,13 @@ class Client(ControlLink):
     ) -> Iterator[WatchedCycle]:
         """Yield every N-th cycle; arguments as `watch_on`. Ends after ``duration_s``, else never.
 
-        The time counts from the subscription. What has come is looked for once in any case.
+        The time counts from the subscription. Cycles already received are always yielded.
 
-        ``skipped`` of a cycle says how many are missing before it. Reading it does not renew the
-        lease; `renew` does.
+        ``skipped`` of a cycle is the number of missing cycles before it. Reading does not renew the
+        lease; use `renew`.
 
         Raises:
-            EnvironmentFault: No cycle has come for 5 s.
+            EnvironmentFault: No cycle for 5 s.
         """
         self.watch_on(*names, every=every, typed=typed, image=image)
         left_s = math.inf if duration_s is None else duration_s
@@ -205,7 +204,7 @@ class Client(ControlLink):
         """Subscribe to every N-th cycle; `watched` returns them.
 
         Args:
-            names: What is watched; a name may end in ``*``.
+            names: Symbols to watch; a name may end in ``*``.
             every: N.
             typed: With factor and offset.
             image: The whole image instead of values.
@@ -260,7 +259,7 @@ class Client(ControlLink):
     # -- control ----------------------------------------------------------------------------------
 
     def start(self) -> BusState:
-        """Begin to open the bus; `status` and ``state`` events say how it goes on."""
+        """Start to open the bus; `status` and ``state`` events report the progress."""
         return self._read(self.request("start"), read_state)
 
     def stop(self) -> BusState:
@@ -284,7 +283,7 @@ class Client(ControlLink):
         return self._read(self.request("resume"), read_state)
 
     def incident(self, text: str = "") -> str:
-        """Have an incident file written; return its name, empty while it is not known yet."""
+        """Request an incident file; return its name, empty while unknown."""
         reply = self.request("incident", *([text] if text else []))
         return str(reply.get("file") or "")
 

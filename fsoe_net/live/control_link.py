@@ -28,16 +28,16 @@ class ControlLink:
 
     Args:
         path: Its control socket.
-        timeout_s: How long to wait for a connection or a reply.
+        timeout_s: Timeout of a connection attempt or a reply.
 
     Attributes:
         path: The control socket.
         hello: The first reply of ``fsn-master``.
-        events_lost: Events that this side has dropped, since nobody took them.
+        events_lost: Events dropped on this side because they were not read.
 
     Raises:
-        EnvironmentFault: Nobody answers there, the user may not connect, or what answers speaks
-            another protocol. Every call raises it when the connection breaks or a reply is late.
+        EnvironmentFault: No answer, no permission to connect, or the peer uses another protocol.
+            Every call raises it when the connection breaks or a reply is late.
     """
 
     def __init__(self, path: str | Path, *, timeout_s: float = 5.0) -> None:
@@ -81,7 +81,7 @@ class ControlLink:
         return self._socket.fileno() < 0
 
     def close(self) -> None:
-        """End the connection; what this client has written falls back."""
+        """Close the connection; outputs written by this client fall back."""
         self._socket.close()
 
     def request(self, *words: str, timeout_s: float | None = None) -> dict[str, Any]:
@@ -89,10 +89,10 @@ class ControlLink:
 
         Args:
             words: The request and its arguments.
-            timeout_s: Waits so long for the reply; else as long as this connection says.
+            timeout_s: Timeout for the reply; default: that of the connection.
 
         Raises:
-            ControlRefused: The request was refused; the message says why and what to do.
+            ControlRefused: The request was refused; the message gives the reason and what to do.
         """
         line = " ".join(quoted(word) for word in words) + "\n"
         wait_s = self._timeout_s if timeout_s is None else timeout_s
@@ -164,7 +164,7 @@ class ControlLink:
                 until = 0.0 if kept else until
         except EnvironmentFault:
             if not kept:
-                raise  # else these first; the next call says that it broke
+                raise  # first return these; the next call reports the broken connection
         found = list(kept)
         kept.clear()
         return found

@@ -35,7 +35,7 @@ class BusState(enum.StrEnum):
 class LogStatus:
     """The intervention log: its last ``entry`` with the SHA-256 of the line.
 
-    ``fault`` says why it is not written; empty when it is.
+    ``fault``: why it is not written; empty while it is written.
     """
 
     entry: int
@@ -75,12 +75,13 @@ class RingStatus:
 class ClocksStatus:
     """Distributed clocks.
 
-    ``state``: ``synchronous``; ``apart``; ``no reference`` while no frame brings the time of the
-    reference clock; ``unknown`` while there is nothing to compare. ``set_by``: ``bus`` where the
-    cycle follows the clock of ``reference``, ``host`` where this machine sets it. Of
-    ``subdevices`` whose clocks were compared so many are ``outside`` the window, ``place`` names
-    the furthest or the lost reference; ``leaves`` counts how often some were since the bus opened.
-    The last frame reached the reference clock ``lead_ns`` before SYNC0; it should ``shift_ns``.
+    ``state``: ``synchronous``; ``apart``; ``no reference`` while no frame carries the time of the
+        reference clock; ``unknown`` while there is nothing to compare. ``set_by``: ``bus`` if the
+        cycle follows the clock of ``reference``, ``host`` if this machine sets it. ``subdevices``:
+        number of compared clocks; ``outside`` of them are outside the window. ``place``: the
+        furthest one, or the lost reference. ``leaves``: how often clocks left the window since the
+        bus opened. The last frame reached the reference clock ``lead_ns`` before SYNC0; the target
+        is ``shift_ns``.
     """
 
     state: str
@@ -121,12 +122,12 @@ class BusStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CycleClient:
-    """A client in the cycle: its number, how many outputs it owns, and what became of them.
+    """A real-time client: its number, number of owned outputs, and statistics.
 
-    ``state`` is ``reads`` without outputs, else ``waits`` before the first ones, ``runs`` or
-    ``late``. ``on_time``: outputs that left with the frame after the inputs they answer; ``late``:
-    with a later one; ``missed``: cycles without new ones, ``misses`` of them allowed in a row;
-    ``torn``: cycles in which they were being written again and again.
+    ``state``: ``reads`` without outputs, otherwise ``waits`` before the first ones, ``runs`` or
+    ``late``. ``on_time``: outputs sent with the frame after the inputs they answer; ``late``: sent
+    with a later frame; ``missed``: cycles without new outputs, of which ``misses`` in a row are
+    allowed; ``torn``: cycles in which the outputs were overwritten repeatedly.
     """
 
     client: int
@@ -152,10 +153,10 @@ class CycleClient:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupStatus:
-    """SubDevices that may be absent. ``place``: of its alternatives, empty without any.
+    """SubDevices that may be absent. ``place``: of the alternatives, empty without any.
 
-    ``state``: ``absent``, ``wrong`` (something stands there that is not taken in), ``coming`` (not
-    all of it is in OP), ``there``; empty while the bus is not open. ``detail``: what is wrong.
+    ``state``: ``absent``, ``wrong`` (an unexpected device is attached), ``coming`` (not yet
+        completely in OP), ``there``; empty while the bus is not open. ``detail``: the error.
     """
 
     name: str
@@ -168,14 +169,14 @@ class GroupStatus:
 class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
-    ``fault`` says why the bus did not open; empty when it did. ``fingerprint`` is that of the plan
-    as the core has loaded it, ``None`` from a program that reports none; ``version`` that of the
-    engine. ``ring`` is ``None`` with one interface, ``clocks`` where none are in use, ``standby``
-    where no process follows, ``interventions`` without an intervention log, ``cpu`` when the cyclic
-    thread may run on any.
-    ``buses`` is empty where there is one bus; of several, counts outside it are of all together,
-    in cycles of the first. ``in_cycle``: clients that share memory with the cycle. ``absent``
-    SubDevices are of ``groups``, and not ``missing``.
+    ``fault``: why the bus did not open; empty when it did. ``fingerprint``: that of the plan as
+    loaded by the core, ``None`` from a program that reports none; ``version``: that of the engine.
+    ``ring`` is ``None`` with one interface, ``clocks`` if none are in use, ``standby`` without a
+    standby process, ``interventions`` without an intervention log, ``cpu`` when the cyclic thread
+    may run on any CPU.
+    ``buses`` is empty with a single bus; with several, counts outside it are totals, in cycles of
+    the first bus. ``in_cycle``: real-time clients. ``absent`` SubDevices belong to ``groups`` and
+    are not ``missing``.
     """
 
     state: BusState
@@ -262,8 +263,8 @@ class Values:
 class WatchedCycle(Values):
     """One watched cycle: values or, with the whole image, ``image`` and its working counters.
 
-    ``skipped``: how many requested cycles are missing before this one, because this
-    client or the recorder was too slow.
+    ``skipped``: number of requested cycles missing before this one, because this client or the
+        recorder was too slow.
     """
 
     now_ns: int
@@ -296,7 +297,7 @@ class HistoryMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanReply:
-    """What a scan found; ``document`` is the whole of it as control-protocol.md says."""
+    """Result of a scan; ``document`` is the whole of it, see control-protocol.md."""
 
     utc: str
     interface: str

@@ -262,13 +262,13 @@ def bus_health(
     """Return the health of the bus.
 
     Args:
-        status: What ``fsn-master`` reports; ``None`` before its first reply, and of an emulated
-            run, which has statistics alone.
-        statistics: Of the cycle; ``None`` before the first snapshot.
+        status: Status of ``fsn-master``; ``None`` before its first reply, and for an emulated run,
+            which has only statistics.
+        statistics: Statistics of the cycle; ``None`` before the first snapshot.
         changes: See `RecentChanges`.
-        current: Whether the statistics are of now.
+        current: Whether the statistics are current.
         away: Why ``fsn-master`` does not answer; empty while it does.
-        refused: Why it gives no snapshot of a bus that runs.
+        refused: Why it returns no snapshot of a running bus.
     """
     reasons: list[HealthReason] = []
     if away:
@@ -333,11 +333,11 @@ class RecentChanges:
         self._until: dict[tuple[str, HealthReason], float] = {}
 
     def take(self, snapshot: BusSnapshot, now_s: float) -> Changes:
-        """Return the counters that rose in the last `HOLD_S`; fewer are those of a new start.
+        """Return the counters that rose in the last `HOLD_S`; a lower value means a new start.
 
         Args:
-            snapshot: What is seen now.
-            now_s: Any clock that does not go back, seconds.
+            snapshot: Current counters.
+            now_s: Time of a monotonic clock, seconds.
         """
         for key, count in _counters(snapshot):
             if count > self._last.get(key, count):

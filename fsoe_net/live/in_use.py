@@ -1,4 +1,4 @@
-"""What a running ``fsn-master`` really uses, against what the files say."""
+"""Compares the plan of a running ``fsn-master`` with the files."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _NO_CARDS = frozenset({"veth", "tun", "dummy", "netdevsim"})
 
 
 def fingerprint_in_use(status: Status) -> Fingerprint | None:
-    """Return the fingerprint of what runs, with the bus cycle that is really used.
+    """Return the fingerprint of the running plan, with the bus cycle actually in use.
 
-    ``None`` from a program that reports none. A cycle other than that of the plan counts as another
+    ``None`` from a program that reports none. A cycle that differs from the plan counts as another
     section.
     """
     reported = status.fingerprint
@@ -27,15 +27,15 @@ def fingerprint_in_use(status: Status) -> Fingerprint | None:
 
 
 def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -> None:
-    """Make sure that what runs is what the files say.
+    """Check that the running plan matches the files.
 
     Args:
         status: Of the running ``fsn-master``.
-        wanted: Fingerprint of the files; without one on both sides the plans are compared.
+        wanted: Fingerprint of the files; if either side has none, the plans are compared.
         plan_sha256: Of the plan of the files.
 
     Raises:
-        InputError: It runs something else; the message names the sections that differ.
+        InputError: The running plan differs; the message names the sections that differ.
     """
     reported = fingerprint_in_use(status)
     if wanted is None or reported is None:
@@ -54,9 +54,9 @@ def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -
 
 
 def emulated_bus(status: Status) -> str:
-    """Return why the bus is a rig and no machine; empty when nothing shows that.
+    """Return why the bus is a rig rather than a machine; empty without evidence.
 
-    A network card says nothing: whatever answers behind it, this cannot know.
+    A network card is not evidence: the devices connected to it cannot be identified.
     """
     if status.backend == "emulated":
         return "the bus of fsn-master is emulated"

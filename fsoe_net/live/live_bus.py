@@ -1,4 +1,4 @@
-"""Runs a network on a live bus, driven by ``fsn-master``; what is seen is what the wire shows."""
+"""Runs a network on a live bus with ``fsn-master``; results are taken from the wire."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from fsoe_net.live.result import BusResult, ConnectionResult, Run, RunUpdate, re
 from fsoe_net.model.resolve import Connection, Resolution
 
 _UPDATE_S = 0.1
-_GRACE_S = 10  # fsn-master outlives the stated duration by this much when nobody stops it
+_GRACE_S = 10  # fsn-master outlives the given duration by this much unless it is stopped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusOptions:
-    """How ``fsn-master`` is to drive the bus; ``None``: as it does by itself.
+    """How ``fsn-master`` drives the bus; ``None``: its own default.
 
-    ``buses``: name and interface of each of several, of which ``interface`` is the first.
-    ``wait_s``: how long to try again while SubDevices are missing. ``incidents``: folder for the
-    files of connections that leave Data. ``intervention_log``: folder of the log of interventions.
+    ``buses``: name and interface of each of several; ``interface`` is the first. ``wait_s``: how
+        long to retry while SubDevices are missing. ``incidents``: folder for the files of
+        connections that leave Data. ``intervention_log``: folder of the intervention log.
     """
 
     backend: str
@@ -97,7 +97,7 @@ class _LiveRun:
         on_update: Callable[[RunUpdate], None] | None,
         stop: threading.Event,
     ) -> Run:
-        """Watch until the time is over or the user has had enough; then return what was seen."""
+        """Watch until the time is over or the user stops the run; return the result."""
         self._connect()
         while not self._over(duration_ns) and not stop.is_set():
             self._look(_UPDATE_S)
@@ -108,7 +108,7 @@ class _LiveRun:
         self._end_ns = time.monotonic_ns()
         current = self._look(0.0)
         if self._last is None:
-            raise KeyboardInterrupt  # the bus was not open yet: there is nothing to report
+            raise KeyboardInterrupt  # the bus was not yet open: there is nothing to report
         return self._result(self._last, current)
 
     def close(self) -> None:
@@ -227,22 +227,22 @@ def run_on_bus(
     on_update: Callable[[RunUpdate], None] | None = None,
     stop: threading.Event | None = None,
 ) -> Run:
-    """Start ``fsn-master``, watch it, stop it orderly.
+    """Start ``fsn-master``, watch it, and stop it in an orderly way.
 
     Args:
         resolution: The network the plan was compiled from.
         plan: Its plan.
-        options: Which bus, and how.
-        duration_ns: How long from the first cycle on; ``None``: until ``stop`` is set.
-        on_start: Called once ``fsn-master`` has been started.
+        options: Bus and options.
+        duration_ns: Duration from the first cycle; ``None``: until ``stop`` is set.
+        on_start: Called once ``fsn-master`` has started.
         on_update: Called about ten times a second.
-        stop: Set, it ends the run; its result is still returned.
+        stop: Setting it ends the run; the result is still returned.
 
-    When this process is killed, ``fsn-master`` goes on; with a duration it ends by itself some
-    seconds after that.
+    If this process is killed, ``fsn-master`` continues; with a duration it ends some seconds after
+    that time.
 
     Raises:
-        InputError: Plan or bus was refused: nobody answers, or others than the plan says.
+        InputError: Plan or bus was refused: no SubDevice answers, or others than planned.
         EnvironmentFault: ``fsn-master`` is missing, lacks a permission or was ended from outside.
         KeyboardInterrupt: ``stop`` was set before the bus was open.
     """
@@ -260,7 +260,7 @@ def run_on_bus(
 
 
 def _located(text: str, names: Collection[str], resolution: Resolution) -> str:
-    """Add where SubDevices stand in the user's files."""
+    """Add the locations of SubDevices in the user's files."""
     rows = resolution.network.subdevices
     places = "".join(f"\n  {s.name} stands at {s.span}" for s in rows if s.name in names)
     return text + places

@@ -28,23 +28,23 @@ _REBUILT = (
 
 
 class LiveCapture:
-    """Writes what passes on the bus of a running ``fsn-master`` into a file, in its own thread.
+    """Writes the frames on the bus of a running ``fsn-master`` into a file, in its own thread.
 
     Args:
         path: The file, pcapng.
         control: Control socket of ``fsn-master``.
-        interface: Network interface of the bus; ``None``: there is none to listen on.
-        prefer_wire: Whether to listen on it where that is permitted.
+        interface: Network interface of the bus; ``None`` if there is none to listen on.
+        prefer_wire: Whether to listen on the interface if permitted.
 
     Raises:
         OSError: The file cannot be written.
         EnvironmentFault: Neither is possible; the message has both reasons.
 
     Attributes:
-        rebuilt: Why the frames are rebuilt; empty when they are those on the wire.
+        rebuilt: Why the frames are rebuilt; empty for frames from the wire.
         packets: Frames written.
-        skipped: Frames or cycles that were missed, because this process was too slow.
-        fault: Why the capture ended early; empty while it has not.
+        skipped: Frames or cycles missed because this process was too slow.
+        fault: Why the capture ended early; empty until then.
     """
 
     def __init__(

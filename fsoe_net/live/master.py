@@ -33,10 +33,10 @@ LOG = ("--log", "json")
 
 
 def find_master() -> str:
-    """Return the path of ``fsn-master``: ``FSN_MASTER``, beside the interpreter, on ``PATH``.
+    """Return the path of ``fsn-master``: ``FSN_MASTER``, next to the interpreter, on ``PATH``.
 
     Raises:
-        EnvironmentFault: There is none.
+        EnvironmentFault: ``fsn-master`` was not found.
     """
     stated = os.environ.get("FSN_MASTER")
     if stated:
@@ -56,17 +56,17 @@ def find_master() -> str:
 
 
 class Master:
-    """A running ``fsn-master`` in a session of its own; a context manager that stops it.
+    """A running ``fsn-master`` in its own session; a context manager that stops it.
 
-    It survives this process: only `stop` or an error in this process ends it. When this process is
-    killed it goes on, its socket stays usable and nobody reads what it logs.
+    Only `stop` or an error in this process ends it. If this process is killed, it continues, its
+    socket stays usable and its log is no longer read.
 
     Args:
         plan: The plan it loads.
         options: Its options, without the plan and the socket.
 
     Raises:
-        EnvironmentFault: It is not there or cannot be started.
+        EnvironmentFault: It is missing or cannot be started.
     """
 
     def __init__(self, plan: bytes, options: Sequence[str]) -> None:
@@ -140,7 +140,7 @@ class Master:
         return True
 
     def explain(self) -> None:
-        """Raise what says to the user why it has ended.
+        """Raise the exception that tells the user why it ended.
 
         Raises:
             InputError: It refused plan or bus.
@@ -171,7 +171,7 @@ class Master:
         )
 
     def stop(self) -> None:
-        """End it orderly: stop values, SubDevices leave OP while copying goes on. Idempotent."""
+        """Stop: stop values, SubDevices leave OP while copying continues. Idempotent."""
         if not self.ended():
             self._process.send_signal(signal.SIGTERM)
         if not self.ended(_STOP_S):
@@ -181,7 +181,7 @@ class Master:
         self._clean()
 
     def _read(self) -> None:
-        stream = cast(IO[bytes], self._process.stderr)  # a pipe, as it was started
+        stream = cast(IO[bytes], self._process.stderr)  # a pipe, see Popen
         with stream, contextlib.suppress(OSError, ValueError):
             for line in stream:
                 self._lines.append(line.decode("utf-8", "replace").rstrip())
@@ -192,11 +192,11 @@ class Master:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MasterLog:
-    """What ``fsn-master`` logged about its end.
+    """Log messages of ``fsn-master`` about its end.
 
     Attributes:
-        error: Its last error, fit to print; empty without one.
-        findings: What it found of single SubDevices, fit to print.
+        error: Its last error, printable; empty without one.
+        findings: Its findings about single SubDevices, printable.
         subdevices: Their names, one for each finding.
     """
 

@@ -26,7 +26,7 @@ _PROGRAM = (
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A frame from the destination MAC on; ``time_ns`` since 1970; who sent it."""
+    """A frame from the destination MAC on; ``time_ns`` since 1970; its sender."""
 
     time_ns: int
     data: bytes
@@ -34,16 +34,16 @@ class Packet:
 
 
 class PacketSocket:
-    """A socket that sees the EtherCAT frames of an interface; a context manager. Sends nothing.
+    """Socket that receives the EtherCAT frames of an interface; a context manager. Sends nothing.
 
-    Frames whose sender bypasses the queue of the interface are not seen on their way out: those of
-    the cycle of ``fsn-master`` are such.
+    Outgoing frames are not seen if their sender bypasses the queue of the interface, as the cycle
+    of ``fsn-master`` does.
 
     Args:
         interface: Its name.
 
     Raises:
-        OSError: It may not be opened, or there is no such interface.
+        OSError: It cannot be opened, or the interface does not exist.
     """
 
     def __init__(self, interface: str) -> None:
@@ -64,7 +64,7 @@ class PacketSocket:
         s.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         number = socket.if_nametoindex(interface)
-        with contextlib.suppress(OSError):  # what comes back has another MAC, but no promise of it
+        with contextlib.suppress(OSError):  # returned frames have another MAC
             wanted = struct.pack("@iHH8x", number, _PROMISCUOUS, 0)
             s.setsockopt(_SOL_PACKET, _ADD_MEMBERSHIP, wanted)
         s.bind((interface, _ALL))
@@ -89,7 +89,7 @@ class PacketSocket:
 
     @property
     def dropped(self) -> int:
-        """Frames that came too fast, so far."""
+        """Number of frames lost so far because they came too fast."""
         row = self._socket.getsockopt(_SOL_PACKET, _STATISTICS, 8)
         self._dropped += struct.unpack("@II", row)[1]  # reading sets it back
         return self._dropped

@@ -47,7 +47,7 @@ class CycleCounts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CycleSymbol:
-    """A value of the process image: its place in `RealTime.image`, and what it is.
+    """A value of the process image: its place in `RealTime.image`, and its type.
 
     ``kind`` is ``bool``, ``signed``, ``unsigned``, ``bits`` or ``real``. ``owned``: this client
     writes it. ``scaled``: it has a factor or an offset.
@@ -250,7 +250,7 @@ class RealTime:
         self._lib.fsn_realtime_send(self._here())
 
     def counts(self) -> CycleCounts:
-        """Return what the master has counted."""
+        """Return the counters of the master."""
         found = self._lib.fsn_realtime_counts(self._here())
         return CycleCounts(**{f.name: int(getattr(found, f.name)) for f in fields(CycleCounts)})
 

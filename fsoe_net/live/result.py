@@ -36,11 +36,11 @@ class RunEventKind(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvent:
-    """Something that happened; ``text`` is for people, nothing is decided by it.
+    """An event; ``text`` is for people and carries no decisions.
 
-    ``code`` is the reset code of reset events, else ``None``. ``end`` is ``main``, ``sub`` or
-    ``wire`` of a state or reset, ``state`` the new state for people, ``in_data`` whether it is
-    Data; empty and false with other events.
+    ``code``: reset code of reset events, else ``None``. ``end``: ``main``, ``sub`` or ``wire`` of a
+    state or reset; ``state``: the new state for people; ``in_data``: whether it is Data. Empty and
+    false for other events.
     """
 
     time_ms: float
@@ -62,16 +62,16 @@ def state_fields(end: str, state: str, *, in_data: bool) -> dict[str, Any]:
 class ConnectionResult:
     """One connection at the end of a run, or now. Times in milliseconds.
 
-    ``state`` is that of the end that is behind, ``wire_state`` what the core saw in the copied
-    frames, and ``wrong_…`` the frames in them with a wrong CRC; ``gaps`` counts when it missed
-    some. ``chosen`` names facts that no file states. ``data_to_sub`` and ``data_to_main`` are what
-    each end receives: ``process``, ``failsafe`` or ``none``.
+    ``state`` is that of the end that lags, ``wire_state`` the state that the core saw in the copied
+    frames, ``wrong_…`` the number of those with a wrong CRC; ``gaps`` counts missed frames.
+    ``chosen`` lists facts that no file states. ``data_to_sub`` and ``data_to_main``: what each end
+    receives: ``process``, ``failsafe`` or ``none``.
 
-    ``configured`` are the parameters of the plan, ``observed`` those that the MainInstance sent in
-    its last start-up, ``differs`` names what was not the same when it was last observed.
+    ``configured``: parameters of the plan. ``observed``: parameters that the MainInstance sent in
+    its last start-up. ``differs``: names of those that differed when last observed.
 
-    On a live bus all of it is what the wire shows: ``state`` is ``wire_state``, and ``None`` stands
-    for what neither the wire nor a file says.
+    On a live bus all values come from the wire: ``state`` equals ``wire_state``, and ``None`` marks
+    values that neither the wire nor a file provides.
     """
 
     name: str
@@ -145,10 +145,10 @@ class BusResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """A whole run. ``passed``: every expectation held, or, without any, all reached Data.
+    """A whole run. ``passed``: every expectation was met or, without any, all reached Data.
 
-    ``subdevices`` are known on a live bus only. ``stalled_ms`` is the longest time in which the bus
-    or the emulated devices stood still, because this machine did; 0 in virtual time.
+    ``subdevices``: only on a live bus. ``stalled_ms``: longest time in which the bus or the
+    emulated devices stopped because this machine did; 0 in virtual time.
     """
 
     mode: str
@@ -195,13 +195,13 @@ class Run:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunUpdate:
-    """What is observed while a run goes on.
+    """Observations during a run.
 
     Attributes:
-        connections: All of them, now.
-        statistics: Of the bus cycle.
+        connections: Current state of all connections.
+        statistics: Statistics of the bus cycle.
         now_s: Seconds since the start.
-        subdevices: Of a live bus; an emulated one has none.
+        subdevices: Those of a live bus; empty for an emulated one.
     """
 
     connections: tuple[ConnectionResult, ...]

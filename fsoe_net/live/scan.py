@@ -20,7 +20,7 @@ _SCAN_S = 300.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakenScan:
-    """A scan: the document as ``fsn-master`` gave it, and what it says."""
+    """A scan: the document returned by ``fsn-master``, and its content."""
 
     document: dict[str, Any]
     scan: Scan
@@ -28,12 +28,12 @@ class TakenScan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanSource:
-    """Who will scan a bus.
+    """The process that will scan a bus.
 
     Attributes:
-        attached: It drives the bus already; no state of a SubDevice changes.
-        announcement: What the scan will do to the bus, for the user to read before.
-        take: Makes the scan.
+        attached: Whether it already drives the bus; then no SubDevice changes state.
+        announcement: Effect of the scan on the bus, shown to the user beforehand.
+        take: Runs the scan.
     """
 
     attached: bool
@@ -44,16 +44,16 @@ class ScanSource:
 def scan_source(
     interface: str | None, *, socket: str | None = None, bus: str | None = None
 ) -> ScanSource:
-    """Find out who can scan a bus; nothing is sent to it yet.
+    """Find the process that can scan a bus; nothing is sent to the bus yet.
 
     Args:
         interface: Network interface (soem) or number of the master (igh); ``None`` with a socket.
-        socket: Control socket of the ``fsn-master`` to ask; looked for when ``None``.
-        bus: Backend of a scan of our own.
+        socket: Control socket of the ``fsn-master`` to ask; ``None``: search for it.
+        bus: Backend for a scan by a new process.
 
     Raises:
-        EnvironmentFault: Nobody answers on the socket that was named, it drives another bus, or
-            ``fsn-master`` is not there.
+        EnvironmentFault: No answer on the given socket, its process drives another bus, or
+            ``fsn-master`` is missing.
     """
     if socket is not None:
         drives = interface_of(socket)

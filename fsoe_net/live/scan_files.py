@@ -28,14 +28,14 @@ _COMPARED = {"FSN501", "FSN503", "FSN504", "FSN505", "FSN506", "FSN507"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanFiles:
-    """Text of each file by its path, and what could not be put into them, in words."""
+    """Text of each file by its path, and descriptions of omitted content."""
 
     texts: Mapping[str, str]
     left_out: tuple[str, ...]
 
 
 class _NotExpressible(Exception):
-    """The format of the driver has no words for what this device maps."""
+    """The driver's format cannot express the mapping of this device."""
 
 
 def compact_json(value: Any) -> str:
@@ -60,10 +60,10 @@ def _json(value: Any, indent: int, used: int) -> str:
 
 
 def scan_files(taken: TakenScan) -> ScanFiles:
-    """Return the files for a scan, after reading them again and comparing them with it.
+    """Return the files for a scan, after reading them back and comparing them with it.
 
     Raises:
-        InputError: What was read again is not what is on the bus.
+        InputError: The content read back differs from the bus.
     """
     scan = taken.scan
     paths: dict[str, str] = {}  # by the text of the slave YAML; SubDevices of one type share it
@@ -215,7 +215,7 @@ def _channel(pdo: ScannedPdo, entry: ScannedEntry) -> list[str]:
 
 
 def _read_again(texts: Mapping[str, str], taken: TakenScan) -> Resolution | None:
-    """Load the files as anybody would and compare what they say with the scan.
+    """Load the files as a user would and compare them with the scan.
 
     Raises:
         InputError: They differ.

@@ -1,4 +1,4 @@
-"""A net proposed for a scanned bus, as a comment: people decide what is connected."""
+"""A net proposed for a scanned bus, as a comment; the user decides what is connected."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def find_socket(interface: str) -> str | None:
             if _same_network(path) and interface_of(path) == interface:
                 return path
         except EnvironmentFault:
-            continue  # left behind by one that is dead, or of another version
+            continue  # left by a dead process, or one of another version
     return None
 
 
@@ -72,17 +72,17 @@ def _sockets(interface: str) -> Iterator[str]:
 
 
 def interface_of(socket: str) -> str:
-    """Return the interface that the ``fsn-master`` behind a socket drives.
+    """Return the interface driven by the ``fsn-master`` on a socket.
 
     Raises:
-        EnvironmentFault: Nobody answers there.
+        EnvironmentFault: No answer on the socket.
     """
     with Client(socket, timeout_s=_ANSWER_S) as client:
         return str(client.request("status").get("interface", ""))
 
 
 def _same_network(path: str) -> bool:
-    """Whether who listens has our interfaces: a container can have another of the same name."""
+    """Whether the listening process has our interfaces: a container can reuse a name."""
     with socketlib.socket(socketlib.AF_UNIX) as probe:
         try:
             probe.settimeout(_ANSWER_S)
@@ -93,4 +93,4 @@ def _same_network(path: str) -> bool:
                 return False
             return os.readlink(f"/proc/{pid}/ns/net") == os.readlink("/proc/self/ns/net")
         except OSError:
-            return True  # the client will say so, or nobody can
+            return True  # the client reports it, or it cannot be determined

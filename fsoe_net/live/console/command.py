@@ -1,4 +1,4 @@
-"""What a command of the console is, and what it gets to work with."""
+"""A command of the console, and its context."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class CommandContext(Protocol):
         """Print a line of the answer."""
 
     def note(self, text: str) -> None:
-        """Print a line beside the answer, on standard error."""
+        """Print a note on standard error, separate from the answer."""
 
     def names(self) -> SymbolNames:
         """Return the symbols of the plan."""
@@ -33,7 +33,7 @@ class CommandContext(Protocol):
         """Ask for the symbols again when they are next needed."""
 
     def events(self) -> list[dict[str, Any]]:
-        """Return the events that have not been returned yet."""
+        """Return the events since the last call."""
 
     def run_file(self, path: str) -> None:
         """Run a script."""
@@ -47,7 +47,7 @@ class CommandContext(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class CommandForm:
-    """A command: its usage behind its name, one line of help, an example, what it does."""
+    """A command: its usage after the name, one line of help, an example, its function."""
 
     usage: str
     about: str
@@ -56,15 +56,15 @@ class CommandForm:
 
 
 def usage(name: str, form: str) -> ConsoleError:
-    """Return the error that says how a command is written."""
+    """Return the usage error of a command."""
     return ConsoleError(f"usage: {name} {form}".rstrip(), is_usage=True)
 
 
 def options(words: Sequence[str], *known: str) -> tuple[list[str], set[str]]:
-    """Return words and the options among them.
+    """Split words into arguments and options.
 
     Raises:
-        ConsoleError: An option nobody knows.
+        ConsoleError: Unknown option.
     """
     given = {w for w in words if w.startswith("--")}
     wrong = sorted(given - set(known))

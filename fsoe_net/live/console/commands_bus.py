@@ -1,4 +1,4 @@
-"""Commands of the console for the bus as a whole: start, stop, what is seen of it."""
+"""Console commands for the whole bus: start, stop, status."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def _state(context: CommandContext, words: Sequence[str]) -> None:
 
 
 def _state_of_bus(context: CommandContext) -> None:
-    """Show the status, ring and clocks where there are any, and what is not well."""
+    """Show the status, ring and clocks if present, and current problems."""
     status, rows, seen = context.link.call(
         lambda client: (client.status(), client.subdevices(), _seen(client))
     )
@@ -177,7 +177,7 @@ def _connection(
 
 
 def _reasons(health: Health) -> str:
-    """Return level and reasons; empty where there is nothing to report."""
+    """Return level and reasons; empty if there is nothing to report."""
     texts = "; ".join(health_texts(health))
     return texts and f"{health.level.name.lower()}: {texts}"
 

@@ -98,7 +98,7 @@ def _set(context: CommandContext, words: Sequence[str]) -> None:
 
 
 def _pairs(names: SymbolNames, words: Sequence[str]) -> dict[str, str]:
-    """Return names and values; behind ``all`` or a SubDevice stand its entries."""
+    """Return names and values; ``all`` or a SubDevice is followed by its entries."""
     values: dict[str, str] = {}
     scope = ""
     rest = list(words)

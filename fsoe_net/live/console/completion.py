@@ -1,4 +1,4 @@
-"""What may stand at a place of a line of the console."""
+"""Completion of a word in a line of the console."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _TYPES += ["real32", "real64", "string", "hex"]
 
 
 def complete(before: str, word: str, names: SymbolNames, commands: Sequence[str]) -> list[str]:
-    """Return what the word may become.
+    """Return the completions of a word.
 
     Args:
         before: The line up to the word.
-        word: What is written of it.
+        word: The part already typed.
         names: Symbols of the plan.
         commands: Names of the commands.
     """

@@ -30,18 +30,18 @@ _MOST_SCRIPT_BYTES = 4 << 20
 
 
 class _Located(ConsoleError):
-    """A failure that already says where."""
+    """A failure that already contains its location."""
 
 
 class Console:
-    """State of one console; it prints through the two functions it gets.
+    """State of a console; prints through two functions.
 
     Args:
         link: The connection.
         out: Prints a line of an answer.
-        note: Prints a line beside the answers.
-        notes_level: Events that are shown by themselves: ``warning`` for those of this
-            level and above, ``fallback`` for outputs of this console that fell back.
+        note: Prints a line that is not part of an answer.
+        notes_level: Events printed without a command: ``warning`` for this level and above,
+            ``fallback`` for outputs of this console that fell back.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Console:
         self._out(text)
 
     def note(self, text: str) -> None:
-        """Print a line beside the answer."""
+        """Print a note, separate from the answer."""
         self._note(text)
 
     def names(self) -> SymbolNames:
@@ -88,14 +88,14 @@ class Console:
         return COMMANDS
 
     def events(self) -> list[dict[str, Any]]:
-        """Return the events that have not been returned yet."""
+        """Return the events since the last call."""
         self.tell()
         found = list(self._events)
         self._events.clear()
         return found
 
     def tell(self) -> None:
-        """Report what happened beside the commands: a lost connection, outputs that fell back."""
+        """Report events between commands: a lost connection, outputs that fell back."""
         if self.link.client_number != self._client_number:  # another connection: all fell back
             self._client_number = self.link.client_number
             self.mine.clear()
@@ -121,11 +121,11 @@ class Console:
         until = time.monotonic() + wait_s
         while (left := until - time.monotonic()) > 0:
             time.sleep(min(_SLICE_S, left))
-            self.link.call(lambda _: None)  # says when it has broken; collects events
+            self.link.call(lambda _: None)  # reports a broken connection; collects events
         self.tell()
 
     def owned(self) -> list[str]:
-        """Return the outputs that belong to this console; what it has set when nobody answers."""
+        """Return the outputs of this console; those it has set if the server does not answer."""
         me = self.link.client_number
         try:
             symbols = self.link.call(lambda client: client.symbols(), wait_s=_END_S)
@@ -138,19 +138,19 @@ class Console:
 
         Raises:
             ConsoleError: A command failed.
-            EnvironmentFault: It was refused, or nobody answers.
+            EnvironmentFault: A command was refused, or the server does not answer.
         """
         for command in parse(text):
             self._do(command)
 
     def run_script(self, text: str, name: str, *, first_line: int = 1) -> None:
-        """Run a script, or a part of one that begins in a given line.
+        """Run a script, or a part of it that starts at a given line.
 
-        Nothing is done when a command of it is not known.
+        If any command is unknown, none is run.
 
         Raises:
             ConsoleError: A command failed; the message begins with name, line and column.
-            EnvironmentFault: Nobody answers any more.
+            EnvironmentFault: The server no longer answers.
         """
         try:
             commands = parse(text)

@@ -1,7 +1,7 @@
-"""Holds one connection to ``fsn-master`` and renews its lease while nobody asks anything.
+"""Holds one connection to ``fsn-master`` and renews its lease while idle.
 
-A thread of its own owns the connection. So a Ctrl-C in the main thread never cuts a reply in two,
-outputs stay leased at a prompt and in a script that waits, and a dead server blocks nobody.
+A separate thread owns the connection. A Ctrl-C in the main thread therefore never cuts a reply in
+two, outputs stay leased at a prompt and in a waiting script, and a dead server blocks no caller.
 """
 
 from __future__ import annotations
@@ -70,12 +70,12 @@ class LeasedClient:
             raise
 
     def call(self, job: Callable[[Client], _T], *, wait_s: float | None = None) -> _T:
-        """Do something with the connection and return what it returns.
+        """Call a function with the connection and return its result.
 
-        A Ctrl-C leaves it at once; a request is still brought to its end behind it.
+        A Ctrl-C returns at once; the thread still completes the request.
 
         Raises:
-            EnvironmentFault: Nothing has come within ``wait_s``, or the connection broke.
+            EnvironmentFault: No result within ``wait_s``, or the connection broke.
         """
         try:
             return self.post(job).result(wait_s)
@@ -83,7 +83,7 @@ class LeasedClient:
             raise EnvironmentFault(f"fsn-master does not answer on {self.path}") from exc
 
     def post(self, job: Callable[[Client], _T]) -> Future[_T]:
-        """Have something done; nobody need wait for it."""
+        """Queue a call without waiting for it."""
         future: Future[_T] = Future()
         self._jobs.put((job, future))
         return future
@@ -115,14 +115,14 @@ class LeasedClient:
         return found
 
     def lease(self, lease_ms: int) -> int:
-        """Ask for another lease; return what the server gives."""
+        """Request another lease; return the lease granted by the server."""
         given = self.call(lambda client: client.lease(lease_ms))
         self._lease_ms = given
         self._pace(given)
         return given
 
     def close(self) -> None:
-        """End the connection; what was set falls back."""
+        """Close the connection; outputs set by this client fall back."""
         self._jobs.put(None)
         self._thread.join(_END_S)
 

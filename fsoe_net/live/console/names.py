@@ -1,4 +1,4 @@
-"""What users write for names, values, times and objects, and what it stands for."""
+"""Notation for names, values, times and objects in the console."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _MOST_BYTES = 7_000
 
 
 class SymbolNames:
-    """The symbols of the plan and the ways to write them.
+    """The symbols of the plan and their notation.
 
-    ``drive_1.0x6040:00``, ``drive_1.0x6040`` when it has one subindex only, ``drive_*.0x6040:00``;
-    ``all.0x6040`` of each SubDevice; ``drive_1`` or ``all`` for everything. A word stands for the
-    inputs and the outputs of its name; ``in:`` or ``out:`` before it leaves one of them.
+    ``drive_1.0x6040:00``, ``drive_1.0x6040`` if it has only one subindex, ``drive_*.0x6040:00``;
+    ``all.0x6040`` for each SubDevice; ``drive_1`` or ``all`` for everything. A word selects inputs
+    and outputs of that name; the prefix ``in:`` or ``out:`` restricts it.
     """
 
     def __init__(self, symbols: Sequence[Symbol]) -> None:
@@ -43,10 +43,10 @@ class SymbolNames:
         return self._labels[symbol.is_output, symbol.name]
 
     def some(self, text: str) -> list[Symbol]:
-        """Return the symbols a word stands for, in plan order.
+        """Return the symbols that a word selects, in plan order.
 
         Raises:
-            ConsoleError: It stands for nothing.
+            ConsoleError: It selects nothing.
         """
         side, word = _split(text)
         symbols = [s for s in self.symbols if side is None or s.is_output is side]
@@ -66,7 +66,7 @@ class SymbolNames:
         return found
 
     def outputs(self, text: str) -> list[str]:
-        """Return the names of the outputs a word stands for; raises as `some`."""
+        """Return the names of the outputs that a word selects; raises as `some`."""
         outputs = [s.name for s in self.some(text) if s.is_output]
         if not outputs:
             raise ConsoleError(f"{text} stands for inputs only; list shows the outputs")
@@ -183,7 +183,7 @@ def object_address(text: str) -> tuple[int, int]:
     """Return index and subindex of ``0x6041:00``; the subindex is hexadecimal, as in names.
 
     Raises:
-        ConsoleError: It is no object.
+        ConsoleError: Not a valid object.
     """
     index, colon, sub = text.partition(":")
     found = number(index, "index", 0xFFFF)
@@ -197,7 +197,7 @@ def object_address(text: str) -> tuple[int, int]:
 
 
 def shown(value: Value, symbol: Symbol | None = None) -> str:
-    """Return a value for people; whole numbers without a sign in hexadecimal too."""
+    """Return a value for people; non-negative integers also in hexadecimal."""
     if value is None:
         return "no number"
     if isinstance(value, bool):

@@ -1,7 +1,7 @@
 """The language of the console: words and commands.
 
     # comment                        to the end of the line
-    set drive_1.0x6040:00 6; get all commands of a line are parted by semicolons
+    set drive_1.0x6040:00 6; get all commands of a line are separated by semicolons
     echo "a b" 'c # d'               quotes keep blanks, semicolons and # together
 
 There are no variables, conditions or loops: a program uses `fsoe_net.connect`.
@@ -17,10 +17,10 @@ _BLANK = " \t\r"
 
 
 class ScriptError(ConsoleError):
-    """Text that is no command.
+    """Text that is not a valid command.
 
     Args:
-        message: What is wrong.
+        message: The error.
         line: From 1.
         column: From 1.
     """
