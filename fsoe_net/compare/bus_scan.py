@@ -28,7 +28,7 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
 
     Args:
         resolution: The network, resolved.
-        scan: What is on the bus.
+        scan: Scan of the bus.
     """
     network, scan = _present(resolution.network, scan)
     out = FindingList()

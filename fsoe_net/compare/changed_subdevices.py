@@ -1,7 +1,7 @@
-"""Which SubDevices differ between two plans, by everything that makes the fingerprint.
+"""Which SubDevices differ between two plans, in all content of the fingerprint.
 
-A difference by meaning leaves out what says nothing to people, as the type of an entry. Steps of a
-test protocol must not be left out for that, so it is checked here by the canonical text.
+The comparison by meaning ignores details such as the type of an entry. Steps of a test record must
+not be skipped for such a change, so this module compares the canonical text.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ _Row = tuple[object, ...]
 
 
 def changed_subdevices(before: Plan, now: Plan) -> frozenset[str] | None:
-    """Return the SubDevices whose own tables, copies or connections differ, by their names of now.
+    """Return the current names of SubDevices whose tables, copies or connections differ.
 
     Args:
-        before: What was accepted.
-        now: The plan of today.
+        before: The accepted plan.
+        now: The current plan.
 
     Returns:
-        Their names; ``None`` when all may be touched: the bus cycle differs, SubDevices have
-        another order, are no more, or have no name of their own.
+        Their names; ``None`` when all may be affected: the bus cycle differs, or SubDevices were
+        reordered, removed, or have no unique name.
     """
     old, new = ([s.name for s in plan.subdevices] for plan in (before, now))
     staying = set(new)

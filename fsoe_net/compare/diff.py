@@ -267,7 +267,7 @@ def _sdos(where: str, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
 
 
 class _Labels:
-    """Names of SubDevices by number of A; those only B has behind them."""
+    """Names of SubDevices by number of A; those only in B follow."""
 
     def __init__(self, a: Side, b: Side, renumber: dict[int, int]) -> None:
         self._rows = dict(enumerate(a.subdevices))
@@ -453,7 +453,7 @@ def _parameters(side: Side, connection: DescribedConnection) -> str | None:
 
 
 def _silence(a: Side, b: Side, pairs: _Pairs) -> list[str]:
-    """Return what only one side speaks about."""
+    """Return facts that only one side states."""
     words = []
     for what, left, right in (
         ("copies", a.copies, b.copies),

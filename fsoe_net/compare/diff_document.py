@@ -12,7 +12,7 @@ _LEVELS = {ChangeKind.ADDED: Level.CLEAR, ChangeKind.REMOVED: Level.ERROR}
 
 
 def diff_document(a: Side, b: Side, difference: Difference) -> Document:
-    """Return what `fsoe-net diff` says of two sides."""
+    """Return the result of `fsoe-net diff` for two sides."""
     rows: list[str | Verdict] = [
         f"{name}: {side.path} ({side.format}), {counted(len(side.subdevices), 'SubDevice')}"
         for name, side in (("A", a), ("B", b))

@@ -152,7 +152,7 @@ def _network_subdevice(sub: SubDevice, addresses: tuple[int, ...]) -> SideSubDev
 def side_of_plan(
     plan: Plan, path: str, functions: tuple[SafetyFunction, ...] | None = None
 ) -> Side:
-    """Return the side of a plan, with its safety functions where somebody has kept them."""
+    """Return the side of a plan, with its safety functions if they were kept."""
     per_device: dict[int, dict[int, SideManager]] = {}
     ends: dict[int, dict[int, str]] = {}
     restart = _restart_bits(plan)
@@ -286,7 +286,7 @@ def _plan_slots(plan: Plan) -> dict[tuple[int, int], int]:
 
 
 def side_of_description(description: Description) -> Side:
-    """Return the side of what another tool's file says."""
+    """Return the side for the content of another tool's file."""
     subdevices = tuple(_described(s) for s in description.subdevices)
     copies = None
     if description.copies or description.format == "eni":

@@ -93,12 +93,12 @@ class SideCopy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Side:
-    """Everything one source says.
+    """All facts of one source.
 
     Attributes:
         format: ``network``, ``plan``, ``scan``, ``eni`` and so on.
-        path: Where it came from.
-        whole: ``None`` in it means *not set*, so that it differs from a value in another such.
+        path: Path of the source.
+        whole: ``None`` inside it means *not set*, which differs from a value on the other side.
         copies: ``None`` when the source has no copies, as an ESI or a scan.
         connections: ``None`` likewise.
         functions: ``None`` likewise, and for a plan, which holds only

@@ -42,15 +42,15 @@ class Change:
     """One difference.
 
     Attributes:
-        kind: What has become of it.
-        area: What it is about.
-        where: SubDevice, sync manager, copy or connection, as A calls it.
-        what: The fact that changed; empty for something that came or went as a whole.
+        kind: Kind of change.
+        area: Area of the change.
+        where: SubDevice, sync manager, copy or connection, named as in A.
+        what: The changed fact; empty for an item added or removed as a whole.
         before: In A.
         after: In B.
         entries: Addresses of the entries that changed together.
-        subdevices: Names of the SubDevices it is about, in A and in B; of a copy or a connection
-            those of its ends. An empty name: a SubDevice without one, or one that is not known.
+        subdevices: Names of the SubDevices concerned, in A and in B; for a copy or a connection
+            those of its ends. An empty name: a SubDevice without a name, or an unknown one.
     """
 
     kind: ChangeKind

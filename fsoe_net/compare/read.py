@@ -76,6 +76,6 @@ def _side_of_description(
 
 
 def _judged(side: Side | None, out: Collector) -> tuple[Side | None, list[Diagnostic]]:
-    # A network of which nobody has said yet what is copied can be compared all the same.
+    # A network without confirmed copies can also be compared.
     found = sort_diagnostics([d for d in out.diagnostics if d.code != _NO_NET])
     return (None if any(d.level is Severity.ERROR for d in found) else side), found

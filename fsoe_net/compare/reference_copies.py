@@ -35,12 +35,12 @@ def check_copies(
     subs: Mapping[int, SubDevice],
     blamed: set[str],
 ) -> None:
-    """Compare copies byte by byte; those of SubDevices that differ already are left out.
+    """Compare copies byte by byte; those of SubDevices that already differ are skipped.
 
     Args:
         out: Takes the findings.
         resolution: The network.
-        file: The other file; without copies it says nothing about them.
+        file: The other file; may be without copies.
         subs: SubDevice of the network by its number in the file.
         blamed: Names of SubDevices that have a finding.
     """

@@ -43,8 +43,8 @@ def compare_layout(
         device: As the user describes it.
         row: The same device in the other file.
         source: The file, as shown.
-        is_type: The file says what the device can do (ESI, SII), not how it is set up.
-        is_setup: The file is a configuration, so that its watchdogs were chosen by somebody.
+        is_type: The file describes the capabilities of the device (ESI, SII), not its set-up.
+        is_setup: The file is a configuration, so its watchdogs were chosen deliberately.
     """
     side = _Side(device=device, row=row, source=source, is_type=is_type)
     if row.truncated:
@@ -302,7 +302,7 @@ class _Side:
         return self.is_type and facts is not None and facts.mandatory
 
     def _excluded_by(self, here: set[int]) -> set[int]:
-        """Return the PDOs that cannot be assigned beside these, whichever of both says so."""
+        """Return the PDOs that exclude these, or are excluded by them."""
         found: set[int] = set()
         for index, facts in self.facts.items():
             if index in here:

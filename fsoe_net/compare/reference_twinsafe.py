@@ -16,7 +16,7 @@ _HINT = "the logic runs with its safety project: write its value here, or change
 
 @dataclass(frozen=True, slots=True)
 class _Project:
-    """A safety project beside the connections of one MainInstance."""
+    """A safety project and the connections of one MainInstance."""
 
     out: FindingList
     resolution: Resolution

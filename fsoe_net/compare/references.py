@@ -1,7 +1,7 @@
 """FSN431 … FSN447: a network against other files that describe the same devices or bus.
 
-One cause is one finding: what follows from another device, another place or other process data is
-not reported again at copies and connections. What a file does not say is no difference.
+One cause is one finding: consequences of another device, position or process data are not reported
+again for copies and connections. A fact missing in a file is not a difference.
 """
 
 from __future__ import annotations
@@ -57,10 +57,10 @@ def check_references(
 
     Args:
         resolution: The network, resolved.
-        references: What the other files say.
-        library: Gives the identity of devices of which a file only has the order number.
-        found: What is already known to be wrong; a device whose file has an error in its process
-            data is not compared.
+        references: Content of the other files.
+        library: Identity of devices for which a file has only the order number.
+        found: Findings so far; a device whose file has an error in its process data is not
+            compared.
     """
     out = FindingList()
     broken = {d.span.file for d in found if d.code in _BLAMED}

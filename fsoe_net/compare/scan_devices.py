@@ -1,4 +1,4 @@
-"""FSN505, FSN506, FSN507, FSN511, FSN512, FSN514: one SubDevice against what its file says."""
+"""FSN505, FSN506, FSN507, FSN511, FSN512, FSN514: a SubDevice compared with its file."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def check_layout(out: FindingList, sub: SubDevice, found: ScannedSubDevice) -> N
             continue
         sm = there.pop(planned.sm.index, None)
         if sm is not None and not sm.complete:
-            continue  # FSN514 says so
+            continue  # reported by FSN514
         if sm is None:
             _add_length(out, sub, planned, found, "the device has no such sync manager")
         else:

@@ -1,4 +1,4 @@
-"""FSN508, FSN509, FSN510, FSN513: FSoE values of the devices against what the network says."""
+"""FSN508, FSN509, FSN510, FSN513: FSoE values of the devices compared with the network."""
 
 from __future__ import annotations
 

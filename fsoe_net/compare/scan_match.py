@@ -1,7 +1,8 @@
-"""Which SubDevice of a network is which on a bus: in its place, elsewhere, or not there.
+"""Matches the SubDevices of a network with those of a bus: in place, moved, or missing.
 
-A SubDevice that is missing moves all behind it one place forward. So places are not compared one by
-one: the two rows are laid side by side at the least cost of differences, and each is named once.
+A missing SubDevice moves all following ones one position forward. Positions are therefore not
+compared one by one: the two lists are aligned at the lowest cost, and each difference is named
+once.
 """
 
 from __future__ import annotations
@@ -22,16 +23,16 @@ class Match:
     """SubDevices of a network on a bus.
 
     Attributes:
-        pairs: Same identity, also when it was found in another place.
-        other: Another device in the place.
-        swapped: Two that have each other's place; each with where it was found.
-        moved: One that was found in another place, with its place by the network.
-        missing: Not found; its place, ``None`` when its alias is not on the bus.
-        free_missing: Free places of the network (a coupler, say) with nothing in them that move
-            the SubDevices behind them.
-        extra: On the bus, not in the network, and either with process data or in the way.
-        behind: On the bus, without process data, behind all that the network names.
-        cost: How much differs.
+        pairs: Same identity, also if found at another position.
+        other: Another device at the position.
+        swapped: Two that have exchanged positions; each with the position where it was found.
+        moved: Found at another position, with its position in the network.
+        missing: Not found; its position, ``None`` when its alias is not on the bus.
+        free_missing: Empty free positions of the network (a coupler, say) that shift the following
+            SubDevices.
+        extra: On the bus but not in the network, with process data or between listed SubDevices.
+        behind: On the bus, without process data, after all SubDevices of the network.
+        cost: Cost of the differences.
     """
 
     pairs: list[tuple[SubDevice, ScannedSubDevice]] = field(default_factory=list)
@@ -70,7 +71,7 @@ class _Rows:
         return _ADDRESS if stated is not None and read and stated not in read else 0
 
     def is_plain(self, found: ScannedSubDevice) -> bool:
-        """Whether nobody minds that the network does not name it."""
+        """Whether the network need not name it."""
         return found.position in self.by_alias or not found.process_data
 
 
@@ -82,12 +83,12 @@ def same_identity(sub: SubDevice, found: ScannedSubDevice) -> bool:
 
 
 def match_scan(network: NetworkConfig, scan: Scan, addresses: Mapping[str, int]) -> Match:
-    """Find each SubDevice of a network on a bus.
+    """Match each SubDevice of a network with a bus.
 
     Args:
-        network: What should be there; of several masters, the one with the lowest number.
-        scan: What is there.
-        addresses: Stated FSoE addresses by name: they distinguish devices of one type.
+        network: The expected devices; of several masters, the one with the lowest number.
+        scan: The devices found.
+        addresses: Stated FSoE addresses by name: they distinguish devices of the same type.
     """
     master = min((s.master_id for s in network.subdevices), default=0)
     subs = [s for s in network.subdevices if s.master_id == master]
@@ -195,7 +196,7 @@ def _leave(match: Match, sub: SubDevice | None, place: int) -> None:
 
 
 def _add(rows: _Rows, match: Match, found: ScannedSubDevice) -> None:
-    """Add one the network does not name; behind all others a plain one is in nobody's way."""
+    """Add an unlisted SubDevice; one without process data after all others is harmless."""
     last = not any(s is not None for s in rows.planned) or match_end(rows, match) < found.position
     if found.position in rows.by_alias:
         return

@@ -26,13 +26,13 @@ class SignedBy(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedSignature:
-    """A signature beside a record that holds.
+    """A valid signature of a record.
 
     Attributes:
         role: ``author`` or ``verifier``.
-        name: Of the person, as in the record.
-        principal: As the file of allowed signers names that person.
-        date: Day of the signature by the record (ISO 8601).
+        name: Name of the person, as in the record.
+        principal: Principal of that person in the file of allowed signers.
+        date: Day of the signature according to the record (ISO 8601).
         key: Type and SHA-256 of the key.
     """
 
@@ -45,14 +45,14 @@ class CheckedSignature:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JustifiedFinding(Located):
-    """A warning that somebody answers for.
+    """A warning accepted by a person.
 
     Attributes:
         code: ``FSNxyz``.
-        place: Where it stood, as ``file:line:column``; lines move, so it is no key.
-        message: What it said.
-        reason: Why it is let pass.
-        by: Who says so.
+        place: Its location, as ``file:line:column``; lines move, so it is not a key.
+        message: Its message.
+        reason: Why it is accepted.
+        by: The person who accepts it.
     """
 
     code: str
@@ -64,7 +64,7 @@ class JustifiedFinding(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JustifiedStep(Located):
-    """A step of the test protocol that was not done at the machine, why, and who says so."""
+    """A test step that was not done at the machine, the reason, and the responsible person."""
 
     step: str
     reason: str
@@ -90,10 +90,10 @@ class Replaced(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acceptance(Located):
-    """What was accepted.
+    """The accepted configuration.
 
     Attributes:
-        network: Its name.
+        network: Name of the network.
         project: Machine or project; may be empty.
         made_with: Version of fsoe-net.
         whole: The fingerprint, SHA-256 in hex.
@@ -104,18 +104,18 @@ class Acceptance(Located):
         reports: Files of the report that was signed.
         open_points: How many open points it lists, and
         assumptions: how many assumptions.
-        protocol: File of the test protocol.
-        steps: How many steps of it are done at the machine.
-        author: Who made the configuration.
-        verifier: Who checked it; somebody else.
-        findings: Warnings that were let pass.
-        steps_left_out: Steps that were not done at the machine, or whose time or day is hard to
-            believe; what nobody read at a device, and bus evidence that there is none of.
-        equipment: What was measured with, in words, one each.
-        environment: Where and under which conditions it was tried, in words.
-        attachments: Photos and other files beside the record, by their path from its folder.
+        protocol: File of the test record.
+        steps: Number of its steps done at the machine.
+        author: Author of the configuration.
+        verifier: Verifier of the configuration; not the author.
+        findings: Accepted warnings.
+        steps_left_out: Steps not done at the machine, or with an implausible time or day; device
+            data not read, and missing bus evidence.
+        equipment: Test equipment in words, one each.
+        environment: Place and conditions of the tests, in words.
+        attachments: Photos and other files of the record, by their path from its folder.
         interventions: All changes since the first record, oldest first.
-        replaces: The record before; ``None`` for the first one.
+        replaces: The previous record; ``None`` for the first one.
     """
 
     network: str
@@ -142,5 +142,5 @@ class Acceptance(Located):
     replaces: Replaced | None = None
 
     def justification(self, code: str, message: str) -> JustifiedFinding | None:
-        """Return who let a warning pass; a warning that says something else is another one."""
+        """Return the person who accepted a warning; another message is another warning."""
         return next((f for f in self.findings if (f.code, f.message) == (code, message)), None)

@@ -23,7 +23,7 @@ class Ask(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnsweredDevice(Located):
-    """``count`` SubDevices of a type, one behind the other; ``position``: of the first one."""
+    """``count`` consecutive SubDevices of a type; ``position``: of the first one."""
 
     type: str
     name: str = ""
@@ -46,11 +46,11 @@ class Answers(Located):
     Attributes:
         name: Name of the network.
         cycle_us: Bus cycle in microseconds.
-        subdevices: What is on the ring, in ring order; only where no file says.
+        subdevices: SubDevices in ring order; only if no file lists them.
         main: The SubDevices that are FSoE MainInstances; ``None``: not answered.
-        process_data: Mapping of the device library to take, by SubDevice.
+        process_data: Mapping of the device library to use, by SubDevice.
         frames: Whether the likely frames of a SubDevice are FSoE frames.
-        connections: Connections and what is known about them.
+        connections: Connections and known facts about them.
         passed: Questions that a person has left open.
     """
 
@@ -66,14 +66,14 @@ class Answers(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """Something that only a person can know.
+    """A question that only a person can answer.
 
     Attributes:
-        ask: What it is about.
+        ask: Kind of question.
         subject: Name of the SubDevice, or empty.
-        sub_slot: Which of its frames, where it has several.
+        sub_slot: Its frame, if it has several.
         text: The question.
-        facts: What is known about it, one line each.
+        facts: Known facts, one line each.
         choices: Possible answers with their meaning; empty: any text.
         span: The file that leaves it open.
     """

@@ -156,9 +156,9 @@ class Sdo(Located):
 
 @dataclass(frozen=True, kw_only=True)  # no slots: `layout` is kept
 class Device(Located):
-    """What one slave-config file says about a device type.
+    """Content of a slave-config file about a device type.
 
-    ``driver`` is JSON of what only ethercat_driver_ros2 acts on: its own keys, and masks.
+    ``driver`` is JSON with the settings only for ethercat_driver_ros2: its own keys, and masks.
     """
 
     path: str
@@ -207,12 +207,11 @@ class SubDevice(Located):
     """One SubDevice on the bus: a name, an address and its device description.
 
     ``alias`` 0: ``position`` is the ring position; else ``position`` counts from the SubDevice with
-    that alias. ``device`` is ``None`` when its file could not be read: rules then stay silent about
-    its content, the loader has already spoken. ``revision`` is ``None`` where any will do.
-    ``components`` are the joints, gpios and sensors of a URDF that it serves. ``origin`` says where
-    it was declared: ``network``, ``joint``, ``gpio``, ``sensor``,
-    ``transfer_modules`` or ``safety_modules``. ``master_id``: number of the EtherCAT master, or of
-    the bus where the network file has several.
+    that alias. ``device`` is ``None`` when its file could not be read: the loader has reported it,
+    and rules skip its content. ``revision`` is ``None`` where any is accepted. ``components`` are
+    the joints, gpios and sensors of a URDF that it serves. ``origin`` is where it was declared:
+    ``network``, ``joint``, ``gpio``, ``sensor``, ``transfer_modules`` or ``safety_modules``.
+    ``master_id``: number of the EtherCAT master, or of the bus if the network file has several.
     """
 
     name: str

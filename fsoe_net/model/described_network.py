@@ -19,7 +19,7 @@ from fsoe_net.model.transfer_ends import ResolvedEnd
 
 
 def describe(network: NetworkConfig) -> Description:
-    """Return what a network says, with a copy for each of its transfers.
+    """Return the description of a network, with a copy for each of its transfers.
 
     Raises:
         InputError: It has several buses, masters or groups, a SubDevice has no device description,

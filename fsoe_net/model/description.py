@@ -14,7 +14,7 @@ from fsoe_net.model.bus import Device, Direction, Located, Pdo, RobotComponent
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PdoFacts:
-    """What a device type says about one of its PDOs.
+    """Facts of a device type about one of its PDOs.
 
     Attributes:
         index: Its number.
@@ -35,11 +35,11 @@ class PdoFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TypeFacts:
-    """What a source says about a device beyond its process data as they are.
+    """Facts of a source about a device, in addition to its current process data.
 
     Attributes:
         pdos: Facts about PDOs.
-        assignable: Whether a MainDevice may assign other PDOs; ``None``: not said.
+        assignable: Whether a MainDevice may assign other PDOs; ``None``: not stated.
         modular: Its PDOs depend on the modules in its slots.
         default_bytes: ``DefaultSize`` of sync managers by number, those that are not 0.
     """
@@ -117,9 +117,9 @@ class DescribedSubDevice(Located):
     """One SubDevice, or one device type.
 
     Attributes:
-        name: As the source calls it; may be empty, foreign or given twice.
+        name: Name in the source; may be empty, foreign or duplicate.
         order: Order number or type, such as ``EL1904``; may be empty.
-        position: Ring position from 0; ``None`` for a device type, or where the source is silent.
+        position: Ring position from 0; ``None`` for a device type, or if not stated.
         alias: Configured station alias, 0 for none.
         device: Identity, sync managers with their assigned PDOs (`pdos` of each), start-up SDOs.
         available: PDOs the device offers and the source does not assign.
@@ -128,11 +128,11 @@ class DescribedSubDevice(Located):
         module_ident: Modules chosen for the slots, in order, for modular devices.
         fsoe_address: FSoE address that the device itself reports.
         truncated: The source ends in the middle of this SubDevice.
-        notes: What a reader had to assume, in words, for people.
+        notes: Assumptions of the reader, in words, for people.
         components: The joints, gpios and sensors of a robot description that it serves; not
             compared.
-        facts: What is said beside the process data; no part of a comparison.
-        start: What a MainDevice needs to start it; ``None`` where no source says; not compared.
+        facts: Facts besides the process data; not compared.
+        start: Data that a MainDevice needs to start it; ``None`` if not stated; not compared.
     """
 
     name: str = ""
@@ -165,7 +165,7 @@ class DescribedEnd(Located):
 class DescribedCopy(Located):
     """A copy that the source asks its MainDevice for, such as a ``CopyInfo`` of an ENI.
 
-    ``fsoe``: the source says so itself; ``None`` when it does not say.
+    ``fsoe``: whether it is FSoE according to the source; ``None`` if not stated.
     """
 
     source: DescribedEnd
@@ -177,12 +177,12 @@ class DescribedCopy(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DescribedConnection(Located):
-    """An FSoE connection the source names; numbers of SubDevices, ``None`` where it is silent.
+    """An FSoE connection named by the source; SubDevice numbers, ``None`` if not stated.
 
     ``slot`` is the number of the frame pair of the MainInstance (`frame_pairs`); sources that list
     the connections of a logic in that order state it by their order.
-    ``sub_slot`` is that of the SubInstance. ``net`` names the net it belongs to. ``unconfirmed``:
-    why nobody may rely on it yet; empty when nothing speaks against it.
+    ``sub_slot`` is that of the SubInstance. ``net``: name of its net. ``unconfirmed``: why the
+    connection is not yet confirmed; empty when there is no objection.
     """
 
     name: str = ""
@@ -200,14 +200,14 @@ class DescribedConnection(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Description(Located):
-    """Everything one source says.
+    """All facts of one source.
 
     Attributes:
         format: ``esi``, ``eni``, ``sii``, ``ethercat-pdos``, ``lcec`` and so on.
-        path: Where it came from.
+        path: Path of the source.
         subdevices: In ring order where the source has one.
         cycle_us: Bus cycle, microseconds.
-        truncated: The text ends too early; what is here is right, but not all.
+        truncated: The text ends too early; its content is correct but incomplete.
     """
 
     format: str
@@ -228,5 +228,5 @@ class Description(Located):
         return not placed and not self.copies and not self.connections
 
     def without_positions(self) -> Description:
-        """Return it with SubDevices nobody has put anywhere, as those of a partial network."""
+        """Return it with SubDevices without a position, as those of a partial network."""
         return replace(self, subdevices=tuple(replace(s, position=None) for s in self.subdevices))

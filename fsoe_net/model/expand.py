@@ -44,17 +44,17 @@ class Obstacle(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotExpanded:
-    """A connection of which no transfers were made.
+    """A connection for which no transfers were made.
 
     Attributes:
         net: The net, as `Resolution.network` has it.
         facts: The connection.
-        obstacle: Why.
-        key: Key of the connection it hangs on, e.g. ``sub_slot``.
-        pairs: Frame pairs to name: those of this device, or those that could be meant.
-        partners: With LENGTHS the pairs of the SubInstance.
-        name: SubDevice whose frames these are; with NOT_MAIN the MainInstance of the net.
-        other: What uses the frame, or states the MainInstance.
+        obstacle: The reason.
+        key: Key of the connection that causes it, e.g. ``sub_slot``.
+        pairs: Frame pairs to name: those of this device, or the candidates.
+        partners: With LENGTHS, the pairs of the SubInstance.
+        name: SubDevice of these frames; with NOT_MAIN the MainInstance of the net.
+        other: The user of the frame, or the key that states the MainInstance.
     """
 
     net: Net
@@ -69,10 +69,10 @@ class NotExpanded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expansion:
-    """A network with the transfers of its connections, which stand behind those of their net.
+    """A network with the transfers of its connections, placed after those of their net.
 
-    ``left_out`` has each connection without transfers, with a trouble or because something else is
-    wrong before: the number of its net and its own in the net.
+    ``left_out``: each connection without transfers, because of a trouble or an earlier error, as
+    number of the net and number in the net.
     """
 
     network: NetworkConfig
@@ -197,10 +197,10 @@ def expand(
     rows: tuple[ResolvedTransfer, ...],
     by_name: dict[str, SubDevice],
 ) -> Expansion:
-    """Make the transfers that the connections of a network stand for. Never raises.
+    """Make the transfers for the connections of a network. Never raises.
 
     Args:
-        network: As it was read.
+        network: The network as read.
         rows: Its transfers with their ends.
         by_name: Its SubDevices.
     """
@@ -333,7 +333,7 @@ class _Expander:
         return request
 
     def _main_of(self, group: _NetCases) -> tuple[str | None, Located]:
-        """Return the MainInstance of a net and what says so; no name when that is wrong itself."""
+        """Return the MainInstance of a net and its source; no name if that is wrong itself."""
         net = group.net
         if net.safety_master is not None:
             there = net.safety_master in self._by_name
@@ -386,7 +386,7 @@ class _Expander:
         """
 
         def user(frame: _Frame, *, early: bool) -> Located | None:
-            """Return what has the frame; ``early``: also connections that stand before."""
+            """Return the user of the frame; ``early``: also consider earlier connections."""
             used = self._used.get(frame)
             if used is not None and (early or isinstance(used, Transfer)):
                 return used

@@ -1,4 +1,4 @@
-"""Several descriptions of one bus joined: what one says fills what another leaves open.
+"""Several descriptions of one bus joined: each fills the gaps of the others.
 
 Nothing is replaced: a layout is filled in where there is none, copies and connections where no
 description before had any. Descriptions that contradict each other are refused.
@@ -131,7 +131,7 @@ def _type(sub: DescribedSubDevice) -> str:
 
 
 def _name(sub: DescribedSubDevice) -> str:
-    name = "" if sub.name.isdigit() and sub.order else sub.name  # a mere number says nothing
+    name = "" if sub.name.isdigit() and sub.order else sub.name  # a bare number is not a name
     return name or sub.order
 
 
@@ -151,7 +151,7 @@ def _refuse_another_type(sub: DescribedSubDevice, other: DescribedSubDevice, pat
 
 
 def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> DescribedSubDevice:
-    """Return the SubDevice with what the other one knows in addition."""
+    """Return the SubDevice with the additional facts of the other one."""
     _refuse_another_type(sub, other, path)
     device = sub.device
     if not has_layout(device) and has_layout(other.device):
@@ -194,12 +194,12 @@ def _filled_by_type(
 def fill_devices(bus: Description, types: Sequence[Description], notes: list[str]) -> Description:
     """Fill SubDevices without process data from device types of the same identity.
 
-    One with process data keeps them; only what its type says about starting it comes in.
+    A SubDevice with process data keeps them; its type only adds start-up data.
 
     Args:
         bus: SubDevices in a ring.
         types: Device types, as ESI and SII give them; an exact revision comes first.
-        notes: Takes the revisions that differ.
+        notes: Takes notes about differing revisions.
     """
     rows = [(sub, t.path) for t in types for sub in t.subdevices]
     subs = []

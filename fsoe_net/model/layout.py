@@ -37,7 +37,7 @@ class Placed:
 
     @property
     def end_bit(self) -> int:
-        """First bit behind the entry."""
+        """First bit after the entry."""
         return self.bit_offset + self.entry.bits
 
 
@@ -58,7 +58,7 @@ class FsoeBlock:
 
     @property
     def end_byte(self) -> int:
-        """First byte behind the frame."""
+        """First byte after the frame."""
         return self.byte_offset + self.frame_bytes
 
     @property
@@ -76,8 +76,8 @@ class FsoeBlock:
 class SmLayout:
     """One sync manager with every entry placed; ``number`` is its place in the device's layout.
 
-    ``known_bits`` is smaller than ``bits`` or 0 when a PDO without channels stands in the way: the
-    device then puts in what it has itself, and no offset behind it is known.
+    ``known_bits`` is smaller than ``bits``, or 0, if it contains a PDO without channels: the device
+    inserts its own content, and no offset after it is known.
     """
 
     number: int
@@ -207,9 +207,9 @@ class DeviceLayout:
 
     @cached_property
     def frame_pairs(self) -> tuple[FramePair, ...]:
-        """The frame pairs of the device by slot, which is what ``slot`` means everywhere.
+        """The frame pairs of the device by slot; ``slot`` has this meaning everywhere.
 
-        Frames behind a PDO whose layout is not known offline have no number.
+        Frames after a PDO whose layout is not known offline have no number.
         """
         inputs, outputs = (self._numbered(way) for way in (Direction.INPUT, Direction.OUTPUT))
         even = len(inputs) == len(outputs)
@@ -298,9 +298,9 @@ def _partners(managers: tuple[SmLayout, ...]) -> dict[tuple[int, int], tuple[int
 def find_blocks(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeBlock, ...]:
     """Recognise FSoE frames by structure; names are never trusted (they are empty or swapped).
 
-    A frame starts with an 8-bit command on a byte boundary. CRCs of 16 bits stand at byte 2 (one
-    safe byte) or at bytes 3, 7, 11 … (even numbers of safe bytes), the connection ID ends it.
-    Command, CRCs and connection ID share one object index; safe data do not:
+    A frame starts with an 8-bit command on a byte boundary. CRCs of 16 bits are at byte 2 (one safe
+    byte) or at bytes 3, 7, 11 … (even numbers of safe bytes); the connection ID ends it. Command,
+    CRCs and connection ID share one object index; safe data do not:
 
         +-----+--------+-------+-----+--------+-------+---------+
         | cmd | data 0 | CRC 0 | ... | data k | CRC k | conn ID |

@@ -1,6 +1,6 @@
-"""What is known about FSoE devices beforehand: identity, process data, frames, figures, sources.
+"""Prior knowledge about FSoE devices: identity, process data, frames, figures, sources.
 
-A library helps to propose and to explain. What a device or its files say always counts more.
+A library helps to propose and to explain. The device and its files take precedence.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ class LibraryFrame(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LibraryMapping(Located):
-    """Process data a device was seen with.
+    """Process data observed for a device.
 
     Attributes:
         name: Distinguishes the mappings of a device.
         role: ``sub`` (SubInstance) or ``main`` (MainInstance, safety logic).
         source: Key of `LibraryDevice.sources`.
-        sync_managers: With their PDOs. PDO 0, which is padding only, stands for PDOs in front that
-            are not known.
+        sync_managers: With their PDOs. PDO 0, which is padding only, stands for unknown preceding
+            PDOs.
         frames: Stated frames, by sync manager and place.
         restart_relevant: Index and subindex of standard outputs that can start a machine.
-        revision_from: First revision it was seen on; ``None``: not known.
+        revision_from: First revision it was seen on; ``None``: unknown.
         revision_to: Last revision it is for; ``None``: open.
         module_ident: Module that brings it; ``None``: PDOs of the device itself.
-        notes: What a user has to know.
+        notes: Notes for the user.
     """
 
     name: str

@@ -29,7 +29,7 @@ class LibraryFill:
 
 
 def library_device(sub: DescribedSubDevice, library: Library) -> LibraryDevice | None:
-    """Return what the library knows about a SubDevice, by identity, else by order number."""
+    """Return the library entry of a SubDevice, by identity, else by order number."""
     device = sub.device
     if device.product_code:
         return library.find(device.vendor_id, device.product_code)

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 
 
 class Names:
-    """Names that are taken; the work grows with their number, also where all want the same one.
+    """Names in use; cost is linear also if all request the same name.
 
     Args:
-        taken: Those that are taken already.
-        between: What is written between a name and its number.
+        taken: Names in use.
+        between: Separator of a name and its number.
     """
 
     def __init__(self, taken: Iterable[str] = (), between: str = "_") -> None:
@@ -20,7 +20,7 @@ class Names:
         self._next: dict[str, int] = {}
 
     def add(self, *wanted: str) -> str:
-        """Take the first that is free, else the last with a number behind it, from 2 on."""
+        """Take the first free name, else the last with a number appended, from 2 on."""
         free = next((name for name in wanted if name not in self._taken), None)
         name = wanted[-1] if free is None else free
         if free is None:

@@ -1,4 +1,4 @@
-"""What the user wants copied: nets, transfers, connection facts, and the whole network."""
+"""The user's network: nets, transfers, connection facts, and the whole network."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ class Transfer(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionFacts(Located):
-    """A connection as the user states it: which frames, and what no PDO holds. ``None``: not said.
+    """A connection as stated by the user: frames, and facts not in PDOs. ``None``: not stated.
 
     ``main`` and ``sub`` are SubDevice names; an answer of the user may leave ``main`` empty.
     ``slot`` is the number of the frame pair of ``main``, from 0 in the order of the process image
     (`frame_pairs`); ``sub_slot`` the same for ``sub``. Transfers that the net does not have are
-    made from it (`expand`). ``unconfirmed``: nobody has compared it with the safety project yet;
-    the text says why, and may be empty.
+    made from it (`expand`). ``unconfirmed``: not yet compared with the safety project; the text is
+    the reason, and may be empty.
     """
 
     main: str = ""
@@ -119,14 +119,14 @@ class SourceFile:
 
 @dataclass(frozen=True, kw_only=True)  # no slots: the groups by name are kept
 class NetworkConfig(Located):
-    """Everything that is known before the bus is there.
+    """All facts known before the bus exists.
 
-    ``subdevices`` stand in the order in which a driver adds them to its master, which is the order
-    of the process image. ``cycle_ns`` is ``None`` when no file states it. ``partial``: modules may
-    be declared in a file that was not given, so unknown names are no mistakes. ``project`` heads
-    reports; empty when not stated. ``buses``: two at least, numbered by ``master_id`` of the
-    SubDevices, or none where the file has one bus; ``cycle_ns`` is that of the first, which leads.
-    ``groups``: SubDevices that may be absent; all others are always there.
+    ``subdevices``: in the order in which a driver adds them to its master, which is the order of
+    the process image. ``cycle_ns`` is ``None`` when no file states it. ``partial``: modules may be
+    declared in a file that was not given, so unknown names are not errors. ``project`` heads
+    reports; empty when not stated. ``buses``: at least two, numbered by ``master_id`` of the
+    SubDevices, or empty if the file has one bus; ``cycle_ns`` is that of the first, which leads.
+    ``groups``: SubDevices that may be absent; all others are always present.
     """
 
     name: str

@@ -53,14 +53,14 @@ class PairEnd:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenPair:
-    """A SubInstance that lengths do not settle.
+    """A SubInstance that cannot be paired by length.
 
     Attributes:
         sub: Its frames.
-        candidates: Slots of these lengths that are free; empty when none fits.
+        candidates: Free slots of these lengths; empty when none fits.
         rivals: Other SubInstances for the same slots.
-        proposed: The slot whose turn it is in ring order, ``None`` when all are given away. It is
-            no more likely than the other candidates.
+        proposed: The next slot in ring order, ``None`` when all are assigned. It is no more likely
+            than the other candidates.
     """
 
     sub: PairEnd
@@ -99,13 +99,13 @@ def lonely_frames(layout: DeviceLayout) -> tuple[FsoeBlock, ...]:
 def pair_by_lengths(
     mains: Sequence[PairEnd], subs: Sequence[PairEnd], doubtful: Iterable[PairEnd] = ()
 ) -> Pairing:
-    """Join free slots and free SubInstances where lengths and direction leave one way only.
+    """Pair free slots and free SubInstances where lengths and direction leave only one choice.
 
     Args:
         mains: Slots of all MainInstances that no known connection uses, in ring order.
         subs: SubInstances without a connection, in ring order.
-        doubtful: Pairs of which nobody knows whether, or at which end, they take part: where they
-            could, nothing is settled.
+        doubtful: Pairs whose participation, or end, is unknown; nothing is paired where they could
+            take part.
     """
     unknown = {p.lengths for p in doubtful} | {p.lengths[::-1] for p in doubtful}
     settled: list[tuple[PairEnd, PairEnd]] = []

@@ -1,4 +1,4 @@
-"""A test protocol: what to try, what shall happen, what was seen where and by whom."""
+"""A test record: steps, expected results, observations at each place, and persons."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class StepOutcome(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepResult(Located):
-    """What a program saw: on the emulated bus, or through a running ``fsn-master``.
+    """Result seen by a program: on the emulated bus, or through a running ``fsn-master``.
 
     Attributes:
-        outcome: What came of it.
-        measured_ms: Time that was measured, ms; ``None`` without one.
-        time_is: What that time is: from what to what, and how finely it is seen.
-        remark: What was seen besides, or why it was not run.
+        outcome: The outcome.
+        measured_ms: Measured time, ms; ``None`` without one.
+        time_is: Meaning of that time: start, end and resolution.
+        remark: Other observations, or why it was not run.
     """
 
     outcome: StepOutcome
@@ -54,14 +54,14 @@ class StepResult(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtMachine(Located):
-    """What a person writes by hand; all empty until then, and no program fills it in.
+    """Entries of a person; all empty at first, never filled in by a program.
 
     Attributes:
         outcome: ``None`` until filled in.
         measured_ms: As measured, ms.
         remark: In words.
-        by: Who was there.
-        date: When.
+        by: Person present.
+        date: Date of the test.
     """
 
     outcome: StepOutcome | None = None
@@ -72,7 +72,7 @@ class AtMachine(Located):
 
     @property
     def filled(self) -> bool:
-        """Whether somebody wrote anything."""
+        """Whether any field is filled in."""
         return bool(
             self.outcome or self.measured_ms is not None or self.remark or self.by or self.date
         )
@@ -88,16 +88,16 @@ class ProtocolStep(Located):
     """One step.
 
     Attributes:
-        id: Unique in the protocol, the same whenever the network is the same.
-        kind: What it tries.
+        id: Unique in the test record; stable for the same network.
+        kind: Kind of test.
         subject: Safety function, connection, SubDevice or class of faults.
-        what: What to do.
-        expected: What shall happen.
+        what: Instruction.
+        expected: Expected result.
         limit_ms: Longest time allowed, ms; ``None`` without one.
-        limit_source: Where the limit comes from.
-        emulated: What the emulated bus showed: `EMULATED_NOTE`.
-        live: What a running ``fsn-master`` showed.
-        machine: What a person saw at the machine.
+        limit_source: Source of the limit.
+        emulated: Result on the emulated bus: `EMULATED_NOTE`.
+        live: Result with a running ``fsn-master``.
+        machine: Observation of a person at the machine.
     """
 
     id: str
@@ -129,9 +129,9 @@ class ProtocolStep(Located):
 
     @property
     def is_failed(self) -> bool:
-        """Whether it went otherwise than expected at the machine, signed or not.
+        """Whether the result at the machine was unexpected, signed or not.
 
-        A step that is not tried at the machine has failed when the emulated bus says so.
+        A step that is not tried at the machine has failed when it failed on the emulated bus.
         """
         if not self.kind.at_machine:
             return _otherwise(self.emulated)
@@ -154,13 +154,13 @@ def _otherwise(seen: StepResult | None) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceEntry(Located):
-    """What a person reads at a SubDevice with an FSoE end; all empty until then.
+    """Data that a person reads at a SubDevice with an FSoE end; all empty at first.
 
     Attributes:
         subdevice: Its name.
         firmware: Version, as the device or its tool shows it.
         serial: Serial number.
-        safety_project_crc: CRC of the safety project; ``None`` where there is no MainInstance.
+        safety_project_crc: CRC of the safety project; ``None`` without a MainInstance.
     """
 
     subdevice: str
@@ -170,11 +170,11 @@ class DeviceEntry(Located):
 
     @property
     def filled(self) -> bool:
-        """Whether somebody wrote anything."""
+        """Whether any field is filled in."""
         return bool(self.firmware or self.serial or self.safety_project_crc)
 
     def blank(self) -> Iterator[str]:
-        """Yield the names of what nobody has answered, ``not applicable`` without a reason too."""
+        """Yield the names of unanswered fields, including ``not applicable`` without a reason."""
         for name in ("firmware", "serial", "safety_project_crc"):
             text = getattr(self, name)
             if text is not None and holds_a_place(text, "notapplicable"):
@@ -183,16 +183,16 @@ class DeviceEntry(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Protocol(Located):
-    """A test protocol of one configuration.
+    """A test record of one configuration.
 
     Attributes:
-        network: Its name.
+        network: Name of the network.
         project: Machine or project; may be empty.
-        plan_sha256: Of the plan that was tried.
-        fingerprint: Of the configuration; empty when it was not worked out.
-        made: Day (ISO 8601) on which the first protocol of it was written; empty when not known.
-        devices: What is read at the SubDevices with an FSoE end.
-        steps: In the order in which they are best done.
+        plan_sha256: Hash of the tested plan.
+        fingerprint: Fingerprint of the configuration; empty when it was not determined.
+        made: Day (ISO 8601) on which its first test record was written; empty when unknown.
+        devices: Data to read at the SubDevices with an FSoE end.
+        steps: Steps in the recommended order.
     """
 
     network: str

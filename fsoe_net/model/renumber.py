@@ -10,16 +10,16 @@ from fsoe_net.model.layout import SmLayout
 
 
 def renumbered_copies(bus: Description, other: Description) -> tuple[DescribedCopy, ...]:
-    """Return the copies of ``bus``, their ends being SubDevices of ``other``.
+    """Return the copies of ``bus`` with SubDevices of ``other`` as ends.
 
-    SubDevices are the same when they have the same ring position, and one identity then.
+    SubDevices are the same when they have the same ring position and the same identity.
 
     Args:
         bus: Description with copies and ring positions.
         other: Description of the same bus, with all its SubDevices and their process data.
 
     Raises:
-        InputError: They are not the same bus, or an end has other process data; says where.
+        InputError: They are not the same bus, or an end has other process data; with the location.
     """
     places = {s.position: n for n, s in enumerate(other.subdevices)}
     numbers = [_partner(sub, places, other) for sub in bus.subdevices]

@@ -65,8 +65,8 @@ class Resolution:
     """A network with every transfer and connection worked out.
 
     ``network`` has the transfers made from its connections (`expand`); ``troubles`` are those that
-    could not be made. ``single`` are FSoE transfers that found no partner in the opposite
-    direction. Parts have the number of their place in the tuple they stand in.
+    could not be made. ``single``: FSoE transfers without a partner in the opposite direction. Parts
+    are numbered by their index in their tuple.
     """
 
     network: NetworkConfig
@@ -149,7 +149,8 @@ def shared_modules(ends: list[tuple[str, str]]) -> set[str]:
 def main_instance_of(net: Net, ends: list[tuple[str, str]]) -> str | None:
     """Return the name of the SubDevice with the MainInstance of a net.
 
-    The file says it (``safety_master``); without that, the one SubDevice all FSoE transfers share.
+    The file states it (``safety_master``); otherwise it is the one SubDevice that all FSoE
+    transfers share.
     """
     if net.safety_master is not None:
         return net.safety_master
@@ -163,7 +164,7 @@ _Stated = dict[int, ConnectionFacts]  # by its number in the net
 
 @dataclass(frozen=True, slots=True)
 class _Couple:
-    """Two transfers that belong together, with the slots their frames stand in."""
+    """Two transfers that belong together, with the slots of their frames."""
 
     down: ResolvedTransfer
     up: ResolvedTransfer
@@ -171,7 +172,7 @@ class _Couple:
     sub_slots: frozenset[int]
 
     def may_be(self, facts: ConnectionFacts) -> bool:
-        """Whether facts can be those of this connection; frames that nobody sees speak for it."""
+        """Whether facts can be those of this connection; invisible frames count as a match."""
         return _allows(self.slots, facts.slot) and _allows(self.sub_slots, facts.sub_slot)
 
 
@@ -243,7 +244,7 @@ class _Pairing:
         for number in order:
             fact = stated[number]
             meant = [n for n, couple in enumerate(couples) if couple.may_be(fact)]
-            # Frames nobody can number are meant only when no others are.
+            # Frames without a number are used only if there are no others.
             meant = [n for n in meant if couples[n].slots or fact.slot is None] or meant
             free = [n for n in meant if n not in taken]
             if not free:
@@ -360,9 +361,9 @@ def _key(end: ResolvedEnd) -> tuple[int, int] | None:
 
 
 def partner_block(end: ResolvedEnd) -> tuple[int, int] | None:
-    """Return the key of the input frame that belongs to the output frame this end means.
+    """Return the key of the input frame that belongs to the output frame of this end.
 
-    ``None`` when the end is no output frame or the device shows no such partner.
+    ``None`` when the end is not an output frame or the device has no such partner.
     """
     block = end.block
     if block is None or end.layout is None or block.direction is not Direction.OUTPUT:

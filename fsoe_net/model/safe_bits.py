@@ -18,10 +18,10 @@ class ElementFrame:
 
     Attributes:
         connection: Its connection.
-        transfer: What copies it: of an input the frame that its SubDevice sends, of an output the
-            frame that it receives.
+        transfer: Its transfer: for an input, of the frame that its SubDevice sends; for an output,
+            of the frame that it receives.
         end: The end of the transfer at that SubDevice.
-        slot: Frame pair of that SubDevice; ``None`` where it is not known.
+        slot: Frame pair of that SubDevice; ``None`` if unknown.
     """
 
     connection: Connection

@@ -24,7 +24,7 @@ class SafeBit(Located):
 
     Attributes:
         bit: Number in the safe data of the frame, from 0, the lowest bit of each byte first.
-        name: What people call the signal, such as ``K1``.
+        name: Common name of the signal, such as ``K1``.
         slot: Frame pair of the SubDevice (`frame_pairs`), from 0; ``None`` when not stated.
     """
 
@@ -39,17 +39,17 @@ class SafetyElement(Located):
 
     Attributes:
         kind: Its part.
-        sub: Name of the SubDevice; empty for what is no SubDevice, such as a contactor.
-        name: What people call it; the name of the SubDevice when nothing else is given.
+        sub: Name of the SubDevice; empty for other parts, such as a contactor.
+        name: Common name; by default the name of the SubDevice.
         time_ms: Processing time in ms as its manual states it; ``None`` when not stated.
         pfh_per_hour: PFH per hour as its manual states it; ``None`` when not stated.
-        zero_because: Why a time or PFH of 0 is true, in words; empty when nobody says so.
+        zero_because: Reason for a time or PFH of 0, in words; empty when not stated.
         pl: Performance level that its manual claims, ``a`` … ``e``; empty when not stated.
         sil: Safety integrity level that its manual claims, 1 … 3; ``None`` when not stated.
         category: ``B``, ``1`` … ``4`` by ISO 13849-1; empty when not stated.
         mission_years: Mission time, for which its PFH holds, in years; ``None`` when not stated.
-        source: Where all of them come from, in words.
-        manual: Revision of the manual that somebody has read; empty when nobody says so.
+        source: Source of all values, in words.
+        manual: Revision of the manual consulted; empty when not stated.
         bits: Safe bits that carry its signal, rising by slot and bit; empty when not stated. An
             input has them in the frame that its SubDevice sends, an output in the frame that it
             receives.

@@ -131,7 +131,7 @@ class ScannedSubDevice(Located):
 
     @property
     def is_silent(self) -> bool:
-        """Whether it was there once and answers no more, as a running ``fsn-master`` knows it."""
+        """Whether a running ``fsn-master`` has seen it before, but it no longer answers."""
         return self.al_status == 0
 
     @property

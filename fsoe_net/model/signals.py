@@ -15,8 +15,8 @@ from fsoe_net.model.transfer_ends import ResolvedEnd
 class Signal:
     """Some bits of the safe data of one frame.
 
-    ``name`` is ``subdevice.0x6001:01``. ``label`` is what people call it, such as ``STO``; empty
-    when nothing says it.
+    ``name`` is ``subdevice.0x6001:01``. ``label`` is the common name, such as ``STO``; empty when
+    unknown.
     """
 
     name: str
@@ -57,7 +57,7 @@ def signals_of(
 ) -> dict[str, Signal]:
     """Return the safe data entries of a frame by name; padding and repeated objects are left out.
 
-    Safe data are cut by a CRC behind every second byte (behind the first when there is only one):
+    Safe data are interleaved with a CRC after every second byte (after the first if only one):
 
         frame byte   0     1    2    3..4    5    6    7..8
                    +-----+----+----+-------+----+----+-------+
@@ -140,7 +140,7 @@ def _safe_bit(frame_bit: int, frame_bytes: int) -> int | None:
 
 
 def split_name(text: str) -> tuple[str, int, int] | None:
-    """Take ``ek1914.0x6001:01`` apart; ``0x`` may be left out. ``None`` when it is no such name."""
+    """Parse ``ek1914.0x6001:01``; ``0x`` is optional. ``None`` if invalid."""
     match = re.fullmatch(r"(.+)\.(?:0x)?([0-9a-fA-F]{1,4}):(?:0x)?([0-9a-fA-F]{1,2})", text)
     if match is None:
         return None

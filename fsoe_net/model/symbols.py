@@ -17,7 +17,7 @@ class DeviceSymbol:
     """A value outside FSoE frames that a driver registers.
 
     ``sm`` is the number of the sync manager in the layout, ``bit_offset`` counts from its first
-    bit. ``view`` says what the bits mean; of an entry without ``data_mapping`` it is the whole one.
+    bit. ``view`` is the type of the bits; for an entry without ``data_mapping`` the whole entry.
     """
 
     name: str

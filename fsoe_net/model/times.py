@@ -20,7 +20,7 @@ def time_ns(text: str, *, bare_ns: int = 0) -> int | None:
 
     Args:
         text: Number and unit.
-        bare_ns: What a number without a unit counts, in nanoseconds; 0 refuses it.
+        bare_ns: Unit of a number without a unit, in nanoseconds; 0 rejects it.
     """
     match = _TIME.fullmatch(text)
     unit_ns = 0 if match is None else TIME_UNITS_NS[match[2]] if match[2] else bare_ns

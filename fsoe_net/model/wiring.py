@@ -1,9 +1,9 @@
-"""How the cables of a bus run, from the links that a scan has seen at the ports.
+"""The cabling of a bus, derived from the links that a scan has seen at the ports.
 
-A frame enters a SubDevice at port 0 and leaves it at ports 3, 1 and 2, in this order, wherever a
-link is: the frame processing order of EtherCAT SubDevice controllers. Positions count in the order
-in which frames pass, so links and positions together leave one tree. Where one link more is there
-than SubDevices behind it, the last cable goes back to the MainDevice: a ring.
+A frame enters a SubDevice at port 0 and leaves it at ports 3, 1 and 2, in this order, if the port
+has a link: the frame processing order of EtherCAT SubDevice controllers. Positions count in the
+order in which frames pass, so links and positions determine one tree. If there is one link more
+than following SubDevices, the last cable returns to the MainDevice: a ring.
 """
 
 from __future__ import annotations

@@ -15,11 +15,11 @@ def says_something(text: str) -> bool:
 
 
 def holds_a_place(text: str, words: str = "") -> bool:
-    """Whether a text answers nothing: empty, ``0``, ``TBD`` and their like, by letters and digits.
+    """Whether a text is no answer: empty, ``0``, ``TBD`` and similar, by letters and digits.
 
     Args:
-        text: What somebody wrote.
-        words: More words that answer nothing there, as a regular expression, ``|`` between them.
+        text: Text entered by a person.
+        words: Other words without an answer, as a regular expression, separated by ``|``.
     """
     return re.fullmatch(rf"(?:{_PLACE_HOLDERS}|{words})?", _plain(text)) is not None
 
@@ -30,7 +30,7 @@ def names_a_person(text: str) -> bool:
 
 
 def principal_of(name: str) -> str:
-    """Return the principal behind a name, ``NAME <PRINCIPAL>``; empty without one."""
+    """Return the principal after a name, ``NAME <PRINCIPAL>``; empty without one."""
     found = _WITH_PRINCIPAL.fullmatch(name)
     return "" if found is None else found[2]
 

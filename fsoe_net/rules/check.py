@@ -21,14 +21,14 @@ from fsoe_net.rules.transfer_ends import check_ends
 
 @without_collector
 def check(resolution: Resolution, *, runtime: Runtime = Runtime.FSN) -> list[Diagnostic]:
-    """Return everything that is wrong in a network, sorted by place.
+    """Return all findings of a network, sorted by place.
 
     Args:
         resolution: The network, resolved.
-        runtime: Adds what only this runtime minds.
+        runtime: Adds rules that apply only to this runtime.
     """
     ctx = Context(resolution=resolution)
-    # Order matters: a mistake in one place is named there, and not again by the rules behind it.
+    # Order matters: a mistake is reported where it is made, and not again by later rules.
     check_devices(ctx)
     check_drives(ctx)
     check_interfaces(ctx)

@@ -125,7 +125,7 @@ def describe_end(end: ResolvedEnd) -> str:
 
 
 def touched_bytes(end: ResolvedEnd, size_bytes: int) -> tuple[int, int]:
-    """Return the first byte and the byte behind the last that a copy touches in its SM."""
+    """Return the first byte of a copy in its SM, and the byte after its last one."""
     return end.byte_offset, end.byte_offset + size_bytes
 
 

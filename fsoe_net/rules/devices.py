@@ -1,4 +1,4 @@
-"""FSN4xx: what one device description says about itself."""
+"""FSN4xx: contradictions within one device description."""
 
 from __future__ import annotations
 
@@ -301,7 +301,7 @@ def _interfaces(ctx: Context, device: Device) -> None:
 
 
 def _defaults(ctx: Context, sm: SmLayout) -> None:
-    """FSN450: an output that not every driver writes. Memory begins as 0, so 0 is no such value."""
+    """FSN450: an output not written by every driver. Memory starts as 0, so 0 is excluded."""
     if sm.sm.direction is not Direction.OUTPUT:
         return
     for placed in sm.placed:

@@ -62,7 +62,7 @@ def _entries(placed: Mapping[int, tuple[int, Placed]]) -> dict[int, Entry]:
 
 
 def _is_fixed(entry: Entry) -> bool:
-    """Whether a value is sent that the file states; ``.nan`` stands for none."""
+    """Whether a value stated in the file is sent; ``.nan`` means none."""
     return entry.default is not None and math.isfinite(entry.default)
 
 

@@ -45,7 +45,7 @@ def _one(ctx: Context, row: ResolvedTransfer) -> None:
         if all(starts):
             _sizes(ctx, row)
     if len(ctx.diagnostics) == before or all(d.code == "FSN307" for d in ctx.diagnostics[before:]):
-        _overwritten(ctx, row)  # what a wrong length would touch is no finding of its own
+        _overwritten(ctx, row)  # the effect of a wrong length is not a separate finding
 
 
 def _right_size(row: ResolvedTransfer) -> str:
@@ -301,7 +301,7 @@ def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:
         return
     first, behind = touched_bytes(end, row.transfer.size_bytes)
     if end.block is not None:
-        behind = min(behind, end.block.end_byte)  # a size that is too large is another finding
+        behind = min(behind, end.block.end_byte)  # too large a size is another finding
     for placed in end.sm.written:
         inside = placed.bit_offset < 8 * behind and 8 * first < placed.end_bit
         why = placed.entry.written_by

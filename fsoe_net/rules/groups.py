@@ -72,7 +72,7 @@ def _members(ctx: Context, group: Group, owners: dict[str, Group]) -> None:
 
 
 def _order(ctx: Context, group: Group, rows: list[tuple[int, SubDevice]]) -> None:
-    """The first is found by its alias, the others stand behind it, here and on the bus."""
+    """The first is found by its alias, the others follow it, here and on the bus."""
     if not rows or len(rows) != len(group.subdevices):
         return  # named already
     first_number, first = rows[0]

@@ -1,4 +1,4 @@
-"""FSN448, FSN449: what the device library knows about the devices of a network."""
+"""FSN448, FSN449: devices of a network compared with the device library."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ from fsoe_net.rules.context import Context, few
 def check_library(
     resolution: Resolution, library: Library, *, found: Iterable[Diagnostic] = (), notes: bool
 ) -> list[Diagnostic]:
-    """Return where frames differ from those of the library, and what it has to say, by type.
+    """Return frames that differ from the library, and library notes, by type.
 
     Args:
         resolution: The network, resolved.
-        library: Devices by identity. What is in it is not verified, so that nothing of it is an
+        library: Devices by identity. Its content is not verified, so none of the findings is an
             error.
-        found: What is already known to be wrong; nothing is said about a device whose file has an
-            error or warning.
-        notes: Whether to report its notes too.
+        found: Findings so far; a device whose file has an error or warning is skipped.
+        notes: Whether to report its notes.
     """
     out = FindingList()
     reported: set[str] = set()

@@ -86,7 +86,7 @@ def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: 
 
 
 def _other_slot(ctx: Context, row: ResolvedTransfer) -> str:
-    """Name a slot of the receiver that has the right size and that nobody uses."""
+    """Name an unused slot of the receiver with the required size."""
     used = ctx.used_blocks()
     end, source = row.destination, row.source.block
     if end.layout is None or end.subdevice is None:
@@ -139,7 +139,7 @@ def _foreign_rows(
     """FSN219: transfers that do not touch the MainInstance of their net."""
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
-    # Of a transfer with an unknown end nobody knows which net it belongs to.
+    # The net of a transfer with an unknown end is unknown.
     sure = [r for r in rows if module_pair(r) <= ctx.names]
     foreign = [r for r in sure if main not in module_pair(r)]
     shared = shared_modules(ends) & ctx.names

@@ -1,9 +1,9 @@
-"""What only some of the user's *present* runtimes mind (FSN460 … FSN469).
+"""Rules that apply only to some current runtimes (FSN460 … FSN469).
 
 ``fsn`` is this project's own runtime, ``lcec`` linuxcnc-ethercat. The others are versions of
 ethercat_driver_ros2: ``ros2-2025`` has transfers since PR 187/188, ``ros2-2026-06`` is the first
 with the bus manager (PR 223), ``ros2-2026-08`` with master plugins (PR 236/238), ``ros2-newest``
-clears its transfers on deactivation and knows ``required: false``.
+clears its transfers on deactivation and supports ``required: false``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Runtime(enum.Enum):
 # Versions of ethercat_driver_ros2, the oldest first.
 ROS2 = (Runtime.ROS2_2025, Runtime.ROS2_2026_06, Runtime.ROS2_2026_08, Runtime.ROS2_NEWEST)
 
-# Keys that not every version knows: the first that does, and whether nothing is copied without.
+# Keys not supported by every version: the first that does, and whether copying depends on it.
 _NEW_KEYS = {
     "transfer_config": (Runtime.ROS2_2026_06, True),
     "transfer_modules": (Runtime.ROS2_2026_06, True),
@@ -48,7 +48,7 @@ _NEW_KEYS = {
 
 
 def check_runtime(ctx: Context, runtime: Runtime) -> None:
-    """Add what only the chosen runtime minds."""
+    """Add findings that apply only to the chosen runtime."""
     if runtime in ROS2:
         _ros2(ctx, runtime)
     elif runtime is Runtime.LCEC:
@@ -211,7 +211,7 @@ def _lcec_type(ctx: Context, sub: SubDevice, *, is_main: bool) -> None:
 
 
 def _lcec_order(ctx: Context, rows: list[ResolvedTransfer], mains: set[str]) -> None:
-    """FSN466: the n-th fsoeSlaveIdx of a logic gets its n-th slot, whatever the network says."""
+    """FSN466: the n-th fsoeSlaveIdx of a logic gets its n-th slot, independent of the network."""
     for name in sorted(mains):
         taken: list[tuple[int, ResolvedTransfer]] = []
         for row in rows:

@@ -29,13 +29,13 @@ _FOLLOWS = frozenset({"FSN605", "FSN606", "FSN615"})  # a part of a function tha
 def check_timing(
     network: NetworkConfig, budget: Budget, *, found: Iterable[Diagnostic] = ()
 ) -> list[Diagnostic]:
-    """Return what the budget of a network shows, sorted by place.
+    """Return the findings about the budget of a network, sorted by place.
 
     Args:
-        network: With its safety functions; without one nothing is found.
-        budget: Worked out from this network.
-        found: What else is wrong. A part that an error leaves out of the network is not reported
-            again as missing from its safety functions.
+        network: With its safety functions; without any there are no findings.
+        budget: Budget of this network.
+        found: Other findings. A part that an error excludes from the network is not reported again
+            as missing from its safety functions.
     """
     out = FindingList()
     if not network.safety_functions:
@@ -71,7 +71,7 @@ def _names(out: FindingList, network: NetworkConfig) -> None:
 
 
 def _elements(out: FindingList, network: NetworkConfig, function: SafetyFunction) -> bool:
-    """Name elements that are no SubDevice; return whether there is one."""
+    """Report elements that are not SubDevices; return whether there is one."""
     names = [s.name for s in network.subdevices]
     wrong = [e for e in function.elements if e.sub and e.sub not in names]
     for element in wrong:
@@ -122,7 +122,7 @@ def _function(out: FindingList, row: FunctionBudget, *, hopeless: bool) -> None:
 
 
 def _sources(out: FindingList, row: FunctionBudget) -> None:
-    """Name what nobody answers for: values and claims without a source, 0 without a reason."""
+    """Report unsupported values: values and claims without a source, 0 without a reason."""
     name = row.function.name
     unverified = [r.element.name for r in row.parts.rows if _is_unverified(r)]
     if unverified:

@@ -26,7 +26,7 @@ _MAIN_DEVICE_WORDS = {
 
 
 def is_main_device(name: str) -> bool:
-    """Whether a name that is no SubDevice means the MainDevice itself."""
+    """Whether a name that is not a SubDevice means the MainDevice itself."""
     return name.lower().replace("-", "_").replace(" ", "_") in _MAIN_DEVICE_WORDS
 
 
