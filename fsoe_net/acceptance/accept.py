@@ -50,23 +50,23 @@ def accept(
     Args:
         files: The network.
         loading: How references in the files are followed.
-        reports: The signed report: its pages, and the same in JSON.
-        protocol: The test protocol as it was filled in.
-        author: Who made the configuration.
-        verifier: Who checked it.
-        author_competence: What qualifies the author.
-        verifier_competence: What qualifies the verifier.
-        day: Of the signatures, YYYY-MM-DD.
+        reports: The signed report: its pages and its JSON form.
+        protocol: The test record as filled in.
+        author: Author of the configuration.
+        verifier: Verifier of the configuration.
+        author_competence: Qualification of the author.
+        verifier_competence: Qualification of the verifier.
+        day: Day of the signatures, YYYY-MM-DD.
         justify: Reasons as `reason_rows` returns them.
-        interventions: What was changed since the record before, and by whom.
-        replaces: The record before.
-        equipment: What was measured with, one each.
-        environment: Where and under which conditions it was tried.
-        attach: Photos and other files; they are in the folder of the record.
-        folder: Where the record is written.
+        interventions: Changes since the previous record, with the persons who made them.
+        replaces: The previous record.
+        equipment: Test equipment, one each.
+        environment: Place and conditions of the tests.
+        attach: Photos and other files in the folder of the record.
+        folder: Folder of the record.
 
     Returns:
-        The record, or `None` with every reason why there is none; and the record before.
+        The record, or `None` with all reasons against it; and the previous record.
 
     Raises:
         InputError: A file cannot be used, or the network has an error.
@@ -109,10 +109,10 @@ def accept(
 
 
 def attachments(paths: Sequence[str], folder: str) -> tuple[SourceFile, ...]:
-    """Return files beside a record with their hashes, by their path from its folder.
+    """Return the attached files of a record with their hashes, by path relative to its folder.
 
     Raises:
-        InputError: A file cannot be read, is named twice, or is not in the folder or leads out.
+        InputError: A file cannot be read, is named twice, or is outside the folder.
     """
     home = os.path.realpath(folder)
     found: list[SourceFile] = []

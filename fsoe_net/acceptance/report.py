@@ -59,14 +59,14 @@ REPORT_FORMATS = (*FORMATS, "pdf")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """A report, and why it may not be taken as it is.
+    """A report, and any reasons against using it.
 
     Attributes:
-        document: What is written.
-        findings: Everything found in the network, sorted.
+        document: Content of the report.
+        findings: All findings of the network, sorted.
         run: The run of the scenario, if there was one.
-        protocol_findings: What keeps the test protocol from being taken, located.
-        protocol_fits: Whether its results are in the report; also without one.
+        protocol_findings: Errors that prevent the use of the test record, located.
+        protocol_fits: Whether its results are in the report; also true without one.
     """
 
     document: ReportDocument
@@ -77,12 +77,12 @@ class Report:
 
     @property
     def errors(self) -> list[Diagnostic]:
-        """The errors of the network; the report says them first."""
+        """The errors of the network; the report lists them first."""
         return [d for d in self.findings if d.level is Severity.ERROR]
 
     @property
     def passed(self) -> bool:
-        """Whether there is no error, the run passed and the protocol is of this network."""
+        """Whether there are no errors, the run passed and the test record is of this network."""
         return not self.errors and self.protocol_fits and (self.run is None or self.run.passed)
 
     def render(self, form: str) -> bytes:
@@ -90,18 +90,18 @@ class Report:
 
         Raises:
             EnvironmentFault: The extra ``pdf`` is not installed.
-            KeyError: There is no such format.
+            KeyError: Unknown format.
         """
         if form == "pdf":
             return document_pdf(self.document)
         return FORMATS[form](self.document).encode("utf-8")
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the report; its suffix says in which format: .html, .md, .json or .pdf.
+        """Write the report; its suffix selects the format: .html, .md, .json or .pdf.
 
         Raises:
-            ValueError: It is another suffix.
-            InputError: The file exists, and is not to be replaced.
+            ValueError: Unknown suffix.
+            InputError: The file exists and must not be replaced.
             EnvironmentFault: It cannot be written, or the extra ``pdf`` is not installed.
         """
         form = Path(path).suffix.lstrip(".").lower()
@@ -124,18 +124,18 @@ def make_report(
     self_test: str | None = None,
     loading: LoadOptions | None = None,
 ) -> Report:
-    """Make the report of a network; one with an error gets a report that says so first.
+    """Make the report of a network; errors come first in it.
 
     Args:
         checked: The network, compared with other files and the device library.
-        evidence: Files that describe the machine.
-        live: What a running ``fsn-master`` reports.
-        plan: A plan file that shall be the plan of this network.
+        evidence: Files with evidence from the machine.
+        live: Data of a running ``fsn-master``.
+        plan: A plan file that must match the network.
         scenario: A scenario file to run in virtual time.
-        against: An earlier plan or network, from which the change log starts.
-        accepted: An acceptance record, from which it starts otherwise.
-        signers: Who may sign that; without it its signatures are not checked.
-        protocol: A test protocol file.
+        against: An earlier plan or network, the base of the change log.
+        accepted: An acceptance record, the base of the change log without ``against``.
+        signers: Allowed signers of the record; without them its signatures are not checked.
+        protocol: A test record file.
         self_test: A file with the result of ``fsoe-net self-test``.
         loading: How references in ``against`` are followed.
 
@@ -190,7 +190,7 @@ def make_report(
 
 
 def _network(checked: Checked) -> Resolution:
-    """Return the network, also one with errors.
+    """Return the network, even if it has errors.
 
     Raises:
         InputError: There is no network to report on.
@@ -204,7 +204,7 @@ def _network(checked: Checked) -> Resolution:
 def _findings(
     checked: Checked, resolution: Resolution, evidence: Sequence[Evidence], budget: Budget
 ) -> list[Diagnostic]:
-    """Return what the files show, and what scans and measured times show beside them."""
+    """Return the findings of the files, plus those of scans and measured times."""
     found = list(checked.diagnostics)
     for e in evidence:
         if e.scan is not None:
@@ -222,7 +222,7 @@ def _budget(
 
 
 def plan_to_show(resolution: Resolution, found: Sequence[Diagnostic]) -> Plan | None:
-    """Return the plan; with errors only when one can be made all the same, to show its copies."""
+    """Return the plan; with errors only if one can still be made, to show its copies."""
     if not any(d.level is Severity.ERROR for d in found):
         return compile_plan(resolution)
     try:
@@ -266,7 +266,7 @@ def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:
 
 
 def _signed(accepted: AcceptedRecord, signers: SshSigners) -> Signatures:
-    """Return the signatures beside a record; one that was replaced meanwhile has none."""
+    """Return the signatures of a record; none for a record that was replaced meanwhile."""
     signed = check_signatures(accepted.source.path, signers)
     against = [f"{r.what}: {r.fix}" for r in signed.refusals]
     if signed.record.source.sha256 != accepted.source.sha256:

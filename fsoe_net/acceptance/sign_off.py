@@ -1,8 +1,8 @@
 """Whether a configuration can be signed off, and the record of it.
 
-What is required: a report of this very configuration without errors, each warning justified by
-name and reason, a test protocol of it whose steps a person has done at the machine, and a verifier
-who is not the author (IEC 62061 clause 9; ISO 13849-2 clause 4.1 speaks of independent persons).
+Required: a report of this configuration without errors, a name and reason for each warning, a test
+record with steps that a person has done at the machine, and a verifier who is not the author (IEC
+62061 clause 9; ISO 13849-2 clause 4.1 requires independent persons).
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ no change calls for them again."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """Why there is no sign-off, and the next step."""
+    """Reasons why there is no sign-off, and the next step."""
 
     what: str
     fix: str
@@ -59,29 +59,29 @@ class Reason:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grounds:
-    """What a sign-off rests on.
+    """Basis of a sign-off.
 
     Attributes:
-        version: Of fsoe-net.
+        version: Version of fsoe-net.
         resolution: The network, without errors.
         plan: Its plan.
         report: The report that was signed.
-        diagnostics: What the files of the network show today.
-        protocol: The test protocol as filled in.
+        diagnostics: Current findings of the network's files.
+        protocol: The test record as filled in.
         protocol_source: Its file.
-        protocol_findings: What is wrong with it, also beside the network of today.
-        author: Who made the configuration.
-        verifier: Who checked it.
-        reasons: For warnings and steps.
-        interventions: What was changed since the record before.
-        before: The record that is replaced, and
+        protocol_findings: Its errors, including mismatches with the current network.
+        author: Author of the configuration.
+        verifier: Verifier of the configuration.
+        reasons: Reasons for warnings and steps.
+        interventions: Changes since the previous record.
+        before: The record to replace, and
         before_source: its file.
-        again: Steps that the change since then calls for.
-        equipment: What was measured with.
-        environment: Where and under which conditions it was tried.
-        attachments: Photos and other files beside the record.
-        longest_ms: Of each safety function, the longest response without a fault by the times that
-            are stated, ms.
+        again: Steps to repeat because of the changes since then.
+        equipment: Test equipment.
+        environment: Place and conditions of the tests.
+        attachments: Photos and other attached files of the record.
+        longest_ms: For each safety function, the longest response without a fault according to the
+            stated times, ms.
     """
 
     version: str

@@ -1,4 +1,4 @@
-"""Signatures beside an acceptance record: who agreed to it, and whether it is still the same."""
+"""Signatures of an acceptance record: signers, and whether the record is unchanged."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ class SignedRecord:
 
 
 def sign_record(path: str, role: str, key: str, *, overwrite: bool) -> CheckedSignature:
-    """Write the signature of a person of a record beside it.
+    """Write a person's signature of a record next to it.
 
     Args:
         path: The record.
-        role: As which of `ROLES`.
+        role: One of `ROLES`.
         key: File of an SSH key.
-        overwrite: Whether a signature that is there is replaced.
+        overwrite: Whether to replace an existing signature.
 
     Raises:
-        InputError: The record cannot be signed as it is, or the signature is there already.
-        EnvironmentFault: There is no ``ssh-keygen``, or the file cannot be written.
+        InputError: The record cannot be signed as it is, or the signature already exists.
+        EnvironmentFault: ``ssh-keygen`` is missing, or the file cannot be written.
     """
     found, data = _read(path)
     wrong = next(_changed(found.record, path), None)
@@ -60,11 +60,11 @@ def sign_record(path: str, role: str, key: str, *, overwrite: bool) -> CheckedSi
 
 
 def check_signatures(path: str, signers: SshSigners) -> SignedRecord:
-    """Check the signatures of a record, and the files that it holds the SHA-256 of.
+    """Check the signatures of a record, and the files listed in it by SHA-256.
 
     Raises:
-        InputError: The record cannot be read, or does not hold together.
-        EnvironmentFault: What checks signatures is not installed.
+        InputError: The record cannot be read, or is inconsistent.
+        EnvironmentFault: The program that checks signatures is not installed.
     """
     found, data = _read(path)
     signatures: list[CheckedSignature] = []

@@ -1,4 +1,4 @@
-"""The report that was signed, read from its JSON form and the pages beside it."""
+"""The signed report, read from its JSON form and its pages."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ _HASH = re.compile(rb"(?<![0-9a-f])[0-9a-f]{64}(?![0-9a-f])")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignedReport:
-    """The report that was signed; its findings are those of its JSON form.
+    """The signed report, with the findings of its JSON form.
 
     Attributes:
         sources: Its files.
         whole: The fingerprint in it; empty without one.
-        findings: What it lists, errors and notes too.
-        open_points: How many it lists, and
-        assumptions: how many of these.
-        of_machine: Whether something in it was read at the machine: a scan, a run, a running bus.
-        against: Its verdict when that is against the network; empty otherwise.
-        pages: How many of its files are a page for people.
+        findings: Its findings, including errors and notes.
+        open_points: Number of open points, and
+        assumptions: number of assumptions.
+        of_machine: Whether it contains data from the machine: a scan, a run, a running bus.
+        against: Its verdict if that is negative; empty otherwise.
+        pages: Number of its files that are pages for people.
         not_of: Pages without that fingerprint.
-        hashes: What each file but a PDF names by SHA-256.
+        hashes: SHA-256 values named in each file except a PDF.
     """
 
     sources: tuple[SourceFile, ...]
@@ -46,10 +46,10 @@ class SignedReport:
 
 
 def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedReport:
-    """Read the report: its JSON form for the facts, the others for being of the same fingerprint.
+    """Read the report: the JSON form for facts, the other files only for the fingerprint.
 
     Raises:
-        InputError: There is no JSON form among the files, or it is not one.
+        InputError: No JSON form among the files, or it is invalid.
     """
     source, data = _json_form(files)
     try:

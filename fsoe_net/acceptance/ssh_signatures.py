@@ -46,17 +46,17 @@ class SshSigners:
         return cls(path=signers, allowed=allowed, revoked=held)
 
     def key_of(self, data: bytes, signature: bytes, *, principal: str, day: str) -> str:
-        """Return type and SHA-256 of the key with which somebody signed.
+        """Return type and SHA-256 of the key of a signature.
 
         Args:
-            data: What was signed.
+            data: The signed data.
             signature: Detached, as `ssh_sign` returns it.
-            principal: Who signed, as the file of allowed signers names them.
-            day: On which the key was valid, at noon (ISO 8601).
+            principal: The signer, as named in the file of allowed signers.
+            day: Day on which the key was valid, at noon (ISO 8601).
 
         Raises:
-            InputError: The signature does not hold.
-            EnvironmentFault: There is no ``ssh-keygen``.
+            InputError: The signature is invalid.
+            EnvironmentFault: ``ssh-keygen`` is missing.
         """
         with tempfile.TemporaryDirectory(prefix="fsn-signed-") as name:
             folder = Path(name)
@@ -78,18 +78,18 @@ class SshSigners:
 
 
 def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
-    """Sign; a passphrase, PIN or touch is asked for on the terminal.
+    """Sign; ``ssh-keygen`` asks for a passphrase, PIN or touch on the terminal.
 
     Args:
-        data: What is signed.
+        data: Data to sign.
         key: File of the private key; of the public one when an agent or a token has the other.
 
     Returns:
         The signature, armoured, and type and SHA-256 of the key.
 
     Raises:
-        InputError: It is no file, or ``ssh-keygen`` does not sign with it.
-        EnvironmentFault: There is no ``ssh-keygen``.
+        InputError: It is not a file, or ``ssh-keygen`` does not sign with it.
+        EnvironmentFault: ``ssh-keygen`` is missing.
     """
     try:
         is_file = stat.S_ISREG(os.stat(key).st_mode)

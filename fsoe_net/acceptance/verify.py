@@ -21,13 +21,13 @@ _OBSERVED = "observed_parameters"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """One thing compared with what was accepted.
+    """One item compared with the accepted state.
 
     Attributes:
-        known: The thing.
-        note: What else is known about it; of a running core its version and bus cycle.
+        known: The item.
+        note: Other facts about it; of a running core its version and bus cycle.
         sections: Sections of the fingerprint that differ; empty when it is the same.
-        lines: What differs, a line each.
+        lines: Differences, one per line.
     """
 
     known: Known
@@ -89,10 +89,10 @@ def compare_known(wanted: Known, given: Known, note: str = "") -> Comparison:
 
 
 def _difference(wanted: Known, given: Known, sections: tuple[str, ...]) -> Iterator[str]:
-    """Yield the difference by meaning; then, for what it says nothing about, lines of the text."""
+    """Yield the difference by meaning; then text lines for parts that it does not cover."""
     by_meaning = False
     if wanted.plan is not None and given.plan is not None:
-        # The names of the files are no difference.
+        # File names are ignored.
         sides = (_side(wanted.plan, wanted), _side(given.plan, given))
         for change in compare(*sides).changes:
             by_meaning = True

@@ -11,12 +11,12 @@ from fsoe_net.plan.model import Plan
 
 
 def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerprint] | None:
-    """Return the plan in a record with its fingerprint, worked out anew.
+    """Return the plan in a record with its fingerprint, computed again.
 
     Args:
         record: The record.
-        out: Takes FSN162 where the record does not hold together: an invalid plan, safety
-            functions that are not those of the plan, or another fingerprint than it states.
+        out: Takes FSN162 if the record is inconsistent: an invalid plan, safety functions that are
+            not those of the plan, or a fingerprint that differs from the stated one.
     """
     fix = "take the record from version control, or make it anew"
     try:

@@ -322,7 +322,7 @@ def _connection_attributes(row: dict[str, Any]) -> None:
     row |= {name: None for bit, name in enumerate(_KNOWN) if not known >> bit & 1}
 
 
-# What a stored row says that its attributes say otherwise.
+# Row columns whose attributes are named or coded differently.
 _ATTRIBUTES: dict[str, Callable[[dict[str, Any]], None]] = {
     "symbol": _symbol_attributes,
     "connection": _connection_attributes,

@@ -153,7 +153,7 @@ def _element(e: SafetyElement) -> Iterator[str]:
 
 
 def safety_sha256(functions: Sequence[SafetyFunction]) -> str:
-    """Return the hash of the section (hex) that a plan carries; empty when there is no function."""
+    """Return the hash of the section (hex) in a plan; empty without safety functions."""
     return _sha256(safety_text(functions)) if functions else ""
 
 

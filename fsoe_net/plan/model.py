@@ -98,8 +98,8 @@ class PlanSdo:
 class PlanSymbol:
     """One named entry of ordinary process data.
 
-    ``stop_value`` is what an output takes when nobody writes it: raw bits, 0 for inputs. The value
-    of an input is ``factor * raw + offset``; an output gets ``factor * value + offset`` as raw.
+    ``stop_value``: value of an output without a writer: raw bits, 0 for inputs. The value of an
+    input is ``factor * raw + offset``; an output gets ``factor * value + offset`` as raw.
     """
 
     name: str
@@ -145,9 +145,9 @@ class PlanCopy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanConnection:
-    """One FSoE connection: a pair of copies; ``None`` for facts nobody stated.
+    """One FSoE connection: a pair of copies; ``None`` for facts that are not stated.
 
-    ``app_parameters`` are hex digits, empty when nobody stated them.
+    ``app_parameters``: hex digits, empty when not stated.
     """
 
     name: str
@@ -188,9 +188,9 @@ class PlanBus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanGroup:
-    """SubDevices that may be absent, one behind the other; groups of one place are never together.
+    """Consecutive SubDevices that may be absent; groups of one place exclude each other.
 
-    ``place`` is empty where it has no alternatives.
+    ``place`` is empty without alternatives.
     """
 
     name: str
@@ -279,11 +279,11 @@ class Plan:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Plan:
-        """Read a `.fsnplan` file, and check that its tables hold together.
+        """Read a `.fsnplan` file, and check that its tables are consistent.
 
         Raises:
             InputError: It cannot be read.
-            PlanFormatError: It is no valid plan.
+            PlanFormatError: It is not a valid plan.
         """
         from fsoe_net.formats.shared.files import Collector, read_bytes
         from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES

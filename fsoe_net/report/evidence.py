@@ -45,7 +45,7 @@ class RunRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvidence:
-    """What the JSON document of a run says; ``period`` of the bus cycle, in real time only."""
+    """Content of the JSON document of a run; ``period`` of the bus cycle only in real time."""
 
     mode: str
     backend: str
@@ -60,7 +60,7 @@ class RunEvidence:
 
     @property
     def emulated(self) -> bool:
-        """Whether it says nothing about a machine."""
+        """Whether it is without evidence about a machine."""
         return self.backend == "emulated"
 
 
@@ -76,7 +76,7 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveEvidence:
-    """What ``fsn-master`` behind a socket said once; ``names`` of its connections."""
+    """Data of the ``fsn-master`` on a socket; ``names`` of its connections."""
 
     socket: str
     status: Status
@@ -165,7 +165,7 @@ def _period(row: Mapping[str, Any]) -> Histogram | None:
     """Return the times from cycle to cycle; ``None`` in virtual time.
 
     Raises:
-        KeyError, TypeError, ValueError: It is no whole histogram.
+        KeyError, TypeError, ValueError: The histogram is incomplete.
     """
     if not row.get("count"):
         return None

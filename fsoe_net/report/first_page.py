@@ -32,12 +32,12 @@ _SOURCE = "network file"
 
 
 def first_page(inputs: ReportInputs, files: Verdict, machine: Verdict) -> list[Part]:
-    """Return what is accepted and by whom, and a row for each safety function.
+    """Return the accepted configuration with its signatories, and a row per safety function.
 
     Args:
-        inputs: What the report is made from.
-        files: What is said about the findings.
-        machine: What is said about the tests at the machine.
+        inputs: Inputs of the report.
+        files: Statement about the findings.
+        machine: Statement about the tests at the machine.
     """
     rows: list[tuple[str, Cell]] = [
         ("What", cell(_what(inputs))),

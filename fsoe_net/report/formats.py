@@ -44,6 +44,6 @@ def render_report(inputs: ReportInputs, form: str = "html") -> str:
     """Return the report in one of `FORMATS`. The same input gives the same text.
 
     Raises:
-        KeyError: There is no such format.
+        KeyError: Unknown format.
     """
     return FORMATS[form](compose_report(inputs))

@@ -68,7 +68,7 @@ def incident_document(facts: IncidentFacts, version: str) -> Document:
     """Return the page. The same file gives the same document.
 
     Args:
-        facts: What the file holds.
+        facts: Content of the file.
         version: Version of fsoe-net.
     """
     found = facts.verdicts.likely

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Against:
-    """What the network is compared with.
+    """Base of the comparison.
 
     Attributes:
         source: Its file.
-        difference: What differs.
-        again: Ids of the steps of the test protocol that this calls for.
-        fingerprint: ``None`` when it is no plan or record.
+        difference: The differences.
+        again: Ids of the test steps to repeat because of them.
+        fingerprint: ``None`` if the base is not a plan or record.
     """
 
     source: SourceFile
@@ -56,7 +56,7 @@ class GivenRecord:
     fits: bool
 
     def justification(self, found: Diagnostic) -> JustifiedFinding | None:
-        """Return who answers for a warning; nobody does in a record of another configuration."""
+        """Return the persons who accept a warning; none in a record of another configuration."""
         if not self.fits or found.level is not Severity.WARNING:
             return None
         return self.record.justification(found.code, found.message)
@@ -64,7 +64,7 @@ class GivenRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signatures:
-    """The signatures beside a record that hold, and in words what is against the others."""
+    """Valid signatures of a record, and in words the objections to the others."""
 
     signatures: tuple[CheckedSignature, ...]
     against: tuple[str, ...] = ()
@@ -72,10 +72,10 @@ class Signatures:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tried:
-    """A test protocol and its file.
+    """A test record and its file.
 
-    ``notes``: line and words of what is wrong or unfinished; ``fits``: whether its results can be
-    taken for this network.
+    ``notes``: line and text of each error or unfinished entry; ``fits``: whether its results are
+        valid for this network.
     """
 
     source: SourceFile
@@ -86,27 +86,27 @@ class Tried:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportInputs:
-    """Everything a report may speak about.
+    """All possible inputs of a report.
 
     Attributes:
-        name: Of the network, also when nothing could be read.
-        version: Of fsoe-net.
-        diagnostics: Everything found.
+        name: Name of the network, also when nothing could be read.
+        version: Version of fsoe-net.
+        diagnostics: All findings.
         resolution: The network; ``None`` when nothing was read.
-        plan: What was compiled; ``None`` when the network does not compile.
-        fingerprint: Of ``plan``; ``None`` for a network with errors.
+        plan: The compiled plan; ``None`` when the network does not compile.
+        fingerprint: Fingerprint of ``plan``; ``None`` for a network with errors.
         budget: Timing budget of the network.
         references: Other files the network was compared with.
         run: A run of this plan on the emulated bus.
         scenario: Name of the scenario that was to be run; empty for none.
         evidence: Files about the machine.
-        live: What a running ``fsn-master`` reports.
-        given: A plan file that was named.
-        against: The state that the change log starts from.
-        tried: A test protocol; ``None`` when there is none.
-        accepted: An acceptance record; ``None`` when there is none.
-        signed: Its signatures; ``None`` when nobody has checked them.
-        self_test: What a self-test of the tool gave; ``None`` when there is none.
+        live: Data of a running ``fsn-master``.
+        given: The plan file given for comparison.
+        against: Base of the change log.
+        tried: A test record; ``None`` without one.
+        accepted: An acceptance record; ``None`` without one.
+        signed: Its signatures; ``None`` if they were not checked.
+        self_test: Result of a self-test of the tool; ``None`` without one.
     """
 
     name: str

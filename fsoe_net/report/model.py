@@ -45,12 +45,12 @@ class ReportDocument(Document):
     Attributes:
         network: Name of the network.
         whole: The fingerprint, hex; empty when there is no plan.
-        verdict: What is on top.
-        points: What is open or assumed, of all sections, each with the title of its section.
-        findings: What the sections and points say about findings, as the data they are.
-        against: What the first page counts against the network beside findings, each with the title
-            of its section; empty where findings are errors.
-        of_machine: Whether something in it was read at the machine: a scan, a run, a running bus.
+        verdict: The verdict at the top.
+        points: Open points and assumptions of all sections, each with the title of its section.
+        findings: The findings of sections and points as data.
+        against: Objections on the first page other than findings, each with the title of its
+            section; empty where findings are errors.
+        of_machine: Whether it contains data from the machine: a scan, a run, a running bus.
     """
 
     network: str

@@ -25,8 +25,8 @@ def network_picture(resolution: Resolution, found: Sequence[Diagnostic]) -> str:
     """Draw a network: MainInstances left, SubInstances right, each connection from slot to slot.
 
     Args:
-        resolution: The network, also one with errors.
-        found: What is wrong in it: parts with an error are marked by a sign and by their line.
+        resolution: The network, which may have errors.
+        found: Findings: parts with an error are marked by a sign and by their line.
     """
     wrong = {(d.span.file, d.span.line) for d in found if d.level is Severity.ERROR}
     subs = resolution.network.subdevices
@@ -131,7 +131,7 @@ def _line(
     is_wrong = any(row is not None and _is_wrong(row, wrong) for row in rows)
     kind = _WRONG if is_wrong else _DRAWN
     bend = max(60.0, abs(end[0] - begin[0]) / 2)
-    back = bend if end[0] - begin[0] < 40 else -bend  # both in one column: a loop beside it
+    back = bend if end[0] - begin[0] < 40 else -bend  # both in one column: a loop next to it
     middle = (begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2
     return (
         f"<g><title>{escape(connection.name)}</title>"

@@ -1,4 +1,4 @@
-"""A test protocol as a document to print and write on."""
+"""A test record as a document to print and fill in."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ _NOTE = (
 
 
 def protocol_document(protocol: Protocol, *, version: str) -> Document:
-    """Return the document; the same protocol gives the same one.
+    """Return the document; the same test record gives the same document.
 
     Args:
-        protocol: What to print.
+        protocol: The test record to print.
         version: Version of fsoe-net.
     """
     p = protocol

@@ -36,7 +36,7 @@ _PLAN = "copy plan"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Range:
-    """Bytes in the image: first, one behind the last, and the datagrams that hold them."""
+    """Bytes in the image: first, one after the last, and the datagrams that contain them."""
 
     first: int
     end: int

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 def observed_cell(name: str, seen: SeenParameters) -> Cell:
-    """Return what the MainInstance sent in its last start-up, and what speaks against it."""
+    """Return the parameters of the MainInstance in its last start-up, and objections to them."""
     against = tuple(_against(name, seen))
     if against:
         return against
@@ -121,7 +121,7 @@ def is_of_machine(inputs: ReportInputs) -> bool:
 
 
 def _unread(inputs: ReportInputs) -> Iterator[str]:
-    """Yield what nobody has read from the machine."""
+    """Yield the data that was not read from the machine."""
     if not is_of_machine(inputs):
         yield "no evidence of the machine: give --evidence scan.json or --interface IF"
     elif not any(e.scan is not None for e in inputs.evidence):

@@ -192,7 +192,7 @@ def _change(c: Change) -> tuple[Cell, ...]:
 
 
 def sign_off(inputs: ReportInputs) -> ReportSection:
-    """Fields for the hand, and what an acceptance record says of them."""
+    """Fields to fill in by hand, and the corresponding facts of an acceptance record."""
     given = inputs.accepted
     short = "no fingerprint" if inputs.fingerprint is None else inputs.fingerprint.short
     parts: list[Part] = [
@@ -235,7 +235,7 @@ def sign_off(inputs: ReportInputs) -> ReportSection:
 
 
 def _signatures(signed: Signatures) -> list[Part]:
-    """Return the signatures beside the record that hold, and what is against the others."""
+    """Return the valid signatures of the record, and the objections to the others."""
     heads = ("Signed as", "Name", "Principal", "Date", "Key")
     table = Table(
         name="signatures",

@@ -56,7 +56,7 @@ class SelfTestResult:
 
     @property
     def verdict(self) -> Verdict:
-        """What it says about the tool that makes the report."""
+        """Result about the tool that makes the report."""
         failed = self.named("fail")
         if failed or not self.named("pass"):
             return Verdict(f"FAILED: {', '.join(failed) or 'nothing was tried'}", Level.ERROR)
@@ -96,7 +96,7 @@ def read_self_test(path: str, here: str) -> SelfTestResult:
 
 
 def self_test_parts(result: SelfTestResult) -> tuple[list[Part], list[Point]]:
-    """Return what block 1 says about the tool, and what is open."""
+    """Return the statement of block 1 about the tool, and the open points."""
     verdict = result.verdict
     points = []
     if verdict.level is not Level.CLEAR:

@@ -1,4 +1,4 @@
-"""Which steps of the test protocol a change calls for again."""
+"""Steps of the test record to repeat after a change."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def steps_to_repeat(
 ) -> tuple[str, ...]:
     """Return the ids of the steps to do again, in their order.
 
-    A change of a SubDevice, its process data, a copy or a connection touches every connection and
-    every safety function with an end there. A change of what all share, of something that is no
-    more or has another name, or of a place that this network does not name, touches everything:
-    nothing is taken to be harmless.
+    A change of a SubDevice, its process data, a copy or a connection affects every connection and
+    every safety function with an end there. A change of shared data, of a removed or renamed item,
+    or of a place that this network does not name affects everything: no change is assumed to be
+    harmless.
 
     Args:
-        changes: What differs from what was accepted.
-        resolution: The network of today.
-        steps: The protocol of that network.
-        plans: What was accepted, and the plan of today: what differs in their fingerprints counts
-            too, also where ``changes`` do not show it.
-        functions: The safety functions that were accepted, where they are known.
+        changes: Differences from the accepted state.
+        resolution: The current network.
+        steps: The test record of that network.
+        plans: The accepted plan, and the current one: differences of their fingerprints count even
+            if ``changes`` does not contain them.
+        functions: The accepted safety functions, if known.
     """
     steps = tuple(steps)
     named = _named(tuple(changes), resolution)
@@ -65,7 +65,7 @@ def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str],
     subdevices: set[str] = set()
     for change in changes:
         if change.area is ChangeArea.SAFETY_FUNCTION:
-            functions.add(change.where)  # one that is no more has no step
+            functions.add(change.where)  # a removed one has no step
             if not change.where:
                 return None
             continue

@@ -23,14 +23,14 @@ def _colour(number: int) -> str:
 
 
 def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
-    """Draw the bus with the SubDevices that take part, and its FSoE connections.
+    """Draw the bus with the SubDevices involved, and its FSoE connections.
 
-    They are arcs; where those would cross too many rows, each box names its connections instead.
-    SubDevices without a copy are left out when there are many, and said so.
+    Connections are arcs; if those would cross too many rows, each box names its connections
+    instead. If there are many SubDevices, those without a copy are omitted with a note.
 
     Args:
-        plan: What is drawn.
-        per_row: Boxes beside each other; 2 fit a telephone.
+        plan: The plan to draw.
+        per_row: Boxes per row; 2 fit a phone.
     """
     shown = [n for n, s in enumerate(plan.subdevices) if s.in_copy]
     if len(plan.subdevices) <= 12:
@@ -94,7 +94,7 @@ def _bus_line(places: list[tuple[float, float]], step_x: float) -> list[str]:
 
 
 def _connection_lines(plan: Plan) -> dict[int, str]:
-    """Return what a box says of its connections: partner and connection ID, or how many."""
+    """Return the connections of a box: partner and connection ID, or their number."""
     found: dict[int, list[str]] = {}
     for c in plan.connections:
         known = f", ConnID {c.connection_id}" if c.connection_id else ""

@@ -18,8 +18,8 @@ from fsoe_net.simulate.drive.wiring import WiredAxis
 from fsoe_net.simulate.port import Port, main_port, sub_port
 from fsoe_net.simulate.setup import FsoeSetup, choose_setups
 
-# Input area of modular devices (ETG.5001). Status bits of a safety drive lie elsewhere (0x2xxx,
-# 0x66xx of the drive profile) and are no e-stop buttons.
+# Input area of modular devices (ETG.5001). Status bits of a safety drive are in other areas
+# (0x2xxx, 0x66xx of the drive profile) and are not e-stop buttons.
 _CYCLE_NS = 1_000_000  # when no file states a bus cycle
 _INPUT_OBJECTS = range(0x6000, 0x6600)
 
@@ -135,7 +135,7 @@ class EmulatedDevices:
         """Configure for every safety master which inputs it watches and which outputs it switches.
 
         Raises:
-            KeyError: A name is no safe input or output.
+            KeyError: A name is not a safe input or output.
         """
         inputs = self.default_inputs() if choice.inputs is None else choice.inputs
         outputs = list(self.safe_outputs) if choice.outputs is None else choice.outputs

@@ -169,15 +169,15 @@ def run_campaign(
 
 
 def save_failures(result: CampaignResult, folder: Path) -> dict[tuple[str, int], Path | None]:
-    """Make the first wrong acceptances of each class small and write them as recordings.
+    """Minimise the first wrong acceptances of each class and write them as recordings.
 
     Args:
-        result: What the campaign found.
-        folder: Where to; made if needed.
+        result: Result of the campaign.
+        folder: Target folder; created if needed.
 
     Returns:
-        Class and trial, and the file `fsoe_net.campaign.recording.replay.replay_file` takes;
-        ``None`` for a case that fails only after the long run it was found in.
+        Class and trial, and the file for `fsoe_net.campaign.recording.replay.replay_file`; ``None``
+        for a case that fails only after the long run in which it was found.
     """
     saved: dict[tuple[str, int], Path | None] = {}
     for row in result.classes:
@@ -302,8 +302,8 @@ def _prepare_process(counts: MutableSequence[int]) -> None:
     _counts = counts
     threading.Thread(target=_end_with_parent, daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
-    gc.set_threshold(200_000)  # trials leave no cycles behind; looking for them takes a tenth
-    divert_stdout()  # what a device prints is no part of the report
+    gc.set_threshold(200_000)  # trials create no reference cycles; searching for them takes a tenth
+    divert_stdout()  # output printed by a device does not belong in the report
     sys.stdout = sys.stderr
 
 

@@ -15,7 +15,7 @@ _HOUR_NS = 3_600 * TIME_UNITS_NS["s"]
 
 
 class CommandError(ValueError):
-    """A line that is no command; the text says what would be."""
+    """A line that is not a command; the text names the valid ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,10 +30,10 @@ def parse_command(line: str, number: int) -> EmulationCommand | None:
 
     Args:
         line: The words, as in a scenario with ``-`` for ``_`` and without units in the action.
-        number: Of the line, for messages.
+        number: Line number, for messages.
 
     Raises:
-        CommandError: It is no command.
+        CommandError: Invalid command.
     """
     words = line.partition("#")[0].split()
     if not words:

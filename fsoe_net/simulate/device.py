@@ -174,7 +174,7 @@ class EmulatedDevice:
     def power_cycle(self) -> None:
         """Switch the device off and on: everything volatile is lost.
 
-        The bus shows the inputs of before until the device publishes anew, as a memory does.
+        The bus keeps the previous inputs until the device publishes again, as a memory does.
         """
         for port in self.ports:
             port.instance.power_cycle()

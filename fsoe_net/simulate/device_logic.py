@@ -55,11 +55,11 @@ class DeviceFactory:
 
 
 def device_factory(name: str) -> DeviceFactory:
-    """Return the factory of a name after finding it.
+    """Find and return the factory of a name.
 
     Raises:
-        InputError: The name is not ``module:factory``, or there is no such thing.
-        EnvironmentFault: The module fails while it is imported.
+        InputError: The name is not ``module:factory``, or does not exist.
+        EnvironmentFault: The module fails during import.
     """
     _find(name)
     return DeviceFactory(name)
@@ -105,9 +105,9 @@ def _takes_configuration(name: str, found: Callable[..., Any]) -> None:
 
 
 class _Guard:
-    """Stands before a foreign end: looks at what it returns and says whose fault an error is.
+    """Wraps a foreign end: checks its return values and attributes errors.
 
-    Our own ends never have one. What an end need not have is missing here too when it has not.
+    Our own ends have no errors of this kind. An optional attribute missing there is missing here.
     """
 
     def __init__(self, end: Any, name: str, frame_bytes: int, data_bytes: int) -> None:
@@ -173,7 +173,7 @@ class _Guard:
         if type(data) is bytes and len(data) == self._data_bytes:
             return data
         if not self.data_valid:
-            return bytes(self._data_bytes)  # nobody may use them, so there need be none
+            return bytes(self._data_bytes)  # they must not be used, so may be missing
         data = self._bytes("received_safe_data is", data, "bytes")
         if len(data) != self._data_bytes:
             raise self._wrong(
@@ -292,4 +292,4 @@ def _flush() -> None:
     with contextlib.suppress(OSError, ValueError, AttributeError):
         sys.stdout.flush()
     with contextlib.suppress(OSError, TypeError, AttributeError):
-        ctypes.CDLL(None).fflush(None)  # printf of a device keeps lines back when it is no terminal
+        ctypes.CDLL(None).fflush(None)  # printf of a device is buffered without a terminal

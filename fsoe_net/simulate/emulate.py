@@ -97,10 +97,10 @@ class SegmentSession(ScenarioRun):
         return {n: state_of(main, network.subs[n]) for n, main in network.mains.items()}
 
     def command(self, line: str, number: int, now_ns: int) -> str:
-        """Do what a line says, as a step of a scenario at this moment.
+        """Run a line as a step of a scenario now.
 
         Returns:
-            The answer: empty when there is nothing to do, else ``ok``, a status or what is wrong.
+            The answer: empty when there is nothing to do, else ``ok``, a status or the error.
         """
         try:
             command = self.do_command(line, number, now_ns)

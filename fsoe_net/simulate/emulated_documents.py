@@ -1,7 +1,7 @@
-"""What a session on the emulated bus knows, in the documents that `fsn-master` writes.
+"""State of a session on the emulated bus, as the documents that `fsn-master` writes.
 
-The keys are those of the requests ``snapshot`` and ``layout`` (``docs/reference``); what an
-emulated run does not know is ``null`` or left out. `fsoe_net.core.bus_documents` reads them.
+The keys are those of the requests ``snapshot`` and ``layout`` (``docs/reference``); values that an
+emulated run does not have are ``null`` or omitted. `fsoe_net.core.bus_documents` reads them.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ _AUTO_PRESS_NS = 100_000_000
 
 
 def state_of(main: Port, sub: Port) -> ConnectionState:
-    """Return the state of a connection: of the end that is behind, and of Data the kind."""
+    """Return the state of a connection: of the end that lags, and for Data the kind."""
     order = list(State)
     state = min(main.instance.state, sub.instance.state, key=order.index)
     if state is not State.DATA:
@@ -143,7 +143,7 @@ class Engine:
             device.logic.pressed = pressed
 
     def _press_once(self, now_ns: int) -> None:
-        """Without a scenario somebody must press reset, or nothing would ever switch on."""
+        """Without a scenario an operator must press reset, otherwise nothing would switch on."""
         if self._auto_release_ns is not None and now_ns >= self._auto_release_ns:
             self._press(False)
             self._auto_release_ns = None
@@ -270,12 +270,12 @@ class Engine:
         return tuple(rows)
 
     def log(self, now_ns: int, source: str, text: str, **facts: Any) -> None:
-        """Add an event; beyond a bound only counted, so that a reset loop cannot eat memory.
+        """Add an event; above a limit only count it, so that a reset loop cannot exhaust memory.
 
         Args:
             now_ns: Time of the run.
-            source: What it is about.
-            text: What happened.
+            source: Subject of the event.
+            text: Description.
             facts: Further fields of `RunEvent`.
         """
         if len(self.events) >= _MAX_EVENTS:

@@ -59,16 +59,16 @@ class _Ring:
 
 
 class IncidentRecorder:
-    """Looks at every cycle of a session and keeps the last seconds.
+    """Observes every cycle of a session and keeps the last seconds.
 
-    Call `cycle` after each cycle and `finish` at the end. Writing disturbs nobody: with
-    ``background`` it has a thread of its own, and a disk that is full becomes an event.
+    Call `cycle` after each cycle and `finish` at the end. Writing does not disturb the run: with
+    ``background`` it has its own thread, and a full disk becomes an event.
 
     Args:
-        session: The session; nobody else takes the events of its core.
-        folder: Where the files go; it must be there.
-        start: UTC of the time 0 of the run.
-        background: Whether to write in a thread of its own.
+        session: The session; the events of its core must have no other reader.
+        folder: Target folder; must exist.
+        start: UTC of time 0 of the run.
+        background: Whether to write in a separate thread.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class IncidentRecorder:
         self._tell(now_ns)
 
     def request(self, text: str) -> None:
-        """Write one because somebody asks for it; ignored while another window is open."""
+        """Write an incident on request; ignored while another window is open."""
         if self._last is not None:
             self._begin(TriggerKind.REQUEST, None, self._last.now_ns, text)
 

@@ -31,21 +31,22 @@ class LiveObjects:
     """Writes objects of all FSoE devices to a segment, when they have changed.
 
     ``0xF980:01`` … are the addresses of the SubInstances of a device. The communication parameters
-    of a connection stand where those of real devices do, by the objects its frame is mapped from:
-    ``0x9nn1`` for ``0x6nn0`` and ``0x7nn0``, with its state in ``0xAnn0:01``; ``0xE9n1`` and
-    ``0xEAn0`` for ``0xE6n0`` and ``0xE7n0``; ``0x6791`` for the frame of a CiA 402 drive. The first
-    16 connections of the MainInstances of a device stand in ``0xE901``, ``0xE911``, … as well.
+    of a connection are in the same objects as in real devices, derived from the objects its frame
+    is mapped from: ``0x9nn1`` for ``0x6nn0`` and ``0x7nn0``, with its state in ``0xAnn0:01``;
+    ``0xE9n1`` and ``0xEAn0`` for ``0xE6n0`` and ``0xE7n0``; ``0x6791`` for the frame of a CiA 402
+    drive. The first 16 connections of the MainInstances of a device are also in ``0xE901``,
+    ``0xE911``, …
     Subindices: ``:01`` version, ``:02`` address, ``:03`` connection ID, ``:04`` watchdog in ms,
     ``:05`` unique device ID (zeros), ``:06`` side (0 MainInstance, 1 SubInstance), ``:07`` and
-    ``:08`` lengths of the communication and application parameters in bytes. A SubInstance has what
-    its MainInstance gave it, 0 before.
+    ``:08`` lengths of the communication and application parameters in bytes. A SubInstance has the
+    values from its MainInstance, 0 before.
 
     Source: manuals of several makers, e.g. Bosch Rexroth ctrlX SAFETY (0x9nn1), SICK microScan3
     (0x9001, 0xA000), Yaskawa SLIO safety modules (0x9001), Beckhoff AX8000 (0xE901), Novanta
     (0x6791), which name ETG.5001.4 and ETG.6100.3.
 
     Args:
-        segment_of: Where each device is, by its name.
+        segment_of: Segment of each device, by name.
         network: The devices.
     """
 
@@ -88,7 +89,7 @@ def _rows(device: EmulatedDevice) -> Iterator[_Row]:
 
 
 def _parameters_at(port: Port) -> int:
-    """Return where the parameters of a connection stand; 0 when no profile says it."""
+    """Return the object of a connection's parameters; 0 when no profile defines it."""
     connection = port.setup.connection
     sent = connection.to_sub if port.is_main else connection.to_main
     if sent.source.block is None:

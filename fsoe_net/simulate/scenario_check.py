@@ -68,7 +68,7 @@ def _range(symbol: PlanSymbol) -> _Range:
 
 
 def _owned(symbol: PlanSymbol, plan: Plan) -> bool:
-    """Whether a copy writes bits of this output, so that nobody else may."""
+    """Whether a copy writes bits of this output, so that no other writer may."""
     return any(
         copy.destination_sm == symbol.sm
         and copy.destination_bit < symbol.bit_offset + symbol.bits

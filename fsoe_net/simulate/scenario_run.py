@@ -50,17 +50,17 @@ class _Port:
 
 
 class ScenarioRun(abc.ABC):
-    """The devices of a network, and a scenario that acts on them.
+    """The devices of a network, and a scenario that controls them.
 
     Args:
         resolution: A network without errors and with at least one connection.
         plan_bytes: Its plan.
-        scenario: What happens and what must be seen, or ``None``.
+        scenario: Steps and expectations, or ``None``.
         session_ids: Source of FSoE session ids.
 
     Raises:
         PlanFormatError: The core refuses the plan.
-        CoreMissing: The compiled part is not there.
+        CoreMissing: The compiled part is missing.
     """
 
     has_segment = False
@@ -109,12 +109,12 @@ class ScenarioRun(abc.ABC):
         return check_scenario(self.scenario, self.names())
 
     def do_command(self, line: str, number: int, now_ns: int) -> EmulationCommand | None:
-        """Do what a line says, as a step of a scenario at this moment.
+        """Run a line as a step of a scenario now.
 
         Args:
             line: See `parse_command`.
-            number: Of the line, for messages.
-            now_ns: This moment.
+            number: Line number, for messages.
+            now_ns: Current time.
 
         Returns:
             The command; ``None`` for an empty line.

@@ -30,8 +30,8 @@ class BusCapture:
     """Turns the image of every cycle into EtherCAT frames, on their way out and back.
 
     Args:
-        writer: Where they go.
-        core: Runs the plan on the emulated bus; nobody else may run a cycle.
+        writer: Output of the frames.
+        core: Runs the plan on the emulated bus; no other caller may run a cycle.
         plan: The same plan.
     """
 

@@ -1,4 +1,4 @@
-"""The FSoE facts an emulated connection runs with; what nobody stated is chosen and said so."""
+"""The FSoE facts of an emulated connection; missing ones are chosen and reported."""
 
 from __future__ import annotations
 

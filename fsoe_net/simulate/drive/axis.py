@@ -115,13 +115,13 @@ class EmulatedAxis:
         *,
         operational: bool,
     ) -> None:
-        """Let time pass.
+        """Advance the time.
 
         Args:
-            now_ns: This moment.
+            now_ns: Current time.
             image: Returns the outputs of a sync manager.
-            demand: What the safe data demand; ``None`` for a drive without safety functions.
-            operational: Outputs come: the device is in OP.
+            demand: Demand in the safe data; ``None`` for a drive without safety functions.
+            operational: Whether outputs arrive: the device is in OP.
         """
         if operational:
             self.objects.receive(image)
@@ -189,7 +189,7 @@ class EmulatedAxis:
         self._error_ns = 0
 
     def _wanted_mode(self) -> int:
-        """Return the mode that is demanded, or the present one where there is no such mode."""
+        """Return the requested mode, or the current one if it does not exist."""
         objects = self.objects
         wanted = objects.value(0x6060)
         if not wanted and not objects.is_mapped(0x6060):

@@ -60,7 +60,7 @@ class MotionContext:
 
 
 class ModeBase(abc.ABC):
-    """A mode; made anew when the mode changes and when operation is enabled."""
+    """A mode; created again when the mode changes and when operation is enabled."""
 
     watches_error = False
     """Whether a following error is a fault."""
@@ -108,9 +108,9 @@ class NoMode(ModeBase):
 class CyclicPosition(ModeBase):
     """CSP: the target of each cycle.
 
-    A device that is not synchronous to the bus sees one target twice now and then, and the next one
-    not at all. What it follows is smoothed so that this does not shake the motor: a target that
-    moves at constant speed is followed without lag.
+    A device that is not synchronous with the bus occasionally sees one target twice and misses the
+    next one. The target is smoothed so that this does not shake the motor: a target that moves at
+    constant speed is followed without lag.
     """
 
     watches_error = True

@@ -1,7 +1,7 @@
-"""The power drive system of CiA 402: its states, and what a controlword makes of them.
+"""The power drive system of CiA 402: its states, and the effect of a controlword.
 
-Source of states, transitions and bits: IEC 61800-7-201, as the public manuals of drives print them
-(e.g. Beckhoff EL7211, Maxon EPOS4, Synapticon SOMANET). Numbers of transitions stand beside them.
+Source of states, transitions and bits: IEC 61800-7-201, as printed in public manuals of drives
+(e.g. Beckhoff EL7211, Maxon EPOS4, Synapticon SOMANET). Transition numbers are in comments.
 """
 
 from __future__ import annotations
@@ -174,10 +174,10 @@ class PowerSystem:
         self.error_code, self.disabling = error_code, False
 
     def take_torque(self, error_code: int) -> None:
-        """Let something else take the torque off: no ramp, no command.
+        """Remove the torque by an external cause: no ramp, no command.
 
         Args:
-            error_code: Of the fault that this is where the axis was controlled; 0: it is no fault.
+            error_code: Error code if this is a fault while the axis is controlled; 0: not a fault.
         """
         if self.state is PdsState.FAULT_REACTION or (self.has_torque and error_code):
             self.error_code = self.error_code or error_code
