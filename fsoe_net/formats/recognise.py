@@ -70,12 +70,12 @@ _XML_BEGIN = re.compile(rb"(\xef\xbb\xbf)?\s*<|\xff\xfe|\xfe\xff|\0<")
 
 @dataclass(frozen=True, slots=True)
 class Recognised:
-    """What a file is.
+    """Type of a file.
 
     Attributes:
-        format: Its format; ``None`` where nothing reads it.
-        words: What it is, with its article.
-        signature: What showed it; ``None`` where only its root element is known.
+        format: Its format; ``None`` if no reader supports it.
+        words: Its description, with an article.
+        signature: The matching signature; ``None`` if only its root element is known.
         root: Its XML root element.
     """
 
@@ -192,8 +192,8 @@ def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Form
 
     Args:
         source: Path, or the bytes of the file.
-        out: Takes FSN101 when it cannot be read, FSN117 when nothing knows it, with what each
-            reader expects.
+        out: Takes FSN101 when it cannot be read, FSN117 for an unknown file, with a list of the
+            supported formats.
         name: Name shown when ``source`` is bytes.
     """
     if isinstance(source, bytes):
@@ -248,13 +248,13 @@ def _refuse(found: Recognised | None, path: str, out: Collector) -> None:
 
 
 def refuse_known(data: bytes, place: Span, wanted: str, out: Collector) -> bool:
-    """Say what a file is that does not describe a network; ``False``: nothing is known of it.
+    """Identify a file that does not describe a network; ``False``: unknown file.
 
     Args:
         data: The file.
-        place: Where it begins.
-        wanted: What it should be, with its article.
-        out: Takes FSN117, with what takes such a file.
+        place: Start of the file.
+        wanted: The expected type, with its article.
+        out: Takes FSN117, with the commands that accept such a file.
     """
     found = _probably(data[:_HEAD_BYTES], place.file)
     if found is None or (found.format is not None and found.format.yields is Yields.NETWORK):
@@ -267,11 +267,11 @@ def refuse_known(data: bytes, place: Span, wanted: str, out: Collector) -> bool:
 
 
 def is_format(data: bytes, kind: str, shown: str, out: Collector) -> bool:
-    """Return whether the bytes may be of a format; else FSN140 says what they are.
+    """Return whether the bytes may be of a format; otherwise FSN140 names the actual one.
 
     Args:
         data: The file.
-        kind: What it should be: the kind of a format.
+        kind: Expected kind of format.
         shown: Name of the file.
         out: Takes FSN140.
     """

@@ -1,9 +1,8 @@
-"""The formats of files, one folder each, found by themselves: what a folder declares as `FORMAT`.
+"""The file formats, one folder each, discovered by the `FORMAT` that a folder declares.
 
-A new format is a folder beside this file whose ``__init__`` has a `FORMAT`, a section of
-``docs/reference/input-files.md`` and tests. Commands, their help, completion and errors then know
-it. Readers and writers are named as text, ``module:function``, and imported when
-they are used.
+A new format is a folder next to this file whose ``__init__`` has a `FORMAT`, a section of
+``docs/reference/input-files.md`` and tests. Commands, their help, completion and errors then
+include it. Readers and writers are named as text, ``module:function``, and imported on first use.
 """
 
 from __future__ import annotations
@@ -37,15 +36,15 @@ class Yields(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signature:
-    """What shows by content what a file is. Patterns are regular expressions.
+    """Identifies a file by content. Patterns are regular expressions.
 
     Attributes:
-        words: What the file is then, with its article.
-        begins: What it begins with.
+        words: Description of such a file, with an article.
+        begins: Start of the file.
         root: Its XML root element.
-        text: What stands in its first 64 KiB; with a ``root`` as well as that.
-        confirm: ``module:function`` that looks at the same bytes, where ``begins`` is not enough.
-        next_step: What to do with it, where nothing reads it.
+        text: Text in its first 64 KiB; combined with ``root`` if both are given.
+        confirm: ``module:function`` that checks the same bytes, where ``begins`` is not sufficient.
+        next_step: What to do with it, if no reader supports it.
     """
 
     words: str
@@ -65,11 +64,11 @@ class Target:
         write: ``module:function``, which takes a `Description`, ``file=`` and the ``options`` and
             returns a `Written`.
         options: Further arguments of that function.
-        suffixes: Names that ask for this target.
-        is_folder: Whether it is several files, with names of their own.
+        suffixes: Suffixes that select this target.
+        is_folder: Whether it consists of several files, with their own names.
         renew: ``module:function`` that puts the copies of a network into a file of this format
             instead of its own; takes the `Description`, the path and a list for notes.
-        needs_start: Whether what an ESI says about starting a device is written.
+        needs_start: Whether ESI start-up data of a device is written.
     """
 
     name: str
@@ -87,20 +86,21 @@ class Format:
 
     Attributes:
         kind: Value of ``convert --from``.
-        title: What a file of it is, with its article.
-        expects: What such a file looks like; shown when no reader knows a file.
-        yields: What it is read for.
+        title: Description of such a file, with an article.
+        expects: Appearance of such a file; shown for unknown files.
+        yields: Purpose of reading it.
         read: ``module:function``, which takes a `Source`, a `Collector` and ``name=`` and returns a
             `Description` or ``None``; empty where it yields a network.
-        signatures: What shows it for certain; the first that fits counts.
+        signatures: Definite signatures; the first match counts.
         guesses: Patterns of which one in the first 64 KiB shows it when no signature of any format
             fits and no suffix is known.
-        suffixes: Names that show it when the content does not.
+        suffixes: Suffixes that identify it when the content does not.
         is_streamed: Read from a path piece by piece, whatever its size.
         has_masters: A file may have several EtherCAT masters; the reader takes ``master=``.
-        is_binary: Takes binary files that nothing else knows.
-        parts: Suffixes of files that another file of the same folder names, by the suffix of that.
-        targets: How it is written.
+        is_binary: Whether it accepts binary files that no other format identifies.
+        parts: Suffixes of files named by another file of the same folder, by the suffix of that
+            file.
+        targets: Ways to write it.
     """
 
     kind: str
@@ -137,9 +137,9 @@ def all_targets() -> Mapping[str, Target]:
 
 
 def target_of(path: str) -> tuple[str, Target | None]:
-    """Return the longest known suffix of a file, and the target it asks for.
+    """Return the longest known suffix of a file, and its target.
 
-    The suffix is empty where none is known; there is no target where it is only read.
+    The suffix is empty if unknown; the target is missing for read-only formats.
     """
     known: dict[str, Target | None] = {}
     for one in all_formats().values():

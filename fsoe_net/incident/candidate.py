@@ -12,7 +12,7 @@ from fsoe_net.incident.evidence import IncidentEvidence
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A cause that fits, with what speaks for it. ``score`` is from 0 to 100, no probability."""
+    """A matching cause with its evidence. ``score`` is from 0 to 100, not a probability."""
 
     key: str
     score: int
@@ -29,11 +29,11 @@ def candidate(
     """Return a candidate with its texts filled in.
 
     Args:
-        e: What is known.
+        e: The evidence.
         key: Name of the cause.
-        score: How well it fits.
-        evidence: What speaks for it; empty ones are left out.
-        device: Name of the device it is about.
+        score: Quality of the match.
+        evidence: Supporting evidence; empty items are omitted.
+        device: Name of the device concerned.
         other: Name of the other device or connection.
     """
     cause = CAUSES[key]

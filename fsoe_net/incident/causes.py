@@ -1,4 +1,4 @@
-"""Ranks what may have caused an incident; says so when nothing fits, instead of guessing."""
+"""Ranks possible causes of an incident; reports if none matches, instead of guessing."""
 
 from __future__ import annotations
 

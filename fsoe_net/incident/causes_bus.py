@@ -87,7 +87,7 @@ def _ring(e: IncidentEvidence) -> Iterator[str]:
 
 
 def _ring_opened(e: IncidentEvidence) -> Iterator[Candidate]:
-    """The ring has lost a cable around the moment, and nobody is gone."""
+    """The ring lost a cable around that time, and all SubDevices are still present."""
     opened = [v for v in e.events("ring", e.window_ns[0]) if v.keys.get("place")]
     if opened and not e.lost_subdevices():
         event = opened[0]
@@ -101,7 +101,7 @@ def _facts_of_gone(e: IncidentEvidence, gone: list[SubDeviceSnapshot]) -> list[s
 
 
 def _names_a_link(gone: list[SubDeviceSnapshot]) -> bool:
-    """Whether what the bus says first of one of them is that the link before it is down."""
+    """Whether the first bus event of one of them is that the link before it is down."""
     return next((s.link_down for s in gone if s.detail), False)
 
 
@@ -264,7 +264,7 @@ def _is_late(e: IncidentEvidence) -> bool:
 
 
 def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Bursts in which nobody's data came back, and which ended."""
+    """Bursts in which no data returned, and which ended."""
     start, end = e.window_ns
     bursts = [r for r in e.bus.short_between(start, end) if _is_burst(r) and not _goes_on(e, r)]
     lost = e.bus.lost_between(start, end)

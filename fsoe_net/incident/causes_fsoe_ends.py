@@ -239,7 +239,7 @@ def _slow(
 def _fell_silent(
     e: IncidentEvidence, plan: PlannedConnection, reset: ResetSeen, facts: list[str]
 ) -> Iterator[Candidate]:
-    """The end whose turn it was said nothing any more, though its bus side went on."""
+    """The end that had to answer stopped, although its bus side continued."""
     device = plan.sub if reset.waiting_for == "sub" else plan.main
     seen = e.subdevice(device)
     start, end = e.window_ns

@@ -44,7 +44,7 @@ def place_causes(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _torn(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
-    """The destination does not hold what the source holds: somebody else wrote there."""
+    """The destination differs from the source: another writer wrote there."""
     plan = e.plan
     for side, sender in zip(link.sides, (plan.main, plan.sub) if plan else ("", ""), strict=True):
         if side.torn:
@@ -164,10 +164,10 @@ def _expected_address(
 
 
 def swapped_key(e: IncidentEvidence, one: str, *others: str) -> str:
-    """Return which cause it is when devices have each other's FSoE address.
+    """Return the cause when devices have exchanged FSoE addresses.
 
-    Where each of them stands in its place, by its type or since it never left the bus, only their
-    addresses were exchanged. Otherwise nobody but the person at the machine can know.
+    If each is at its position, by its type or because it never left the bus, only their addresses
+    were exchanged. Otherwise only the person at the machine can find out.
     """
     names = [one, *others]
     if len({e.type_of(name) for name in names}) > 1:
@@ -199,7 +199,7 @@ def swapped(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _refused_both(e: IncidentEvidence, plan: PlannedConnection) -> Iterator[Candidate]:
-    """Devices of one type refuse their address, and nobody knows which they have."""
+    """Devices of one type refuse their address, and their actual addresses are unknown."""
     partners = [o.sub for o in e.planned.values() if _both_refuse(e, plan, o)]
     if partners and all(e.address_of(sub) is None for sub in (plan.sub, *partners)):
         other = any_of(partners)
@@ -239,7 +239,7 @@ def _both_refuse(e: IncidentEvidence, one: PlannedConnection, two: PlannedConnec
 
 
 def _address(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
-    """The device refuses the address, or says it has another one."""
+    """The device refuses the address, or reports another one."""
     refused = sum(n for (by, c), n in reported_codes(e).items() if c == ResetCode.ADDRESS)
     says = e.address_of(plan.sub)
     expected = _expected_address(e, plan, link)
@@ -279,7 +279,7 @@ def _connection_id(
 
 
 def _shifted(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
-    """Whole frames beside the planned place, or with another length."""
+    """Whole frames next to the planned place, or with another length."""
     for side, (shift, device) in enumerate(zip(link.shifts, (plan.main, plan.sub), strict=True)):
         if shift is None:
             continue
@@ -345,7 +345,7 @@ def _altered(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
 def _not_taken(
     e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts
 ) -> Iterator[Candidate]:
-    """The sub answers right, and the main goes on waiting: the answer lands in a wrong place."""
+    """The sub answers correctly, and the main still waits: the answer is at a wrong place."""
     if not _waits_in_vain(link):
         return
     said = (

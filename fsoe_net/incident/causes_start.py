@@ -55,9 +55,9 @@ def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
-    """Return how well it fits that a SubDevice is not as planned, while the bus runs.
+    """Return the score for a SubDevice that is not as planned, while the bus runs.
 
-    What was found in its place is a fact, and those behind it may be gone with it.
+    The device found at its position is a fact; those after it may be missing with it.
     """
     if seen.found is Found.IDENTITY:
         return 97

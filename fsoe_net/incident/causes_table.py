@@ -1,7 +1,7 @@
-"""The causes an incident page can name, in words for somebody who stands at the machine.
+"""The causes that an incident page can name, in words for a person at the machine.
 
-None of them is a safety statement. They say what the evidence fits; the manuals of the devices and
-the person who may change the machine decide.
+None of them is a safety statement. They match the evidence; the manuals of the devices and the
+person who may change the machine decide.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ class Cause:
     Attributes:
         key: Name for programs; never changes.
         title: The cause in one sentence.
-        looks: What somebody at the machine sees.
-        measure: What to look at or measure next.
-        change: What to change when that confirms it.
+        looks: Symptoms seen at the machine.
+        measure: What to check or measure next.
+        change: What to change if that confirms it.
     """
 
     key: str

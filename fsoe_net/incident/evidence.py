@@ -1,4 +1,4 @@
-"""Everything an incident file says, in one pass: what causes are judged on."""
+"""All content of an incident file in one pass, as evidence for causes."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ _NEAR_CYCLES = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IncidentEvidence:
-    """What is known.
+    """The evidence.
 
-    ``name`` is the connection it is about: that of the trigger, else the first that is not in Data,
-    else empty. ``cut`` says why the file ends early. ``crossed`` counts the frames that fit between
+    ``name``: the connection concerned: that of the trigger, else the first that is not in Data,
+    else empty. ``cut``: why the file ends early. ``crossed``: number of frames that match between
     the connection of the trigger and another, by the name of that.
     """
 
@@ -69,7 +69,7 @@ class IncidentEvidence:
 
     @property
     def link(self) -> LinkFacts | None:
-        """The frames of the connection it is about; ``None`` when there are no cycles."""
+        """The frames of the connection concerned; ``None`` when there are no cycles."""
         return self.links.get(self.name)
 
     @property
@@ -132,11 +132,11 @@ class IncidentEvidence:
         )
 
     def facts(self, subdevice: str) -> FsoeFacts | None:
-        """Return what a SubDevice says of its FSoE ends."""
+        """Return the report of a SubDevice about its FSoE ends."""
         return next((f for f in self.head.fsoe if f.subdevice == subdevice), None)
 
     def address_of(self, subdevice: str) -> int | None:
-        """Return the FSoE address a SubDevice says it has; one that was refused for it says so."""
+        """Return the FSoE address that a SubDevice reports, also when it was refused for it."""
         facts = self.facts(subdevice)
         if facts is not None and facts.address is not None:
             return facts.address
@@ -150,7 +150,7 @@ class IncidentEvidence:
         return None if found is None else (found.vendor_id, found.product_code)
 
     def setting(self, name: str) -> FsoeSetting | None:
-        """Return how the MainInstance of a connection is set, as its device says.
+        """Return the settings of a connection's MainInstance, as reported by its device.
 
         Its connections are reported in the order of the plan, when there are as many.
         """
@@ -186,9 +186,9 @@ class IncidentEvidence:
         ]
 
     def line(self, bus: int) -> list[SubDeviceSnapshot]:
-        """Return the SubDevices of a bus in ring order, as far as the bus knows their state.
+        """Return the SubDevices of a bus in ring order, if the bus reports their state.
 
-        Where some have an alias a position may count from it: then it is the order of the plan.
+        If some have an alias, a position may count from it: then it is the order of the plan.
         """
         own = [s for s in self.head.subdevices if s.known and s.bus == bus]
         return own if any(s.alias for s in own) else sorted(own, key=lambda s: s.position)
@@ -290,7 +290,7 @@ def _number(text: str) -> int:
 
 
 def _bounds(head: IncidentHead, frame: LayoutCopy) -> tuple[int, int]:
-    """Return the sync manager a frame comes from: first byte and the one behind the last."""
+    """Return the source sync manager of a frame: first byte and the one after the last."""
     for sm in head.layout.sms:
         end = sm.offset_bytes + sm.size_bytes
         if sm.offset_bytes <= frame.source_byte < end:

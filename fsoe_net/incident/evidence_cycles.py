@@ -25,7 +25,7 @@ class BadCycles:
 
     @property
     def length_ns(self) -> int:
-        """From the first of them to the first good one behind them."""
+        """From the first of them to the first good one after them."""
         return self.end_ns - self.start_ns
 
 

@@ -59,7 +59,7 @@ class ResetSeen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """Whole frames were found beside the planned place, or with another length."""
+    """Whole frames were found next to the planned place, or with another length."""
 
     offset_bytes: int
     size_bytes: int
@@ -132,11 +132,11 @@ class LinkWatch:
     """Follows one connection cycle by cycle.
 
     Args:
-        places: Where its frames lie.
+        places: Places of its frames.
         moment_ns: Time of the trigger; frames around it are kept.
-        bounds: Where frames are searched when none lie where they should, by direction: first
-            byte and the one behind the last.
-        taken: Places of other frames, ``(first byte, length)``; they are not found.
+        bounds: Where to search for frames missing at their place, by direction: first byte and the
+            one after the last.
+        taken: Places of other frames, ``(first byte, length)``; excluded from the search.
     """
 
     def __init__(
@@ -194,7 +194,7 @@ class LinkWatch:
                 side.torn += 1
                 side.torn_cycle = side.torn_cycle or cycle
             if data != self._last[direction] and not any(data):
-                # An emptied image is no frame: a device in SAFEOP, or one that is gone.
+                # A cleared image is not a frame: a device in SAFEOP, or a missing one.
                 self._last[direction] = data
             elif data != self._last[direction]:
                 self.new[direction] = data
@@ -299,7 +299,7 @@ class LinkWatch:
         )
 
     def _search(self, direction: int, image: bytes) -> None:
-        """Look for whole frames beside the planned place."""
+        """Search whole frames next to the planned place."""
         if self._searched[direction] >= _SEARCHES:
             return
         self._searched[direction] += 1

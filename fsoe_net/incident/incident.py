@@ -1,6 +1,6 @@
-"""What an incident file (``.fsnincident``) holds, as plain values.
+"""Content of an incident file (``.fsnincident``) as plain values.
 
-Line 1 is the head, every further line one cycle, the last one says that the file is whole; see
+Line 1 is the head, every further line one cycle, the last one marks a complete file; see
 ``docs/reference/incident-file.md``. `incident_read` reads such files, `incident_write` writes them.
 """
 
@@ -87,7 +87,7 @@ class FsoeSetting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeFacts:
-    """What a SubDevice says about its FSoE ends."""
+    """Report of a SubDevice about its FSoE ends."""
 
     subdevice: str
     address: int | None

@@ -1,4 +1,4 @@
-"""What an incident file holds, as a reader wants to know it; the page and its JSON form show it."""
+"""Content of an incident file for readers; shown by the page and its JSON form."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class FrameRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IncidentFacts:
-    """Everything a page shows. ``nothing`` says why no cause is named; else it is empty."""
+    """Content of a page. ``nothing``: why no cause is named; else empty."""
 
     title: str
     sentence: str

@@ -1,7 +1,8 @@
-"""Reads incident files: line by line, in bounded memory, as far as they go.
+"""Reads incident files: line by line, in bounded memory, up to the first error.
 
-The head must be right; a mistake in it is reported with its key. Behind it a file may be cut off
-(full disk) or damaged: the cycles before are given, and `IncidentReader.cut` says what happened.
+The head must be valid; an error in it is reported with its key. After it a file may be truncated
+(full disk) or damaged: the preceding cycles are returned, and `IncidentReader.cut` gives the
+reason.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ class IncidentReader:
 
     Args:
         name: Name of the file, for messages.
-        stream: Its bytes; nobody else reads from it.
+        stream: Its bytes; must have no other reader.
 
     Attributes:
         head: First line.
@@ -34,7 +35,7 @@ class IncidentReader:
         cycles: Cycles given so far.
 
     Raises:
-        IncidentError: The first line is no head of an incident file.
+        IncidentError: The first line is not a valid head of an incident file.
     """
 
     def __init__(self, name: str, stream: BinaryIO) -> None:

@@ -17,7 +17,7 @@ _SUFFIX = ".fsnincident"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenIncident:
-    """Outcome of a write. ``path`` is ``None`` when nothing was left behind; ``fault`` says why."""
+    """Outcome of a write. ``path`` is ``None`` when no file was written; ``fault``: the reason."""
 
     path: Path | None
     fault: str = ""

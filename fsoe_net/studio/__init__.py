@@ -1,5 +1,5 @@
-"""The network in a browser: the same library behind it as behind the commands.
+"""The network in a browser, based on the same library as the commands.
 
-Add here: a route, a page, an action on the text of a network. Do not add: what a command could need
-too; it belongs below, and both call it.
+Add here: a route, a page, an action on the text of a network. Do not add: code that a command could
+also use; put it below, and call it from both.
 """

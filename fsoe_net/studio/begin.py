@@ -1,4 +1,4 @@
-"""The text that a network begins with where there is no file yet."""
+"""The initial text of a network without a file."""
 
 from __future__ import annotations
 

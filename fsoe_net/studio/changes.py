@@ -1,10 +1,10 @@
-"""What a person changes in the drawing, as changes of the network file.
+"""Edits in the drawing, as changes of the network file.
 
-Each is a map with a word that says which: ``connect``, ``disconnect``, ``confirm``, ``set`` of a
-connection, ``network`` for its name and cycle; `fsoe_net.studio.subdevices` has those of
-SubDevices. What it names is looked up in the network of the text it was made on. FSoE addresses,
-connection IDs and watchdogs belong to the safety project: a person types them, nothing here chooses
-one.
+Each is a map whose keyword selects the change: ``connect``, ``disconnect``, ``confirm``, ``set`` of
+a connection, ``network`` for its name and cycle; `fsoe_net.studio.subdevices` has those of
+SubDevices. Names are resolved in the network of the text that was edited. FSoE addresses,
+connection IDs and watchdogs belong to the safety project: a person enters them, they are never
+chosen here.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ DRAWN = "drawn in studio: compare it with the safety project"
 
 
 def change_of(request: Mapping[str, object], checked: Checked) -> Change:
-    """Return what a request changes in the maps and lists of the file.
+    """Return the change of the maps and lists of the file for a request.
 
     Args:
-        request: From the page; anything may be in it.
-        checked: The network it was made on.
+        request: From the page; untrusted.
+        checked: The network that was edited.
 
     Raises:
-        InputError: It cannot be made; says why and what to do.
+        InputError: The change is impossible; with the reason and the next step.
     """
     if checked.resolution is None:
         raise InputError("the text is no network at present: correct it first")

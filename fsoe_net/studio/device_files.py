@@ -94,7 +94,7 @@ class DeviceFiles:
 
 
 def _content(path: str) -> bytes:
-    """Return what a file has in it; what is no readable file is like nothing of ours."""
+    """Return the content of a file; an unreadable file matches no format."""
     try:
         return read_source(path)[1]
     except InputError:

@@ -164,7 +164,7 @@ def _subdevice(
 
 
 def _likely_role(device: Device, pairs: Sequence[FramePair], library: Library) -> str:
-    """Return the role that the device library knows for frames of these lengths."""
+    """Return the role in the device library for frames of these lengths."""
     lengths = tuple((p.taken_bytes, p.sent_bytes) for p in pairs)
     return library_role(DescribedSubDevice(device=device), lengths, library)
 

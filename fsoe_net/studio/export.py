@@ -43,18 +43,18 @@ def preview(
     *,
     named: Callable[[str], str] = printable,
 ) -> Row:
-    """Return the files that a format would have, and what it cannot hold.
+    """Return the files of a format, and notes on data that it cannot represent.
 
     Args:
         workspace: The network as it is in the page.
-        version: Of the text that is meant.
+        version: Version of the text to export.
         target: Name of a format, see `targets`.
-        esis: ESI files with what the network does not say of its devices.
-        named: Returns a text that can be shown.
+        esis: ESI files with device data missing in the network.
+        named: Returns a text for display.
 
     Raises:
-        StaleVersion: ``version`` is not the present one.
-        InputError: There is no such format, or it cannot hold the network.
+        StaleVersion: ``version`` is not the current one.
+        InputError: Unknown format, or it cannot represent the network.
     """
     made = _converted(workspace, version, target, esis)
     return {

@@ -1,4 +1,4 @@
-"""The files beside the network, by number: the page names no path."""
+"""The files next to the network, by number: the page never names a path."""
 
 from __future__ import annotations
 

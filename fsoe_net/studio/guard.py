@@ -1,4 +1,4 @@
-"""Who may use the studio: one person at one browser of this machine, or who knows the password.
+"""Access to the studio: one person at one browser of this machine, or with the password.
 
 The page can change files, so that other pages of the same browser, other users of the machine and
 other machines are kept out: a token that counts once becomes a cookie that only this origin sends
@@ -51,11 +51,11 @@ class Guard:
     """ASGI middleware that lets one browser in.
 
     Args:
-        app: What is behind it.
+        app: The protected application.
         port: On which it is served.
         body_limit: Most bytes of a request.
         limits: The same for some paths.
-        remote: Names of this machine and the password, where other machines are let in, by TLS.
+        remote: Names of this machine and the password, if other machines may connect, by TLS.
 
     Attributes:
         url: Opens the page; with a token, once.

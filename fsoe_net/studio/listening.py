@@ -21,14 +21,14 @@ _ROUNDS = 8  # of a handshake; TLS 1.3 needs two
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listening:
-    """Where to listen for other machines, and how they are let in.
+    """Address for other machines, and their authentication.
 
     Attributes:
         address: Name or IP address of this machine.
         certificate: PEM file, with the chain.
         key: PEM file of its key.
-        password: What opens the page.
-        names: What the page may be called: the address and the names in the certificate.
+        password: Password of the page.
+        names: Allowed host names: the address and the names in the certificate.
     """
 
     address: str
@@ -42,8 +42,8 @@ class Listening:
         """Read and check the three files.
 
         Raises:
-            InputError: One cannot be used, or others can read what only its owner may; says which,
-                and the next step.
+            InputError: A file cannot be used, or a private file is readable by others; with the
+                file and the next step.
         """
         password = _password(password_file)
         _closed(key, 0o007, "chmod o-rwx")

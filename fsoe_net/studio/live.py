@@ -22,7 +22,7 @@ from fsoe_net.studio.live_rows import Row, recorded_view
 from fsoe_net.studio.workspace import Workspace
 
 _POLL_S = 0.01
-_SILENCE_S = 1.0  # after which a stream says that it is there
+_SILENCE_S = 1.0  # then a stream sends a keep-alive
 _MOST_LINES = 100
 
 Body = dict[str, object]
@@ -78,7 +78,7 @@ class Live:
             self._start({})
 
     def close(self) -> None:
-        """End everything that was begun; ``fsn-master`` goes on."""
+        """End everything that was started; ``fsn-master`` continues."""
         self._control.close()
         for feed in (self._emulated, self._master):
             if feed is not None:

@@ -38,7 +38,7 @@ class LiveControl:
         self._path, self._note = path, note
         self._client: Client | None = None
         self._token, self._turn, self._until = "", 0, 0.0
-        self._armed: dict[str, int] = {}  # what was set last, exactly: the image is a cycle behind
+        self._armed: dict[str, int] = {}  # the exact last setting: the image is a cycle late
         jobs: dict[str, Callable[[Client, Body], Row]] = {
             "keep-control": _outputs,
             "set-output": self._set,

@@ -111,10 +111,10 @@ class EmulatedFeed(LiveFeed):
         ]
 
     def command(self, lines: Sequence[str]) -> None:
-        """Do what lines say, one in each cycle: as lines of `fsoe-net emulate` do.
+        """Run lines, one per cycle, like lines of `fsoe-net emulate`.
 
         Raises:
-            InputError: A line is no command, does not fit, or the run has ended.
+            InputError: A line is not a command, does not fit, or the run has ended.
         """
         for number, line in enumerate(lines, 1):
 
@@ -162,7 +162,7 @@ class EmulatedFeed(LiveFeed):
         return self._ask(made)
 
     def _order(self, work: Callable[[int], None]) -> None:
-        """Do something to a run that goes on."""
+        """Call a function with an active run."""
         if self._over:
             raise InputError("the run has ended; start another one")
         self._ask(work)
@@ -282,7 +282,7 @@ class EmulatedFeed(LiveFeed):
 
 
 class _Pace:
-    """Simulated time beside the clock."""
+    """Simulated time compared with the clock."""
 
     def __init__(self) -> None:
         self._begun_ns = time.monotonic_ns()
@@ -297,9 +297,9 @@ class _Pace:
             self._begun_ns += clock_ns - now_ns
 
     def share(self, now_ns: int) -> float | None:
-        """Return how fast simulated time goes beside the clock, over the last second; 1: as fast.
+        """Return the speed of simulated time relative to the clock, over the last second; 1: equal.
 
-        ``None`` until a second has gone.
+        ``None`` until a second has passed.
         """
         clock_ns = time.monotonic_ns()
         self._marks.append((clock_ns, now_ns))

@@ -84,9 +84,9 @@ class ScopeRing:
                 self._rows.popleft()
 
     def since(self, choice: int, number: int) -> tuple[Row, int]:
-        """Return what a page lacks that has this choice up to this number; the number it has then.
+        """Return the rows missing in a page with this choice and number, and the new number.
 
-        A row is a time in milliseconds, and the values behind it.
+        A row is a time in milliseconds, followed by the values.
         """
         with self._lock:
             first = max(number if choice == self.choice else 0, self._total - len(self._rows))
@@ -104,11 +104,11 @@ class ScopeRing:
 
 
 class LiveFeed(abc.ABC):
-    """One source of live pictures, with a thread of its own.
+    """One source of live updates, with its own thread.
 
     Attributes:
-        run: Identifies it; another run has another one.
-        history: What has happened.
+        run: Identifies the run; another run has another value.
+        history: Past events.
         scope: Values of the chosen signals.
         listeners: Pages that are listening.
     """
@@ -150,15 +150,15 @@ class LiveFeed(abc.ABC):
             self.listeners -= 1
 
     def message(self, event: int, choice: int, row: int) -> tuple[Row, int, int, int]:
-        """Return the newest picture with what a page lacks; and what it has then.
+        """Return the newest update with the data missing in a page, and its new state.
 
         Args:
-            event: Number of the first event that it lacks.
-            choice: The choice of signals that it knows.
-            row: Number of the first row of the scope that it lacks.
+            event: Number of the first missing event.
+            choice: The choice of signals in the page.
+            row: Number of the first missing row of the scope.
 
         Returns:
-            The picture; then as the arguments, for the next call.
+            The update; then the arguments for the next call.
         """
         ring = self.scope
         scope, rows = ring.since(choice, row)
@@ -169,7 +169,7 @@ class LiveFeed(abc.ABC):
         """Show other signals in the scope.
 
         Raises:
-            InputError: There is no such signal, or there are too many.
+            InputError: Unknown signal, or too many.
         """
         known = {str(row["name"]) for row in self.signals()}
         unknown = [name for name in names if name not in known]

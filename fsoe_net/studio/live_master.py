@@ -45,7 +45,7 @@ class MasterFeed(LiveFeed):
         self._scope_thread.start()
 
     def close(self) -> None:
-        """End; ``fsn-master`` goes on."""
+        """End; ``fsn-master`` continues."""
         super().close()
         if self._scope_thread.is_alive():
             self._scope_thread.join()
@@ -128,7 +128,7 @@ class MasterFeed(LiveFeed):
                 self._ending.wait(ALONE_S)
 
     def _take(self, client: Client, ring: ScopeRing, symbols: Sequence[Symbol]) -> None:
-        """Take cycles while a page listens and wants these signals."""
+        """Read cycles while a page listens and needs these signals."""
         while ring is self.scope and self.listeners and not self.closed:
             for cycle in client.watched(PICTURE_S):
                 ring.skipped += cycle.skipped
@@ -210,7 +210,7 @@ def _title(status: Status) -> str:
 
 
 def _notes(status: Status) -> Iterator[str]:
-    """Yield what is said beside the tables, a line each."""
+    """Yield the texts next to the tables, a line each."""
     if status.ring is not None:
         yield status.ring.text
     if status.clocks is not None:

@@ -1,4 +1,4 @@
-"""The test protocol, filled in at the machine: what the page shows, and what it enters."""
+"""The test record, filled in at the machine: display and entries of the page."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ Row = dict[str, object]
 
 
 class Protocols:
-    """Routes of the test protocol.
+    """Routes of the test record.
 
     Args:
         workspace: The network file.
-        folder: Where it is, and the protocols.
+        folder: Folder of the network file and the test records.
 
     Attributes:
-        routes: To be joined to those of the server.
+        routes: Routes to add to the server.
     """
 
     def __init__(self, workspace: Workspace, folder: Folder) -> None:
@@ -130,7 +130,7 @@ class Protocols:
 
 
 def _key(path: str, protocol: Protocol) -> str:
-    """Return what tells a protocol from one of another network or configuration."""
+    """Return the identity of a test record's network and configuration."""
     parts = (os.path.realpath(path), protocol.plan_sha256, protocol.fingerprint)
     return hashlib.sha256("\0".join(parts).encode("utf-8", "surrogateescape")).hexdigest()[:32]
 

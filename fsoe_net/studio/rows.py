@@ -40,10 +40,10 @@ def new_name_of(request: Mapping[str, object]) -> str:
 
 
 def name_of(request: Mapping[str, object], key: str, resolution: Resolution) -> str:
-    """Return the name of a SubDevice that a request has.
+    """Return the SubDevice name in a request.
 
     Raises:
-        InputError: There is no such SubDevice.
+        InputError: Unknown SubDevice.
     """
     name = request.get(key)
     if not isinstance(name, str) or name not in resolution.numbers:
@@ -52,10 +52,10 @@ def name_of(request: Mapping[str, object], key: str, resolution: Resolution) -> 
 
 
 def row_of(rows: Any, part: Located) -> Any:
-    """Return the item of a list of the file that a part of the network was read from.
+    """Return the list item of the file from which a part of the network was read.
 
     Raises:
-        InputError: It stands in another file, or is shared by an anchor.
+        InputError: It is in another file, or is shared by an anchor.
     """
     for row in rows or ():
         if getattr(row, "place", None) == (part.span.line, part.span.column):
@@ -64,7 +64,7 @@ def row_of(rows: Any, part: Located) -> Any:
 
 
 def remove_row(rows: Any, row: Any) -> None:
-    """Remove this item of a list of the file, and none that says the same."""
+    """Remove exactly this item of a list, not an equal one."""
     del rows[next(n for n, each in enumerate(rows) if each is row)]
 
 

@@ -1,4 +1,4 @@
-"""The server behind the page: one file, one person at this machine, or who knows the password."""
+"""The server of the page: one file, one person at this machine, or with the password."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _connection(row: ConnectionResult, absent: dict[str, str]) -> Row:
 _ASSETS = Path(__file__).parent / "assets"
 _BODY_LIMIT = 2 * MAX_TEXT_BYTES + 4096  # JSON writes some characters as two
 _LOOK_EVERY_S = 0.5
-_EVENTS_S = 1.0  # of silence, after which a stream says that it is there, and looks for the end
+_EVENTS_S = 1.0  # of silence; then a stream sends a keep-alive and checks for the end
 
 Body = dict[str, object]
 Act = Callable[[Workspace, int, Body], Sequence[str] | None]
@@ -201,7 +201,7 @@ class Studio:
             http=LimitedProtocol,
             ssl_certfile=None if remote is None else remote.certificate,
             ssl_keyfile=None if remote is None else remote.key,
-            proxy_headers=False,  # no other program says where a request comes from
+            proxy_headers=False,  # there is no trusted proxy
             log_level="critical",
             access_log=False,
             server_header=False,

@@ -1,7 +1,7 @@
-"""Changes of SubDevices in the drawing: ``place``, ``move``, ``rename``, ``remove``, to add some.
+"""Changes of SubDevices in the drawing: ``place``, ``move``, ``rename``, ``remove``, and adding.
 
-Positions and aliases describe the machine as it is; nothing here chooses one by itself but the
-position of a SubDevice that is added without one: the next behind the last.
+Positions and aliases describe the existing machine; they are never chosen here, except for a
+SubDevice that is added without a position: it gets the next one after the last.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ _MOST_POSITION = 65535
 def added(
     resolution: Resolution, rows: Sequence[Addition], bus: int
 ) -> Callable[[Any, Sequence[str]], None]:
-    """Return what adds SubDevices to a bus; it takes the names that their device files got.
+    """Return the change that adds SubDevices to a bus; it takes the names of their device files.
 
     Args:
-        resolution: Of the text.
-        rows: Those with a position keep it.
+        resolution: Resolution of the text.
+        rows: SubDevices to add; given positions are kept.
         bus: Number of the bus, 0 where the file has one.
 
     Raises:
-        InputError: There is no such bus, a position is taken, or no position is left.
+        InputError: Unknown bus, a position is taken, or no position is left.
     """
     network = resolution.network
     if bus and bus >= len(network.buses):
@@ -170,7 +170,7 @@ def _remove(request: Mapping[str, object], resolution: Resolution) -> Change:
 
 
 def _remove_from_nets(document: Any, name: str) -> None:
-    """Remove what names a SubDevice and is no whole connection, such as a copy of standard data."""
+    """Remove references to a SubDevice outside connections, such as a copy of standard data."""
     nets = _maps(document.get("nets"))
     for net in nets:
         gone = [
@@ -205,7 +205,7 @@ def _without(parent: Any, key: str, goes: Callable[[Any], bool]) -> bool:
 
 
 def _maps(rows: Any) -> list[Any]:
-    """Return the items that are maps; what else stands there is a finding, and stays."""
+    """Return the items that are maps; others are findings, and unchanged."""
     return [row for row in rows or () if isinstance(row, dict)]
 
 

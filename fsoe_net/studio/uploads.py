@@ -169,11 +169,11 @@ class Uploads:
         """Add SubDevices of ``offers``, numbers of `shown`, to ``bus`` of the network.
 
         Returns:
-            What a person has to know or to do.
+            Notes and tasks for the user.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
-            InputError: One cannot be added; says why.
+            StaleVersion: ``version`` is not the current one.
+            InputError: A SubDevice cannot be added; with the reason.
         """
         numbers, bus = body.get("offers"), body.get("bus", 0)
         if not isinstance(numbers, list) or type(bus) is not int or bus < 0:
@@ -193,10 +193,10 @@ class Uploads:
         return tuple(self.place(text) for text in said)
 
     def take(self, workspace: Workspace, version: int, _: Mapping[str, object]) -> None:
-        """Take the network that the files propose as the text; undo brings the one before back.
+        """Use the network proposed from the files as the text; undo restores the previous one.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
+            StaleVersion: ``version`` is not the current one.
             InputError: There is no proposal.
         """
         with self._lock:

@@ -53,7 +53,7 @@ class _Steps:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OnDisk:
-    """The file as it was read or written last: its text, the hash of its bytes, its mark.
+    """The file as last read or written: its text, the hash of its bytes, its mark.
 
     ``sha256`` is empty while there is no file.
     """
@@ -69,18 +69,18 @@ class Workspace:
     Args:
         path: The file.
         loading: How references in it are followed.
-        new_text: Where there is no such file: the text that it begins with, not yet written.
+        new_text: Initial text if the file does not exist, not yet written.
 
     Attributes:
         path: The file.
         loading: How references in it are followed.
-        version: Counts the changes of what is shown: a change names the version it was made on.
-        text: The text as it is in the page.
-        outside: Whether somebody else has changed the file since it was read or written here.
-        checked: The network of the text, with everything found in it.
+        version: Counts changes of the displayed text: a change names the version it is based on.
+        text: The text in the page.
+        outside: Whether another program has changed the file since it was read or written here.
+        checked: The network of the text, with its findings.
 
     Raises:
-        InputError: The file cannot be read, is no text, or has more than ``MAX_TEXT_BYTES``.
+        InputError: The file cannot be read, is not text, or has more than ``MAX_TEXT_BYTES``.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Workspace:
 
     @property
     def is_new(self) -> bool:
-        """Whether there is no file yet; `save` makes it."""
+        """Whether the file does not exist yet; `save` creates it."""
         return not self._file.sha256
 
     @property
@@ -111,7 +111,7 @@ class Workspace:
 
     @property
     def unwritten(self) -> tuple[str, ...]:
-        """Names of the device files that `save` writes beside the network file."""
+        """Names of the device files that `save` writes next to the network file."""
         return tuple(self._new.named_in(self.text))
 
     @contextmanager
@@ -142,7 +142,7 @@ class Workspace:
         with self._lock:
             self._expect(version)
             _limit(text)
-            if "\r" in self.text:  # a browser knows one end of lines
+            if "\r" in self.text:  # a browser supports only one line ending
                 text = _with_line_ends(self.text, text)
             self._set(text)
 
@@ -150,8 +150,8 @@ class Workspace:
         """Make a change of the network; see `fsoe_net.studio.changes`.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
-            InputError: There is no such change, or the text is no YAML.
+            StaleVersion: ``version`` is not the current one.
+            InputError: Unknown change, or the text is not valid YAML.
         """
         with self._lock:
             self._expect(version)
@@ -168,17 +168,17 @@ class Workspace:
         *,
         text: str | None = None,
     ) -> None:
-        """Make a change that needs device files; `save` writes those, and replaces none.
+        """Make a change that needs device files; `save` writes them without replacing any.
 
         Args:
-            version: Of the text.
+            version: Version of the text.
             files: Proposed names of device files, each with its text.
-            change: Changes the maps and lists of the file; takes the names that the files got.
-            text: What it changes instead of the present text.
+            change: Changes the maps and lists of the file; takes the names of the device files.
+            text: Text to change instead of the current one.
 
         Raises:
-            StaleVersion: ``version`` is not the present one.
-            InputError: The text is no YAML.
+            StaleVersion: ``version`` is not the current one.
+            InputError: The text is not valid YAML.
         """
         with self._lock:
             self._expect(version)
@@ -336,7 +336,7 @@ def _limit(text: str) -> None:
 
 
 def _with_line_ends(before: str, after: str) -> str:
-    """Return a text from a browser, which knows one end of lines, with those that the file has."""
+    """Return a text from a browser, which has one line ending, with those of the file."""
     own, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
     plain = [line.replace("\r\n", "\n") for line in own]
     end = "\r\n" if own[0].endswith("\r\n") else "\n"

@@ -18,7 +18,7 @@ from fsoe_net.fsoe.pdu import Command, safe_data_length
 
 ENOUGH_FRAMES = 20
 _LIKELY_FRAMES = 4  # from then on the CRCs are followed
-_REMEMBERED = 6  # frames a copy may lie behind its source, and a lost packet between
+_REMEMBERED = 6  # frames a copy may lag its source, plus a lost packet
 _MOST_WINDOWS = 4096
 _MOST_MONITORS = 256
 _SHARE = 0.9  # of new frames at the destination that have to come from the source
@@ -76,8 +76,8 @@ class Cycles:
     """Takes the logical datagrams.
 
     Attributes:
-        windows: What passed by, by command, logical address and length.
-        overflow: More different datagrams than are kept.
+        windows: Data seen, by command, logical address and length.
+        overflow: Whether there were more different datagrams than can be kept.
     """
 
     def __init__(self) -> None:

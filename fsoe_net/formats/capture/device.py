@@ -1,4 +1,4 @@
-"""What a capture shows of a SubDevice, into the model. What it does not show is said."""
+"""Converts the data of a SubDevice in a capture into the model; missing data is reported."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class _Read:
 
 
 def describe_station(station: Station, path: str, out: Collector) -> DescribedSubDevice:
-    """Return what is known of a SubDevice.
+    """Return the known data of a SubDevice.
 
     Args:
-        station: What was seen.
+        station: Data seen in the capture.
         path: The capture.
-        out: Takes FSN153 for what the capture does not show, FSN154 where PDOs do not fill the
-            room that the MainDevice has given them.
+        out: Takes FSN153 for data missing in the capture, FSN154 where PDOs do not fill the space
+            that the MainDevice has assigned to them.
     """
     read = _Read(station, path, Span(path, station.packet, 1))
     findings, damage = Collector(), Collector()
@@ -267,7 +267,7 @@ def _mapped(read: _Read, index: int, mapping: tuple[int, ...]) -> Pdo:
 def _settled(
     read: _Read, rows: list[tuple[SyncManager, Manager | None]]
 ) -> tuple[SyncManager, ...]:
-    """Give a layout only where all of it is known: half of one would shift what stands behind."""
+    """Return a layout only if all of it is known: a partial one would shift the following data."""
     blank = [sm for sm, row in rows if sm.pdos is None and (row is None or row.length)]
     if not blank:
         return tuple(sm for sm, _ in rows)

@@ -51,7 +51,7 @@ def is_capture(head: bytes) -> bool:
 
 
 class _DamageError(Exception):
-    """The file cannot be read on; the text says why."""
+    """The rest of the file cannot be read; the text gives the reason."""
 
 
 @dataclass(slots=True)
@@ -125,7 +125,7 @@ class CaptureReader:
 
     def _pcap(self, order: str, unit_ns: int) -> Iterator[tuple[int, int, bytes]]:
         _, _, _, _, _, link = struct.unpack(order + "HHiIII", self._exactly(20, "its header"))
-        link &= 0xFFFF  # the upper bits announce a checksum behind each packet
+        link &= 0xFFFF  # the upper bits announce a checksum after each packet
         if link != _ETHERNET:
             raise InputError(_no_ethernet(self._name, {link}))
         record = struct.Struct(order + "IIII")
@@ -175,7 +175,7 @@ class CaptureReader:
             raise InputError(_no_ethernet(self._name, {c.link_type for c in self._clocks}))
 
     def _section(self, head: bytes) -> tuple[str, bytes]:
-        """Begin a section: byte order anew, interfaces anew. ``head``: length and magic."""
+        """Begin a section: reset byte order and interfaces. ``head``: length and magic."""
         if head[4:] == b"\x4d\x3c\x2b\x1a":
             order = "<"
         elif head[4:] == b"\x1a\x2b\x3c\x4d":
@@ -235,7 +235,7 @@ class _Counted(io.RawIOBase):
 
 
 class _Unpacked(_Counted):
-    """What is in a gzip stream; a few bytes that would become hours of packets are no capture."""
+    """Content of a gzip stream; a few bytes that expand to hours of packets are rejected."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._packed = _Counted(stream)

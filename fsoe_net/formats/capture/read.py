@@ -1,8 +1,8 @@
 """A capture of EtherCAT, pcap or pcapng, into a description of the bus.
 
-What a MainDevice does in its start-up shows what is on the bus: it gives station addresses in
-ring order, reads EEPROMs and objects, writes PDO assignments, sync managers and FMMUs. Packets are
-read one by one, and only the state they leave behind is kept.
+The start-up traffic of a MainDevice shows the bus: it assigns station addresses in ring order,
+reads EEPROMs and objects, writes PDO assignments, sync managers and FMMUs. Packets are read one by
+one, and only the resulting state is kept.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ def load_capture(source: Source, out: Collector, *, name: str = "<capture>") -> 
 
     Args:
         source: Path of a pcap or pcapng file, packed with gzip or not, or its bytes.
-        out: Takes FSN150 when there is no EtherCAT in it, FSN151 where the file is damaged, FSN152
-            for packets of which only the beginning was kept, FSN153 for what it does not show,
-            FSN154 for PDOs that do not fit. The line of a place is the number of the packet.
+        out: Takes FSN150 when the capture has no EtherCAT, FSN151 where the file is damaged, FSN152
+            for packets of which only the beginning was kept, FSN153 for missing data, FSN154 for
+            PDOs that do not fit. The line of a place is the number of the packet.
         name: Name shown when ``source`` is bytes.
     """
     if isinstance(source, bytes):
@@ -129,7 +129,7 @@ class _Capture:
             self._cycles.take(row, self._packets)
 
     def _watch(self) -> None:
-        """Work out anew where frames are to be expected."""
+        """Recompute where frames are expected."""
         for station in self._ring.stations:
             if station.changed:
                 described = describe_station(station, self._path, Collector())

@@ -31,9 +31,10 @@ class Ring:
 
     Attributes:
         count: SubDevices in the ring, as the last broadcast showed; ``None`` before one.
-        restarted: Last packet where the number of SubDevices had changed and addresses came anew.
-        full: More SubDevices than are kept.
-        changed: Something that decides about layouts has changed since this was last cleared.
+        restarted: Last packet where the number of SubDevices had changed and addresses were
+            assigned again.
+        full: Whether there are more SubDevices than can be kept.
+        changed: Whether anything that affects layouts has changed since this was last cleared.
     """
 
     def __init__(self) -> None:
@@ -50,7 +51,7 @@ class Ring:
 
     @property
     def stations(self) -> list[Station]:
-        """All of them, in ring order; behind them those whose place is not known, by address."""
+        """All of them, in ring order; then those with unknown position, by address."""
         placed = [self._by_position[n] for n in sorted(self._by_position)]
         return placed + [self._by_address[n] for n in sorted(self._by_address) if self._free(n)]
 

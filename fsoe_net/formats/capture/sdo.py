@@ -165,7 +165,7 @@ class SdoFollower:
 
 
 def _take_first(now: _Transfer, body: bytes) -> None:
-    """Take the data of a first message: up to four bytes in place of the size, or behind it."""
+    """Take the data of a first message: up to four bytes instead of the size, or after it."""
     if body[0] & 2:
         unused = body[0] >> 2 & 3 if body[0] & 1 else 0
         now.data += body[4 : 8 - unused]
@@ -176,6 +176,6 @@ def _take_first(now: _Transfer, body: bytes) -> None:
 
 
 def _segment(body: bytes) -> bytes:
-    """Return the data of a segment; short ones stand in seven bytes."""
+    """Return the data of a segment; short data are padded to seven bytes."""
     data = body[1:]
     return data[: 7 - (body[0] >> 1 & 7)] if len(data) == 7 else data

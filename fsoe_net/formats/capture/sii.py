@@ -50,7 +50,7 @@ class SiiReads:
             self._ready = False
 
     def status(self, control: int) -> None:
-        """Take the control word as somebody has read it."""
+        """Take the control word as read on the bus."""
         self._ready = not control & (_BUSY | _REFUSED)
         self._wide = bool(control & _WIDE)
 
@@ -122,7 +122,7 @@ class SiiReads:
 
 
 def _usable(kind: int, words: list[int]) -> list[int]:
-    """Return what the begin of a category says on its own: the first strings, or the names."""
+    """Return complete content of a truncated category: the first strings, or the names."""
     if kind == _GENERAL:
         return words if len(words) >= _GENERAL_WORDS else []
     if kind != _STRINGS or not words:

@@ -112,7 +112,7 @@ class Station:
     def _is_mailbox(self, register: int, direction: Direction) -> bool:
         managers = self.managers()
         if not managers:
-            return True  # the capture begins behind the set-up; the mailbox itself has to fit
+            return True  # the capture begins after the set-up; the mailbox itself must fit
         return any(
             m.is_mailbox and m.direction is direction and m.start <= register < m.start + m.length
             for m in managers.values()

@@ -21,10 +21,10 @@ from fsoe_net.model.description import DescribedCopy, Description
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EniImages:
-    """An ENI and where its images are, for a writer that only changes its copies.
+    """An ENI and the position of its images, for a writer that only changes its copies.
 
     Attributes:
-        description: What `load_eni` gives.
+        description: Result of `load_eni`.
         header_bits: Bits between the offset of a command and its data.
         starts: First bit of each sync manager in its image, by SubDevice and SM number.
     """
@@ -46,11 +46,11 @@ class EniImages:
 def load_eni(source: Source, out: Collector, *, name: str = "<eni>") -> Description | None:
     """Read an ENI.
 
-    Each section is forgotten as soon as it has been read, so a file of one long line is no matter.
+    Each section is freed after reading, so even a large file on a single line is supported.
 
     Args:
         source: Path, or the bytes of the file.
-        out: Takes what is wrong, located.
+        out: Takes findings, located.
         name: Name shown when ``source`` is bytes.
 
     Returns:
@@ -160,9 +160,9 @@ class _Reader:
         )
 
     def _one_each(self) -> None:
-        """No two SubDevices may stand at one place of the ring.
+        """Report two SubDevices at the same ring position.
 
-        Members of groups that come and go have no place of their own until they come.
+        Members of groups that may be absent have no position until they are attached.
         """
         if any(slave.hot_connect for slave in self._slaves):
             return

@@ -62,14 +62,13 @@ class ImageMap:
 
 
 def header_bits(slaves: list[EniSlave], parts: EniParts, out: Collector) -> int | None:
-    """Return how far data stand behind the offset of their command: 80 bits or 0 so far seen.
+    """Return the distance from the offset of a command to its data: 80 bits or 0 in known files.
 
     ``BitStart == 8 * (Offs + FMMU.logical - Addr) + FMMU.startbit + header``. Tools that count from
     the datagram header leave 10 bytes there, others none.
 
     Returns:
-        The one constant; ``None`` when it is not known, or with FSN142 when the file disagrees with
-        itself.
+        The single constant; ``None`` when unknown, or with FSN142 when the file is inconsistent.
     """
     first: dict[int, Window] = {}
     commands = {

@@ -1,4 +1,4 @@
-"""The parts of an ENI as they stand in the file, before anything is concluded from them."""
+"""The parts of an ENI as in the file, without interpretation."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class CyclicCommand:
     output_offset: int | None
 
     def offset(self, direction: Direction) -> int | None:
-        """Return where its data stand in an image, bytes; ``None`` when they do not."""
+        """Return the position of its data in an image, bytes; ``None`` when they are not in it."""
         if direction is Direction.INPUT:
             return self.input_offset if self.command != _LWR else None
         return self.output_offset if self.command != _LRD else None

@@ -324,7 +324,7 @@ def _hex(element: Element | None, out: Collector) -> bytes:
 
 
 def _registers(commands: Element | None, out: Collector) -> tuple[tuple[Fmmu, ...], int]:
-    """Return the FMMUs and the DC activation word that the register writes leave behind."""
+    """Return the FMMUs and the DC activation word that result from the register writes."""
     fmmus: dict[int, Fmmu] = {}
     activate = 0
     for cmd in commands.all("InitCmd") if commands is not None else ():

@@ -13,15 +13,15 @@ from fsoe_net.model.renumber import renumbered_copies
 
 
 def renewed_eni(bus: Description, path: str, notes: list[str]) -> bytes:
-    """Return the ENI with the copies of the bus instead of its own; all else as it is.
+    """Return the ENI with the copies of the bus instead of its own; the rest is unchanged.
 
     Args:
-        bus: What the network says.
+        bus: Description of the network.
         path: The ENI.
-        notes: Takes how many copies went and came.
+        notes: Takes the numbers of removed and added copies.
 
     Raises:
-        InputError: The ENI cannot be read, or is not of this bus.
+        InputError: The ENI cannot be read, or is of another bus.
     """
     out = Collector()
     data = read_bytes(path, out)

@@ -28,16 +28,16 @@ def write_eni_file(description: Description, *, file: str) -> Written:
 def write_eni(description: Description, *, header_bytes: int = 0) -> str:
     """Return an ENI for a bus.
 
-    Addresses, FMMUs, process data, start-up SDOs, cyclic commands and copies are in it. What only
-    an ESI knows is in it where a SubDevice has `StartFacts`; `eni_notes` names the rest.
+    It contains addresses, FMMUs, process data, start-up SDOs, cyclic commands and copies. Data from
+    an ESI are included where a SubDevice has `StartFacts`; `eni_notes` names the rest.
 
     Args:
         description: SubDevices with ring positions, copies.
-        header_bytes: Bytes between the offset of a command and its data: 0 or 10, as the MainDevice
-            that reads it has them.
+        header_bytes: Bytes between the offset of a command and its data: 0 or 10, as expected by
+            the MainDevice that reads it.
 
     Raises:
-        InputError: A SubDevice without a ring position, two at one position, a copy out of its
+        InputError: A SubDevice without a ring position, two at one position, a copy outside its
             sync manager, data too long for a datagram.
     """
     if header_bytes not in (0, 10):
@@ -67,7 +67,7 @@ def _check_positions(description: Description) -> None:
 
 
 def _placed(sub: DescribedSubDevice) -> DescribedSubDevice:
-    """Put in where sync managers begin, where only the type says it."""
+    """Add the start of sync managers, where only the type defines it."""
     starts = sub.start.starts if sub.start is not None else {}
     managers = tuple(
         replace(sm, start_byte=starts.get(sm.index)) if sm.start_byte is None else sm

@@ -42,9 +42,9 @@ def register(
         code: Command.
         address: Auto-increment or station address.
         ado: Register.
-        data: What is written, or as many zeros as are read.
+        data: Data to write, or as many zeros as bytes to read.
         comment: For people.
-        before: It is sent before those of the SubDevices.
+        before: Whether it is sent before the commands of the SubDevices.
         more: Elements at its end.
     """
     counter = "" if before else "<Cnt>1</Cnt>"

@@ -37,15 +37,15 @@ class _Cmd:
 def replace_copies(
     data: bytes, copies: Iterable[tuple[int, int, int]], *, header_bits: int
 ) -> bytes:
-    """Return the ENI with these copies instead of its own; all else byte for byte the same.
+    """Return the ENI with these copies instead of its own; all other bytes are unchanged.
 
     Args:
         data: An ENI that was read without a finding.
         copies: Source bit, destination bit and number of bits of each, in the images of this file.
-        header_bits: What this file has between the offset of a command and its data, 80 or 0.
+        header_bits: Bits between the offset of a command and its data in this file, 80 or 0.
 
     Raises:
-        InputError: No command of the file brings the source of a copy, or it is no ENI.
+        InputError: No command of the file carries the source of a copy, or it is not an ENI.
     """
     encoding = _UTF16.get(data[:2])
     if encoding is not None:

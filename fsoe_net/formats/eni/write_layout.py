@@ -12,7 +12,7 @@ from fsoe_net.model.layout import SmLayout
 
 LOGICAL_BASE = 0x10000000
 _MAX_DATAGRAM = 1486
-_FIRST_WITH_HEADER = 16  # 14 bytes of Ethernet and 2 of EtherCAT stand before the first datagram
+_FIRST_WITH_HEADER = 16  # 14 bytes of Ethernet and 2 of EtherCAT before the first datagram
 _COUNTER_BYTES = 2
 
 

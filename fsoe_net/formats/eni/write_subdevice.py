@@ -70,7 +70,7 @@ def slave_lines(
 
 
 def _period_ns(sub: DescribedSubDevice, cycle_us: int) -> int | None:
-    """Return the period of SYNC0, ``None`` where there is none or nobody says it."""
+    """Return the period of SYNC0, ``None`` if unused or not stated."""
     clock = sub.start.clock if sub.start is not None else None
     if clock is None or not sub.device.assign_activate & _SYNC0:
         return None

@@ -41,8 +41,8 @@ def cached_catalogue(sha256: str, size: int) -> EsiCatalogue | None:
     """Return the catalogue of a file with this content, or ``None``.
 
     Args:
-        sha256: Of the file, in hex.
-        size: Bytes of the file; no offset may lie behind.
+        sha256: SHA-256 of the file, in hex.
+        size: Bytes of the file; no offset may exceed it.
     """
     path = _path(sha256)
     if path is None:

@@ -28,7 +28,7 @@ _ENGLISH = "1033"
 _PROFILE = re.compile(rb"""<Profile(?:\s(?:[^<>"']|"[^"<]*"|'[^'<]*')*)?(?<!/)>""")
 _PROFILE_END = re.compile(rb"</Profile\s*>")
 
-# What is looked into, by the element it stands in; everything else is jumped over.
+# Elements to search, by parent element; all others are skipped.
 _INSIDE = {
     "": frozenset({"EtherCATInfo", "EtherCATInfoList"}),
     "EtherCATInfoList": frozenset({"EtherCATInfo"}),
@@ -49,14 +49,14 @@ class EsiRow:
 
     Attributes:
         kind: ``device`` or ``module``.
-        vendor: Vendor ID; 0 when the file does not say.
+        vendor: Vendor ID; 0 when not stated.
         product: Product code, or the ident of a module.
-        revision: ``None`` for a module, or when the file leaves it open.
+        revision: ``None`` for a module, or when not stated.
         type: Order number such as ``EL1904``.
         name: English name, else the first.
-        group: Number of the ``EtherCATInfo`` it stands in; a list has several.
+        group: Number of its ``EtherCATInfo``; a list has several.
         offset: First byte of the element.
-        end: Byte behind its content.
+        end: Byte after its content.
         line: Line of its tag, from 1.
         column: Column of its tag, from 1.
     """
@@ -287,7 +287,7 @@ class _Scan:
             self._places = _Places(self._data, self.encoding)
         try:
             return Span(self._file, *self._places.of(offset))
-        except LookupError:  # an encoding nobody knows
+        except LookupError:  # unknown encoding
             return Span(self._file, 1, 1)
 
     def _here(self) -> Span:
@@ -302,7 +302,7 @@ class _Scan:
             self.encoding = encoding
 
     def _doctype(self, *_arguments: object) -> None:
-        """Refuse the declaration; expat reports it behind its name, so its start is searched."""
+        """Reject the declaration; expat reports it after its name, so search its start."""
         behind = self._parser.CurrentByteIndex + self._left_out
         span = self._span(max(self._data.rfind(b"<!DOCTYPE", 0, behind), 0))
         hint = "delete <!DOCTYPE …>; entities are not used"

@@ -20,7 +20,7 @@ _OTHER = {Direction.OUTPUT: "RxPdo", Direction.INPUT: "TxPdo"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EsiPdo:
-    """A PDO with what the ESI says about its assignment. ``sm`` is ``None`` when it is open."""
+    """A PDO with the ESI data about its assignment. ``sm`` is ``None`` when it is open."""
 
     pdo: Pdo
     direction: Direction
@@ -237,8 +237,9 @@ def slot_places(slots: Element | None, out: Collector, most: int) -> list[SlotPl
 
     Args:
         slots: The element ``Slots`` of a device.
-        out: Takes FSN111 for numbers that cannot be read.
-        most: Places that are requested; those behind the last default module are left out beyond.
+        out: Takes FSN111 for unreadable numbers.
+        most: Number of places requested; places after the last default module are omitted beyond
+            it.
     """
     if slots is None:
         return []

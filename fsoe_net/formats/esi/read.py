@@ -159,7 +159,7 @@ class _File:
         if scanned is None:
             return False
         self.catalogue = scanned
-        # A file with findings is read anew each time, so that they are reported each time.
+        # A file with findings is read again each time, so that they are reported each time.
         if self._sha256 and len(out.diagnostics) == before:
             keep_catalogue(self._sha256, scanned)
         return True

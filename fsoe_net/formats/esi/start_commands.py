@@ -1,4 +1,4 @@
-"""What an ESI says about starting a device: ports, mailbox, sync managers, clock."""
+"""ESI data for starting a device: ports, mailbox, sync managers, clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PORTS = frozenset("YKBH ")
 
 
 def esi_start(element: Element, revision: int | None, pdos: Iterable[EsiPdo]) -> StartFacts:
-    """Return what a ``Device`` says about its start; numbers out of range are left out.
+    """Return the start-up data of a ``Device``; numbers out of range are omitted.
 
     Args:
         element: The ``Device``.

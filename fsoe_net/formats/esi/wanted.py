@@ -1,4 +1,4 @@
-"""From an ESI of any size the devices that somebody has."""
+"""Reads only the required devices from an ESI of any size."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from fsoe_net.model.description import DescribedSubDevice, Description
 def load_devices(
     path: str, wanted: Iterable[DescribedSubDevice], out: Collector
 ) -> Description | None:
-    """Read from an ESI of any size the devices that somebody has; ``None`` when it has none.
+    """Read only the required devices from an ESI of any size; ``None`` if it has none of them.
 
     Args:
         path: The ESI.
-        wanted: SubDevices; their identity, revision and modules count. One without an identity is
-            found by its order number, where the file has one device of that.
-        out: Takes what is wrong with it.
+        wanted: SubDevices, matched by identity, revision and modules. One without an identity is
+            matched by its order number, if the file has exactly one such device.
+        out: Takes findings.
     """
     catalogue = list_esi(path, out)
     if catalogue is None:

@@ -38,7 +38,7 @@ FORMAT = Format(
             text=rb"^[ \t]*\d{1,5} +\d{1,5}:\d{1,5} +" + _STATES + b" ",
         ),
     ),
-    guesses=(b"<EtherCATInfo",),  # XML behind a prompt
+    guesses=(b"<EtherCATInfo",),  # XML after a prompt
     targets=(
         Target(name="igh", write=_WRITE, options={"igh": True}, suffixes=(".h",)),
         Target(name="c", write=_WRITE, options={"igh": False}),

@@ -231,9 +231,9 @@ def _entry(match: re.Match[str], line: Line) -> Entry:
 
 
 def _ends_like_pdos(text: Pasted, subs: list[Building]) -> None:
-    """A PDO at the very end without entries, where others have some, was cut off behind its name.
+    """Report a final PDO without entries, where others have some: it was cut off after its name.
 
-    So was a sync manager that is on and has data by its DefaultSize, but no PDOs.
+    The same for an enabled sync manager with data by its DefaultSize but without PDOs.
     """
     if not subs or not text.lines:
         return
@@ -295,7 +295,7 @@ _VERBOSE_STARTS = ("=== Master", *_HEX_KEYS, "Alias", "State", "Device", "Order 
 
 
 def _digits(line: Line) -> tuple[str, ...]:
-    """A line of the list begins with the position; one that was cut off has no more."""
+    """A line of the list begins with the position; a truncated one has only that."""
     match = re.match(r"\d{1,5}(\s+\d{0,5}:?|$)", line.stripped)
     return (match[0],) if match else ()
 

@@ -1,8 +1,8 @@
 """``ethercat cstruct``: C tables with the PDOs of one or more SubDevices.
 
-The comment before the second and later SubDevices gives its number in hexadecimal, though nothing
-says so; the identifiers have it in decimal. Users rename identifiers, so a table is found by the
-name that refers to it and by its ``+ offset``, never by how it should be called.
+The comment before the second and later SubDevices gives its number in hexadecimal without a prefix;
+the identifiers have it in decimal. Users rename identifiers, so a table is found by the name that
+refers to it and by its ``+ offset``, never by its expected name.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def read_sii_text(text: Pasted) -> Description:
 
 
 def _digits(line: Line) -> tuple[str, ...]:
-    """A line of bytes that was cut off has no more than digits."""
+    """A truncated line of bytes has only digits."""
     return (line.stripped,) if _PART_OF_BYTES.match(line.stripped) else ()
 
 

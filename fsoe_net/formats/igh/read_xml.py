@@ -1,7 +1,7 @@
-"""``ethercat xml``: what an IgH master knows of SubDevices, as ESI that is not quite XML.
+"""``ethercat xml``: SubDevices as seen by an IgH master, as ESI that is not quite XML.
 
 Names are not escaped, so ``&`` and ``<`` in them break the file; they are escaped here before it is
-parsed. Every type is ``Fixed`` and ``Mandatory``, which means nothing.
+parsed. Every type is ``Fixed`` and ``Mandatory``, which carries no information.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _FIRST = re.compile(r"<\?xml|<EtherCATInfo")
 
 
 def read_xml(data: bytes, shown: str, out: Collector) -> Description | None:
-    """Read the output of ``ethercat xml``; a prompt before or behind it does not matter."""
+    """Read the output of ``ethercat xml``; a prompt before or after it is ignored."""
     text = text_of(data)
     begin = _FIRST.search(text)
     if begin is None:

@@ -119,7 +119,7 @@ class _Master:
         self._units: list[str] = []  # sync unit of each SubDevice
 
     def description(self) -> Description:
-        """Return what the master says."""
+        """Return the content of the master."""
         subs: list[DescribedSubDevice] = []
         logics: list[_Logic] = []
         for number, element in enumerate(self._element.all("slave")):
@@ -185,7 +185,7 @@ class _Master:
         return connections
 
     def _check_unit(self, subs: list[DescribedSubDevice], main: int, sub: int, span: Span) -> None:
-        """FSN467: the copy knows one process image, but each sync unit has its own."""
+        """FSN467: the copy uses a single process image, but each sync unit has its own."""
         units = self._units
         if units[main] == units[sub]:
             return

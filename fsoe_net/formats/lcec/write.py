@@ -1,7 +1,7 @@
 """A description as a configuration of linuxcnc-ethercat, with ``fsoeSlaveIdx`` at each logic.
 
-The driver copies FSoE frames only for types it knows; they bring their PDOs. All else is written as
-``generic`` with its PDOs.
+The driver copies FSoE frames only for types it supports, with built-in PDOs. All others are written
+as ``generic`` with their PDOs.
 """
 
 from __future__ import annotations

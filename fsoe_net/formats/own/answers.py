@@ -1,4 +1,4 @@
-"""The answers file of ``fsoe-net init``: what a user knows and the other files do not say."""
+"""The answers file of ``fsoe-net init``: user knowledge missing in the other files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def load_answers(path: str | os.PathLike[str], out: Collector) -> Answers | None
         out: Takes FSN101 … FSN116 with line and column.
 
     Returns:
-        The answers, or ``None`` when there is no such file or it is no YAML.
+        The answers, or ``None`` when the file does not exist or is not valid YAML.
     """
     data = read_bytes(path, out)
     return None if data is None else parse_answers(data, os.fspath(path), out)

@@ -16,14 +16,14 @@ _SHORTEST_CYCLE_US = 6.72  # the shortest Ethernet frame and its gap at 100 Mbit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusRows:
-    """A bus, and what its file says of each SubDevice on it."""
+    """A bus, and the data of its file about each SubDevice."""
 
     bus: Bus
     subdevices: tuple[MapNode, ...]
 
 
 def check_subdevices(root: MapNode, out: Collector) -> None:
-    """Report that a network file says nowhere what is on its bus; a misspelt key is known already.
+    """Report a network file without bus content; a misspelt key is already reported.
 
     Args:
         root: The document.

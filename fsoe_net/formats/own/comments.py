@@ -35,11 +35,11 @@ class Remarks:
 
 
 def comment(texts: Iterable[str], indent: int = 0) -> list[str]:
-    """Return comment lines; what is too long goes on, indented, in the next one.
+    """Return comment lines; long text continues, indented, on the next line.
 
     Args:
         texts: One for each comment; an empty one is an empty line.
-        indent: Columns in front of the ``#``.
+        indent: Columns before the ``#``.
     """
     lines = []
     for text in texts:

@@ -12,7 +12,7 @@ def groups_from_yaml(root: MapNode, out: Collector) -> tuple[Group, ...]:
 
     Args:
         root: The document.
-        out: Takes FSN165 for groups beside several buses.
+        out: Takes FSN165 for groups in a file with several buses.
     """
     if "groups" in root.pairs and "buses" in root.pairs:
         out.add(

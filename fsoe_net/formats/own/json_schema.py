@@ -1,7 +1,7 @@
-"""What of a document is not as its JSON Schema says: keys, types, words and lengths of lists.
+"""Finds violations of a JSON Schema: keys, types, words and lengths of lists.
 
-Only what `fsoe_net.formats.own.schema` reports is looked at. Patterns, ranges and combinations of
-keys are for editors here: the readers say more about them.
+Only violations reported by `fsoe_net.formats.own.schema` are checked. Patterns, ranges and
+combinations of keys are for editors: the readers report them in more detail.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ Steps = tuple[str | int, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SchemaError:
-    """One thing that is not as the schema says.
+    """A violation of the schema.
 
     Attributes:
-        keyword: Of the schema.
+        keyword: Keyword of the schema.
         path: Keys and numbers of items that lead to the place.
         schema: The part of the schema for that place.
-        value: What is there.
+        value: The value found there.
         key: The key that is missing, for ``required``.
     """
 
@@ -69,7 +69,7 @@ def read_schema(name: str) -> dict[str, Any]:
 
 
 def schema_errors(value: object, name: str) -> Iterator[SchemaError]:
-    """Yield what of a document of plain values is not as the schema says, in its order.
+    """Yield the violations in a document of plain values, in its order.
 
     Args:
         value: The document.

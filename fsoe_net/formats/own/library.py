@@ -36,13 +36,13 @@ _ADDRESS = re.compile(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{2})\Z")
 def load_library(
     own: Sequence[str | os.PathLike[str]] = (),
 ) -> tuple[Library, list[Diagnostic]]:
-    """Return the library of the package with the user's own files in front.
+    """Return the library of the package with the user's own files first.
 
     Args:
-        own: Files of the same form; one with the identity of a known device stands for it.
+        own: Files of the same form; an entry replaces the device of the same identity.
 
     Returns:
-        The devices that could be read, and everything that is wrong with the user's files.
+        The readable devices, and all findings of the user's files.
     """
     out = Collector()
     mine: list[LibraryDevice] = []

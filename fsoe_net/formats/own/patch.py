@@ -16,18 +16,18 @@ _LINE = re.compile("[^\\r\\n\\x85\\u2028\\u2029]*(?:\\r\\n|[\\r\\n\\x85\\u2028\\
 
 
 def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, frozenset[Edit]]:
-    """Return the bytes with the edits in them, and which edits were made.
+    """Return the bytes with the edits applied, and the applied edits.
 
-    An edit is left out when another one wants something else at the same place, when its place
-    does not hold a plain scalar of its key, or when its key is not one of a transfer.
+    An edit is skipped when another one conflicts with it, when its place does not contain a plain
+    scalar of its key, or when its key is not one of a transfer.
 
     Args:
         data: The file, as it was when its findings were made.
         file: Its name, as in the places of the edits.
-        edits: What is to be changed.
+        edits: Edits to apply.
 
     Raises:
-        InputError: The file is no YAML.
+        InputError: The file is not valid YAML.
     """
     out = Collector()
     root = parse_yaml(data, file, out)

@@ -90,14 +90,14 @@ _MAX_MS = 7 * 24 * 3600 * 1000.0
 
 
 def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | None:
-    """Read a test protocol.
+    """Read a test record.
 
     Args:
         path: The file.
         out: Takes FSN101 … FSN116, FSN160 and FSN161 with line and column.
 
     Returns:
-        The protocol, or ``None`` when it could not be understood.
+        The test record, or ``None`` when it cannot be interpreted.
     """
     root = load_yaml(path, out)
     if root is None:

@@ -78,7 +78,7 @@ def _no_number(text: str) -> NoReturn:
 
 
 def _parse(data: bytes, file: str, out: Collector) -> MapNode | None:
-    """Return the document with places. What JSON forbids and YAML takes is refused first."""
+    """Return the document with places. First reject YAML that is not valid JSON."""
     try:
         text = data.decode("utf-8")
         found = json.loads(text, parse_constant=_no_number)

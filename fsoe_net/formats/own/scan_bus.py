@@ -10,10 +10,10 @@ from fsoe_net.model.scan import Scan, ScannedPdo, ScannedSm, ScannedSubDevice
 
 
 def describe_scan(scan: Scan, path: str) -> Description:
-    """Return what a scan says.
+    """Return the content of a scan.
 
-    A connection that a MainInstance reports names its SubInstance by FSoE address; it is left out
-    where that address is not that of exactly one other SubDevice.
+    A connection reported by a MainInstance names its SubInstance by FSoE address; it is omitted
+    unless exactly one other SubDevice has that address.
 
     Args:
         scan: The scan.

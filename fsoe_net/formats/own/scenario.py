@@ -113,7 +113,7 @@ def load_scenario(
 def _check_structure(root: MapNode, out: Collector) -> None:
     """Check keys and types. An unknown key is always an error here.
 
-    In a driver's file it may be a remark; here it would be an expectation nobody looks at.
+    In a driver's file it may be a remark; here it would be an expectation that is not checked.
     """
     found = Collector()
     check_structure(root, "scenario", found)

@@ -1,9 +1,9 @@
 """Structure of YAML files, checked with the same JSON Schemas an editor uses.
 
-The schemas say which keys exist, which are needed and what kind of value they hold. How a number
-is spelled and whether it is in range is left to `fsoe_net.formats.shared.numbers`, which knows what
-each reader makes of a spelling; those keywords of the schemas are for editors. What a schema
-allows, the readers refuse only for what other keys or files say.
+The schemas define the keys, which are required, and the type of their values. Spelling and range of
+numbers are checked by `fsoe_net.formats.shared.numbers`, which models how each reader interprets a
+spelling; those schema keywords are for editors. Input that a schema allows is rejected by a reader
+only because of other keys or files.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _CONFUSED = {
 }
 
 
-_ASKED_FOR = frozenset({"acceptance", "protocol", "scenario"})  # an option says what it should be
+_ASKED_FOR = frozenset({"acceptance", "protocol", "scenario"})  # an option names the expected kind
 _NAMED = {  # by their keys; what it is, and what takes it
     "protocol": ("a test protocol", "`fsoe-net report NETWORK --protocol FILE` takes it"),
     "acceptance": ("an acceptance record", "`fsoe-net verify NETWORK --accepted FILE` takes it"),
@@ -104,8 +104,8 @@ def schema_keys(name: str) -> frozenset[str]:
 def check_structure(root: MapNode, name: str, out: Collector) -> bool:
     """Add a finding for each unknown, missing or wrongly typed key of a document.
 
-    Of very many unknown keys the first are reported, each compared with those that are known; then
-    the file is refused, for every further guess costs time and helps nobody.
+    With very many unknown keys only the first are reported, each compared with the known keys; then
+    the file is rejected, because further guesses cost time without benefit.
 
     Args:
         root: The document.
@@ -114,7 +114,7 @@ def check_structure(root: MapNode, name: str, out: Collector) -> bool:
             file of this project.
 
     Returns:
-        Whether it makes sense to read on.
+        Whether reading can continue.
     """
     other = kind_by_keys(root) if name in _ASKED_FOR else None
     if other is not None and other != name:
@@ -358,7 +358,7 @@ def _not_allowed(node: Node, error: SchemaError, out: Collector) -> None:
 
 
 def _is_read_later(schema: Mapping[str, Any], node: ScalarNode) -> bool:
-    """Whether a reader says more about a scalar of the wrong type: numbers, patterns."""
+    """Whether a reader reports a scalar of the wrong type in more detail: numbers, patterns."""
     if "pattern" in schema:
         return True
     is_word = node.plain and isinstance(_plain_scalar(node.text), str)

@@ -31,7 +31,7 @@ _DEFAULT_SYNC_MANAGERS = (
 
 _LARGEST_SCALE = 1e300  # a plan has finite numbers only, also after a shift
 
-# Keys of the driver that the core has no use for; they are in the fingerprint all the same.
+# Driver keys that the core does not use; they are part of the fingerprint.
 _DRIVER_SWITCHES = {"auto_fault_reset": False, "auto_state_transitions": True}  # when absent
 _DRIVER_LISTS = ("sdo_check",)
 _DRIVER_CHANNEL = ("factor_from_sdo",)

@@ -35,13 +35,13 @@ def write_network(
     """Return a network YAML with a slave YAML for each device type.
 
     Args:
-        description: What is written.
+        description: Description to write.
         file: Name of the network YAML.
-        name: Name of the network; that of the file otherwise.
-        remarks: Comments. With them connections need no copies, and say what is to be completed.
+        name: Name of the network; default: that of the file.
+        remarks: Comments. With them connections need no copies, and list missing data.
 
     Raises:
-        InputError: A copy begins at no entry, or a device does not fit into a slave YAML.
+        InputError: A copy does not begin at an entry, or a device does not fit into a slave YAML.
     """
     files = NetworkFiles(description, remarks)
     lines = comment(() if remarks is None else remarks.head)
@@ -66,7 +66,7 @@ class NetworkFiles:
     """SubDevices with their slave YAMLs, and nets; both kinds of files have them.
 
     Attributes:
-        notes: What the files cannot hold.
+        notes: Data that the files cannot represent.
         configs: Slave YAMLs by path.
     """
 

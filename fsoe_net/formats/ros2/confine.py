@@ -1,9 +1,9 @@
-"""Confines a process by the kernel before it evaluates what a file of unknown origin says.
+"""Confines a process by the kernel before it evaluates a file of unknown origin.
 
-Python cannot confine Python: an expression that reaches a frame reaches the interpreter. So the
-kernel says what the process may do:
+Python cannot confine Python: an expression that reaches a frame reaches the interpreter. The kernel
+therefore limits the process:
 
-- Landlock: it opens files for reading below a few folders, and nothing else
+- Landlock: it can only open files for reading, below a few folders
   (https://docs.kernel.org/userspace-api/landlock.html).
 - seccomp, by the libseccomp of the system: a list of calls that reading, computing and writing to
   open files need. No socket, no process, no signal, no file opened for writing.
@@ -24,7 +24,7 @@ _LANDLOCK_CREATE_RULESET, _LANDLOCK_ADD_RULE, _LANDLOCK_RESTRICT_SELF = 444, 445
 _LANDLOCK_VERSION_FLAG = 1
 _LANDLOCK_PATH_BENEATH = 1
 _READ_FILE, _READ_DIR = 1 << 2, 1 << 3
-# How many access rights each version of Landlock knows, from version 1.
+# Number of access rights in each version of Landlock, from version 1.
 _RIGHTS_BY_VERSION = (13, 14, 15, 15, 16)
 
 _PR_SET_PDEATHSIG, _PR_SET_NO_NEW_PRIVS = 1, 38

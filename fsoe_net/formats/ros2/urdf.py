@@ -29,7 +29,7 @@ _DRIVER_PREFIX = "ethercat_driver/"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UrdfResult:
-    """What a URDF says about EtherCAT, what is wrong in it, and the files that were read."""
+    """The EtherCAT content of a URDF, its findings, and the files that were read."""
 
     systems: tuple[DriverSystem, ...]
     diagnostics: tuple[Diagnostic, ...]

@@ -100,7 +100,7 @@ class Params:
     empty: set[str] = field(default_factory=set)
 
     def text(self, name: str) -> str | None:
-        """Return the text as written, or ``None`` when there is no such param."""
+        """Return the text as written, or ``None`` if there is no such param."""
         row = self.rows.get(name)
         return row.text if row is not None else None
 
@@ -193,7 +193,7 @@ def _short(text: str) -> str:
 
 
 def _meant(text: str) -> int | None:
-    """Guess the number behind an ambiguous spelling."""
+    """Guess the number meant by an ambiguous spelling."""
     bare = text.strip().removeprefix("+")
     if re.fullmatch(r"0[xX][0-9a-fA-F]{1,8}", bare):
         value = int(bare, 16)

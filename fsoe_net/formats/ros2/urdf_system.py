@@ -40,13 +40,13 @@ class ModuleDecl(Located):
     """One ``ec_module``.
 
     Args:
-        name: Name by which transfers call it.
+        name: Name used by transfers.
         plugin: As written, or ``None``.
         alias: 0 when absent or unreadable.
-        position: Ring position, or place behind ``alias``. A module whose position is missing or
-            unreadable gets a high unused one, so that nothing else is said about it.
+        position: Ring position, or offset from ``alias``. A module whose position is missing or
+            unreadable gets a high unused one, to avoid further findings about it.
         slave_config: As written (after expansion); empty when absent.
-        required: False when the driver may leave the module out.
+        required: False when the driver may omit the module.
         components: The joints, gpios and sensors that have it, in the order of the driver.
         mode: Mode of operation that the plugin for CiA 402 writes, else ``None``.
         params: Every ``param``, as written.
@@ -65,16 +65,16 @@ class ModuleDecl(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriverSystem(Located):
-    """One ``ros2_control`` block; modules stand in the order in which the driver adds them.
+    """One ``ros2_control`` block; modules are in the order in which the driver adds them.
 
     Args:
         name: Name of the block.
         plugin: As written, or ``None``.
         master_id: Number of the EtherCAT master; -1 where it has a name.
-        master_name: What a master plugin takes instead, such as ``enp2s0``; else empty.
+        master_name: Name for a master plugin, such as ``enp2s0``; else empty.
         control_frequency: In Hz; 100 when absent, 0 when it is not a possible frequency.
         transfer_file: Text of ``transfer_config``, else of ``fsoe_config``, else ``None``.
-        transfer_key: Which of the two it was.
+        transfer_key: The key used.
         modules: All joints, then gpios, then sensors, each in document order.
     """
 

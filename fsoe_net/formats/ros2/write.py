@@ -18,12 +18,12 @@ def write_driver(
     """Return a transfer YAML, which declares its modules, with their slave YAMLs.
 
     Args:
-        description: What is written.
+        description: Description to write.
         file: Name of the transfer YAML.
-        version: Of the driver: that of 2025 spells some keys otherwise.
+        version: Version of the driver: that of 2025 spells some keys differently.
 
     Raises:
-        InputError: A copy begins at no entry, or a device does not fit into a slave YAML.
+        InputError: A copy does not begin at an entry, or a device does not fit into a slave YAML.
     """
     word = "safety" if version == "2025" else "transfer"
     files = NetworkFiles(description)

@@ -60,13 +60,13 @@ class _Component:
 
 
 def write_control(description: Description, *, file: str = "ros2_control.urdf.xacro") -> Written:
-    """Return one URDF; a SubDevice with an actual position is a joint, every other one a gpio.
+    """Return one URDF; a SubDevice with an actual position is a joint, all others are gpios.
 
-    Joints, gpios and sensors of a robot description keep their names. Outputs that a copy writes,
-    and those that can restart a machine, are no commands.
+    Joints, gpios and sensors of a robot description keep their names. Outputs written by a copy,
+    and those that can restart a machine, are not exported as commands.
 
     Args:
-        description: What is written.
+        description: Description to write.
         file: Name of the URDF.
     """
     names = unique_names(description)

@@ -1,4 +1,4 @@
-"""Runs the real xacro in a process of its own; started by `fsoe_net.formats.ros2.xacro_expand`.
+"""Runs the real xacro in a separate process; started by `fsoe_net.formats.ros2.xacro_expand`.
 
 Reads a JSON request from standard input, writes a JSON answer to standard output. Every element
 gets its place as DOM user data before xacro sees it; minidom hands user data on when xacro clones
@@ -55,7 +55,7 @@ class _Refused(Exception):
 
 
 class _Unknown(LookupError):
-    """A package that no mapping knows."""
+    """Unknown package."""
 
 
 class _Withheld(LookupError):
@@ -194,7 +194,7 @@ def _rows(root: Any) -> list[list[Any]]:
     while stack:
         node, depth = stack.pop()
         texts = [c.data for c in node.childNodes if c.nodeType in _TEXT_NODES]
-        # Blanks beside other nodes are not written by xacro either.
+        # xacro also omits blanks next to other nodes.
         text = "".join(t for t in texts if not t.isspace())
         attributes = dict(node.attributes.items())
         rows.append([depth, node.tagName, attributes, node.getUserData(_PLACE), text])

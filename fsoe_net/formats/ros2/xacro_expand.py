@@ -167,7 +167,7 @@ def _read_answer(
     read = Collector()
     left = LIMITS.source_bytes
     for file in _list_of(str, answer["sources"])[:_MOST_SOURCES]:
-        # A path that the child could not read is not a source; its error says so.
+        # A path that the child could not read is not a source; its error reports it.
         if readable is None or inside(file, readable):
             left -= len(read_bytes(file, read, most=left) or b"")
     out.sources += [row for row in read.sources if row not in out.sources]

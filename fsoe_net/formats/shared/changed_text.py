@@ -1,7 +1,7 @@
-"""A text of YAML after a change of its maps and lists: each change is made where it stands.
+"""Applies changes of maps and lists to YAML text: each change is made in place.
 
-What was read is compared with the maps and lists as they are now. What differs is written into the
-text; every other character stays.
+The parsed text is compared with the current maps and lists. Differences are written into the text;
+all other characters are unchanged.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ _DASHES = re.compile(r" *(?:- +)+")
 
 @dataclass(frozen=True, slots=True)
 class _Now:
-    """What becomes of a row, or a new one.
+    """Change of a row, or a new row.
 
     Attributes:
-        row: As it was read; ``None``: it is new.
-        key: In a map.
-        value: What it says now.
-        stays: Whether there is still something: otherwise the row goes.
+        row: The row as read; ``None``: new.
+        key: Its key in a map.
+        value: Its current value.
+        stays: Whether it still exists; otherwise the row is removed.
     """
 
     row: PartRow | None
@@ -37,24 +37,24 @@ class _Now:
 
 
 def changed_text(read: ReadText, value: Any) -> str | None:
-    """Return the text that says what the maps and lists say now.
+    """Return the text for the current maps and lists.
 
-    Lines may mean something else where they stand: compare what the text says.
+    Inserted lines can change the meaning of others: parse and compare the result.
 
     Args:
         read: The text as it was read.
-        value: Its maps and lists as they are now.
+        value: Its current maps and lists.
 
     Returns:
-        ``None`` where lines are laid out in such a way that the change cannot be put between them.
+        ``None`` if the layout of the lines does not allow the change.
 
     Raises:
-        yaml.YAMLError: Something is nothing that YAML can hold.
-        RecursionError: Something holds itself.
+        yaml.YAMLError: A value cannot be represented in YAML.
+        RecursionError: A value contains itself.
     """
     changes = _Changes(read)
     root = read.root
-    # As if it were an item behind a dash to the left of the first column.
+    # Treat it as an item after a dash to the left of the first column.
     holder = Part([], 0, 0, column=-2, is_block=True)
     try:
         changes.set(
@@ -152,7 +152,7 @@ def _gap(old: list[PartRow], new: list[tuple[Any, Any]], is_map: bool) -> list[_
     )
     pairs = min(len(old), len(new)) if not is_map and (is_scalars or len(old) == len(new)) else 0
     rows = [_Now(row, None, v) for row, (_, v) in zip(old[:pairs], new[:pairs], strict=True)]
-    # What has come is written behind what is before it, whatever comments stand behind what goes.
+    # New rows are written after the preceding one, independent of comments after removed rows.
     rows += [_Now(None, key, value) for key, value in new[pairs:]]
     return rows + [_Now(row, row.key, stays=False) for row in old[pairs:]]
 
@@ -165,7 +165,7 @@ def _first_that_stays(rows: list[_Now]) -> tuple[int, PartRow]:
 
 
 class _Changes:
-    """Changes of a text, each of them a range of it and what stands there instead."""
+    """Changes of a text, each with a range and its replacement."""
 
     def __init__(self, read: ReadText) -> None:
         self._read = read
@@ -178,7 +178,8 @@ class _Changes:
     def text(self) -> str:
         """The text with all changes in it."""
         text, parts, at = self._read.text, [], 0
-        # What is put in at a place stands before what goes there; else in the order of the changes.
+        # At the same place insertions come before removals; otherwise keep the order of the
+        # changes.
         for begin, stop, new in sorted(self._changes, key=lambda change: change[:2]):
             # Blank lines that go may be where something comes.
             parts += [text[at:begin], new]
@@ -236,7 +237,7 @@ class _Changes:
         return row.is_lines and self._read.line_of(row.head) != self._read.line_of(row.at)
 
     def _stop_of(self, row: PartRow) -> int:
-        """Return where a value ends, with the comment behind the last one of its lines."""
+        """Return the end of a value, with the comment on its last line."""
         is_one_line = self._read.line_of(row.at) == self._read.line_of(row.stop)
         return row.stop if is_one_line or not row.is_lines else self._read.line_end(row.stop)
 
@@ -278,7 +279,7 @@ class _Changes:
                 self._cut(part, row, has_next=number + 1 < len(rows))
 
     def _change_first(self, part: Part, before: list[_Now], row: PartRow) -> None:
-        """Change what stands before the first row that stays."""
+        """Change the rows before the first remaining one."""
         read = self._read
         new = [now for now in before if now.row is None]
         lines = [line for now in new for line in self._new_lines(part, now, row)]
@@ -292,7 +293,7 @@ class _Changes:
             place = self._place_above(part, row)
             self._put_lines(place, place, lines)
             return
-        # It stands behind the dash of a list that it is in: so does the one that is first now.
+        # It follows the dash of its parent list item, as the new first row must.
         if not _DASHES.fullmatch(head) or len(head) != part.column:
             raise _OddLayoutError
         pad = " " * part.column
@@ -313,7 +314,7 @@ class _Changes:
         return begin
 
     def _new_lines(self, part: Part, now: _Now, beside: PartRow) -> list[str]:
-        """Return the lines of a new row; in a list it is laid out as the one beside it."""
+        """Return the lines of a new row; in a list, laid out like its neighbour."""
         if isinstance(part.value, dict):
             return in_lines({now.key: now.value}, part.column, self._under_key)
         is_block = bool(beside.part.rows) and beside.part.is_block
@@ -322,7 +323,7 @@ class _Changes:
         return in_lines([now.value], part.column, self._under_key, has_short=not is_block)
 
     def _place_below(self, part: Part, row: PartRow) -> int:
-        """Return where lines below a row begin: behind comments that are further in than it is."""
+        """Return the start of lines below a row: after comments that are indented more than it."""
         read = self._read
         place = read.line_behind(row.stop)
         while place < len(read.text) and self._is_comment(place, part.column + 1):
@@ -393,7 +394,7 @@ class _Changes:
             self._cut_item(row)
 
     def _cut_item(self, row: PartRow) -> None:
-        """Take an item in brackets away, with the comma behind it, or its whole line."""
+        """Remove an item in brackets with the comma after it, or its whole line."""
         text = self._read.text
         found = _COMMA_BEHIND.match(text, row.stop)
         begin, stop = row.begin, found.end() if found else row.stop

@@ -58,14 +58,14 @@ def is_there(path: str) -> bool:
 
 
 def open_file(path: str | os.PathLike[str], *, regular: bool = True) -> Stream:
-    """Open a file that the user named; ``-`` is standard input, which is read once.
+    """Open a file named by the user; ``-`` is standard input, which is read once.
 
     Args:
         path: The file.
-        regular: Refuse pipes and devices, which would be waited for.
+        regular: Reject pipes and devices, which could block.
 
     Raises:
-        InputError: It cannot be read; FSN101 says why.
+        InputError: It cannot be read; FSN101 gives the reason.
     """
     out = Collector()
     stream = _opened(os.fspath(path), out, None, sys.maxsize, regular=regular)
@@ -117,10 +117,10 @@ def read_source(path: str, *, most: int = MAX_FILE_BYTES) -> tuple[SourceFile, b
 
 
 def read_unchanged(path: str, sha256: str, *, next_step: str) -> bytes:
-    """Return the content of a file that is to be written, when it still has this hash.
+    """Return the content of a file to be written, if it still has this hash.
 
     Raises:
-        InputError: It cannot be read, or somebody has changed it.
+        InputError: It cannot be read, or has been changed.
     """
     out = Collector()
     data = read_bytes(path, out)

@@ -1,9 +1,9 @@
-"""Numbers as the user spelled them, and what each reader makes of the spelling.
+"""Numbers as spelled by the user, and their interpretation by each reader.
 
-Two readers matter. Slave YAML goes through yaml-cpp (leading 0 is octal). The endpoints of the
-transfer YAML go through a function of the driver that knows only a lower-case ``0x`` and otherwise
-reads decimal digits up to the first other character (`stoul`), then cuts to 16 bits. We accept only
-spellings every reader takes for the same number, and name what would be read otherwise.
+Two readers matter. Slave YAML is parsed by yaml-cpp (leading 0 is octal). The endpoints of the
+transfer YAML are parsed by a driver function that supports only a lower-case ``0x`` and otherwise
+reads decimal digits up to the first other character (`stoul`), then truncates to 16 bits. We accept
+only spellings that every reader interprets identically, and report the others.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def own_int(node: MapNode, key: str, high: int, out: Collector, *, low: int = 0)
 def _disputed(
     node: ScalarNode, out: Collector, *, what: str, low: int, high: int, reader: Reader
 ) -> int | None:
-    """Name what is wrong with a spelling; return the number where one is sure all the same."""
+    """Report errors of a spelling; return the number if it is still unambiguous."""
     text = node.text
     if len(text) > _MAX_DIGITS:
         out.add("FSN113", node.span, f"{what} has {len(text)} digits", hint="correct the number")
@@ -265,7 +265,7 @@ def _float_hint(text: str, what: str) -> str:
 
 
 def decimal_comma(text: str) -> str:
-    """Return the hint for a number with one comma, which may stand for a point or for nothing."""
+    """Return the hint for a number with one comma: decimal point or thousands separator."""
     with_point, without = text.replace(",", "."), text.replace(",", "")
     if re.search(r",[0-9]{3}\Z", text):
         return f"write {with_point} or {without}; a comma is not part of a number"
@@ -273,14 +273,14 @@ def decimal_comma(text: str) -> str:
 
 
 def read_flag(node: Node | None, out: Collector, *, what: str, absent: bool = False) -> bool:
-    """Return a boolean as yaml-cpp reads it: 1 and 0 are none, other words end the driver.
+    """Return a boolean as yaml-cpp reads it: 1 and 0 are invalid, other words end the driver.
 
     Args:
-        node: The value; ``None`` (key missing) and an empty one, of which the schema has spoken,
-            give ``absent``.
+        node: The value; ``None`` (key missing) and an empty one, which the schema reports, give
+            ``absent``.
         out: Takes FSN111.
         what: Name of the value for messages.
-        absent: What the driver takes when the key is missing.
+        absent: The driver's default when the key is missing.
     """
     if not isinstance(node, ScalarNode) or node.is_null:
         return absent

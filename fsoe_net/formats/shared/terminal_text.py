@@ -1,8 +1,7 @@
-"""Text pasted from a terminal: prompts, indentation and noise around it, and sudden ends.
+"""Text pasted from a terminal: prompts, indentation and noise around it, and truncation.
 
-A paste that is cut off must never look like a complete, shorter map. Two things show a cut: a last
-line that is the beginning of a known line and no more, and a structure that announces more than
-follows.
+A truncated paste must never look like a complete, shorter map. Two signs show truncation: a last
+line that is only the beginning of a known line, and a structure that announces more than follows.
 """
 
 from __future__ import annotations
@@ -107,7 +106,7 @@ class Pasted:
         )
 
     def described(self, kind: str, rows: Iterable[DescribedSubDevice]) -> Description:
-        """Return what this text of a kind says of its SubDevices."""
+        """Return the SubDevices in a text of this kind."""
         subdevices = tuple(rows)
         return Description(
             span=Span(self.shown, 1, 1),

@@ -14,15 +14,15 @@ STDOUT = "-"
 
 
 def write_whole(output: str | os.PathLike[str], data: bytes, *, overwrite: bool) -> None:
-    """Write a file: one that a full disk cuts off must not replace a good one.
+    """Write a file; a full disk must not replace a good file with a truncated one.
 
-    ``-`` is standard output. A link stays a link. What is not a regular file, such as ``/dev/null``
-    or a named pipe, is written to: giving its name to a new file would take it from every other
-    program.
+    ``-`` is standard output. A link remains a link. Special files, such as ``/dev/null`` or a named
+    pipe, are written in place: replacing them by a new file would remove them for all other
+    programs.
 
     Raises:
-        InputError: It exists, and is not to be replaced.
-        EnvironmentFault: It cannot be written; what was there is unchanged.
+        InputError: It exists and must not be replaced.
+        EnvironmentFault: It cannot be written; the existing content is unchanged.
     """
     if os.fspath(output) == STDOUT:
         sys.stdout.buffer.write(data)
@@ -91,7 +91,7 @@ def _write_parts(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
 
 
 def _link(part: Path, path: Path) -> None:
-    """Give a file its name unless somebody has it by now."""
+    """Give a file its name unless it exists by now."""
     try:
         os.link(part, path)
     except FileExistsError:

@@ -40,11 +40,11 @@ class CopyGroup:
 
 
 def own_words_lost(description: Description, *, nets: bool) -> list[str]:
-    """Return notes on what only a network file of fsoe-net has, where the description has it.
+    """Return notes on data that only a network file of fsoe-net can represent, if present.
 
     Args:
-        description: What is written.
-        nets: Whether names of nets are lost, too.
+        description: Description to write.
+        nets: Whether names of nets are also lost.
     """
     notes = []
     entries = (
@@ -150,7 +150,7 @@ def _entries_by_place(layout: DeviceLayout) -> dict[tuple[int, int], tuple[Entry
 
 
 def is_fsoe(description: Description, copy: DescribedCopy) -> bool:
-    """Return whether a copy moves an FSoE frame: the source says so, or both ends are a frame."""
+    """Return whether a copy moves an FSoE frame: stated by the source, or both ends are frames."""
     if copy.fsoe is not None:
         return copy.fsoe
     for end in (copy.source, copy.destination):

@@ -1,7 +1,7 @@
-"""XML as tools and people save it: UTF-16 that claims to be UTF-8, encodings of one country.
+"""XML as saved by tools and people: UTF-16 declared as UTF-8, national encodings.
 
-Expat knows UTF-8, UTF-16 and ISO-8859-1, believes the declaration, and wants it as the very first
-bytes. Other text becomes UTF-8 here, lines and columns staying where they were.
+Expat supports UTF-8, UTF-16 and ISO-8859-1, trusts the declaration, and requires it in the very
+first bytes. Other text is converted to UTF-8 here; lines and columns are unchanged.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ _OF_EXPAT = {"utf-8", "utf-16", "iso8859-1", "ascii"}
 def plain_xml(data: bytes) -> bytes:
     """Return the document in an encoding that has ASCII inside and that expat reads.
 
-    UTF-16, encodings of more than one byte a character and a document behind blanks become UTF-8;
-    the declaration becomes blanks then. Everything else is returned as it is.
+    UTF-16, multi-byte encodings and a document after blanks are converted to UTF-8; the declaration
+    is then replaced by blanks. Everything else is returned unchanged.
     """
     for mark, encoding in _UTF16:
         if data.startswith(mark):

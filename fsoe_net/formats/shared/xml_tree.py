@@ -116,16 +116,16 @@ def parse_xml(
     """Parse a document, or one element cut out of a larger one.
 
     Args:
-        data: The bytes of the file; UTF-8, or what its byte order mark or declaration says.
+        data: The bytes of the file; UTF-8, or as in its byte order mark or declaration.
         path: The file, for places.
-        out: Takes FSN118 when the document is refused.
-        what: What the file should be, for the hint when it is far too large.
+        out: Takes FSN118 when the document is rejected.
+        what: Expected type of the file, for the hint when it is far too large.
         encoding: Of an element cut out, which has no declaration.
-        skip: Names of elements that are left out with all they contain.
-        begin: Where an element that was cut out begins.
-        closed: Called with each element as it ends, the element it stands in and its depth (1 for
-            the children of the root). When it says true, the element is forgotten, so that a long
-            file needs little memory.
+        skip: Names of elements to omit with all their content.
+        begin: Start of an element that was cut out.
+        closed: Called with each element at its end, its parent and its depth (1 for the children of
+            the root). If it returns true, the element is freed, so that a long file needs little
+            memory.
 
     Returns:
         The root element, or ``None`` with a finding.
@@ -211,7 +211,7 @@ class _Builder:
         raise _Refused
 
     def _doctype(self, *_arguments: object) -> None:
-        """Refuse the declaration; expat reports it behind its name, so its start is searched."""
+        """Reject the declaration; expat reports it after its name, so search its start."""
         before = self._data[: self._parser.CurrentByteIndex]
         start = before.rfind(b"<!DOCTYPE")
         span = None
@@ -268,12 +268,12 @@ class _Builder:
 def xml_hint(
     error: expat.ExpatError, data: bytes, at: int, still_open: tuple[str, int] | None
 ) -> str:
-    """Say how to fix what expat stumbled over.
+    """Return a hint for an error of expat.
 
     Args:
-        error: What expat says.
+        error: The error of expat.
         data: The bytes it read.
-        at: Byte it stopped at.
+        at: Byte where it stopped.
         still_open: Name and line of the innermost open element.
     """
     if error.code in _HINT_OF_CODE:

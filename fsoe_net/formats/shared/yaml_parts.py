@@ -15,7 +15,7 @@ _NO_KEY = object()
 _LOADER = getattr(yaml, "CLoader", yaml.Loader)
 _MOST_DEPTH = 64
 _ANCHOR_OR_TAG = re.compile(r"(?:[&!]\S*\s+)*")
-# Behind a key or a dash: what belongs to any value that may stand there.
+# After a key or a dash: the properties of any value that may follow.
 _HEAD = re.compile(r"\s*[:-](?:[ \t]+[&!]\S*)*")
 _INTEGER = re.compile(r"[-+]?(?:[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
@@ -45,12 +45,12 @@ class Part:
     """A value of the text.
 
     Attributes:
-        value: Itself: a map, a list, or a scalar.
-        begin: Where it begins in the text, an anchor and a tag not included.
-        stop: Where it ends.
-        column: Of its keys or dashes, where `is_block`.
-        is_block: Whether its rows stand on lines of their own.
-        rows: What is in it.
+        value: A map, a list, or a scalar.
+        begin: Its start in the text, without an anchor and a tag.
+        stop: Its end.
+        column: Column of its keys or dashes, if `is_block`.
+        is_block: Whether each row has its own line.
+        rows: Its content.
         place: Its line and column, from 1, with an anchor or a tag.
     """
 
@@ -68,12 +68,12 @@ class PartRow:
     """A pair of a map, or an item of a list.
 
     Attributes:
-        part: Its value; an alias shows one that stands in another place.
-        key: In a map.
-        begin: Where its key or dash begins in the text; in a list in brackets, its value.
-        head: Where those end, with a colon, an anchor and a tag.
-        at: Where its value, or the alias, begins.
-        stop: Where that ends.
+        part: Its value; an alias refers to one at another place.
+        key: Its key in a map.
+        begin: Start of its key or dash in the text; in a list in brackets, of its value.
+        head: End of those, with a colon, an anchor and a tag.
+        at: Start of its value, or of the alias.
+        stop: End of its value.
     """
 
     part: Part
@@ -126,7 +126,7 @@ class ReadText:
         return begin + len(self.text[begin:stop].rstrip("\r\n"))
 
     def line_behind(self, at: int) -> int:
-        """Return where the line behind that of a place begins."""
+        """Return the start of the line after that of a place."""
         line = self.line_of(at) + 1
         return self.starts[line] if line < len(self.starts) else len(self.text)
 
@@ -138,8 +138,8 @@ def read_text(text: str) -> ReadText:
         text: The text.
 
     Raises:
-        ValueError: It is no YAML, is more than one document, or has a key that is no scalar, or
-            twice.
+        ValueError: It is not valid YAML, is more than one document, or has a key that is not a
+            scalar or is duplicate.
     """
     try:
         return _Reader(text).result
@@ -210,7 +210,7 @@ class _Reader:
     def _scalar(self, event: Any, value: Any) -> Part:
         begin, stop = self._offset(event.start_mark), self._offset(event.end_mark)
         if event.style in ("|", ">"):
-            # Its end is the begin of the line behind it: blank lines count where "+" keeps them.
+            # It ends at the start of the next line: blank lines count where "+" keeps them.
             lines = self._text[begin:stop]
             is_kept = "+" in lines.partition("\n")[0].partition("#")[0]
             lines = lines.removesuffix("\n").removesuffix("\r") if is_kept else lines.rstrip()
@@ -230,7 +230,7 @@ class _Reader:
     def _open(self, event: Any, value: Any) -> None:
         begin, stop = self._offset(event.start_mark), self._offset(event.end_mark)
         if event.anchor is not None or event.tag is not None:
-            # It ends behind a bracket or a dash below its key, else before a dash or key.
+            # It ends after a bracket or a dash below its key, else before a dash or key.
             is_behind = event.flow_style or (value == [] and self._text[stop : stop + 1] != "-")
             begin = stop - bool(is_behind)
         part = self._made(event, value, begin, stop)
@@ -285,7 +285,7 @@ class _Reader:
         return found.end() if found else begin
 
     def _dash(self, top: Part, event: Any) -> int:
-        """Return where the dash is that an item stands behind, or in a line below it."""
+        """Return the position of the dash of an item, on its line or a line above it."""
         line: int = event.start_mark.line
         while line:
             at = self._starts[line] + top.column
@@ -309,12 +309,12 @@ def plain_value(text: str) -> Any:
 
 
 def is_same(part: Part, value: Any, known: dict[tuple[int, int], bool] | None = None) -> bool:
-    """Whether a value says what a part says, with its keys in the same order.
+    """Whether a value equals a part, with its keys in the same order.
 
     Args:
         part: As it was read.
-        value: Compared with it.
-        known: What was compared before: aliases may lead to the same thing very often.
+        value: Value to compare.
+        known: Pairs already compared: aliases may refer to the same value very often.
     """
     if not isinstance(part.value, dict | list):
         return _is_same_scalar(part.value, value)

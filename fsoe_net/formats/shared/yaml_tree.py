@@ -1,8 +1,8 @@
-"""YAML into a tree whose every node knows its file, line and column.
+"""Parses YAML into a tree whose nodes have file, line and column.
 
-Built from libyaml's events with an own stack, so that nesting and alias expansion are bounded and
-nothing recurses. What the driver's parser (yaml-cpp) would read differently or silently drop
-(duplicate keys, merge keys, further documents) is a finding here.
+Built from libyaml's events with its own stack, so that nesting and alias expansion are bounded and
+nothing recurses. Differences to the driver's parser (yaml-cpp), or content that it silently drops
+(duplicate keys, merge keys, further documents), are findings here.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class MapNode(_Placed):
         return known
 
     def texts(self, key: str) -> tuple[str, ...] | None:
-        """Return the scalars of a list, ``None`` where there is no list."""
+        """Return the scalars of a list, ``None`` if it is not a list."""
         found = self.pairs.get(key)
         if not isinstance(found, SeqNode):
             return None
@@ -123,7 +123,7 @@ class MapNode(_Placed):
         return node.text if isinstance(node, ScalarNode) and not node.is_null else None
 
     def truth(self, key: str) -> bool:
-        """Return whether the scalar under a key says yes."""
+        """Return whether the scalar under a key is true."""
         return (self.text(key) or "").lower() in ("true", "yes", "on", "y")
 
 
@@ -270,8 +270,8 @@ class _Open:
 class _Builder:
     """Turns libyaml events into nodes.
 
-    What is written cannot be more than the bytes of the file; what aliases repeat is counted on its
-    own, as if it were written there, since a few lines can stand for billions of values.
+    Direct content is limited by the bytes of the file; content repeated by aliases is counted
+    separately, as if written out, since a few lines can stand for billions of values.
     """
 
     def __init__(self, file: str, out: Collector, *, of_devices: bool) -> None:

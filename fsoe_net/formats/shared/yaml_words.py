@@ -23,11 +23,11 @@ def scalar(value: Any, *, like: str = "", is_in_brackets: bool = False) -> str:
 
     Args:
         value: The scalar.
-        like: What stood there: its quotes, or its hexadecimal digits, are those of the new one.
-        is_in_brackets: Whether it stands in a list or map in brackets.
+        like: The previous text: the new one keeps its quotes or hexadecimal digits.
+        is_in_brackets: Whether it is in a list or map in brackets.
 
     Raises:
-        yaml.YAMLError: YAML cannot hold it.
+        yaml.YAMLError: It cannot be represented in YAML.
     """
     if isinstance(value, Hex):
         return f"0x{value:08x}"

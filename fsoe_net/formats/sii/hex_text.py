@@ -21,7 +21,7 @@ def is_hex_text(head: bytes) -> bool:
 
 
 def binary_of(data: bytes) -> bytes:
-    """Return the bytes that a text stands for.
+    """Return the bytes that a text represents.
 
     Args:
         data: The text, for which `is_hex_text` is true.
@@ -96,7 +96,7 @@ def _of_dump(lines: list[str]) -> bytes:
 
 
 def _row(text: str, *, swapped: bool) -> bytes:
-    """Return the bytes of a row; the text column behind two blanks or a bar is left out."""
+    """Return the bytes of a row; the text column after two blanks or a bar is ignored."""
     text = text.split("|")[0]
     row = bytearray()
     for number, word in enumerate(text.replace("  ", " \0 ").split(" ")):

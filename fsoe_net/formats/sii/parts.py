@@ -1,4 +1,4 @@
-"""Bodies of SII categories: strings, general, PDOs. What does not fit is reported.
+"""Bodies of SII categories: strings, general, PDOs. Inconsistencies are reported.
 
 A PDO is a header of 8 bytes and entries of 8 bytes each; strings are named by number:
 
@@ -116,7 +116,7 @@ def sii_general(body: bytes) -> tuple[int, int] | None:
 
 
 def sii_pdos(body: bytes, direction: Direction) -> tuple[list[SiiPdo], str]:
-    """Return the PDOs that are whole, and what is wrong behind them or nothing."""
+    """Return the complete PDOs, and the error after them if any."""
     found: list[SiiPdo] = []
     at = 0
     while at < len(body):

@@ -1,4 +1,4 @@
-"""SII images: what the EEPROM of a SubDevice says about its identity, sync managers and PDOs.
+"""SII images: identity, sync managers and PDOs in the EEPROM of a SubDevice.
 
 Words are little-endian. A header of 0x40 words is followed by categories, each a type, a length in
 words and a body; type 0xFFFF ends them:
@@ -100,13 +100,13 @@ def load_sii(source: Source, out: Collector, *, name: str = "<sii>") -> Descript
 
     Args:
         source: The file or its bytes: binary, Intel HEX or a dump, whatever its suffix.
-        out: Takes FSN138 for an image that is empty, cut off or damaged, FSN139 for PDOs on sync
-            managers that are not there, FSN140 for text.
+        out: Takes FSN138 for an image that is empty, truncated or damaged, FSN139 for PDOs on
+            missing sync managers, FSN140 for text.
         name: Name shown when ``source`` is bytes.
 
     Returns:
-        One device without a place in the ring, or ``None`` with a finding. What was cut off behind
-        the identity is reported and the rest returned as truncated.
+        One device without a ring position, or ``None`` with a finding. Truncation after the
+        identity is reported; the rest is returned as truncated.
     """
     data, path = source_bytes(source, out, name, most=MAX_SII_BYTES)
     data = None if data is None else _binary(data, path, out)
@@ -285,13 +285,13 @@ def _sync_managers(body: bytes) -> tuple[SiiManager, ...]:
 
 
 def describe_sii(image: SiiImage, path: str, span: Span, out: Collector) -> DescribedSubDevice:
-    """Return what an image says about its device.
+    """Return the device data in an image.
 
     Args:
         image: The image.
-        path: Where it came from.
+        path: Its source.
         span: Its place.
-        out: Takes FSN139 for PDOs on sync managers that are not there.
+        out: Takes FSN139 for PDOs on missing sync managers.
     """
     notes: list[str] = []
     assigned, available = _placed_pdos(image, span, notes, out)

@@ -1,7 +1,7 @@
 """Output of SOEM's ``slaveinfo IFACE -map`` into a description.
 
-The size of each direction in bits stands before the map, so a cut is found to the bit. Lengths in
-the map are hexadecimal. PDO numbers are only in maps that came from the SII.
+The size of each direction in bits precedes the map, so truncation is detected to the bit. Lengths
+in the map are hexadecimal. PDO numbers are only in maps from the SII.
 """
 
 from __future__ import annotations
@@ -162,7 +162,7 @@ def _take_fact(slave: _Slave, shown: str) -> bool:
 
 
 def _complete(slaves: list[_Slave], text: Pasted, *, mapped: bool) -> None:
-    """Compare the bits of each map with the sizes that stand before it."""
+    """Compare the bits of each map with the sizes that precede it."""
     if not mapped and not any(line.stripped.startswith("End slaveinfo") for line in text):
         text.cut(text.lines[-1], "it ends before the map")
         return

@@ -1,6 +1,6 @@
-"""One ``Box`` of a TwinCAT project: identity, sync managers, PDOs, and where its variables are.
+"""One ``Box`` of a TwinCAT project: identity, sync managers, PDOs, and its variables.
 
-Sync managers are 12 bytes in hexadecimal digits, of which the second half says the same again:
+Sync managers are 12 bytes in hexadecimal digits; the second half repeats the first:
 
     byte   0 .. 1   2 .. 3    4      5       6     7     8 .. 11
          +--------+--------+-------+------+--------+---+---------+
@@ -73,12 +73,12 @@ class Box:
     """A SubDevice with its place in the tree of TwinCAT.
 
     Attributes:
-        path: Names from the master down to it.
-        described: What the model knows.
+        path: Names from the master to it.
+        described: Its description in the model.
         variables: Range of each variable, by name of PDO and name in it.
         messages: Messages of a safety logic, by name of PDO and entry.
         modules: PDOs of a module by its name.
-        unread: What of it is not understood, in words.
+        unread: Content that is not supported, in words.
     """
 
     path: tuple[str, ...]
@@ -99,7 +99,7 @@ class Box:
 
 
 def type_bits_of(name: str, guid: str, types: Mapping[tuple[str, str], int]) -> int | None:
-    """Return the bits of a type word, ``None`` when nobody says them.
+    """Return the bits of a type word, ``None`` when unknown.
 
     Args:
         name: The word.
@@ -428,8 +428,8 @@ def _entry(child: Element, bits: int, name: str, word: str, *, own_numbers: bool
 def _frame(slot: int, size: int, direction: Direction, span: Span, name: str) -> list[Entry]:
     """Return a message as the parts of a frame.
 
-    TwinCAT numbers the messages of a logic in a way of its own; those of the device are 0x6000 and
-    0x7000 + 16 n for the n-th connection, as the device library says.
+    TwinCAT numbers the messages of a logic differently; the device uses 0x6000 and 0x7000 + 16 n
+    for the n-th connection, see the device library.
     """
     base = (0x6000 if direction is Direction.INPUT else 0x7000) + 16 * slot
     if not (size == 6 or (size >= 7 and size % 4 == 3)) or base > 0x7FF0:

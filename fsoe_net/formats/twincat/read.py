@@ -1,9 +1,9 @@
 """TwinCAT 3 project (``.tsproj``) or a part of it (``.xti``): the boxes of an EtherCAT master.
 
-Names stand in a tree, and links between variables name them from its top:
+Names form a tree, and links between variables name them from its top:
 ``TIID^Device 1 (EtherCAT)^Term 1 (EK1200)^Term 5 (EL6910)^ConnectionInputs^Message_7 TxPDO``.
 A link with ``TIID`` at both ends is a copy. ``Message_7`` is the alias device 7 of the safety
-project, which lies in a folder beside. Boxes are listed in the order of the ring.
+project in a folder next to it. Boxes are listed in the order of the ring.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _FILE_NAME = "__FILENAME__"  # what a part of a project has instead of its name
 def load_twincat(
     source: Source, out: Collector, *, name: str = "<tsproj>", master: str = ""
 ) -> Description | None:
-    """Read the EtherCAT part of a project, with its safety project where that lies beside.
+    """Read the EtherCAT part of a project, with its safety project if it is next to it.
 
     Args:
         source: Path, or the bytes of the file.
-        out: Takes what is wrong, located: FSN140, FSN141, FSN143, FSN145, FSN147, FSN148.
+        out: Takes findings, located: FSN140, FSN141, FSN143, FSN145, FSN147, FSN148.
         name: Path of the bytes, from which parts and the safety project are found.
         master: Name of the master to read; by default the first that has a safety logic.
 
@@ -90,7 +90,7 @@ class _Project:
         self._add_types(root)
 
     def read(self, name: str) -> Description | None:
-        """Return what the project says about one master."""
+        """Return the data of one master."""
         masters = list(self._masters())
         if self._is_refused:
             return None
@@ -205,9 +205,9 @@ class _Project:
     def _whole(
         self, element: Element, shown: str, path: tuple[str, ...]
     ) -> tuple[Element | None, str]:
-        """Return the element, from a file of its own where it names one.
+        """Return the element, from a separate file if it names one.
 
-        What stands here besides says where it is plugged in.
+        Other content here gives its connection.
         """
         file = element.attributes.get("File")
         if file is None:
@@ -265,7 +265,7 @@ class _Project:
     # -- the rest ---------------------------------------------------------------------------------
 
     def _safety(self, boxes: list[Box]) -> SafetyProject | None:
-        """Return the safety project beside; ``None`` where there is none, or nobody needs it."""
+        """Return the safety project next to it; ``None`` if missing or not needed."""
         if not any(b.messages for b in boxes):
             return None
         project = self._root.first("Project")

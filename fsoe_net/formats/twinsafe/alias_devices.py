@@ -49,7 +49,7 @@ class Alias:
 
     @property
     def device(self) -> str:
-        """Name of the box that it was made of, where its name says it."""
+        """Name of the box that it was made of, if its name contains it."""
         return self.name.partition(" - Module")[0]
 
     @property
@@ -112,7 +112,7 @@ def read_project_folder(folder: str, shown: str, out: Collector) -> SafetyProjec
 
 
 def read_group(path: str, out: Collector) -> SafetyProject:
-    """Read the alias devices of a group, which lie beside its ``.sal``."""
+    """Read the alias devices of a group, stored next to its ``.sal``."""
     folder = os.path.dirname(path)
     files = _sds_files(os.path.join(folder, _ALIAS_FOLDER))
     return _project(files, os.path.dirname(folder) or ".", path, out)
