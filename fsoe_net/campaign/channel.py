@@ -80,17 +80,17 @@ class SessionIds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Application:
-    """What the safety applications behind both ends do.
+    """Behaviour of the safety applications of both ends.
 
-    New data in every cycle, seldom fail-safe; or the same data in all of them, as a machine at
-    rest sends for hours.
+    New data in every cycle, rarely fail-safe; or constant data, as a machine at rest sends for
+    hours.
 
     Args:
         key: Makes the data of two runs different.
         fail_safe_share: One of so many cycles is sent as FailSafeData; 0 for none.
         constant: Whether each direction sends the same data in every cycle, and no FailSafeData.
-        withdrawn_from: Cycle from which on nothing is enabled any more.
-        hands_off_from: Cycle from which on the enable is left as it is.
+        withdrawn_from: First cycle with everything disabled.
+        hands_off_from: First cycle from which the enable is left unchanged.
     """
 
     key: int = 0
@@ -130,7 +130,7 @@ class Fault(Protocol):
 
     @property
     def until(self) -> int:
-        """First cycle in which it acts no more."""
+        """First cycle without a further effect."""
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
         """Return what the receiver sees instead of ``image``; the same when it does not act."""
@@ -359,7 +359,7 @@ class Channel:
             source.value = value
 
     def forget(self, keep: int) -> None:
-        """Drop all but the newest frames of the logs, and begin the exchanges anew.
+        """Drop all but the newest frames of the logs, and restart the exchanges.
 
         Only for two of our own ends: their chains become the new ``base``.
         """
@@ -369,9 +369,9 @@ class Channel:
 
 
 def set_sequence(channel: Channel, way: Way, number: int) -> None:
-    """Let a direction count on from another number, as after a long run.
+    """Continue a direction from another sequence number, as after a long run.
 
-    Both ends of it are set, so the connection goes on undisturbed.
+    Both ends are set, so the connection continues undisturbed.
 
     Args:
         channel: A channel between two of our own ends.

@@ -140,15 +140,15 @@ class Spot:
 
 @dataclass(slots=True, kw_only=True)  # not frozen: made a million times
 class Scene:
-    """A channel just before a turn in which something can be put in.
+    """A channel just before a turn at which a fault can be injected.
 
     Attributes:
         channel: The channel, with no fault.
         way: Direction of the frame about to be seen.
         frame: That frame.
         in_data: Whether it is one of state Data.
-        frames: Frames of the run in this direction; what comes later is known of a clean run only.
-        index: Where ``frame`` stands in them.
+        frames: Frames of the run in this direction; later ones are known only for a clean run.
+        index: Index of ``frame`` in them.
         watchdog_cycles: Watchdog in whole bus cycles, rounded up.
         startup_cycles: Bus cycles a clean start-up takes.
         constant: Whether the run has the same safe data in all its data frames.
@@ -225,11 +225,11 @@ def _frame(frame: bytes | None) -> str:
 
 
 class RunSource:
-    """Makes clean runs of one connection and goes back to points of them.
+    """Makes clean runs of one connection and returns to points in them.
 
     Args:
         link: The connection.
-        seed: What all runs follow from.
+        seed: Seed of all runs.
 
     Raises:
         ConfigError: In a call: the two ends never reach state Data.

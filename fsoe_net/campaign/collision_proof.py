@@ -24,10 +24,10 @@ class CollisionProof:
     Args:
         base: Chain of the end before its first exchange.
         is_main: Whether it is the main.
-        exchanges: What it answered to, in order: frame seen, frame sent.
+        exchanges: Its exchanges in order: frame received, frame sent.
 
     Attributes:
-        chain: Its chain after all of them; ``None`` when the frames do not explain each other.
+        chain: Its chain after all of them; ``None`` when the frames are inconsistent.
     """
 
     def __init__(
@@ -67,12 +67,12 @@ def _sends(chain: Chain, sent: Pdu) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collision:
-    """A wrong frame that had to be accepted, with all that is needed to compute it again.
+    """A wrong frame that had to be accepted, with all data to verify it.
 
     Attributes:
         end: ``main`` or ``sub``.
-        frame: What it accepted.
-        right: What the other end had sent.
+        frame: The accepted frame.
+        right: The frame that the other end had sent.
         old_crc: CRC_0 of the frame before, of either direction.
         sequence: Sequence number with which every CRC of ``frame`` fits.
     """
@@ -85,15 +85,15 @@ class Collision:
 
 
 def collision(chain: Chain, end: str, frame: bytes, right: bytes) -> Collision | None:
-    """Return the proof that a receiver with this chain had to accept a frame, if there is one.
+    """Return the proof that a receiver with this chain had to accept a frame, if any.
 
-    Command and ConnID must be those due, and every CRC fit the data it comes with.
+    Command and ConnID must be those due, and every CRC must match its data.
 
     Args:
         chain: Chain of the receiver before the frame.
         end: Name of the receiver.
-        frame: What it accepted.
-        right: What the other end sent; says command and ConnID that are due.
+        frame: The accepted frame.
+        right: The frame that the other end sent; gives the command and ConnID due.
     """
     if len(frame) != len(right) or not is_frame_length(len(frame)):
         return None

@@ -19,11 +19,11 @@ def frame_text(frame: bytes | None) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Departure:
-    """Where an end does otherwise than its table.
+    """A deviation of an end from its table.
 
     Attributes:
-        text: What it did, and what was due.
-        accepted: Whether it went on with a frame that it must refuse.
+        text: The actual and the required action.
+        accepted: Whether it continued with a frame that it must refuse.
     """
 
     text: str
@@ -32,13 +32,13 @@ class Departure:
 
 @dataclass(frozen=True, slots=True)
 class Due:
-    """What an end has to do in a call.
+    """The required action of an end in a call.
 
     Attributes:
-        codes: Codes of the Reset that is due; empty when it has to go on.
-        commands: Commands it goes on with; empty when a Reset or nothing is due.
-        data: First safe data of that frame, where they are known.
-        may: Codes with which it may refuse instead of going on.
+        codes: Codes of the Reset that is due; empty when it must continue.
+        commands: Commands with which it continues; empty when a Reset or no action is due.
+        data: First safe data of that frame, if known.
+        may: Codes with which it may refuse instead of continuing.
     """
 
     codes: tuple[int, ...] = ()

@@ -1,7 +1,7 @@
-"""The fault catalogue: what a network can do to frames, and what a faulty relay can.
+"""The fault catalogue: network errors of frames, and errors of a faulty relay.
 
-Each class draws one case for a given point of a run. ``docs/reference/fault-catalogue.md`` says
-what FSoE does about it, and why an accident passes the CRC as often as it does.
+Each class draws one case for a given point of a run. ``docs/reference/fault-catalogue.md`` explains
+how FSoE reacts, and why a CRC collision is as likely as stated.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ class FaultClass:
     """One class of the catalogue.
 
     Attributes:
-        name: As in ``--faults``.
+        name: Name in ``--faults``.
         kind: Communication error of IEC 61784-3 it belongs to.
-        text: What happens, for people.
-        tolerable: Largest share of the cases that no end has to notice, for the reason that
-            ``docs/reference/fault-catalogue.md`` gives.
-        startup_share: Share of the points that lie in the start-up.
+        text: Description for people.
+        tolerable: Largest share of cases that no end has to detect, justified in
+            ``docs/reference/fault-catalogue.md``.
+        startup_share: Share of the points that are in the start-up.
         make: Draws a case; ``None`` when this point has none. Its arguments: random source,
             point, other connections, number of the run.
     """
@@ -152,7 +152,7 @@ def _make_masquerade(
 ) -> Injection:
     frame, kind = scene.frame, below(rng, 16)
     size = len(frame)
-    if kind < 10:  # it even knows command and ConnID
+    if kind < 10:  # it even has the right command and ConnID
         middle = rng.randbytes(size - 3)
         command = rng.choice(DATA_COMMANDS) if scene.in_data else frame[0]
         made = bytes((command,)) + middle + frame[-2:]

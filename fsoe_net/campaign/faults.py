@@ -49,7 +49,7 @@ class Flip(_Span):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swap(_Span):
-    """Another frame stands in the place of the right one."""
+    """Another frame replaces the correct one."""
 
     frame: bytes
 
@@ -119,7 +119,7 @@ class Torn(_Span):
 class Slip(_Span):
     """The copy starts at a wrong byte: ``shift`` bytes too late or (negative) too early.
 
-    The gap is filled with what lies beside the frame, ``beside``, repeated.
+    The gap is filled with the bytes next to the frame, ``beside``, repeated.
     """
 
     shift: int
@@ -136,12 +136,12 @@ class Slip(_Span):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forge(_Span):
-    """The frame is made anew with CRCs that fit it: only what is named is wrong.
+    """The frame is rebuilt with matching CRCs: only the listed fields are wrong.
 
     Attributes:
         command: Another command.
         connection_id: Another ConnID.
-        turned: Bits turned in the safe data, first byte lowest.
+        turned: Bits inverted in the safe data, first byte lowest.
         ahead: Added to the sequence number.
         spoiled: XORed to the CRC of the last block.
         from_start: Old CRC 0 and number 1, as for a Reset or the first Session frame.
@@ -155,7 +155,7 @@ class Forge(_Span):
     from_start: bool = False
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return the frame made anew."""
+        """Return the rebuilt frame."""
         table = channel.tables[self.way]
         if image is None or table is None or not self._on(channel):
             return image

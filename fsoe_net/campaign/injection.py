@@ -20,15 +20,16 @@ class Injection:
     """One case.
 
     Attributes:
-        faults: What happens on the way.
-        chance: Probability that the CRCs of what is shown fit by accident, if it is a data frame
-            with the right ConnID; ``None`` when nothing is known.
-        patient: Whether the watchdogs of both ends are on trial, not only the quicker one.
-        miswired: Whether the main speaks to a sub that is not its own, from power-up on.
-        signed: Whether the CRCs of what is shown fit on purpose: the state tables alone judge it.
-        stays: Whether the ends are watched to the end of the fault, whatever they notice before.
-        former: Whether what is shown is right for another session id, ``chance`` apart.
-        application: What the applications do from then on; ``None`` for the usual.
+        faults: Faults on the way.
+        chance: Probability that the CRCs of the delivered frame match by accident, if it is a data
+            frame with the right ConnID; ``None`` when unknown.
+        patient: Whether the watchdogs of both ends are tested, not only the faster one.
+        miswired: Whether the main communicates with a wrong sub, from power-up on.
+        signed: Whether the CRCs of the delivered frame match on purpose: only the state tables
+            judge it.
+        stays: Whether the ends are watched until the fault ends, even after a detection.
+        former: Whether the delivered frame is valid for another session id, apart from ``chance``.
+        application: Behaviour of the applications from then on; ``None``: the default.
     """
 
     faults: tuple[Fault, ...]
@@ -66,7 +67,7 @@ def between(rng: random.Random, start: int, end: int) -> int:
 
 
 def span(scene: Scene, cycles: int) -> tuple[Way, int, int]:
-    """Return direction, first cycle and the cycle behind the last of a fault at this point."""
+    """Return direction, first cycle and the cycle after the last of a fault at this point."""
     start = scene.channel.cycle
     return scene.way, start, start + cycles
 

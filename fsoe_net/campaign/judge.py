@@ -39,16 +39,16 @@ FAILURES = (TrialOutcome.WRONGLY_ACCEPTED, TrialOutcome.WRONG_REACTION)
 
 @dataclass(slots=True, kw_only=True)  # not frozen: made a million times
 class TrialFinding:
-    """Outcome on one fault.
+    """Outcome of one fault.
 
     Attributes:
         verdict: The verdict.
         code: Code of the Reset by which it was detected; ``None`` for a new Session or none.
-        latency_ns: From the first wrong image after the last right frame to the frame by which an
-            end leaves; 0 when it is refused in the call that reads it.
-        exposed: Whether only the CRC stood between the first wrong frame and its acceptance.
-        reason: What was wrongly accepted, for people.
-        proof: Why a collision is one.
+        latency_ns: From the first wrong image after the last correct frame to the frame with which
+            an end leaves; 0 when it is refused in the call that reads it.
+        exposed: Whether only the CRC protected against the first wrong frame.
+        reason: The wrong acceptance, for people.
+        proof: Proof of a collision.
     """
 
     verdict: TrialOutcome
@@ -193,7 +193,7 @@ class _Run:
         return not usual_reset and shown[0] != _SESSION  # a Reset, or the watchdog in state Reset
 
     def _accepted(self, way: Way, shown: bytes | None, due: bytes | None) -> TrialFinding:
-        """An end went on after a frame that is not the one due: was it bound to?"""
+        """Judge an end that continued after a frame that was not due: was it required to?"""
         channel = self.channel
         replayed = CollisionProof(
             channel.base[way],

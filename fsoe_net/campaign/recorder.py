@@ -83,14 +83,14 @@ class _Tap:
 
 
 class Recorder:
-    """A fresh channel of a connection whose calls are noted.
+    """A new channel of a connection whose calls are recorded.
 
     Args:
         link: The connection; foreign ends are recorded by their frames and data only.
-        seed: What session ids and data of our ends follow from.
+        seed: Seed of the session ids and data of our ends.
 
     Attributes:
-        channel: The channel, to be run.
+        channel: The channel to run.
     """
 
     def __init__(self, link: TrialConnection, seed: int) -> None:
@@ -120,10 +120,10 @@ class Recorder:
         )
 
     def lines(self, note: str = "") -> Iterator[str]:
-        """Return the recording up to now, line by line; a cycle begun is ended first.
+        """Return the recording so far, line by line; a started cycle is finished first.
 
         Args:
-            note: What happens in it, for people.
+            note: Description for people.
         """
         while self.channel.way is not Way.TO_MAIN:
             self.channel.turn()

@@ -20,11 +20,11 @@ _MAX_TURNS = 4000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shrunk:
-    """A failing case made small.
+    """A minimised failing case.
 
     Attributes:
-        faults: What is left of the faults; cycles count from power-up.
-        reason: What is wrongly accepted.
+        faults: The remaining faults; cycles count from power-up.
+        reason: The wrong acceptance.
         lines: Recording of the run, for `fsoe_net.campaign.recording.replay`.
     """
 

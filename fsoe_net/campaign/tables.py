@@ -1,7 +1,7 @@
-"""What the state tables (§5, §6) ask of an end, followed from its frames alone.
+"""Requirements of the state tables (§5, §6) on an end, followed from its frames alone.
 
-Written apart from the engine on purpose: no table, chain or CRC function of the ends is used, so
-an error there is not repeated here. A table sees each call of an end and says where it departs.
+Deliberately independent of the engine: no table, chain or CRC function of the ends is used, so an
+error there is not repeated here. A table receives each call of an end and reports deviations.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class StateTable:
         self.seen = bytes(frame_length(receives))
         self.sent: bytes | None = None
         self.start_ns: int | None = None
-        self.enabled: bool | None = None  # by the application, None when nobody knows
+        self.enabled: bool | None = None  # by the application, None when unknown
         self.valid, self.data = False, bytes(receives)
         self.id_bytes, self.same_ids, self.fresh = 0, 1, False
         self.last_id: bytes | None = None  # as much of it as the first Session frame carries

@@ -54,9 +54,9 @@ class Failure:
     """A trial in which an end failed.
 
     Attributes:
-        trial: Its number.
+        trial: Number of the trial.
         link: Name of the connection.
-        reason: What was accepted, or what was done instead of what was due.
+        reason: The wrong acceptance, or the action taken instead of the required one.
     """
 
     trial: int
@@ -289,7 +289,7 @@ class _Lane:
         if self._wrong is None:
             self._wrong = link.channel(seed)
         self._wrong = link.again(self._wrong, seed)
-        self._wrong.turn()  # the Reset a main begins with is no detection
+        self._wrong.turn()  # the initial Reset of a main is not a detection
         scene = Scene(
             channel=self._wrong,
             way=Way.TO_SUB,
@@ -410,10 +410,10 @@ def run_trials(
 
 
 def class_names(text: str) -> tuple[str, ...]:
-    """Return the classes that ``loss,delay+torn_copy`` names; ``all`` names those of the catalogue.
+    """Return the classes in ``loss,delay+torn_copy``; ``all`` selects those of the catalogue.
 
     Raises:
-        ValueError: There is no such class, one is named twice, or two cannot go together.
+        ValueError: Unknown class, a duplicate, or two classes cannot be combined.
     """
     if text == "all":
         return tuple(CATALOGUE)

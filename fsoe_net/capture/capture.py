@@ -19,7 +19,7 @@ class CaptureWriter:
 
     Args:
         path: The file.
-        comment: What a reader should know, beside file and interface; Wireshark shows it.
+        comment: Comment for readers, in addition to file and interface; Wireshark shows it.
         interface: Name of the interface.
 
     Raises:

@@ -20,19 +20,19 @@ Found = tuple[FoundConnection, ConnectionNames | None, bool]
 
 
 class DecodedFrame(NamedTuple):
-    """One FSoE frame; ``packet`` 0 and ``time_ms`` ``None``: of hex, not captured.
+    """One FSoE frame; ``packet`` 0 and ``time_ms`` ``None``: from hex, not captured.
 
     Attributes:
         packet: Number of the packet, from 1.
-        time_ms: Since the first packet of the capture.
-        names: The connection of the network that it belongs to, where that is known.
-        number: Of the connection in this capture, from 0.
-        direction: Which end has sent it.
+        time_ms: Time since the first packet of the capture.
+        names: Its connection of the network, if known.
+        number: Number of the connection in this capture, from 0.
+        direction: Direction, given by the end that sent it.
         frame: Its bytes.
-        verdict: Whether its CRCs are right.
-        state: Of the connection, as these frames show it.
+        verdict: Result of the CRC check.
+        state: State of the connection, according to these frames.
         sequence: Its number in the chain of CRCs.
-        note: What else is to be said.
+        note: Further remarks.
     """
 
     packet: int

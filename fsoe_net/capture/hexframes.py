@@ -36,17 +36,17 @@ class HexFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FollowedFrame:
-    """One frame and what is known of it.
+    """One frame and the known facts about it.
 
     Attributes:
         frame: The frame as given.
-        pdu: Taken apart.
+        pdu: Its parsed form.
         direction: 0 main to sub, 1 sub to main; assumed when ``frame.direction`` is ``None``.
-        verdict: On its CRCs, by the frames before it.
-        state: Of the connection after it.
-        sequence: Its number in the chain, 0 when not known.
-        lengths: Of the frames of both directions, as assumed.
-        note: What else can be said when the frames before it are missing.
+        verdict: Result of the CRC check, given the preceding frames.
+        state: State of the connection after it.
+        sequence: Its number in the chain, 0 when unknown.
+        lengths: Assumed frame lengths of both directions.
+        note: Further remarks when the preceding frames are missing.
     """
 
     frame: HexFrame
@@ -60,17 +60,17 @@ class FollowedFrame:
 
 
 def parse_frames(texts: Iterable[tuple[str, str]]) -> Iterator[HexFrame]:
-    """Take frames out of text.
+    """Extract frames from text.
 
-    A line holds frames, one word each, or the bytes of one frame as words of two digits. ``m`` or
-    ``>`` before a frame says that the main sends it, ``s`` or ``<`` that the sub does. ``#`` begins
-    a comment; ``0x``, ``:``, ``-``, ``_`` and commas are left out.
+    A line contains frames, one word each, or the bytes of one frame as words of two digits. ``m``
+    or ``>`` before a frame marks a frame of the main, ``s`` or ``<`` one of the sub. ``#`` begins a
+    comment; ``0x``, ``:``, ``-``, ``_`` and commas are ignored.
 
     Args:
         texts: Place for messages, e.g. ``stdin:3``, and text.
 
     Raises:
-        InputError: A word is no hex, or no FSoE frame has its length.
+        InputError: A word is not hexadecimal, or its length is invalid for an FSoE frame.
     """
     for number, (place, text) in enumerate(texts):
         if number == 0:
@@ -122,8 +122,8 @@ def _shown(word: str) -> str:
 def follow_frames(frames: Iterable[HexFrame]) -> Iterator[FollowedFrame]:
     """Follow frames as one conversation.
 
-    A frame without a direction is taken for an answer to the one before: the main begins. When the
-    two directions have different lengths, the length says it.
+    A frame without a direction is taken as an answer to the preceding one: the main begins. When
+    the two directions have different lengths, the length decides.
 
     Raises:
         InputError: The frames have more than two lengths, or two in one direction.

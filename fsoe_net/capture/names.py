@@ -13,14 +13,14 @@ from fsoe_net.model.signals import Signal, connection_signals
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionNames:
-    """One connection of a network as a reader wants to see it.
+    """Names of one connection of a network, for readers.
 
     Attributes:
         name: Name of the connection.
         ends: Names of the SubDevices: MainInstance, SubInstance.
         signals: Safe data by direction: 0 main to sub, 1 sub to main.
         frame_bytes: Length of the frames by direction.
-        connection_id: As the files state it, or ``None``.
+        connection_id: As stated in the files, or ``None``.
         addresses: Logical addresses of its frames by direction, at the IgH MainDevice.
     """
 

@@ -10,7 +10,7 @@ from pathlib import Path
 def main(cdef: str, include: str, target: str) -> None:
     """Turn the declarations in ``cdef`` into a cffi API-mode module at ``target``.
 
-    ``@struct NAME`` stands for the whole struct as the headers in ``include`` define it.
+    ``@struct NAME`` is replaced by the whole struct as defined in the headers in ``include``.
     """
     import cffi
 
@@ -24,7 +24,7 @@ def main(cdef: str, include: str, target: str) -> None:
 
 
 def _whole(name: str, headers: str) -> str:
-    """Return a struct without comments; the compiler knows the lengths of its arrays."""
+    """Return a struct without comments; the compiler determines the lengths of its arrays."""
     found = re.search(rf"^{name} {{\n.*?^}};", headers, flags=re.M | re.S)
     if found is None:
         raise SystemExit(f"{name} is in none of the headers")

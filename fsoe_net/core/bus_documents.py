@@ -69,15 +69,15 @@ _FOUND = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SubDeviceSnapshot:
-    """What is known about one SubDevice of the plan.
+    """State of one SubDevice of the plan.
 
-    ``al`` is its AL state as a word, ``none`` when it does not answer, with ``+ERROR`` behind it
-    when the error flag is set; ``al_code`` its AL status code, ``None`` where nobody reads it.
-    ``found``: what is in its place; ``detail``: what is wrong with it, for people, e.g. where a
-    cable is broken; empty when nothing is. ``fsoe_address``: the one it has where the plan has
-    another, else 0; ``link_down``: it does not answer and the link before it is down. ``link``,
-    ``link_lost``, ``rx_errors``: one number per port, empty where nobody counts. ``returns``: how
-    often it was lost and came back. ``known`` is false while the bus is not open.
+    ``al`` is its AL state as a word, ``none`` when it does not answer, followed by ``+ERROR`` when
+    the error flag is set; ``al_code`` its AL status code, ``None`` if not read. ``found``: the
+    device at its position; ``detail``: the problem for people, e.g. the location of a broken cable;
+    empty without one. ``fsoe_address``: its actual address if it differs from the plan, else 0;
+    ``link_down``: it does not answer and the link before it is down. ``link``, ``link_lost``,
+    ``rx_errors``: one number per port, empty if not counted. ``returns``: how often it was lost and
+    came back. ``known`` is false while the bus is not open.
     """
 
     name: str
@@ -102,7 +102,7 @@ class SubDeviceSnapshot:
 
     @property
     def found_text(self) -> str:
-        """What is in its place, in words; empty where nobody has looked."""
+        """The device at its position, in words; empty if not checked."""
         return self.found.text if self.known else ""
 
     def to_json(self) -> dict[str, Any]:
@@ -121,12 +121,12 @@ class SubDeviceSnapshot:
 
     @property
     def is_absent(self) -> bool:
-        """Whether it is of a group that is absent, which is no fault."""
+        """Whether it belongs to an absent group, which is not a fault."""
         return self.found is Found.ABSENT
 
     @property
     def answers(self) -> bool:
-        """Whether it answers; true where nobody has looked."""
+        """Whether it answers; true if not checked."""
         return not self.known or self.al != "none"
 
 
@@ -173,11 +173,11 @@ _NO_COPY = LayoutCopy(source_byte=0, destination_byte=0, size_bytes=0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedConnection:
-    """What files, a plan or a layout state about a connection; ``None``: nobody states it.
+    """Facts of files, a plan or a layout about a connection; ``None``: not stated.
 
-    ``safe_bytes`` are the lengths of the safe data to the sub and to the main, 0 where a plan is
-    not at hand; ``to_sub`` and ``to_main`` the copies of its frames, empty without a layout.
-    ``cycle_ns`` is the longest bus cycle between its ends, 0 where there is one bus.
+    ``safe_bytes``: lengths of the safe data to the sub and to the main, 0 without a plan;
+    ``to_sub`` and ``to_main``: the copies of its frames, empty without a layout. ``cycle_ns``: the
+    longest bus cycle between its ends, 0 with a single bus.
     """
 
     name: str

@@ -75,7 +75,7 @@ class CorePlan:
         """Return the plan of each bus; SubDevices and sync managers follow in the same order.
 
         Raises:
-            CoreError: There is no memory for them.
+            CoreError: Out of memory.
         """
         ffi, lib = compiled()
         found = []
@@ -94,10 +94,10 @@ class CorePlan:
         return self._sms[subdevice, index]
 
     def fingerprint(self) -> Fingerprint:
-        """Return the fingerprint that the core makes from the tables it has loaded.
+        """Return the fingerprint that the core computes from the loaded tables.
 
         Raises:
-            CoreError: There is no memory for it.
+            CoreError: Out of memory.
         """
         ffi, lib = compiled()
         made = ffi.new("struct fsn_fingerprint *")

@@ -25,7 +25,7 @@ def clean(text: str, most: int = _TEXT) -> str:
 
 
 class JsonObject:
-    """The values of one JSON object, and where it is. What is absent or null is 0 or empty.
+    """The values of one JSON object, and its location. Absent or null values are 0 or empty.
 
     Args:
         row: The object.

@@ -169,7 +169,7 @@ class Segment:
         """Return the newest outputs of a sync manager by its number in the plan.
 
         Raises:
-            CoreError: It is no output.
+            CoreError: It is not an output.
         """
         size, buffer = self._plan.sm_sizes[sm], self._buffers[sm]
         status = self._lib.fsn_segment_read_outputs(self._pointer, sm, buffer, size, self._ffi.NULL)
@@ -180,7 +180,7 @@ class Segment:
         """Publish the inputs of a sync manager, whole.
 
         Raises:
-            CoreError: It is no input, or has another length.
+            CoreError: It is not an input, or has another length.
         """
         status = self._lib.fsn_segment_write_inputs(self._pointer, sm, data, len(data))
         raise_status(status, f"inputs of sync manager {sm}")
@@ -192,7 +192,7 @@ class Segment:
         return AlStatus(state=_STATES[status & 15], error=bool(status & 16), code=code[0])
 
     def set_present(self, position: int, present: bool) -> None:
-        """Unplug the SubDevice at a ring position, with all behind it, or plug it in again."""
+        """Unplug or reconnect the SubDevice at a ring position, with all after it."""
         self._lib.fsn_segment_set_present(self._pointer, position, present)
 
     def power_cycle(self, position: int) -> None:
@@ -200,7 +200,7 @@ class Segment:
         self._lib.fsn_segment_power_cycle(self._pointer, position)
 
     def set_link(self, position: int | None, up: bool) -> None:
-        """Cut or splice the cable behind a SubDevice; ``None``: the one from the MainDevice.
+        """Cut or splice the cable after a SubDevice; ``None``: the one from the MainDevice.
 
         Raises:
             CoreError: No such cable.

@@ -63,11 +63,11 @@ def bucket_end(floor_ns: int) -> int:
 
 
 def bars_of(buckets: Iterable[Sequence[int]]) -> list[tuple[int, int, int]]:
-    """Return buckets together as bars to draw, sixteen at most for each factor of two in time.
+    """Return buckets merged into bars to draw, at most sixteen per factor of two in time.
 
     Returns:
-        For each bar the first time in it and the first behind it, ns, and how many times fell into
-        it; only bars that hold some.
+        For each bar its start and the first time after it, ns, and the number of times in it; only
+        non-empty bars.
     """
     bars: dict[int, tuple[int, int, int]] = {}
     for floor_ns, times in buckets:
@@ -83,8 +83,9 @@ class Statistics:
     """Counters of the cyclic thread; the histograms stay empty in virtual time.
 
     ``latency``: how late wake-ups came; ``period``: from one cycle to the next; ``work``: from the
-    wake-up to the end of sending; ``copy``: the copies alone; ``round_trip``: from sending to the
-    last reply, where the bus knows it; ``dc_offset``: distance from the phase of the DC clock.
+        wake-up to the end of sending; ``copy``: the copies alone; ``round_trip``: from sending to
+        the last reply, if the bus measures it; ``dc_offset``: distance from the phase of the DC
+        clock.
     """
 
     cycles: int

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 _MOST_COMPARISONS = 200_000  # of two words; a second or two
 _AS_WELL = 0.05  # of the ratio of two words
-_MOST = 4  # words to choose from; more are no guess
+_MOST = 4  # words to choose from; more would not help
 _LONGEST = 200  # characters; no name is longer
 
 
@@ -70,11 +70,11 @@ class Guesses:
 
 
 def guesses(word: str, known: Iterable[str], *, cutoff: float = 0.6) -> tuple[str, ...]:
-    """Return the known words that one may mean, the most similar first.
+    """Return known words similar to a word, the most similar first.
 
     Args:
-        word: As written.
-        known: What could have been written.
+        word: The word as written.
+        known: The valid words.
         cutoff: Least similarity of two words, 0 to 1.
     """
     return Guesses(known, cutoff=cutoff).of(word)

@@ -1,4 +1,4 @@
-"""How the packages of an extra are installed beside this installation of fsoe-net."""
+"""How to install the packages of an extra into this installation of fsoe-net."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ def missing_package(who: str, name: str | None, extra: str) -> str:
     """Return the message for a package that cannot be imported, with the command that installs it.
 
     The command names the packages that the metadata of this installation lists for the extra: it
-    works for a source tree, a wheel and a virtual environment alike, and needs no package index
-    that has fsoe-net.
+    works for a source tree, a wheel and a virtual environment alike, and does not need fsoe-net in
+    the package index.
 
     Args:
-        who: What needs the package, e.g. a command.
+        who: The part that needs the package, e.g. a command.
         name: The module that could not be imported.
         extra: The extra of ``pyproject.toml`` that lists it.
     """

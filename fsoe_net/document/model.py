@@ -108,11 +108,11 @@ class Column:
     """Head of a column.
 
     Attributes:
-        title: What its cells are.
+        title: Description of its cells.
         number: Its cells are aligned as numbers are.
         rank: A narrow terminal leaves out the columns of the highest rank first, those of 0 never.
         wraps: Its cells are sentences, which may take several lines of a terminal.
-        share: Percent of the width of a page; 0 for what it needs.
+        share: Percent of the width of a page; 0 for the natural width.
     """
 
     title: str
@@ -127,10 +127,10 @@ class Table:
     """A table.
 
     Attributes:
-        name: What it is, unique in its section, for readers of a JSON form.
-        columns: As many as each row has cells.
+        name: Name, unique in its section, for readers of a JSON form.
+        columns: Columns, as many as the cells of each row.
         rows: Cells.
-        remark: Words below it.
+        remark: Text below it.
     """
 
     name: str = ""
@@ -144,12 +144,12 @@ class Picture:
     """A picture.
 
     Attributes:
-        title: What it is.
-        words: What it shows, for those who do not see it.
+        title: Subject.
+        words: Description of its content as a text alternative.
         svg: The picture.
         wide: Whether it takes a whole row.
-        narrow: Takes its place on a narrow screen; empty where it is the same.
-        lines: Takes its place on a terminal.
+        narrow: Replacement on a narrow screen; empty if it is the same.
+        lines: Replacement on a terminal.
     """
 
     title: str
@@ -169,8 +169,8 @@ class Section:
 
     Attributes:
         key: Its anchor on a page and its name in a JSON form.
-        title: What it is about.
-        parts: What it says.
+        title: Subject.
+        parts: Content.
         page: Whether it begins a printed page.
         appendix: Whether it comes after the numbered sections, with a letter.
     """
@@ -184,19 +184,19 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Document:
-    """A whole document; what is empty is not shown.
+    """A whole document; empty parts are omitted.
 
     Attributes:
-        title: What it is about.
-        subtitle: What it is.
-        version: Of fsoe-net.
+        title: Subject.
+        subtitle: Type of document.
+        version: Version of fsoe-net.
         seal: Short code of the configuration, on each printed page.
-        verdict: What is on top.
+        verdict: The verdict at the top.
         lead: Parts before the first section.
         sections: In their order.
-        foot: At the foot of each printed page.
-        numbered: Whether sections have numbers, and a list of them is in front.
-        landscape: Whether it is printed on sheets that are wider than high.
+        foot: Text at the foot of each printed page.
+        numbered: Whether sections have numbers, with a table of contents.
+        landscape: Whether it is printed in landscape format.
     """
 
     title: str = ""
@@ -246,16 +246,16 @@ def code(text: str) -> Text:
 
 
 def decimal(value: float, digits: int = 2) -> str:
-    """Return a number rounded to some digits behind the point, without zeros at its end."""
+    """Return a number rounded to some decimal places, without trailing zeros."""
     text = f"{value:.{digits}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def outward(value: float, digits: int = 2, *, up: bool) -> float:
-    """Round a bound to the side on which it still holds.
+    """Round a bound to the side on which it remains valid.
 
-    A least value and a time that is judged go up, a greatest value goes down: 49.996 ms at most
-    must not be shown as 50 ms. What floating point is off does not count.
+    A minimum and a judged time are rounded up, a maximum down: at most 49.996 ms must not be shown
+    as 50 ms. Floating-point errors are ignored.
     """
     factor: float = 10**digits
     scaled = round(value * factor, 6)
@@ -267,9 +267,9 @@ def number_of(value: float | None, word: str, source: str, text: str = "") -> It
 
     Args:
         value: The number.
-        word: What is counted, in the singular.
-        source: Where it comes from.
-        text: How the number is printed; in decimal form when empty.
+        word: The unit, in the singular.
+        source: Source of the number.
+        text: Printed form of the number; decimal when empty.
     """
     return stated(value, "" if value is None else noun(value, word), source, text)
 

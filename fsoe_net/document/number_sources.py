@@ -34,7 +34,7 @@ class Sources:
         return _raised(self._names[self._single[column]]) if column in self._single else ""
 
     def mark(self, number: Number, column: int) -> str:
-        """Return the mark behind a number; empty when the head of its column has it."""
+        """Return the mark after a number; empty when the head of its column has it."""
         if column in self._single or not number.source:
             return ""
         return _raised(self._names[number.source])

@@ -31,7 +31,7 @@ def section_json(number: int, section: Section) -> dict[str, Any]:
 
 
 def part_json(part: Part) -> dict[str, Any]:
-    """Return a part; ``type`` says which."""
+    """Return a part; ``type`` names its type."""
     if isinstance(part, Heading):
         return {"type": "heading", "text": part.text}
     if isinstance(part, Paragraph):
@@ -57,7 +57,7 @@ def _items(items: Sequence[Item]) -> list[dict[str, Any]]:
 
 
 def item_json(item: Item) -> dict[str, Any]:
-    """Return a text, a verdict or a number; ``type`` says which."""
+    """Return a text, a verdict or a number; ``type`` names its type."""
     if isinstance(item, Text):
         return {"type": "text", "style": item.style.value, "text": item.text}
     if isinstance(item, Verdict):

@@ -1,6 +1,6 @@
 """A document for terminals of any width, and as plain text.
 
-A narrow terminal has fewer columns, never half a name; text that is no terminal has all of them.
+A narrow terminal has fewer columns, never truncated names; plain text has all of them.
 """
 
 from __future__ import annotations
@@ -93,7 +93,8 @@ def document_text(document: Document, *, width: int | None = _TEXT_WIDTH) -> str
 
     Args:
         document: What to write.
-        width: Cells of running text, ``None`` for whole paragraphs; tables take what they need.
+        width: Columns of running text, ``None`` for whole paragraphs; tables use their natural
+            width.
     """
     from rich.console import Console
 

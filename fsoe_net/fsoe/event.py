@@ -29,11 +29,11 @@ class EventKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something worth logging; one step yields at most one.
+    """An event worth logging; one step yields at most one.
 
     Attributes:
         now_ns: Time of the step.
-        kind: What happened.
+        kind: Kind of event.
         code: Reset code. For kind STATE the code in the frame that ended state Reset of a
             MainInstance, else 0.
         state_before: State before the step.

@@ -51,7 +51,7 @@ class Instance(abc.ABC):
         self._tx_safe = bytes(self._sends)
         self._rx_safe = bytes(self._receives)
         self._valid = False
-        self._seen = bytes(self._rx_bytes)  # §10, §16: an empty process image is no event
+        self._seen = bytes(self._rx_bytes)  # §10, §16: an empty process image is not an event
         self._now_ns = 0
         self._watchdog_ns = 0
         self._watchdog_start_ns: int | None = None
@@ -63,8 +63,8 @@ class Instance(abc.ABC):
 
         Args:
             now_ns: Monotonic time, never decreasing.
-            received: Frame bytes in the input image; the same bytes as before are no event, nor
-                is a frame of a wrong length. ``None`` when nothing was ever delivered.
+            received: Frame bytes in the input image; unchanged bytes are not an event, nor is a
+                frame of a wrong length. ``None`` before the first delivery.
 
         Returns:
             The frame to put into the output image, ``None`` to leave the image as it is.
@@ -106,9 +106,9 @@ class Instance(abc.ABC):
         return state
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go back to a `snapshot` of this end; it can be gone back to again and again.
+        """Return to a `snapshot` of this end; possible any number of times.
 
-        The source of session ids is the caller's and goes on where it is.
+        The source of session ids belongs to the caller and is not reset.
         """
         self.__dict__.update(state)
         self._chain = state["_chain"].copy()

@@ -27,7 +27,7 @@ _LAGGING = (
 
 
 def observed_state(to_sub: int, to_main: int) -> ConnectionState:
-    """Return the state which the last commands of both directions show; the end behind decides.
+    """Return the state given by the last commands of both directions; the lagging end decides.
 
     Args:
         to_sub: Last command of the main, 0 before any.
@@ -177,10 +177,10 @@ class Monitor:
         self._last_crc, self._last_direction, self._lost = 0, None, False
 
     def _session(self, direction: int, pdu: Pdu) -> CrcVerdict:
-        """Take a Session frame; the main's first one starts the chain anew at any time (§6 row 9).
+        """Take a Session frame; the main's first one restarts the chain at any time (§6 row 9).
 
-        One that does not fit leaves a known chain alone: the reply to a session given up before is
-        ignored by a main as well (§5 row 11).
+        A frame that does not match leaves a known chain unchanged: a main also ignores the reply to
+        an abandoned session (§5 row 11).
         """
         side = self._sides[direction]
         if side.sequence and self._fits(direction, pdu):

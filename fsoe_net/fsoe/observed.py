@@ -39,7 +39,7 @@ class FrameDirection(enum.IntEnum):
 class ConnectionState(enum.StrEnum):
     """State of a connection; the value is the word in documents.
 
-    On the wire the commands of both directions show it, and the end that is behind decides.
+    On the wire it follows from the commands of both directions; the lagging end decides.
     """
 
     SILENT = "silent"

@@ -63,12 +63,12 @@ NOT_OBSERVED = FsoeParameters()
 def differences(
     differs: Iterable[str], configured: FsoeParameters, observed: FsoeParameters
 ) -> tuple[str, ...]:
-    """Return what differs, such as ``watchdog 4000 ms, 400 ms in the plan``.
+    """Return the differences, such as ``watchdog 4000 ms, 400 ms in the plan``.
 
     Args:
         differs: Names of parameters.
-        configured: What the plan states.
-        observed: What was observed; nothing since a start-up that was not seen.
+        configured: Parameters of the plan.
+        observed: Observed parameters; empty if the start-up was not observed.
     """
     rows = []
     for name in differs:
@@ -111,7 +111,7 @@ class ParameterList:
             else:
                 self._forget()
         elif self._command in (Command.PARAMETER, Command.PROCESS_DATA):
-            self._command = Command.PROCESS_DATA  # Data, however it goes on
+            self._command = Command.PROCESS_DATA  # Data, independent of what follows
         else:
             self._forget()
 
@@ -132,7 +132,7 @@ class ParameterList:
             self._command, self._sent = command, bytearray()
         sent = self._sent
         if len(sent) < _HEAD_BYTES or len(sent) < _HEAD_BYTES + _word(sent, 4):
-            sent += safe_data[: self._chunk]  # what is behind the list is padding
+            sent += safe_data[: self._chunk]  # bytes after the list are padding
         if command == Command.CONNECTION:
             if len(sent) >= _CONNECTION_BYTES:
                 self.parameters = FsoeParameters(

@@ -180,7 +180,7 @@ class SubInstance(Instance):
         return None
 
     def _verdict(self, watchdog_ms: int) -> int:
-        """Return what the application says to the parameters: 0 or a reset code (§6)."""
+        """Return the application's answer to the parameters: 0 or a reset code (§6)."""
         if watchdog_ms == 0:  # §6, §16: refused here, it need not trouble the application
             return ResetCode.COMM_PARAMETER
         if self.config.verify is None:

@@ -15,7 +15,7 @@ _GRUB = "add {} to GRUB_CMDLINE_LINUX in /etc/default/grub; update-grub; reboot"
 
 
 def cpu_list(text: str) -> set[int]:
-    """Return the numbers in a list like ``0-2,7``; what is no number is left out."""
+    """Return the numbers in a list like ``0-2,7``; other content is ignored."""
     found: set[int] = set()
     for part in text.split(","):
         first, _, last = part.strip().partition("-")

@@ -50,15 +50,15 @@ class Examination:
 
 
 def examine(host: Host, *, interface: str | None = None, program: str | None = None) -> Examination:
-    """Look at a host; nothing is changed.
+    """Check a host without changing it.
 
     Args:
         host: The machine.
-        interface: Of the bus, or ``None``.
-        program: Path of ``fsn-master``; ``None``: it is not there.
+        interface: Interface of the bus, or ``None``.
+        program: Path of ``fsn-master``; ``None`` if missing.
 
     Raises:
-        Unreadable: It is no Linux, or /proc is not there.
+        Unreadable: It is not Linux, or /proc is missing.
     """
     checks = [*KERNEL, *CPU, *permission_checks(program), *MACHINE]
     findings = [f for check in checks for f in examined(host, check)]

@@ -1,4 +1,4 @@
-"""What a network driver says through SIOCETHTOOL: the structs, no more. Numbers in host order."""
+"""Structs for SIOCETHTOOL requests to a network driver. Numbers in host order."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def _addresses(host: Host, name: str) -> Iterator[MachineFacts]:
         yield MachineFacts(level=MachineLevel.GOOD, text="none")
         return
     yield MachineFacts(
-        # A link local address only makes a few frames; a real one has a network behind it.
+        # A link-local address sends only a few frames; a real one means a network is connected.
         level=MachineLevel.NOTE if local else MachineLevel.WARNING,
         text=", ".join(found),
         now=(f"ip address flush dev {name}", f"sysctl -w net.ipv6.conf.{name}.disable_ipv6=1"),

@@ -18,11 +18,11 @@ _MOST_BYTES = 1 << 22
 
 
 class Unreadable(Exception):
-    """A fact of the host cannot be read; the text says which and why."""
+    """A fact of the host cannot be read; the text names it and the reason."""
 
 
 class Seam(Protocol):
-    """What is no file: commands, ioctls, extended attributes."""
+    """Access without files: commands, ioctls, extended attributes."""
 
     def command(self, *words: str) -> str | None:
         """Return what a command prints; ``None``: it is not there, failed or hung."""
@@ -71,11 +71,11 @@ class RealSeam:
 
 
 class Host:
-    """A machine as its files show it.
+    """A machine as seen in its files.
 
     Args:
-        root: Folder that stands for ``/``; of a made-up machine in tests.
-        seam: What is no file.
+        root: Folder used as ``/``, such as a test machine.
+        seam: Access without files.
     """
 
     def __init__(self, root: Path | str = "/", seam: Seam | None = None) -> None:

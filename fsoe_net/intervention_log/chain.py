@@ -1,7 +1,7 @@
 """Reads the intervention log of ``fsn-master`` and follows its chain, line by line.
 
-A log is what it is: nothing in it is trusted. A line may be long, no UTF-8, no JSON or somebody
-else's; memory stays bounded by the longest entry.
+The log is untrusted. A line may be long, invalid UTF-8 or JSON, or foreign; memory stays bounded by
+the longest entry.
 """
 
 from __future__ import annotations
@@ -50,20 +50,20 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogEntry:
-    """One entry. Texts are fit to print.
+    """One entry. Texts are printable.
 
     Attributes:
-        number: From 1, on over all files.
-        event: What happened.
-        utc: When, as written; empty where it is no time.
+        number: From 1, continuous over all files.
+        event: Kind of event.
+        utc: Time as written; empty if it is invalid.
         level: info, warning, error or detail.
         text: For people.
-        who: User and program, as far as the entry names them.
+        who: User and program, if the entry names them.
         file: Name of its file.
         line: Line in it, from 1.
-        sha256: Of the line, as the next entry should hold it.
-        size_bytes: Of the line, with its newline.
-        row: All of it.
+        sha256: Hash of the line, as the next entry should contain it.
+        size_bytes: Size of the line, with its newline.
+        row: The whole entry.
     """
 
     number: int
@@ -101,18 +101,18 @@ class LogFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogCheck:
-    """What a walk along the chain has found.
+    """Result of checking the chain.
 
     Attributes:
-        files: In the order they were read.
-        entries: How many.
-        first: Number of the first one; 0: there is none.
-        last: The last one.
-        holds: Nothing was found.
-        findings: At most 50; what was changed, removed, put in or moved.
-        more: How many findings there are beside them.
-        remarks: What a reader should know although the chain holds.
-        since_last: Entries behind the one that ``last`` named; ``None``: none was named.
+        files: Files in the order they were read.
+        entries: Number of entries.
+        first: Number of the first one; 0 if there are none.
+        last: The last entry.
+        holds: Whether there are no findings.
+        findings: At most 50: changed, removed, inserted or moved entries.
+        more: Number of further findings.
+        remarks: Remarks for readers, even if the chain is valid.
+        since_last: Entries after the one named by ``last``; ``None`` if none was named.
     """
 
     files: tuple[LogFile, ...]
@@ -337,7 +337,7 @@ class LogChain:
         )
 
     def _compare_torn(self, entry: LogEntry) -> None:
-        """Compare what is no entry with the one that describes it."""
+        """Compare lines without an entry with the entry that describes them."""
         torn = self._torn
         if entry.event == "torn":
             if not torn.size_bytes:
@@ -359,7 +359,7 @@ class LogChain:
 
 
 class _Torn:
-    """Lines that hold no entry, one behind the other."""
+    """Consecutive lines without an entry."""
 
     def __init__(self) -> None:
         self.file, self.line, self.lines, self.size_bytes = "", 0, 0, 0

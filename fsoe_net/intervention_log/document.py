@@ -115,7 +115,7 @@ def check_sections(check: LogCheck) -> tuple[Section, ...]:
 
 
 def selection_json(found: LogSelection) -> dict[str, Any]:
-    """Return entries as they stand in the log, with what was found."""
+    """Return entries as in the log, with the findings."""
     return {
         "check": check_json(found.check),
         "left_out": found.left_out,

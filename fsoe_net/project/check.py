@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedFiles:
-    """Files as they were read.
+    """The files as read.
 
     Attributes:
-        diagnostics: What the readers found.
-        resolution: The network; ``None`` when nothing was read.
-        references: The other files, to compare it with; ``None``: it is not compared.
-        has_others: Whether other files were named.
+        diagnostics: Findings of the readers.
+        resolution: The network; ``None`` if nothing was read.
+        references: The other files to compare it with; ``None`` for no comparison.
+        has_others: Whether other files were given.
     """
 
     diagnostics: Sequence[Diagnostic]
@@ -59,14 +59,14 @@ class Checked:
 
 
 def whole_network(checked: Checked, refusal: str) -> Resolution:
-    """Return the network when it can be compiled.
+    """Return the network if it can be compiled.
 
     Args:
-        checked: What was read.
-        refusal: What is not done otherwise, e.g. ``no plan written``.
+        checked: The files as read.
+        refusal: The consequence of an error, e.g. ``no plan written``.
 
     Raises:
-        InputError: It has an error, is only a part of a network, or moves none of its FSoE frames.
+        InputError: It has an error, is incomplete, or copies none of its FSoE frames.
     """
     errors = [d for d in checked.diagnostics if d.level is Severity.ERROR]
     resolution = checked.resolution
@@ -124,16 +124,16 @@ def check_loaded(
     scan: Scan | None = None,
     timed: bool = True,
 ) -> Checked:
-    """Check files that were read, and compare them with what is on a bus.
+    """Check files after reading, and compare them with the scan of a bus.
 
     Args:
         loaded: The files.
-        runtime: Also what this runtime does differently.
-        scan: What is on the bus.
-        timed: Check the safety functions too; a caller with a budget of its own does that itself.
+        runtime: Also check for differences of this runtime.
+        scan: Scan of the bus.
+        timed: Also check the safety functions; a caller with its own budget does that itself.
 
     Raises:
-        InputError: There is a scan, and no whole network to compare it with.
+        InputError: There is a scan, but no complete network to compare it with.
     """
     found = list(loaded.diagnostics)
     resolution, references = loaded.resolution, loaded.references

@@ -1,4 +1,4 @@
-"""What is in the folder of a network beside its file, known by content and by name."""
+"""Other files in the folder of a network, recognised by content and by name."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class CompanionKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompanionFile:
-    """A file beside a network, or the folder of an intervention log.
+    """A file next to a network, or the folder of an intervention log.
 
     Attributes:
-        path: Begins with the folder that was looked at.
-        name: Of that, seen from the folder.
-        kind: What it is for.
-        words: What it is.
+        path: Path, starting with the searched folder.
+        name: Path relative to that folder.
+        kind: Purpose of the file.
+        words: Description of the file.
     """
 
     path: str

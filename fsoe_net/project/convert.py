@@ -37,9 +37,9 @@ class Conversion:
 
     Attributes:
         files: Their bytes by their path.
-        notes: What was assumed, and what the format cannot hold.
-        findings: What was found in the files that were read, sorted; no errors.
-        description: What was written.
+        notes: Assumptions, and data that the format cannot represent.
+        findings: Findings of the files read, sorted; no errors.
+        description: The description written.
     """
 
     files: Mapping[str, bytes]
@@ -103,7 +103,7 @@ def convert_files(
 
 
 def _file_to_renew(files: Sequence[str], target: Target) -> str | None:
-    """Return the one file of the target's format beside a network; its copies are replaced."""
+    """Return the only file of the target's format given with a network; its copies are replaced."""
     if not target.renew or len(files) < 2:
         return None
     formats = {f: find_format(_file_of(f), Collector()) for f in files}
@@ -121,7 +121,7 @@ def _read(
     *,
     starts: bool = False,
 ) -> Description:
-    """Read and join the files; with ``starts`` also what an ESI says about starting a device."""
+    """Read and join the files; ``starts``: also the ESI data for starting a device."""
     out = Collector()
     named = [(f, forced or find_format(f, out)) for f in map(_file_of, dict.fromkeys(files))]
     known = [(f, found) for f, found in named if found is not None]
@@ -175,7 +175,7 @@ def _read_others(
 def _read_yaml(files: list[str], out: Collector, options: LoadOptions) -> tuple[Description, bool]:
     """Return what YAML and URDF say, and whether it is a bus: slave YAMLs are device types."""
     loaded = load_network(files, options)
-    # A bus without copies can be described all the same; a note says that nothing is moved.
+    # A bus without copies can also be described; a note reports that nothing is copied.
     out.diagnostics += [d for d in loaded.diagnostics if d.code != _NO_NET]
     _refuse_errors(out)
     network = loaded.network
@@ -199,9 +199,9 @@ def _read_catalogue(
     *,
     starts: bool,
 ) -> list[Description]:
-    """Return the devices that the bus lacks; without a bus all of the file.
+    """Return the devices missing on the bus; without a bus all devices of the file.
 
-    With ``starts`` also devices whose process data are known: those a file lacks are no finding.
+    With ``starts`` also devices whose process data are known; a missing one is not a finding.
     """
     if bus is None:
         found = [read_foreign(file, catalogue, out)]

@@ -83,16 +83,16 @@ class NetworkEdit:
 
 
 class EditedText:
-    """A text of YAML whose maps and lists a program changes; lines without a change stay.
+    """YAML text edited through its maps and lists; unchanged lines are preserved.
 
     Args:
         text: The text.
-        path: What messages call it.
+        path: Name used in messages.
 
     Attributes:
         before: The text.
         document: Its maps and lists, as `dict` and `list`, to be changed in place. One that moves,
-            or is replaced, is written anew: comments in it go.
+            or is replaced, is written again without its comments.
 
     Raises:
         InputError: The text cannot be read.
@@ -110,11 +110,11 @@ class EditedText:
 
     @property
     def text(self) -> str:
-        """The text as it would be.
+        """The resulting text.
 
         Raises:
-            ValueError: Something in `document` is nothing that YAML can hold, or the lines beside a
-                change are laid out in such a way that it cannot be put there.
+            ValueError: A value in `document` cannot be represented in YAML, or the layout of the
+                lines next to a change does not allow it.
         """
         why = (
             "cannot be edited: the lines beside the change are laid out in an odd way; change it "

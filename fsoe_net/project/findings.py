@@ -72,7 +72,7 @@ class Findings(Sequence[Diagnostic]):
 
     @property
     def ok(self) -> bool:
-        """Whether there is no error; warnings may be there."""
+        """Whether there are no errors; warnings are allowed."""
         return not self.errors
 
     def to_json(self) -> dict[str, object]:

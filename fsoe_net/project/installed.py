@@ -1,4 +1,4 @@
-"""What is installed of fsoe-net: its files with their hashes, and the versions beside them."""
+"""The installed files of fsoe-net with their hashes, and the versions of its environment."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class InstalledFiles:
 def installed_files() -> InstalledFiles:
     """Read every file of the package and the compiled module; nothing is executed.
 
-    What Python writes itself (``__pycache__``) is no part of it.
+    Files written by Python itself (``__pycache__``) are excluded.
 
     Raises:
         OSError: A file cannot be read.

@@ -31,13 +31,13 @@ from fsoe_net.project.check import check_files, whole_network
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
-    """One thing with its fingerprint, and as much of what stands behind it as there is.
+    """An item with its fingerprint, and its underlying data as far as available.
 
     Attributes:
-        path: As the user named it.
+        path: Path given by the user.
         fingerprint: Its fingerprint.
         plan: Its tables; ``None`` for a fingerprint alone.
-        functions: Its safety functions; ``None`` where only their hash is known.
+        functions: Its safety functions; ``None`` if only their hash is known.
     """
 
     path: str

@@ -17,7 +17,7 @@ from fsoe_net.model.network import NetworkConfig, SourceFile
 if TYPE_CHECKING:
     from fsoe_net.model.description import Description
 
-_NOT_FOUND = frozenset({"FSN135", "FSN136"})  # the comparison says it, at the user's revision
+_NOT_FOUND = frozenset({"FSN135", "FSN136"})  # reported by the comparison, at the user's revision
 
 
 @dataclass(slots=True)
@@ -32,7 +32,7 @@ class References:
 def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, Format]]]:
     """Return the files of the network itself, and the other ones with their formats.
 
-    A file that nothing knows counts as one of the network, whose reader then says what is wrong.
+    An unknown file counts as one of the network, whose reader then reports the error.
     """
     own: list[str] = []
     others: list[tuple[str, Format]] = []

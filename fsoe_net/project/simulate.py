@@ -121,7 +121,7 @@ def with_scenario(make: Callable[[Scenario | None], _Run], path: str | None) -> 
     """Return a stage with the scenario of a file; without a file the stage alone.
 
     Raises:
-        InputError: The scenario has mistakes: in itself, and beside the network, all at once.
+        InputError: The scenario has errors, in itself or against the network, all reported at once.
     """
     if path is None:
         return make(None)

@@ -1,6 +1,6 @@
-"""A first network from whatever files and buses a user has.
+"""Proposes a first network from the files and buses of a user.
 
 Add here: a source of facts for a proposal, a question that only the user can answer. A value that
-nobody has stated stays open; nothing is guessed. Do not add: readers of files (`formats`),
+is not stated stays open; values are never guessed. Do not add: readers of files (`formats`),
 questions at a terminal (`cli`).
 """

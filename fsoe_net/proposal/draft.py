@@ -37,15 +37,15 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
-    """A proposal, or why there is none yet.
+    """A proposal, or the reasons why there is none yet.
 
     Attributes:
-        proposal: ``None`` while nobody has said what is on the ring.
+        proposal: ``None`` while the content of the ring is unknown.
         name: Name of the network.
-        questions: Open questions, the first one first.
-        findings: Wrong answers.
-        notes: What was assumed or left out.
-        inputs: What it was made from.
+        questions: Open questions in order.
+        findings: Invalid answers.
+        notes: Assumptions and omissions.
+        inputs: Its input files.
     """
 
     inputs: Inputs

@@ -28,26 +28,26 @@ _DEEPEST = 5
 _HEAD_BYTES = 4096
 # What a network still lacks is not a mistake here: it is what this command is for.
 _LACKING = {"FSN125", "FSN223"}
-# A driver stops there; the SubDevice is known all the same.
+# A driver stops there; the SubDevice is known nevertheless.
 _TOLERATED = {"FSN120"}
 
 
 @dataclass(slots=True)
 class Gathered:
-    """What was read.
+    """Data read from the files.
 
     Attributes:
-        scans: Scans, by file; their SubDevices are in ``buses`` too.
-        buses: Descriptions whose SubDevices have a place in the ring.
+        scans: Scans, by file; their SubDevices are also in ``buses``.
+        buses: Descriptions whose SubDevices have a position in the ring.
         types: Descriptions of device types.
-        esis: ESI files; their devices are read when somebody has them.
-        projects: Safety projects: connections without places.
+        esis: ESI files; only required devices are read.
+        projects: Safety projects: connections without positions.
         part: Transfers whose modules no file declares.
-        name: Name of the network, where a file gives one.
-        notes: What had to be assumed or left out.
+        name: Name of the network, if a file states one.
+        notes: Assumptions and omissions.
         out: Findings.
-        used: Files that say something, in the order given.
-        answers: What a person has answered in a file.
+        used: Files with content, in the order given.
+        answers: Answers of a person from a file.
     """
 
     scans: dict[str, Scan] = field(default_factory=dict)
@@ -200,7 +200,7 @@ def _sorted(read: Description | None, known: Format, found: Gathered) -> bool:
 
 
 def _read_yaml(files: list[tuple[str, bool]], options: LoadOptions, found: Gathered) -> None:
-    """Read the network or URDF with its transfers; then every slave YAML nobody has named."""
+    """Read the network or URDF with its transfers; then every unreferenced slave YAML."""
     kinds: dict[str, list[tuple[str, bool]]] = {}
     for path, in_folder in files:
         kinds.setdefault(_yaml_kind(path), []).append((path, in_folder))
@@ -243,7 +243,7 @@ def _read_root(
 ) -> set[str]:
     """Read one root file; return the real paths of everything it brought along."""
     path, in_folder = files[0]
-    # A URDF names its transfers itself; those given beside it are for one that does not.
+    # A URDF names its transfers itself; others in the list are for one that does not.
     loaded = load_network([path], options)
     if transfers and loaded.network is not None and not loaded.network.nets:
         loaded = load_network([path, *(t for t, _ in transfers)], options)

@@ -34,12 +34,12 @@ class CopyLink:
 
 @dataclass(slots=True, kw_only=True)
 class Moves:
-    """What the copies of the files move.
+    """Data moved by the copies of the files.
 
     Attributes:
-        both: Two pairs whose frames are copied whole in both directions, with both copies.
-        rest: Copies that are no such thing; they stay as they are.
-        touched: Pairs that copies of the rest use.
+        both: Two pairs whose complete frames are copied in both directions, with both copies.
+        rest: All other copies; kept unchanged.
+        touched: Pairs used by the other copies.
     """
 
     both: list[tuple[PairEnd, PairEnd, DescribedCopy, DescribedCopy]] = field(default_factory=list)
@@ -181,7 +181,7 @@ def link_connections(
 
 
 def _is_same(link: CopyLink, main: int, row: DescribedConnection) -> bool:
-    """Whether a file speaks of this connection."""
+    """Whether a file describes this connection."""
     if (link.main.subdevice, link.sub.subdevice) != (main, row.sub):
         return False
     return row.slot in (None, link.main.slot) and _agree(link.facts, row)
@@ -196,7 +196,7 @@ def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
 
 
 def _take(link: CopyLink, row: DescribedConnection, path: str) -> None:
-    """Put what a file says to a link that another one named."""
+    """Add facts of a file to a link that another file named."""
     if not link.facts.span.file:
         link.facts = _marked(row, path)
         return
@@ -347,7 +347,7 @@ def _is_linked(
     links: list[CopyLink],
     out: FindingList,
 ) -> bool:
-    """Whether a file connects these frames already: as the answer says, or FSN156."""
+    """Whether a file already connects these frames: as in the answer, or FSN156."""
     known = [link for link in links if link.sub in subs]
     same = next((link for link in known if link.main in slots), None)
     if same is not None:
@@ -425,12 +425,12 @@ def _facts(row: ConnectionFacts) -> DescribedConnection:
 
 
 def state_facts(link: CopyLink, row: ConnectionFacts, out: FindingList) -> None:
-    """Put the facts of an answer to a connection.
+    """Add the facts of an answer to a connection.
 
     Args:
         link: The connection.
         row: The answer.
-        out: Takes FSN156 where a file says something else.
+        out: Takes FSN156 where a file contradicts it.
     """
     values: dict[str, int | None] = {}
     for key in ("address", "connection_id", "watchdog_ms"):

@@ -31,14 +31,14 @@ class Offer:
 
     Attributes:
         order: Order number or type.
-        about: What it is, in words; may be empty.
-        path: Where it is described: a file, or ``device library``.
-        position: Ring position, where a file says what is on the bus.
-        revision: Revision number, where known.
-        process_data: Which process data of the device library it gets; empty: those of its file.
-        frames: Bytes of each pair of FSoE frames, to the device and from it; empty: not known yet.
-        obstacle: Why it cannot be added, and the next step; empty: it can.
-        source: What describes it.
+        about: Description; may be empty.
+        path: Source of its description: a file, or ``device library``.
+        position: Ring position, if a file describes the bus.
+        revision: Revision number, if known.
+        process_data: Process data of the device library to use; empty: those of its file.
+        frames: Bytes of each pair of FSoE frames, to the device and from it; empty: not yet known.
+        obstacle: Why it cannot be added, and the next step; empty if it can.
+        source: Its description.
     """
 
     order: str
@@ -54,15 +54,15 @@ class Offer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Addition:
-    """What is added to a network for an offer.
+    """Additions to a network for an offer.
 
     Attributes:
         name: Proposed name.
-        position: Ring position, where the offer has one.
-        revision: Revision number, where known.
+        position: Ring position, if the offer has one.
+        revision: Revision number, if known.
         config: Name of its device file.
-        config_text: What is in that file.
-        notes: What a person has to know or to do, in words.
+        config_text: Content of that file.
+        notes: Notes and tasks for the user, in words.
     """
 
     name: str
@@ -74,11 +74,11 @@ class Addition:
 
 
 def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
-    """Return what can be added: SubDevices of buses in files, types of files, the device library.
+    """Return offers: SubDevices of buses in files, device types in files, the device library.
 
     Args:
-        found: What files say; empty: the device library alone.
-        out: Takes what is wrong with ESI files; one that cannot be read gives nothing.
+        found: Data of the files; empty: only the device library.
+        out: Takes findings of ESI files; an unreadable one gives no offers.
     """
     library, _ = load_library()
     types: list[DeviceType] = []

@@ -1,7 +1,7 @@
-"""A network proposed from whatever files there are, with open points and questions.
+"""A network proposed from the available files, with open points and questions.
 
-What files know of copies and connections settles pairs; then answers; then lengths, where they
-leave one way only. The rest is proposed as unconfirmed, or not at all. No question comes twice: the
+Pairs are settled by copies and connections in the files, then by answers, then by lengths if only
+one choice remains. The rest is proposed as unconfirmed, or not at all. No question is repeated: the
 caller adds an answer and proposes again.
 """
 
@@ -40,17 +40,17 @@ class Proposal:
     """A network to be written.
 
     Attributes:
-        bus: SubDevices with their names, copies that stay copies, connections to be written.
+        bus: SubDevices with their names, remaining copies, connections to write.
         mains: Numbers of the MainInstances.
-        sources: Where the device library has process data from, by number of the SubDevice.
-        remarks: What else a reader should know of a SubDevice, by its number.
+        sources: Source of library process data, by number of the SubDevice.
+        remarks: Other remarks about a SubDevice, by its number.
         unconnected: Why frames of a SubDevice are not connected, by its number.
-        notes: What the device library says about its type, by number of the SubDevice.
-        reasons: How each connection of ``bus`` is known, first line first.
-        open: What a person still has to do, in words.
-        open_devices: Those of ``open`` that are about a SubDevice alone, without its name.
+        notes: Notes of the device library about its type, by number of the SubDevice.
+        reasons: Source of each connection of ``bus``, first line first.
+        open: Remaining tasks of a person, in words.
+        open_devices: Those of ``open`` about a single SubDevice, without its name.
         questions: Open questions, in the order to ask them.
-        findings: Wrong answers.
+        findings: Invalid answers.
     """
 
     bus: Description
@@ -76,11 +76,11 @@ def propose(
     """Propose a network.
 
     Args:
-        bus: What files say, joined.
-        names: A name for each SubDevice, each only once.
-        library: States roles, and process data that files lack.
-        answers: What the user said.
-        hints: Facts about connections that may be of any of these SubDevices.
+        bus: Data of the files, joined.
+        names: Unique name for each SubDevice.
+        library: Provides roles, and process data missing in files.
+        answers: Answers of the user.
+        hints: Facts about connections that may belong to any of these SubDevices.
     """
     return _Maker(bus, names, library, answers, hints).proposal()
 
@@ -97,7 +97,7 @@ class _Maker:
         self._names, self._library, self._answers = tuple(names), library, answers
         self._hints = hints
         self._out = FindingList()
-        self._open: list[str] = []  # of connections, behind those of devices
+        self._open: list[str] = []  # of connections, after those of devices
         self._devices: list[str] = []  # what is open of devices
         self._about: list[str] = []  # the same without names
         self._questions: list[Question] = []

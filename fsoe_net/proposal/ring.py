@@ -1,6 +1,6 @@
-"""A ring out of answers: device types of ESI, SII, slave YAML and the device library in an order.
+"""A ring from answers: device types of ESI, SII, slave YAML and the device library in order.
 
-Without a file that says what is on the bus only a person can say it.
+If no file describes the bus, only a person can.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MOST_NAMES = 2000
 class DeviceType:
     """One device type that can be on the ring.
 
-    ``sub`` is ``None`` for a device of an ESI, which is read when somebody has it.
+    ``sub`` is ``None`` for a device of an ESI, which is read when it is required.
     """
 
     order: str
@@ -97,7 +97,7 @@ def list_types(
 
 
 def _known(sub: DescribedSubDevice, library: Library) -> str:
-    """Return the order number of an identity, where the library knows it."""
+    """Return the order number of an identity, if the library has it."""
     own = (sub.device.vendor_id, sub.device.product_code)
     device = library.find(*own)
     rows = () if device is None else device.identities
@@ -108,16 +108,16 @@ def _known(sub: DescribedSubDevice, library: Library) -> str:
 def ring_of(
     answers: Sequence[AnsweredDevice], types: Sequence[DeviceType], out: Collector
 ) -> Description | None:
-    """Return the ring that answers describe.
+    """Return the ring described by answers.
 
     Args:
         answers: Types in ring order.
-        types: What there is.
-        out: Takes FSN155 for a type or revision that is not there, FSN156 for a place that is
-            taken, and what reading the ESI finds.
+        types: Available types.
+        out: Takes FSN155 for an unknown type or revision, FSN156 for an occupied position, and
+            findings of the ESI.
 
     Returns:
-        SubDevices with positions, ``None`` when a type is not known.
+        SubDevices with positions, ``None`` when a type is unknown.
     """
     subs: list[DescribedSubDevice] = []
     good, position = True, 0

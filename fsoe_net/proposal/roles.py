@@ -21,16 +21,17 @@ class FrameEnd:
     """The FSoE side of a SubDevice.
 
     Attributes:
-        number: Of the SubDevice.
-        name: Of the SubDevice.
-        pairs: Its pairs of frames that are taken.
-        doubtful: Pairs that may be frames; nobody has said.
-        beyond: A frame is taken that plans do not recognise: copies have to be written out.
+        number: Number of the SubDevice.
+        name: Name of the SubDevice.
+        pairs: Its accepted pairs of frames.
+        doubtful: Pairs that may be frames; not yet answered.
+        beyond: Whether it has an accepted frame that plans do not recognise: its copies must be
+            written out.
         role: ``main``, ``sub`` or empty.
-        remarks: What a reader of the network should know.
-        unconnected: Why frames of it are not connected.
-        likely: Frames that are not sure and that nobody has answered for.
-        question: Whether the doubtful ones are frames.
+        remarks: Remarks for readers of the network.
+        unconnected: Why its frames are not connected.
+        likely: Uncertain frames without an answer.
+        question: The question whether doubtful pairs are frames.
     """
 
     number: int
@@ -116,7 +117,7 @@ def _take(
 
 
 def _answer(answers: Answers, name: str) -> bool | None:
-    """Return whether the likely frames of a SubDevice are some; ``None``: nobody has said."""
+    """Return the answer whether a SubDevice's likely frames are frames; ``None``: unanswered."""
     word = answers.frames.get(name)
     return None if word is None else word.text.casefold() not in ("no", "n", "false")
 
@@ -227,7 +228,7 @@ def _which_is_main(ends: Sequence[FrameEnd], span: Span) -> Question:
 
 
 def _only_choice(end: FrameEnd, ends: Sequence[FrameEnd]) -> bool:
-    """Whether an end has to be the MainInstance: there is no other, and a SubInstance fits it."""
+    """Whether an end must be the MainInstance: it is the only one, and a SubInstance fits it."""
     subs = [p for e in ends if e.role == "sub" for p in e.pairs]
     none = not any(e.role == "main" for e in ends)
     return none and any(p.fits(s) for p in end.pairs for s in subs)

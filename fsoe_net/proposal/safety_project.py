@@ -17,11 +17,11 @@ from fsoe_net.model.library_fill import library_device
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatchedProject:
-    """What a safety project says about the SubDevices of a ring.
+    """Facts of a safety project about the SubDevices of a ring.
 
     Attributes:
         connections: Those whose SubInstance is certain; the MainInstance may be open.
-        hints: Those of which several SubDevices may be meant, with their numbers, in words.
+        hints: Those with several candidate SubDevices, with their numbers, in words.
         lost: Those without any SubDevice, in words.
     """
 
@@ -63,8 +63,8 @@ def match_project(
     Args:
         subdevices: The ring.
         project: The safety project.
-        library: Knows order numbers of identities.
-        connections: What other files say about the ring.
+        library: Order numbers of identities.
+        connections: Connections from other files about the ring.
     """
     matched, hints, lost = [], [], []
     orders = [_orders(s, library) for s in subdevices]

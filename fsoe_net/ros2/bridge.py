@@ -54,14 +54,14 @@ class BridgeOptions:
 
 
 class Bridge:
-    """A node beside an ``fsn-master``, over its stops and restarts; a context manager.
+    """A node for an ``fsn-master``, across its stops and restarts; a context manager.
 
     Args:
         path: Control socket.
-        options: How it is shown.
+        options: Display options.
 
     Raises:
-        EnvironmentFault: Nobody answers there, DDS does not start, or control is not this user's.
+        EnvironmentFault: No answer, DDS does not start, or control is not this user's.
     """
 
     def __init__(self, path: str, options: BridgeOptions) -> None:
@@ -102,7 +102,7 @@ class Bridge:
         self.close()
 
     def close(self) -> None:
-        """Leave; ``fsn-master`` goes on, what nodes have set takes its stop values."""
+        """Leave; ``fsn-master`` continues, outputs set by nodes take their stop values."""
         self._ending.set()
         self._values.join()
         self._node.close()
@@ -116,7 +116,7 @@ class Bridge:
         """Wait a moment, then publish the state of the bus and return it.
 
         Raises:
-            EnvironmentFault: The recording takes no more.
+            EnvironmentFault: The recording cannot be continued.
         """
         if self.recording is not None:
             self.recording.check()
@@ -151,7 +151,7 @@ class Bridge:
             try:
                 with Client(self._path) as client:
                     self._follow(client)
-            except EnvironmentFault:  # the state of the bus says so
+            except EnvironmentFault:  # reported by the state of the bus
                 self._ending.wait(_AGAIN_S)
 
     def _follow(self, client: Client) -> None:

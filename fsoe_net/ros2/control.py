@@ -1,7 +1,7 @@
-"""What other nodes may do to a bus: set outputs, start and stop it. Only where it is allowed.
+"""Control of a bus by other nodes: set outputs, start and stop it. Only if allowed.
 
-DDS knows no users: whoever reaches the domain has what this process may do. So nothing can be armed
-from here, and no output of a drive is set: a program in the cycle moves axes.
+DDS has no users: every process in the domain has the permissions of this one. Therefore nothing can
+be armed from here, and no output of a drive is set: a real-time client moves axes.
 """
 
 from __future__ import annotations
@@ -89,15 +89,15 @@ class NodeControl:
     def set_parameters(
         self, offered: Mapping[str, SignalTopic], request: Any, who: str
     ) -> list[tuple[bool, str]]:
-        """Set outputs that a service has by their names, each on its own.
+        """Set the outputs in a request by name, each separately.
 
         Args:
-            offered: What may be set, by its name.
+            offered: Settable outputs, by name.
             request: A `fsoe_net.ros2.messages.SetParametersRequest`.
-            who: Sent it.
+            who: The sender.
 
         Returns:
-            Of each whether it was set, and why not.
+            For each output whether it was set, and if not, the reason.
         """
         if len(request.parameters) > _MOST_AT_ONCE:
             text = self._refuse(f"more than {_MOST_AT_ONCE} parameters at once: nothing was set")

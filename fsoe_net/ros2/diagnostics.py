@@ -1,6 +1,6 @@
-"""What is known of a bus as statuses of ``/diagnostics``: connections, SubDevices, the cycle.
+"""State of a bus as statuses of ``/diagnostics``: connections, SubDevices, the cycle.
 
-Levels are those of ``diagnostic_msgs/DiagnosticStatus``. Nothing here knows of DDS.
+Levels are those of ``diagnostic_msgs/DiagnosticStatus``. Independent of DDS.
 """
 
 from __future__ import annotations

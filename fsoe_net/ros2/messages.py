@@ -1,4 +1,4 @@
-"""Messages of ROS 2 as types of DDS: standard ones only, so that nobody has to build an interface.
+"""ROS 2 messages as DDS types: only standard ones, so that no interface must be built.
 
 Needs ``cyclonedds``. Names are those that an rmw gives its types; a field has the name, type and
 place of the message definition, so the bytes are those that ROS itself sends. Annotations are read
@@ -131,7 +131,7 @@ class _ParameterValue(IdlStruct, typename="rcl_interfaces::msg::dds_::ParameterV
     string_array_value: types.sequence[str]
 
     def python(self) -> bool | int | float | None:
-        """Return its value; ``None`` where it is no bool and no number."""
+        """Return its value; ``None`` if it is neither a bool nor a number."""
         return {1: self.bool_value, 2: self.integer_value, 3: self.double_value}.get(self.type)
 
 

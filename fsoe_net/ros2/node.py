@@ -59,15 +59,15 @@ class _Arrived(Listener):
 class Node:
     """Publishers, subscriptions and services of one participant; to be closed.
 
-    What arrives is handled by one thread of its own, one message after the other.
+    Messages are handled by a separate thread, one after the other.
 
     Args:
         domain: Domain ID, 0 to 232.
-        here_only: On the loopback, so that no other machine hears or reaches it.
-        recording: Gets all that is published.
+        here_only: Use only the loopback, so that no other machine can receive or send.
+        recording: Receives all published messages.
 
     Raises:
-        EnvironmentFault: There is no such network, or no port of the domain is free.
+        EnvironmentFault: The network is missing, or no port of the domain is free.
     """
 
     def __init__(self, domain: int, *, here_only: bool, recording: McapFile | None = None) -> None:
@@ -119,7 +119,7 @@ class Node:
         return self._receive(f"rt{topic}", message, _qos(message, depth=1), received)
 
     def unsubscribe(self, reader: object) -> None:
-        """Take no more of it."""
+        """Unsubscribe."""
         self._readers.pop(reader, None)
 
     def serve(
@@ -131,9 +131,9 @@ class Node:
         """Serve requests to callers whose rmw is Cyclone DDS.
 
         Args:
-            name: Of the service, with its slash.
-            types: Of a request and of its reply, in `HASHES`.
-            answer: Does what a request of a process says, and returns the fields of the reply.
+            name: Name of the service, with its slash.
+            types: Types of a request and of its reply, in `HASHES`.
+            answer: Executes the request of a process and returns the fields of the reply.
         """
         # A caller waits until a reader and a writer have the same mark: who serves, and a number.
         number = len(self._readers).to_bytes(4, "big")

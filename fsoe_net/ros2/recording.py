@@ -37,12 +37,12 @@ class McapFile:
         """Add a message that was published.
 
         Args:
-            topic: With its slash.
-            message: Says of which type it is.
+            topic: Topic with its slash.
+            message: Gives the type.
             payload: Its bytes with the encapsulation, as they were sent.
             time_ns: Since 1970, UTC.
 
-        A disk that takes no more ends the recording, which `check` reports.
+        A full disk ends the recording, which `check` reports.
         """
         if self._fault:
             return
@@ -56,10 +56,10 @@ class McapFile:
         self.messages += 1
 
     def check(self) -> None:
-        """Raise what has ended it.
+        """Raise the error that ended it.
 
         Raises:
-            EnvironmentFault: The disk takes no more.
+            EnvironmentFault: Disk full.
         """
         if self._fault:
             raise EnvironmentFault(f"the recording {self.path} has ended: {self._fault}")
@@ -83,7 +83,7 @@ class McapFile:
         """Write the index and close the file.
 
         Raises:
-            EnvironmentFault: The disk takes no more.
+            EnvironmentFault: Disk full.
         """
         try:
             with self._file:

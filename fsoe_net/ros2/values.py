@@ -1,6 +1,6 @@
-"""Symbols of a plan as what ROS knows: joints of axes, and a topic for each value.
+"""Symbols of a plan in ROS terms: joints of axes, and a topic for each value.
 
-Nothing here knows of DDS.
+Independent of DDS.
 """
 
 from __future__ import annotations
@@ -74,10 +74,10 @@ class SignalTopic:
 
 
 def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
-    """Return the axes: what has an actual position, by its object or by the driver's name.
+    """Return the axes: devices with an actual position, by its object or by the driver's name.
 
-    Axis n of a SubDevice has its objects 0x800 * n higher. An axis is called as its SubDevice;
-    those of a SubDevice with several have their number, from 1, behind it.
+    Axis n of a SubDevice has its objects 0x800 * n higher. An axis has the name of its SubDevice;
+    with several axes their number, from 1, is appended.
     """
     found: dict[str, list[dict[str, str]]] = {}
     inputs: dict[str, list[Symbol]] = {}

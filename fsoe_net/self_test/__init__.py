@@ -1,6 +1,6 @@
-"""The self-test: this installation, tried with networks and runs whose results are known.
+"""The self-test: this installation, tested with networks and runs with known results.
 
-What is expected is in `reference.yaml` and `estop.frames` beside this file and in the examples. Add
-here: a part with known answers of a standard or a foreign program. Do not add: results that this
-package has computed itself, or tests of the development (`tests`).
+Expected results are in `reference.yaml` and `estop.frames` next to this file and in the examples.
+Add here: a part with known answers of a standard or a foreign program. Do not add: results computed
+by this package itself, or development tests (`tests`).
 """

@@ -1,4 +1,4 @@
-"""The C core beside the Python engine, and what the core does with frames that are damaged."""
+"""The C core compared with the Python engine, and its handling of damaged frames."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 
 class TriedValue(NamedTuple):
-    """One value of this installation beside the one that is known."""
+    """One value of this installation with the expected value."""
 
     what: str
     expected: object
@@ -27,8 +27,8 @@ class SelfTestPart:
 
     Attributes:
         name: Stable.
-        compare: Yields what it compares.
-        next_step: What to do when something differs.
+        compare: Yields its comparisons.
+        next_step: Action in case of a difference.
     """
 
     name: str
@@ -38,14 +38,14 @@ class SelfTestPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartResult:
-    """What became of a part.
+    """Result of a part.
 
     Attributes:
-        name: Of the part.
-        compared: How many values were compared.
+        name: Name of the part.
+        compared: Number of compared values.
         different: Those that differ.
-        not_tried: Why it does not apply here; empty where it was tried.
-        next_step: What to do; empty unless something differs.
+        not_tried: Why it does not apply here; empty if it was run.
+        next_step: Required action; empty unless something differs.
     """
 
     name: str
@@ -85,7 +85,7 @@ def tried(part: SelfTestPart) -> PartResult:
 
 
 def reference_file(name: str) -> str:
-    """Return the text of a file beside this module."""
+    """Return the text of a file next to this module."""
     return (Path(__file__).parent / name).read_text("utf-8")
 
 

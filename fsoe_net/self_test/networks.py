@@ -27,7 +27,7 @@ def reference_networks() -> Iterator[TriedValue]:
 
 
 def broken_networks() -> Iterator[TriedValue]:
-    """Check the broken examples: exactly the findings of the text beside each, at their places."""
+    """Check the broken examples: exactly the findings in the text next to each, at their places."""
     from fsoe_net.project.check import check_files
 
     files = sorted((shipped("examples") / "broken").glob("*.yaml"))

@@ -1,8 +1,8 @@
-"""What a person enters at the machine, written into a test protocol without losing anything.
+"""Writes the entries of a person at the machine into a test record without losing data.
 
-An entry names what the person saw in the file before: where somebody has written something else
-meanwhile, nothing is written. An entry that corrects an earlier one keeps it in the remark. What
-people wrote beside stays, comments too.
+An entry includes the values that the person saw in the file: if they have changed meanwhile,
+nothing is written. An entry that corrects an earlier one keeps it in the remark. Other text of
+people, including comments, is preserved.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _RESULTS = ("", *(outcome.value for outcome in StepOutcome))
 
 
 class Conflict(InputError):
-    """The file holds something else than the person saw.
+    """The file has changed since the person saw it.
 
     Attributes:
-        present: What it holds.
+        present: Its current content.
     """
 
     def __init__(self, present: Fields) -> None:
@@ -70,21 +70,21 @@ def step_fields(step: ProtocolStep) -> dict[str, str]:
 
 
 def device_fields(device: DeviceEntry) -> dict[str, str]:
-    """Return what was read at a SubDevice; without a MainInstance there is no CRC to read."""
+    """Return the data read at a SubDevice; without a MainInstance there is no CRC to read."""
     values = {key: getattr(device, key) for key in _DEVICE}
     return {key: value for key, value in values.items() if value is not None}
 
 
 def enter(path: str, entry: MachineEntry) -> dict[str, str]:
-    """Write an entry into a test protocol; one that is there already changes nothing.
+    """Write an entry into a test record; an identical entry changes nothing.
 
     Returns:
-        The values that are in the file then.
+        The resulting values in the file.
 
     Raises:
-        Conflict: Somebody has entered something else meanwhile.
-        InputError: The file is no test protocol, or cannot take the entry; says why.
-        EnvironmentFault: It cannot be written; what was there is unchanged.
+        Conflict: Another entry was made meanwhile.
+        InputError: The file is not a test record, or cannot take the entry; with the reason.
+        EnvironmentFault: It cannot be written; the existing content is unchanged.
     """
     source, data = read_source(path)
     protocol = _protocol(path, data)

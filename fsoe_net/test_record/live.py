@@ -1,8 +1,8 @@
-"""A test protocol on a live bus: what a running ``fsn-master`` can show, and no more.
+"""A test record on a live bus: only results that a running ``fsn-master`` can show.
 
-It sees frames and AL states, no terminals and no outputs: triggers are left to people. It disturbs
-nothing by itself; a SubDevice is taken off the bus by hand, after a confirmation for each step that
-the area is guarded.
+It sees frames and AL states, not terminals and outputs: triggers are left to people. It causes no
+disturbance itself; a SubDevice is disconnected by hand, after a confirmation for each step that the
+area is guarded.
 """
 
 from __future__ import annotations
@@ -329,7 +329,7 @@ class _Watch:
         return f"{name} stayed on the bus{wrong}"
 
     def _back(self, before: Mapping[str, ConnectionState], away: set[str]) -> bool:
-        """Wait until all SubDevices and connections are back: those behind it are lost with it."""
+        """Wait until all SubDevices and connections are back: those after it are lost with it."""
         inside = [name for name, state in before.items() if state.in_data]
         return self._until(
             lambda: self._off() <= away and all(s.in_data for s in self._of(inside)), self._person_s

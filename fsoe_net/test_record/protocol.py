@@ -1,4 +1,4 @@
-"""The test protocol of a network, tried on an emulated or a running bus."""
+"""The test record of a network, run on an emulated or a live bus."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from fsoe_net.version import __version__
 
 @dataclass(slots=True, kw_only=True)
 class ProtocolTrial:
-    """A test protocol that is being tried.
+    """A test record during its run.
 
     Attributes:
         resolution: The network.
         plan: Its plan.
-        fingerprint: Of the plan.
-        protocol: With the results so far, also while a run goes on.
+        fingerprint: Fingerprint of the plan.
+        protocol: With the results so far, also during a run.
     """
 
     resolution: Resolution
@@ -125,13 +125,13 @@ class ProtocolTrial:
 def read_protocol(
     path: str, resolution: Resolution | None = None, plan: Plan | None = None
 ) -> tuple[SourceFile, Protocol, list[Diagnostic]]:
-    """Read a test protocol, and compare it with a network where its plan is given.
+    """Read a test record, and compare it with a network if its plan is given.
 
     Returns:
-        Its file, the protocol, and what keeps its results from being taken.
+        Its file, the test record, and the reasons against using its results.
 
     Raises:
-        InputError: It is not a test protocol.
+        InputError: It is not a test record.
     """
     out = Collector()
     protocol = load_protocol(path, out)

@@ -1,4 +1,4 @@
-"""Steps of a test protocol: from safety functions, connections, devices and classes of faults."""
+"""Steps of a test record: from safety functions, connections, devices and fault classes."""
 
 from __future__ import annotations
 
@@ -189,12 +189,12 @@ def _same(new: Protocol, old: Protocol) -> bool:
 
 
 def compare_protocol(given: Protocol, fresh: Protocol, out: Collector) -> None:
-    """Report where a protocol is not the one of a network as it is now.
+    """Report where a test record does not match the current network.
 
     Args:
-        given: As people filled it in.
-        fresh: What `make_protocol` gives for the network.
-        out: Takes FSN161; nothing when results can be taken as they are.
+        given: As filled in by people.
+        fresh: Result of `make_protocol` for the network.
+        out: Takes FSN161; empty when results can be used unchanged.
     """
     anew = "write a new one with `fsoe-net test-protocol … -o NEW.yaml` and do its steps"
     if given.fingerprint != fresh.fingerprint:

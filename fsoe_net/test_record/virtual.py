@@ -1,4 +1,4 @@
-"""A test protocol on the emulated bus, in virtual time: fills in the column EMULATED."""
+"""A test record on the emulated bus, in virtual time: fills in the column EMULATED."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def run_protocol_virtual(
 
 
 class _Emulation:
-    """The emulated bus of one network; every step starts anew."""
+    """The emulated bus of one network; restarted for every step."""
 
     def __init__(self, resolution: Resolution, plan_bytes: bytes, faults: int) -> None:
         self._resolution = resolution

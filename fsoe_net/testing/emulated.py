@@ -71,13 +71,13 @@ class EmulatedNetwork:
             self._cycle()
 
     def do(self, command: str) -> None:
-        """Do what a command of ``fsoe-net emulate --commands`` says, now.
+        """Run a command of ``fsoe-net emulate --commands`` now.
 
         Args:
             command: Such as ``set el1904.channel_1 0``, ``break el1904``, ``press``.
 
         Raises:
-            ValueError: There is no such command, or it does not fit the network.
+            ValueError: Unknown command, or it does not fit the network.
         """
         self._commands += 1
         self._session.do_command(command, self._commands, self._now_ns)

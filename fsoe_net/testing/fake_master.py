@@ -87,23 +87,23 @@ def _symbol(name: str, kind: str, bits: int, *, output: bool = True, **more: obj
 class FakeMaster:
     """A control socket that is served until `close`; a context manager.
 
-    It has a safety logic, two drives and one connection, all in Data. What a client sets is what
-    it reads afterwards.
+    It has a safety logic, two drives and one connection, all in Data. Values set by a client are
+    read back afterwards.
 
     Args:
-        path: Of the socket; by itself in a folder that goes at the end of the ``with`` block.
+        path: Path of the socket; default: in a folder removed at the end of the ``with`` block.
 
     Attributes:
-        path: Of the socket.
-        asked: Every request as a line, but for those that renew a lease.
+        path: Path of the socket.
+        asked: Every request as a line, except those that renew a lease.
         renewed: Set when a lease has been renewed.
         access: Role that ``hello`` reports: ``observer``, ``operator`` or ``maintainer``.
-        state: What ``status`` reports: ``running``, ``stopped`` and so on.
-        refuse: Request to ``{"error": ..., "text": ...}``: it is refused with that.
-        symbols: What ``symbols`` lists.
+        state: State reported by ``status``: ``running``, ``stopped`` and so on.
+        refuse: Request to ``{"error": ..., "text": ...}``: the refusal to send.
+        symbols: Symbols listed by ``symbols``.
         inputs: Name of an input to its value.
         outputs: Name of an output to its value.
-        connection_state: Of the connection; 6 is Data, ProcessData.
+        connection_state: State of the connection; 6 is Data, ProcessData.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -288,7 +288,7 @@ class FakeMaster:
             yield row
 
     def _after(self, words: Sequence[str]) -> None:
-        """What comes behind a reply: changes of the state."""
+        """Messages after a reply: changes of the state."""
         steps = {"start": ["opening", "running"], "stop": ["stopping", "stopped"]}
         steps["restart"] = steps["stop"] + steps["start"]
         for state in steps.get(words[0], []) if words[0] not in self.refuse else []:

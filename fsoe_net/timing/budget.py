@@ -3,7 +3,7 @@
     fsoe_net.timing.reaction    response times of a safety function
     fsoe_net.timing.watchdogs   the interval of a watchdog
 
-A value that nobody states stays open and is named; what is missing is never taken as zero.
+A value that is not stated stays open and is named; a missing value is never taken as zero.
 """
 
 from __future__ import annotations

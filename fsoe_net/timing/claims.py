@@ -23,17 +23,17 @@ _MOST_OF_CATEGORY = {"B": "b", "1": "c", "2": "d"}  # ISO 13849-1, annex K; 3 an
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelClaim:
-    """The level that a safety function requires beside the lowest claim among its elements.
+    """The required level of a safety function and the lowest claim among its elements.
 
     Attributes:
         required: ``PL d``, ``SIL 2``; empty when none is required.
-        lowest: The same, of the weakest elements; empty while no element has a claim.
-        weakest: Elements that claim no more than that.
-        by_sum: Level that the sum of PFH alone would fit; empty where the weakest elements claim as
+        lowest: Lowest claim of the elements; empty while no element has a claim.
+        weakest: Elements with this lowest claim.
+        by_sum: Level that the sum of PFH alone would allow; empty if the weakest elements claim as
             much, and while a PFH is missing.
-        missing: Elements that state no claim and need one.
-        unverified: Elements whose claim nobody answers for.
-        judgement: How the lowest claim stands to the required level.
+        missing: Elements without a required claim.
+        unverified: Elements whose claim is not verified.
+        judgement: The lowest claim compared with the required level.
     """
 
     required: str
@@ -90,7 +90,7 @@ def most_of_category(element: SafetyElement) -> str:
     return most if element.pl > most else ""
 
 
-_PL, _SIL = "-abcde", "-123"  # by rank; 0 is no level
+_PL, _SIL = "-abcde", "-123"  # by rank; 0 means none
 
 
 def _pl(element: SafetyElement) -> int | None:

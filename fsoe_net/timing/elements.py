@@ -13,7 +13,7 @@ from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safety import ElementKind, SafetyElement, SafetyFunction, level_words
 from fsoe_net.model.written import holds_a_place
 
-# Wherever one stands, nobody answers yet: "tbd by the maker", "manual 3.0?", "to be checked".
+# Placeholders, anywhere in a text: "tbd by the maker", "manual 3.0?", "to be checked".
 _OPEN = re.compile(
     r"\?|\b(?:tb[acd]|todo|fixme|guess\w*|na|unknown|unclear|unverified|placeholder|pending"
     r"|x{3,}|no (?:source|idea)"
@@ -22,7 +22,7 @@ _OPEN = re.compile(
     r"|not (?:\w+ )?(?:applicable|available|checked|clear|confirmed|defined|known|stated"
     r"|verified))\b"
 )
-# Of a source that says nothing else nobody can look anything up: "my own estimate", "as assumed".
+# Sources without a reference to look up: "my own estimate", "as assumed".
 _NO_SOURCE = re.compile(
     r"approx\w*|assum\w*|author|best|conservative|custom\w*|dummy|engineering|estimat\w*|experience|figure"
     r"|good|judg\w*|later|me|missing|myself|no|none|nothing|open|own|rough|rule|safe|self|source"
@@ -33,10 +33,10 @@ _NO_SOURCE = re.compile(
 
 
 def names_a_source(text: str) -> bool:
-    """Whether somebody can look up where a figure, or a reason, comes from.
+    """Whether the source of a figure, or a reason, can be looked up.
 
-    Case, punctuation and other words around a word that holds a place do not count; figures alone
-    are no source either. It is no proof: whether the source says so is for people to read.
+    Case, punctuation and other words around a placeholder do not count; digits alone are not a
+    source either. This is not proof: people must check that the source supports it.
     """
     plain = _plain(text)
     if _OPEN.search(plain):
@@ -59,15 +59,15 @@ def _plain(text: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Quantity:
-    """A number with its unit and where it comes from.
+    """A number with its unit and source.
 
     Attributes:
         value: ``None``: not stated.
         unit: ``ms`` or ``1/h``.
-        source: In words; empty when nobody says.
-        answered_for: Whether somebody answers for it: the network file states it with a source, or
-            names the manual that confirms the value of the library. It claims no more than that.
-        needs_reason: Whether it is 0 and nobody says why; then nobody answers for it either.
+        source: In words; empty when not stated.
+        answered_for: Whether it is supported: the network file states it with a source, or names
+            the manual that confirms the value of the library. It claims no more than that.
+        needs_reason: Whether it is 0 without a stated reason; then it is not supported either.
     """
 
     value: float | None
@@ -98,7 +98,7 @@ class ElementRow:
 
     @property
     def claim_answered_for(self) -> bool:
-        """Whether somebody answers for its level, category and mission time."""
+        """Whether its level, category and mission time are supported."""
         return _is_sourced(self.element)
 
 
@@ -128,9 +128,9 @@ class FunctionParts:
         rows: In the order of the function.
         to_input: Connections between inputs and logic; empty when they are one SubDevice.
         to_output: Connections between logic and outputs.
-        unstated: What has to be stated before times can be worked out, in words.
-        apart: SubDevices that are not joined to the logic; there is no time then either.
-        unverified: Elements with a time or PFH that nobody answers for, in words.
+        unstated: Data required before times can be computed, in words.
+        apart: SubDevices not connected to the logic; then there is no time either.
+        unverified: Elements with an unsupported time or PFH, in words.
     """
 
     rows: tuple[ElementRow, ...]
@@ -278,7 +278,7 @@ def _row(element: SafetyElement, subs: dict[str, SubDevice], library: Library) -
 
 
 def _is_sourced(element: SafetyElement) -> bool:
-    """Whether what an element states has a source; a manual speaks where no source is named."""
+    """Whether stated values have a source; the manual counts if no source is named."""
     if element.source.strip():
         return names_a_source(element.source)
     return names_a_revision(element.manual)

@@ -1,6 +1,6 @@
-"""Watchdogs and response times of a safety function, by the formulas that vendors print.
+"""Watchdogs and response times of a safety function, by the formulas printed by vendors.
 
-Two methods exist and do not agree. Both are given; whoever uses them says which one counts.
+Two methods exist and do not agree. Both are provided; the user decides which one counts.
 
 - ETG.5100 chapter 9.3, as printed by Lenze (i750 reference manual, pages 159 and 160): every part
   may have just missed its event, so its time counts twice; one failure at a time.
@@ -9,7 +9,7 @@ Two methods exist and do not agree. Both are given; whoever uses them says which
 
 Neither method counts the handshake of FSoE: `error_free`, `worst_case_input`, `worst_case_output`
 and `beckhoff_worst_case` hold under assumptions that their docstrings name and that schedules
-within the times of the parts break. What holds without them: `fsoe_net.timing.handshake`.
+within the times of the parts violate. For bounds without them, see `fsoe_net.timing.handshake`.
 
 The sources print one input device and one output device. A function with several has one
 `SignalWay` for each, with its own times. Its longest response takes the longest way in and the

@@ -1,16 +1,15 @@
-"""Response times that count the handshake of FSoE and what each watchdog really allows.
+"""Response times that include the handshake of FSoE and the actual limit of each watchdog.
 
 FSoE is half duplex: an end sends its safe data only in answer to a frame of the other end, and it
-starts its watchdog anew with each frame it answers. The printed formulas
-(`fsoe_net.timing.formulas`) leave out two consequences, and schedules within the times of the
-parts exceed them:
+restarts its watchdog with each frame it answers. The printed formulas (`fsoe_net.timing.formulas`)
+omit two consequences, and schedules within the times of the parts exceed them:
 
 - A value that has just missed its turn waits a whole round trip until the connection asks again.
-- A connection that breaks while it carries the old value starts its watchdog once more. One that is
-  late up to its watchdog and is lost then does so twice: this is one fault, and it is judged.
+- A connection that breaks while it carries the old value restarts its watchdog once more. One that
+  is delayed by up to its watchdog and then lost does so twice: this is one fault, and it is judged.
 
 Derivation, worked example and the search that tries these bounds: docs/explanation/timing.md.
-Every part is a task that reads at the start of a cycle, writes at its end and looks at its watchdog
+Every part is a task that reads at the start of a cycle, writes at its end and checks its watchdog
 at the start, as `fsoe_net.fsoe` does; a cycle lasts at most the time of the part. All times in ms.
 """
 

@@ -1,4 +1,4 @@
-"""What is said about a required time or sum, as data; words for people stand beside it."""
+"""Result for a required time or sum, as data; the texts for people are separate."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def exceeds(one: float, other: float) -> bool:
 
 
 class Judgement(enum.Enum):
-    """How a value stands to what is required of it; none of them says that it is good enough."""
+    """A value compared with its requirement; none of the results means that it is sufficient."""
 
     WITHIN = "within"
     ABOVE = "above"
-    UNVERIFIED = "unverified"  # within, but nobody answers for a value of it
+    UNVERIFIED = "unverified"  # within, but one of its values is not verified
     MISSING = "missing"  # not judged: something is not stated
     NONE = "none"  # nothing is required
 

@@ -28,11 +28,11 @@ class PfhSum:
     """Sum of the dangerous failures per hour of a safety function.
 
     Attributes:
-        total: Of the values that are there, FSoE among them, per hour.
-        fsoe: Charged for FSoE, per hour; 0 when no connection is used.
+        total: Sum of the known values, including FSoE, per hour.
+        fsoe: Share of FSoE, per hour; 0 when no connection is used.
         limit: Upper bound of the required level, per hour; ``None`` when none is required.
         missing: Elements without a value.
-        unverified: Elements whose value nobody answers for.
+        unverified: Elements with an unverified value.
     """
 
     total: float

@@ -1,6 +1,6 @@
-"""Response times of a safety function with its watchdogs, and how they stand to what is required.
+"""Response times of a safety function with its watchdogs, compared with the requirements.
 
-A value that nobody states stays open and is named; what is missing is never taken as zero.
+A value that is not stated stays open and is named; a missing value is never taken as zero.
 """
 
 from __future__ import annotations
@@ -108,13 +108,13 @@ class FunctionBudget:
     """One safety function: its parts, its times, its sum of PFH.
 
     Attributes:
-        function: What the network file states.
+        function: The function in the network file.
         parts: Elements with times, and the connections between them.
         times: Times in the formulas; ``None`` while one is missing.
         reaction: With the configured watchdogs; ``None`` while a time or a watchdog is missing.
-        unstated: What has to be stated before there is a reaction time, in words.
+        unstated: Data required for a reaction time, in words.
         pfh: Sum of PFH.
-        levels: What its elements claim, in PL and in SIL as far as required.
+        levels: Claims of its elements, in PL and in SIL as far as required.
     """
 
     function: SafetyFunction
@@ -127,7 +127,7 @@ class FunctionBudget:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Why there is no reaction time, in words: connections that are not there included."""
+        """Why there is no reaction time, in words, including missing connections."""
         return (*self.unstated, *(a.words for a in self.parts.apart))
 
     @property

@@ -38,10 +38,10 @@ class Order:
     """One recorded command, such as ``slave.data=0f00``.
 
     Attributes:
-        side: Whom it concerns.
-        kind: What is called.
+        side: The end concerned.
+        kind: The call.
         data: Safe data of DATA, else empty.
-        number: Session id of SESSION and POWER_CYCLE (``None``: as before), code of VERIFY.
+        number: Session id of SESSION and POWER_CYCLE (``None``: unchanged), code of VERIFY.
     """
 
     side: SideName
@@ -77,10 +77,10 @@ class Call:
     """One recorded call of one end.
 
     Attributes:
-        safe_data: Safe data its application gave.
-        received: Input image; ``None`` when nothing was ever delivered. Of any length.
-        session_id: Session id it drew, if it did.
-        expected: What it did.
+        safe_data: Safe data from its application.
+        received: Input image; ``None`` before the first delivery. Of any length.
+        session_id: The session id drawn, if any.
+        expected: Its action.
     """
 
     safe_data: bytes
@@ -96,10 +96,10 @@ class RecordedStep:
     Attributes:
         number: Step number given in the file.
         time_us: Time of the calls.
-        quirk: Both answers are right from here to the next Reset (§11).
+        quirk: Both answers are correct from here to the next Reset (§11).
         orders: Commands before the calls.
         calls: Calls of the recorded ends; a scripted end has none.
-        sub_frame: What the sub's side sent, of any length.
+        sub_frame: Frame sent by the sub's side, of any length.
     """
 
     number: int

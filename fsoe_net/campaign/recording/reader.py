@@ -30,10 +30,10 @@ _STATES = frozenset(state.value for state in State)
 
 
 def read_recording(lines: Iterable[str]) -> Recording:
-    """Read the configuration; the other lines are read when `Recording.lines` is walked.
+    """Read the configuration; the other lines are read while iterating `Recording.lines`.
 
     Raises:
-        RecordingError: The first line is no configuration; from the iterator: a line is no step.
+        RecordingError: The first line is not a configuration; from the iterator: invalid step.
     """
     lines_read = rows(lines)
     first = next(lines_read, None)

@@ -1,14 +1,15 @@
-"""Holds a recorded run of other implementations against this engine.
+"""Compares a recorded run of other implementations with this engine.
 
-Each end alone is fed what its counterpart in the recording received, at the recorded time and after
-the recorded commands; what it answers is compared. The file format is in §13 of the protocol notes.
+Each end alone receives the input of its counterpart in the recording, at the recorded time and
+after the recorded commands; its answers are compared. The file format is in §13 of the protocol
+notes.
 
-Two kinds of steps differ with good reason and are counted as `tolerated`:
+Two kinds of steps may differ for good reason and are counted as `tolerated`:
 
-* FailSafeData that carried something else than zeros (§9): the recorded frame is taken into our
-  chain when that is the only difference, and the comparison goes on.
-* Lines marked ``quirk`` (§11): either answer is right. From there to the next Reset the recorded
-  end sends, the two histories differ; then ours is reset as well and the comparison goes on.
+* FailSafeData with non-zero content (§9): the recorded frame is taken into our chain when that is
+  the only difference, and the comparison continues.
+* Lines marked ``quirk`` (§11): either answer is correct. From there to the next Reset sent by the
+  recorded end, the two histories differ; then ours is also reset and the comparison continues.
 """
 
 from __future__ import annotations
@@ -263,10 +264,10 @@ def replay(lines: Iterable[str]) -> ReplayResult:
         lines: Lines of the recording: one configuration, then steps.
 
     Returns:
-        What differs; nothing when the engine answers as recorded.
+        The differences; none when the engine answers as recorded.
 
     Raises:
-        RecordingError: A line is no part of a recording, or there is nothing to compare.
+        RecordingError: An invalid line, or there is nothing to compare.
     """
     result = _Replay(read_recording(lines)).run()
     if not result.compared:

@@ -52,20 +52,20 @@ _TYPE_TEXT = {str: "a string", int: "a whole number", bool: "true or false", lis
 
 
 class Row:
-    """An object of the file; knows its line for messages.
+    """An object of the file; has its line for messages.
 
-    Each method raises `RecordingError` when the value is not what the caller asks for.
+    Each method raises `RecordingError` when the value does not have the requested type.
     """
 
     def __init__(self, row: dict[str, Any], line: int) -> None:
         self.row, self.line = row, line
 
     def error(self, reason: str) -> RecordingError:
-        """Return the error that says this of this line."""
+        """Return an error about this line."""
         return RecordingError(reason, self.line)
 
     def get(self, key: str, kind: type) -> Any:
-        """Return a value that must be there, of this type; a bool is no number."""
+        """Return a required value of this type; a bool is not accepted as a number."""
         if key not in self.row:
             raise self.error(f"{key!r} is missing")
         value = self.row[key]
@@ -85,7 +85,7 @@ class Row:
         return value
 
     def hex(self, key: str) -> bytes:
-        """Return the bytes a string of hex digits stands for."""
+        """Return the bytes of a string of hex digits."""
         text: str = self.get(key, str)
         return self.unhex(text, key)
 
