@@ -1,4 +1,4 @@
-"""The acceptance record of a network, or everything that stands against it."""
+"""The acceptance record of a network, or all objections to it."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def reason_rows(values: Sequence[str]) -> list[str]:
 
 
 def intervention_rows(values: Sequence[str]) -> list[tuple[str, str]]:
-    """Return what was changed and by whom, from rows ``WHAT by NAME``.
+    """Return the changes and their authors, from rows ``WHAT by NAME``.
 
     Raises:
         ValueError: A row does not have that form.

@@ -275,7 +275,7 @@ def _signed(accepted: AcceptedRecord, signers: SshSigners) -> Signatures:
 
 
 def since(found: AcceptedRecord, resolution: Resolution, now: Plan | None) -> Against:
-    """Return what has changed since a record was signed, and which steps that calls for."""
+    """Return the changes since a record was signed, and the steps to repeat because of them."""
     before = side_of_plan(found.plan, found.source.path, found.record.safety_functions)
     return _compared(found.source, before, resolution, found.plan, now)
 

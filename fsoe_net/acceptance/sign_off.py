@@ -202,7 +202,7 @@ def _people(g: Grounds, out: _Gathered) -> None:
 
 
 def _circumstances(g: Grounds, out: _Gathered) -> None:
-    """The records of ISO 13849-2 and IEC 62061 say who validated, by what means and where."""
+    """Who validated, by what means and where, as ISO 13849-2 and IEC 62061 require."""
     for role, person in (("author", g.author), ("verifier", g.verifier)):
         if not says_something(person.competence):
             out.refuse(
@@ -314,7 +314,7 @@ def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
                 "write it again with `fsoe-net test-protocol … --overwrite`: it keeps what is "
                 "filled in",
             )
-    elif not errors:  # the steps of another configuration say nothing
+    elif not errors:  # steps of another configuration do not count
         out.refuse(
             f"{g.protocol_source.path} is the protocol of another configuration",
             "write one with `fsoe-net test-protocol` and do its steps",
@@ -390,9 +390,9 @@ def _doubt(step: ProtocolStep, g: Grounds) -> str:
 
 
 def _let_pass(what: str, why: str, fix: str, g: Grounds, out: _Gathered) -> None:
-    """Take a reason for a step or for what is missing, or refuse it."""
+    """Take a reason for a step or a missing item, or reject it."""
     meant = [r for r in g.reasons if r.subject in (what, f"{what.partition(' ')[0]} *")]
-    meant.sort(key=lambda r: r.subject != what)  # its own before the one for all
+    meant.sort(key=lambda r: r.subject != what)  # its own before the general one
     reason = next(iter(meant), None)
     if reason is None:
         out.refuse(why, f'{fix}, or --justify "{what}=reason by name"')
@@ -402,7 +402,7 @@ def _let_pass(what: str, why: str, fix: str, g: Grounds, out: _Gathered) -> None
 
 
 def _failures(step: ProtocolStep) -> Iterator[str]:
-    """Yield what went wrong, on whatever bus: a fault that an emulation shows is one."""
+    """Yield failures on any bus: a fault shown by an emulation is also one."""
     for where, seen in (("emulated", step.emulated), ("live", step.live)):
         if seen is not None and seen.outcome is StepOutcome.NOT_AS_EXPECTED:
             yield f"{where}: not as expected"

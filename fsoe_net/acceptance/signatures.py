@@ -82,7 +82,7 @@ def check_signatures(path: str, signers: SshSigners) -> SignedRecord:
 
 
 def _read(path: str) -> tuple[AcceptedRecord, bytes]:
-    """Return a record and its bytes, read once: what is checked is what was signed."""
+    """Return a record and its bytes, read once: the checked bytes are the signed ones."""
     if path == STDOUT:
         raise InputError("name the record by its file: signatures are beside it")
     _, data = read_source(path, most=MAX_RECORD_BYTES)

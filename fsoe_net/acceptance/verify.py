@@ -1,4 +1,4 @@
-"""Is this network, plan or running core what was accepted?"""
+"""Compares a network, plan or running core with the accepted state."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Comparison:
 
     @property
     def same(self) -> bool:
-        """Whether it is what was accepted."""
+        """Whether it equals the accepted state."""
         return not self.sections
 
 
@@ -82,7 +82,7 @@ def compare_running(wanted: Known, socket: str) -> Comparison:
 
 
 def compare_known(wanted: Known, given: Known, note: str = "") -> Comparison:
-    """Compare a network, plan, record or fingerprint with what was accepted."""
+    """Compare a network, plan, record or fingerprint with the accepted state."""
     sections = wanted.fingerprint.changed(given.fingerprint)
     lines = tuple(_difference(wanted, given, sections)) if sections else ()
     return Comparison(known=given, note=note, sections=sections, lines=lines)

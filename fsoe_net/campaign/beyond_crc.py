@@ -25,7 +25,7 @@ from fsoe_net.fsoe.pdu import Command, assemble, safe_data_length
 def make_forged(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection:
-    """One field wrong, every CRC right: what only the tables of §5 and §6 refuse."""
+    """One field wrong, every CRC right: only the tables of §5 and §6 refuse it."""
     way, start, until = span(scene, 1)
     plain = Forge(way=way, start=start, until=until)
     forge = _forge(rng, scene, plain)
@@ -36,7 +36,7 @@ def make_forged(
 
 
 def _watched(scene: Scene, cycles: int) -> Fault:
-    """Return a fault that does nothing: so long the ends are watched."""
+    """Return a fault without effect: the ends are watched for that time."""
     end = scene.channel.cycle + cycles
     return Flip(way=scene.way, start=end, until=end, mask=0)
 
@@ -87,7 +87,7 @@ def _data_bytes(frame: bytes) -> int:
 def make_former(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
-    """The frames of a former start-up again, or six starts of a session in a row."""
+    """The frames of an earlier start-up again, or six starts of a session in a row."""
     way, start, until = span(scene, 48)
     back = BACK[way]
     quiet = Freeze(way=back, start=start, until=until)
@@ -142,7 +142,7 @@ def make_edge(
 def make_enable(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
-    """The applications enable nothing any more, or leave the enable alone over a Reset."""
+    """The applications no longer enable anything, or keep the enable over a Reset."""
     if not scene.in_data:
         return None
     way, start, until = span(scene, 1)

@@ -233,14 +233,14 @@ class Channel:
         return frames[-1][1] if frames else None
 
     def image(self, way: Way, cycle: int) -> bytes | None:
-        """Return what a faultless channel shows the receiver in a cycle."""
+        """Return the image at the receiver in a cycle of a faultless channel."""
         for visible, frame in reversed(self.sent[way]):
             if visible <= cycle:
                 return frame
         return None
 
     def shown(self, way: Way) -> bytes | None:
-        """Return what the receiver saw in its last turn, faults included."""
+        """Return the image at the receiver in its last turn, faults included."""
         return self._shown[way]
 
     def turn(self) -> tuple[bytes | None, bytes | None]:

@@ -85,7 +85,7 @@ class Late(_Span):
     cycles: int
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return what was to be seen so many cycles ago."""
+        """Return the image seen so many cycles ago."""
         if not self._on(channel):
             return image
         return channel.image(self.way, max(self.start - 1, channel.cycle - self.cycles))
@@ -222,7 +222,7 @@ class Alternate(_Span):
 
 
 def compose(*parts: Fault | tuple[Fault, ...]) -> tuple[Fault, ...]:
-    """Put faults together: each acts on what the ones before it left."""
+    """Combine faults: each acts on the result of the previous ones."""
     return tuple(
         fault for part in parts for fault in (part if isinstance(part, tuple) else (part,))
     )

@@ -1,4 +1,4 @@
-"""A main that sends its sub, with right CRCs, what the sub must refuse."""
+"""A main that sends its sub, with correct CRCs, frames that the sub must refuse."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fsoe_net.fsoe.main_instance import MainInstance
 
 
 class Oddity(enum.Enum):
-    """What is wrong, and what the sub answers (§6 rows 17, 19, 20)."""
+    """The error, and the answer of the sub (§6 rows 17, 19, 20)."""
 
     ADDRESS = "another FSoE address: Reset 6"
     CONNECTION_ID = "another ConnID in the data than in the field: Reset 3"
@@ -36,7 +36,7 @@ class FaultyMain(MainInstance):
         super().__init__(config, session_ids=SessionIds(3))
 
     def change(self, rng: random.Random) -> None:
-        """Choose what will be wrong."""
+        """Choose the error."""
         self.oddity, self.by = rng.choice(list(Oddity)), rng.randrange(1, 0x100)
         app = self._right.app_parameters
         more = bytes(rng.choice((1, 2, 4, 8))) if self.oddity is Oddity.MORE else b""

@@ -1,4 +1,4 @@
-"""Judges what two ends make of a fault, from their frames and their applications' data alone."""
+"""Judges the reaction of two ends to a fault, from their frames and application data alone."""
 
 from __future__ import annotations
 
@@ -168,7 +168,7 @@ class _Run:
         return shown, sent
 
     def _answered(self, way: Way, shown: bytes | None, sent: bytes) -> TrialFinding | None:
-        """Judge a frame that was sent in answer to what was shown."""
+        """Judge a frame sent in answer to a faulty image."""
         due = self.channel.newest(way)
         to_reset = shown is not None and shown[:1] == b"\x2a"
         usual_reset = to_reset and due is not None and due[0] == _RESET

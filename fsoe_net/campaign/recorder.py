@@ -65,7 +65,7 @@ class _Tap:
         return answer
 
     def _inner(self) -> _Call:
-        """Return what only our own ends report: state, and who caused a Reset."""
+        """Return data that only our own ends report: state, and the end that caused a Reset."""
         key, end = self._key, self._end
         if not isinstance(end, Instance) or self._ids is None:
             return {f"{key}_state": None, f"{key}_event": "none", f"{key}_reason": None}

@@ -75,7 +75,7 @@ class StateTable:
         self.valid, self.data = False, bytes(receives)
         self.id_bytes, self.same_ids, self.fresh = 0, 1, False
         self.last_id: bytes | None = None  # as much of it as the first Session frame carries
-        self.blind = False  # the end follows another rule of its own, until the next Reset
+        self.blind = False  # the end follows a different rule until the next Reset
 
     def snapshot(self) -> dict[str, Any]:
         """Return the state, for `restore`."""
@@ -147,7 +147,7 @@ class StateTable:
         return found
 
     def shows(self, *, valid: bool, data: bytes) -> Departure | None:
-        """Compare what the application of the end is given with the frame accepted last."""
+        """Compare the data given to the end's application with the last accepted frame."""
         if self.blind:
             return None
         if valid != self.valid:

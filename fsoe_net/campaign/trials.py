@@ -219,7 +219,7 @@ _SUMS = (
 
 @dataclass(slots=True, kw_only=True)  # not frozen: made a million times
 class Case:
-    """One trial made ready: a point of a run and what happens there."""
+    """A prepared trial: a point of a run and its faults."""
 
     link: TrialConnection
     scene: Scene

@@ -67,7 +67,7 @@ class CaptureFacts(NamedTuple):
 
 
 def naming_of(resolution: Resolution | None) -> Naming:
-    """Return the names that a network gives to what is captured; none without a network."""
+    """Return the names of a network for captured items; none without a network."""
     if resolution is None:
         return Naming(None)
     return Naming(resolution, LogicalImage(compile_plan(resolution)))
@@ -129,7 +129,7 @@ class CaptureDecoder:
         return [(c, *self._naming.find_in(c)) for c in self._scanner.connections()]
 
     def counts(self) -> ScanCounts:
-        """Return what was counted so far."""
+        """Return the counters so far."""
         return self._scanner.counts()
 
     @property

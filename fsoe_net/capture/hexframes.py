@@ -27,7 +27,7 @@ _SEPARATORS = str.maketrans("", "", ":-_")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HexFrame:
-    """One frame as given; ``direction`` 0 main to sub, 1 sub to main, ``None``: not said."""
+    """One frame as given; ``direction`` 0 main to sub, 1 sub to main, ``None``: not stated."""
 
     data: bytes
     direction: int | None
@@ -159,7 +159,7 @@ def follow_frames(frames: Iterable[HexFrame]) -> Iterator[FollowedFrame]:
 
 
 def _note(pdu: Pdu) -> str:
-    """Return what one frame shows by itself."""
+    """Return the facts visible in a single frame."""
     if not is_whole(pdu):
         return "its blocks do not fit each other: damaged"
     if len(pdu.crcs) == 1:

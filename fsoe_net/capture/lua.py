@@ -107,7 +107,7 @@ def _table(texts: dict[int, str]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a Lua string literal; what is not printable ASCII goes as its UTF-8 bytes."""
+    """Return a Lua string literal; non-ASCII or unprintable characters become their UTF-8 bytes."""
     parts = []
     for byte in text.encode("utf-8", "replace"):
         char = chr(byte)

@@ -1,4 +1,4 @@
-"""FSN414, FSN501 … FSN515: what is on the bus against what the files of a network say."""
+"""FSN414, FSN501 … FSN515: the bus compared with the files of a network."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Semantic comparison of two descriptions or plans: what moved, came, went, changed, was exchanged.
+"""Semantic comparison of two descriptions or plans: moved, added, removed, changed, exchanged.
 
 SubDevices are paired by name, then by place and identity, then by identity in order, then by place
 (an exchanged device). Entries are followed by their address, so that data which merely moved are
@@ -38,7 +38,7 @@ class Difference:
 
     @property
     def same(self) -> bool:
-        """Whether nothing differs among what could be compared."""
+        """Whether there are no differences in the comparable parts."""
         return not self.changes
 
 
@@ -140,7 +140,7 @@ def _changed(area: ChangeArea, where: str, what: str, before: Fact, after: Fact)
 
 
 def _differ(before: object, after: object) -> bool:
-    """Whether both sides say something, and something else."""
+    """Whether both sides state a value, and the values differ."""
     return before is not None and after is not None and before != after
 
 
@@ -391,7 +391,7 @@ def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> l
 def _ways_to_match(
     alone: set[tuple[int | None, int | None]],
 ) -> tuple[Callable[[DescribedConnection], Hashable | None], ...]:
-    """Return by what connections of both sides are the same, the surest first."""
+    """Return the keys that match connections of both sides, the most reliable first."""
     return (
         lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
         lambda c: (c.name, c.slot) if c.name and c.main is c.sub is None else None,

@@ -50,7 +50,7 @@ def _function(a: SafetyFunction, b: SafetyFunction) -> Iterator[Change]:
 
 
 def _elements(function: SafetyFunction) -> dict[str, SafetyElement]:
-    """Return the elements by what they are called, the second of one name with its number."""
+    """Return the elements by name; a duplicate name gets its number."""
     names, elements = Names(between=" no. "), function.elements
     return {names.add(f"{e.kind.value} {e.sub or e.name}"): e for e in elements}
 

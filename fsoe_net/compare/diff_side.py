@@ -1,4 +1,4 @@
-"""One side of a comparison: what networks, plans, descriptions and scans say in common.
+"""One side of a comparison: common form of networks, plans, descriptions and scans.
 
 A fact is ``None`` where the source is silent, and is then not compared.
 """

@@ -1,4 +1,4 @@
-"""FSN444: what another file copies, and which connection it puts into which slot."""
+"""FSN444: copies of another file, and the slot of each connection in it."""
 
 from __future__ import annotations
 

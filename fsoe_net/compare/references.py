@@ -80,7 +80,7 @@ class _Check:
     out: FindingList
     blamed: set[str] = field(default_factory=set)
     guessed: str = ""
-    # By what both sides say: a hundred equal terminals are compared once.
+    # By the content of both sides: a hundred equal terminals are compared once.
     compared: dict[tuple[object, ...], list[Remark]] = field(default_factory=dict)
     remarks: dict[tuple[str, Span, str], tuple[Remark, list[str]]] = field(default_factory=dict)
 
@@ -239,7 +239,7 @@ class _Check:
         return [s for s in subs if s.master_id == master]
 
     def _whole(self, known: list[tuple[int, int] | None]) -> list[_Pair]:
-        """Pair all SubDevices of a bus, and say what is missing, moved or another device."""
+        """Pair all SubDevices of a bus, and report missing, moved and different devices."""
         rows = self.file.subdevices
         numbers: dict[int, int] = {}
         for number, row in enumerate(rows):

@@ -28,7 +28,7 @@ def check_revision(out: FindingList, sub: SubDevice, found: ScannedSubDevice) ->
 
 
 def check_health(out: FindingList, span: Span, name: str, found: ScannedSubDevice) -> None:
-    """FSN511, FSN512, FSN514: error state, lost links, what could not be read."""
+    """FSN511, FSN512, FSN514: error state, lost links, unreadable data."""
     if found.in_error:
         out.add(
             "FSN511",

@@ -76,7 +76,7 @@ class _Rows:
 
 
 def same_identity(sub: SubDevice, found: ScannedSubDevice) -> bool:
-    """Whether vendor and product agree; what is not known does not count."""
+    """Whether vendor and product agree; unknown values do not count."""
     if sub.device is None or found.vendor_id is None or found.product_code is None:
         return True
     return (sub.device.vendor_id, sub.device.product_code) == (found.vendor_id, found.product_code)

@@ -111,7 +111,7 @@ class SubDeviceSnapshot:
 
     @property
     def identity(self) -> tuple[int, int]:
-        """Vendor and product of what was found in its place."""
+        """Vendor and product of the device found at its position."""
         return self.vendor_id, self.product_code
 
     @property

@@ -156,7 +156,7 @@ class Scanner:
         return found
 
     def counts(self) -> ScanCounts:
-        """Return what was seen so far."""
+        """Return the results so far."""
         c = self._ffi.new("struct fsn_scan_counts *")
         self._lib.fsn_scan_counts(self._scan, c)
         return ScanCounts(**{f.name: getattr(c, f.name) for f in fields(ScanCounts)})

@@ -42,7 +42,7 @@ class SegmentCounts:
 
 
 def sum_counts(counts: Iterable[SegmentCounts]) -> SegmentCounts:
-    """Return what several segments have seen together; the error is the first that one had."""
+    """Return the combined results of several segments; the error is the first one."""
     rows = list(map(asdict, counts))
     sums = {name: sum(row[name] for row in rows) for name in rows[0]}
     sums["send_errno"] = next((e for row in rows if (e := row["send_errno"])), 0)
@@ -73,7 +73,7 @@ class SegmentLink:
         return " and ".join(map(repr, self.interfaces))
 
     def why_refused(self, code: int) -> str:
-        """Return what an error of the system means for it, and the next step."""
+        """Return the meaning of a system error for it, and the next step."""
         if code != errno.ENODEV:
             wanted = _WANTED.get(code, "raw sockets need CAP_NET_RAW, a priority CAP_SYS_NICE")
             return f"{self}: {os.strerror(code)}; {wanted}"
@@ -329,7 +329,7 @@ class Segment:
         self._lib.fsn_segment_repeat(self._pointer, frames)
 
     def counts(self) -> SegmentCounts:
-        """Return what the segment has seen."""
+        """Return the results of the segment."""
         c = self._ffi.new("struct fsn_segment_counts *")
         self._lib.fsn_segment_counts(self._pointer, c)
         return SegmentCounts(**{f.name: getattr(c, f.name) for f in fields(SegmentCounts)})

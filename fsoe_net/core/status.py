@@ -11,7 +11,7 @@ _LOWEST = -127  # values are small and negative
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatusInfo:
-    """A status: ``FSN_E_BUS_SILENT``, -64, what it means, what to do."""
+    """A status: ``FSN_E_BUS_SILENT``, -64, its meaning, and the action."""
 
     name: str
     value: int

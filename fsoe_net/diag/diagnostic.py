@@ -155,7 +155,7 @@ class Diagnostic:
 
 @dataclass(slots=True)
 class FindingList:
-    """Gathers findings while loaders and rules go on after a mistake."""
+    """Collects findings while loaders and rules continue after a mistake."""
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
 

@@ -28,7 +28,7 @@ def listed(names: Sequence[str], most: int = 12) -> str:
 
 
 def summary(diagnostics: Sequence[Diagnostic]) -> str:
-    """Return ``2 errors, 1 warning, 3 notes``; empty when there is nothing."""
+    """Return ``2 errors, 1 warning, 3 notes``; empty without any."""
     parts = []
     for level, word in (
         (Severity.ERROR, "error"),

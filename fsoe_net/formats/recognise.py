@@ -86,12 +86,12 @@ class Recognised:
 
     @property
     def next_step(self) -> str:
-        """What to do with it, where nothing reads it."""
+        """The next step, if no reader supports it."""
         return "" if self.signature is None else self.signature.next_step
 
     @property
     def kind(self) -> str:
-        """The kind of its format; empty where nothing reads it."""
+        """The kind of its format; empty if no reader supports it."""
         return "" if self.format is None else self.format.kind
 
 
@@ -114,7 +114,7 @@ def _roots() -> dict[str, list[tuple[Format | None, Signature]]]:
 
 
 def recognise(data: bytes) -> Recognised | None:
-    """Return what these bytes are, by content; ``None`` where nothing is known of it."""
+    """Return the type of these bytes, by content; ``None`` if unknown."""
     head = data[:_HEAD_BYTES]
     found = beginning(head)
     if found is None and _XML_BEGIN.match(head):
@@ -134,7 +134,7 @@ def beginning(data: bytes) -> Recognised | None:
 
 
 def words_of_root(root: str) -> str:
-    """Return what XML with this root element is; empty where nothing is known of it."""
+    """Return the type of XML with this root element; empty if unknown."""
     rows = _roots().get(root)
     return rows[-1][1].words if rows else ""
 
@@ -214,7 +214,7 @@ def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Form
 
 
 def _probably(head: bytes, path: str) -> Recognised | None:
-    """Return what a file is, by content and only then by suffix."""
+    """Return the type of a file, by content and only then by suffix."""
     guesses = (Recognised(f, f"probably {f.title}") for f in _guesses(head, path.lower()))
     return recognise(head) or next(guesses, None)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Yields(enum.Enum):
-    """What a file of a format is for those who read it."""
+    """Purpose of a file of a format for readers."""
 
     NETWORK = "a network, or a part of one"  # read together by `own.network.load_network`
     BUS = "SubDevices with their places"
@@ -132,7 +132,7 @@ def all_formats() -> Mapping[str, Format]:
 
 @functools.cache
 def all_targets() -> Mapping[str, Target]:
-    """Return what can be written, by name."""
+    """Return the available targets, by name."""
     return {t.name: t for f in all_formats().values() for t in f.targets}
 
 
@@ -165,7 +165,7 @@ def read_foreign(
     Args:
         source: Path, or the bytes of the file.
         found: Its format; it does not yield a network.
-        out: Takes what is wrong with it.
+        out: Takes its findings.
         name: Name shown when ``source`` is bytes.
         master: Number or name of the master to read of a file that has several.
     """

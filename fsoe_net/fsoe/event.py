@@ -17,7 +17,7 @@ class State(enum.Enum):
 
 
 class EventKind(enum.Enum):
-    """What happened, and who began it."""
+    """The kind of event, and the end that caused it."""
 
     STATE = "state"
     """The start-up went one state further."""

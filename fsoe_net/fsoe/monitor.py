@@ -103,7 +103,7 @@ class Monitor:
         )
         self._list = ParameterList(min(safe_out_bytes, safe_in_bytes))
         self._last_crc = 0  # CRC_0 of the last frame of either direction
-        self._last_direction: int | None = None  # who sent it
+        self._last_direction: int | None = None  # direction of the last frame
         self._lost = False  # the chain was known, and no Reset has come since
 
     @property
@@ -117,7 +117,7 @@ class Monitor:
         return self._list.parameters
 
     def counts(self, direction: int) -> DirectionCounts:
-        """Return the counters of a direction; they go on counting."""
+        """Return the counters of a direction; they continue counting."""
         return self._sides[direction].counts
 
     def sequence(self, direction: int) -> int:
@@ -125,7 +125,7 @@ class Monitor:
         return self._sides[direction].sequence
 
     def frame(self, direction: int, data: bytes, now_ns: int) -> CrcVerdict:
-        """Look at what lies in the image of one direction.
+        """Check the image of one direction.
 
         Args:
             direction: 0 main to sub, 1 sub to main.
@@ -195,7 +195,7 @@ class Monitor:
         return CrcVerdict.UNCHECKED
 
     def _fits(self, direction: int, pdu: Pdu) -> bool:
-        """Check all CRCs with the known number (§3) and go on in the chain."""
+        """Check all CRCs with the known number (§3) and advance the chain."""
         side = self._sides[direction]
         sequence = side.sequence
         crcs = self._crcs(pdu, sequence)

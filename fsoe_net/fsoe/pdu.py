@@ -72,7 +72,7 @@ def command_text(command: int) -> str:
 
 
 def reset_code_text(code: int) -> str:
-    """Return what a reset code means, for people."""
+    """Return the meaning of a reset code, for people."""
     if 0x80 <= code <= 0xFF:
         return f"device-specific code 0x{code:02x}"
     return _CODE_TEXT.get(code, f"unknown code {code}")

@@ -59,7 +59,7 @@ class Check:
 
 
 def examined(host: Host, check: Check) -> Iterator[MachineFinding]:
-    """Yield what a check finds."""
+    """Yield the findings of a check."""
     rows: list[MachineFacts] = []
     try:
         rows.extend(check.look(host))

@@ -1,4 +1,4 @@
-"""Checks of one network interface: what it is, who else uses it."""
+"""Checks of one network interface: its type, and its other users."""
 
 from __future__ import annotations
 
@@ -255,7 +255,7 @@ def _owners(host: Host, inodes: set[str]) -> dict[tuple[int, str], list[str]]:
 
 
 def _asked(ask: Callable[[], Iterator[MachineFacts]]) -> Iterator[MachineFacts]:
-    """Turn what a driver refuses into a reason."""
+    """Turn a refusal of a driver into a reason."""
     try:
         yield from list(ask())
     except OSError as exc:

@@ -83,7 +83,7 @@ class Host:
         self.seam: Seam = RealSeam() if seam is None else seam
 
     def path(self, path: str) -> Path:
-        """Return where a path of the machine lies."""
+        """Return the actual path of a machine's path."""
         return self.root / path.lstrip("/")
 
     def data(self, path: str) -> bytes:

@@ -1,4 +1,4 @@
-"""Incident files: what happened around a failure, and its likely causes.
+"""Incident files: the events around a failure, and its likely causes.
 
 Add here: a piece of evidence that a file holds, a cause with the facts that speak for it. A cause
 is decided by enums and numbers of the evidence, never by a sentence. Do not add: pages that show

@@ -1,4 +1,4 @@
-"""Causes that lie in the bus while it runs: devices, cables, frames, the MainDevice's cycle."""
+"""Causes on the running bus: devices, cables, frames, the MainDevice's cycle."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LINK_DOWN_NS = 100_000_000
 
 
 def bus_causes(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Yield what fits of the causes on the bus."""
+    """Yield the matching causes on the bus."""
     if e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return
     yield from _other_main(e)
@@ -124,7 +124,7 @@ def _unsent(e: IncidentEvidence) -> str:
 
 
 def _scheduling(e: IncidentEvidence) -> Iterator[str]:
-    """Yield what the counters say of how the cyclic thread is scheduled."""
+    """Yield the scheduling of the cyclic thread according to the counters."""
     c = e.head.counters
     if c is not None and c.overruns:
         yield f"{counted(c.overruns, 'overrun')} since the start"

@@ -34,7 +34,7 @@ def reported_codes(e: IncidentEvidence) -> Counter[tuple[str, int]]:
 
 
 def end_causes(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Yield what fits of the causes in the ends."""
+    """Yield the matching causes in the ends."""
     link = e.link
     if link is None or e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return
@@ -72,7 +72,7 @@ def _parameters(e: IncidentEvidence, codes: Counter[tuple[str, int]]) -> Iterato
 
 
 def _silence(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
-    """One end has never said anything, or has fallen silent."""
+    """One end has never sent a frame, or has stopped."""
     plan = e.plan
     if plan is None or not e.never:
         return
@@ -180,7 +180,7 @@ def _was_restart(reset: ResetSeen, code: int | None) -> bool:
 def _watchdog(
     e: IncidentEvidence, link: LinkFacts, codes: Counter[tuple[str, int]]
 ) -> Iterator[Candidate]:
-    """Watchdog expired: who was slow?"""
+    """Watchdog expired: which part was slow?"""
     watchdog, plan = e.watchdog_ns, e.plan
     times = sum(n for (_, code), n in codes.items() if code == ResetCode.WATCHDOG)
     if not times or watchdog is None or plan is None:

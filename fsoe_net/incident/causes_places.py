@@ -19,7 +19,7 @@ _MOST_COMPARED = 200
 
 
 def place_causes(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Yield what fits of the causes in places, addresses and IDs."""
+    """Yield the matching causes in places, addresses and IDs."""
     link, plan = e.link, e.plan
     if link is None or plan is None or e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return

@@ -1,4 +1,4 @@
-"""Causes for a bus that did not open: what its fault and its SubDevices say."""
+"""Causes for a bus that did not open, from its fault and its SubDevices."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _BY_FOUND = {
 
 
 def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Yield what fits a bus that did not open, and SubDevices that are not as planned."""
+    """Yield matching causes for a bus that did not open, or SubDevices that are not as planned."""
     trigger = e.head.trigger
     failed = trigger.kind is TriggerKind.BUS_FAILED
     text = f"the bus says: {trigger.text}" if failed else ""
@@ -124,7 +124,7 @@ def _one(e: IncidentEvidence, seen: SubDeviceSnapshot, score: int, fault: str = 
 def _exchanged(
     e: IncidentEvidence, wrong: list[SubDeviceSnapshot], fault: str
 ) -> Iterator[Candidate]:
-    """Two SubDevices of which each stands where the other one should."""
+    """Two SubDevices that have exchanged positions."""
     for one in wrong:
         partners = [
             two.name

@@ -87,7 +87,7 @@ class IncidentEvidence:
 
     @property
     def by(self) -> str:
-        """Who reset: ``main``, ``sub`` or empty."""
+        """The end that reset: ``main``, ``sub`` or empty."""
         reported = self.head.trigger.reset_by
         return reported if reported or self.reset is None else self.reset.by
 
@@ -120,7 +120,7 @@ class IncidentEvidence:
         return self.moment_ns - length, self.moment_ns
 
     def subdevice(self, name: str) -> SubDeviceSnapshot | None:
-        """Return what the bus knew of a SubDevice."""
+        """Return the known state of a SubDevice on the bus."""
         return next((s for s in self.head.subdevices if s.name == name), None)
 
     def went_away(self, subdevice: str) -> bool:

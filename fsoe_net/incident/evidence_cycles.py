@@ -195,7 +195,7 @@ class BusWatch:
         row[4] = max(row[4], extra)
 
     def facts(self) -> BusFacts:
-        """Return what was found."""
+        """Return the result."""
         return BusFacts(
             cycles=self._cycles,
             first_ns=self._first_ns,

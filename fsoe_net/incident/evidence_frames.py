@@ -318,7 +318,7 @@ class LinkWatch:
                     break
 
     def facts(self) -> LinkFacts:
-        """Return what was found."""
+        """Return the result."""
         state = self._monitor.state
         return LinkFacts(
             name=self._places.name,
@@ -365,7 +365,7 @@ class PairWatch:
 
 
 def _links(monitor: Monitor, direction: int, data: bytes, now_ns: int) -> bool:
-    """Whether a frame other than Reset fits what the other end said before."""
+    """Whether a frame other than Reset matches the previous frame of the other end."""
     right = monitor.frame(direction, data, now_ns) is CrcVerdict.RIGHT
     return right and data[0] != Command.RESET
 

@@ -106,7 +106,7 @@ class IncidentFacts:
 
 
 def facts_of(e: IncidentEvidence) -> IncidentFacts:
-    """Return what there is to report."""
+    """Return the facts to report."""
     verdicts = judge(e)
     events, events_left = _events(e)
     links = _links(e)
@@ -143,7 +143,7 @@ def _when(e: IncidentEvidence) -> str:
 
 
 def _sentence(e: IncidentEvidence) -> str:
-    """Say in one sentence what happened, without any cause."""
+    """Describe the incident in one sentence, without any cause."""
     trigger = e.head.trigger
     if trigger.kind is TriggerKind.BUS_FAILED:
         reason = trigger.text or "no reason was reported"

@@ -1,4 +1,4 @@
-"""The window of an incident in slices: what was wrong in each, as page and text draw it."""
+"""The window of an incident in slices: errors in each, for drawing as page and text."""
 
 from __future__ import annotations
 

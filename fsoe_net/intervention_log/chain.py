@@ -255,7 +255,7 @@ class LogChain:
         return entry
 
     def end(self) -> LogCheck:
-        """Return what was found; all lines were taken."""
+        """Return the result, after all lines were taken."""
         torn = self._torn
         if torn.size_bytes and not torn.ends and torn.file == self._files[-1].name:
             self._remarks.append(
@@ -326,7 +326,7 @@ class LogChain:
             self._add(entry.file, entry.line, text)
 
     def _wrong_begin(self, number: int, stated: str | None) -> str:
-        """Return what is wrong with the first entry; empty: nothing."""
+        """Return the error of the first entry; empty if none."""
         if self._after:
             return "" if stated == self._after else f"entry {number} does not follow --after"
         if number == 1:
@@ -393,7 +393,7 @@ def _numbers(first: int, last: int) -> str:
 
 
 def _entry_of(line: LogLine, file: str) -> LogEntry | None:
-    """Return the entry of a line; ``None`` where it is not one."""
+    """Return the entry of a line; ``None`` if it is not one."""
     row = _object(line.data) if line.data is not None and line.ends else None
     if row is None:
         return None

@@ -47,7 +47,7 @@ _EVIDENCE = (
 
 
 def log_check_document(check: LogCheck, version: str) -> Document:
-    """Return what `fsoe-net log verify` has found.
+    """Return the result of `fsoe-net log verify`.
 
     Args:
         check: The walk along the chain.
@@ -124,7 +124,7 @@ def selection_json(found: LogSelection) -> dict[str, Any]:
 
 
 def check_json(check: LogCheck) -> dict[str, Any]:
-    """Return what was found as JSON."""
+    """Return the result as JSON."""
     last = check.last
     return {
         "holds": check.holds,

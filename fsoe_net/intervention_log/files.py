@@ -125,7 +125,7 @@ def export_log(
 
     Raises:
         InputError: A file cannot be read, or the target is there.
-        EnvironmentFault: The target cannot be written; what was there is unchanged.
+        EnvironmentFault: The target cannot be written; the existing content is unchanged.
     """
     path = Path(target)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")

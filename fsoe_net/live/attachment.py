@@ -293,7 +293,7 @@ class Attachment:
 
 
 def _facts(client: Client) -> tuple[PlannedConnection, ...]:
-    """Return the connections by name, with their plan values if they match this master."""
+    """Return the connections by name, with plan values if this fsn-master reports them."""
     names = client.connections()
     try:
         stated = {c.name: c for c in client.layout().connections}

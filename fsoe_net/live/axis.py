@@ -231,7 +231,7 @@ class Axis:
         self._check(self._lib.fsn_axis_reset(self._axis), "reset")
 
     def halt(self, halts: bool = True) -> None:
-        """Halt, or go on."""
+        """Halt, or continue."""
         self._lib.fsn_axis_halt(self._axis, halts)
 
     def set_position(self, position: int) -> None:

@@ -112,7 +112,7 @@ class Master:
         return self._process.pid
 
     def connect(self) -> Client:
-        """Return a client, as soon as its socket is there.
+        """Return a client, as soon as its socket exists.
 
         Raises:
             InputError: It refused plan or bus.

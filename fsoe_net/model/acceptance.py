@@ -1,4 +1,4 @@
-"""An acceptance record: who accepted which configuration, and what was let pass."""
+"""An acceptance record: who accepted which configuration, and accepted warnings."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class JustifiedStep(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intervention(Located):
-    """A change of what had been accepted before: what and why, by whom, and when (ISO 8601)."""
+    """An intervention after an acceptance: what and why, by whom, and when (ISO 8601)."""
 
     what: str
     by: str

@@ -1,4 +1,4 @@
-"""A network as a description, which is what the writers take."""
+"""A network as a description, the input of the writers."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def describe(network: NetworkConfig) -> Description:
         raise InputError(f"{place}: {trouble.obstacle.value}; run fsoe-net check first")
     for net in resolution.network.nets:
         for stated in net.connections:
-            if stated.unconfirmed is not None:  # no other format could say so
+            if stated.unconfirmed is not None:  # no other format can express it
                 raise InputError(
                     f"{stated.at('unconfirmed')}: the connection {stated.main}-{stated.sub} is "
                     "marked unconfirmed; compare it with the safety project first"
@@ -89,7 +89,7 @@ def describe(network: NetworkConfig) -> Description:
 
 
 def _refuse_several_masters(network: NetworkConfig) -> None:
-    """Each master has a ring of its own."""
+    """Each master has its own ring."""
     names: dict[int, list[str]] = {}
     for sub in network.subdevices:
         row = names.setdefault(sub.master_id, [str(sub.master_id)])

@@ -1,4 +1,4 @@
-"""What files of other tools say about a bus: every reader gives this, every writer takes it.
+"""Bus description from files of other tools: output of every reader, input of every writer.
 
 A description is not yet a network: names may be missing, FSoE blocks are not paired, a device may
 be a mere type without a place in the ring.

@@ -1,6 +1,6 @@
 """How sure it is that a piece of process data is an FSoE frame, in numbers and in words.
 
-`find_blocks` decides by the layout of the objects alone, which is what plans are built on. Files of
+`find_blocks` decides by the layout of the objects alone, as plans require. Files of
 other tools also have names and half-finished mappings, and a person has to decide about the
 doubtful ones. So the same structure is weighed here:
 
@@ -29,7 +29,7 @@ from fsoe_net.model.layout import (
 )
 
 SURE = 80
-_MOST_LIKELY = 70  # what a frame with a CRC on another index gets at best
+_MOST_LIKELY = 70  # highest score of a frame with a CRC on another index
 _LEAST = 50
 _MAX_ENTRIES = 20_000
 
@@ -41,13 +41,13 @@ _CONNECTION = re.compile(r"conn", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeGuess:
-    """A frame with what speaks for it and against it.
+    """A frame with the evidence for and against it.
 
     Attributes:
         block: Place, length and command.
         score: 0 … 100, see the module.
-        reasons: What was found, in words.
-        doubts: What is not as it should be, in words.
+        reasons: Observations, in words.
+        doubts: Deviations, in words.
     """
 
     block: FsoeBlock
@@ -63,14 +63,14 @@ class FsoeGuess:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeNearMiss:
-    """Process data that are named like a frame but are none, and where they fail, in words."""
+    """Process data named like a frame that are not one, and the reasons, in words."""
 
     pdo: Pdo
     why: str
 
 
 def guess_pdo(pdo: Pdo, direction: Direction) -> tuple[FsoeGuess, ...]:
-    """Weigh a PDO on its own, such as one that a device offers and nothing assigns."""
+    """Score a PDO alone, such as one that a device offers but that is not assigned."""
     manager = SyncManager(
         index=2 if direction is Direction.OUTPUT else 3, direction=direction, carries=None
     )
@@ -107,7 +107,7 @@ def detect_fsoe(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeGuess,
 
 
 def near_misses(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeNearMiss, ...]:
-    """Name the PDOs that speak of CRC and connection ID and hold no frame, and what is wrong.
+    """Name the PDOs that mention CRC and connection ID without a frame, and the error.
 
     Args:
         placed: The entries of a sync manager.
@@ -145,7 +145,7 @@ def _why_not(rows: list[Placed]) -> str:
         return f"its command {base.entry.address} starts at bit {base.bit_offset}, inside a byte"
     crcs = [r for r in rows if _CRC.search(r.entry.name)]
     for number, row in enumerate(crcs):
-        # A single CRC stands behind one byte of safe data, or behind two as all others do.
+        # A single CRC follows one byte of safe data, or two bytes as all others do.
         wanted = [24 + 32 * number] if len(crcs) > 1 else [16, 24]
         wrong = _wrong_crc(row, number, row.bit_offset - base.bit_offset, wanted)
         if wrong:
@@ -227,7 +227,7 @@ def _inside(
 
 
 def _names(command: Placed, words: list[Entry], inside: list[Entry]) -> tuple[int, list[str]]:
-    """Return points for the names, and what they say."""
+    """Return the score of the names, and their meaning."""
     checks = [w.name for w in words]
     named = [n for n in (command.entry.name, *checks) if n]
     if not named:

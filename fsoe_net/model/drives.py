@@ -63,7 +63,7 @@ def with_mode(device: Device, mode: int, span: Span) -> Device:
     """Return a device whose axis 0 gets this mode of operation in every cycle, as its default.
 
     Args:
-        device: What the slave YAML says.
+        device: Content of the slave YAML.
         mode: Value of 0x6060.
         span: The place that states it.
     """
@@ -93,7 +93,7 @@ class DriveSetup(Located):
     Lengths are revolutions of the motor. ``limits_rev`` are position limits; ``home_switch_rev`` is
     where the switch is on. ``sto``, ``ss1`` and ``sls`` name safe outputs whose 0 demands the
     function; ``None``: the objects of the drive profile in the frame of the same device.
-    ``sls_rpm`` belongs to the outputs of ``sls`` in their order; the last goes on for all others.
+    ``sls_rpm`` belongs to the outputs of ``sls`` in their order; the last applies to all others.
     """
 
     counts_per_rev: float = 65536

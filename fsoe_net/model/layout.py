@@ -143,7 +143,7 @@ class FramePair:
 
     @property
     def blocks(self) -> tuple[FsoeBlock, ...]:
-        """The frames that are there."""
+        """The existing frames."""
         return tuple(b for b in (self.sends, self.takes) if b is not None)
 
     @property
@@ -162,7 +162,7 @@ class FramePair:
 
 
 class EntryPlace(NamedTuple):
-    """A place of an entry, and the frame that it lies in."""
+    """A place of an entry, and its frame."""
 
     sm: SmLayout
     placed: Placed

@@ -71,7 +71,7 @@ class OpenPair:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pairing:
-    """What lengths show: pairs of MainInstance and SubInstance, and what stays open."""
+    """Result of pairing by lengths: pairs of MainInstance and SubInstance, and open ones."""
 
     settled: tuple[tuple[PairEnd, PairEnd], ...]
     open: tuple[OpenPair, ...]

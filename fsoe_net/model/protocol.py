@@ -79,7 +79,7 @@ class AtMachine(Located):
 
     @property
     def who(self) -> str:
-        """Who was there, and when; empty until then."""
+        """The persons present, and the time; empty until then."""
         return ", ".join(part for part in (self.by, self.date) if part)
 
 
@@ -113,7 +113,7 @@ class ProtocolStep(Located):
 
     @property
     def is_open(self) -> bool:
-        """Whether the step still waits for a person: what programs saw never closes it."""
+        """Whether the step still waits for a person: results of programs never close it."""
         machine = self.machine
         return self.kind.at_machine and (
             machine.outcome in (None, StepOutcome.NOT_RUN)
@@ -144,7 +144,7 @@ class ProtocolStep(Located):
 
     @property
     def is_disputed(self) -> bool:
-        """Whether a person saw what was expected, and a program did not."""
+        """Whether a person saw the expected result, and a program did not."""
         return self.is_done and (_otherwise(self.emulated) or _otherwise(self.live))
 
 

@@ -1,4 +1,4 @@
-"""Safety functions as the user states them: what shall stop, by which parts, how soon."""
+"""Safety functions as stated by the user: action, parts, and time limit."""
 
 from __future__ import annotations
 

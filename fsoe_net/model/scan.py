@@ -1,4 +1,4 @@
-"""What a scan found on the bus; ``None`` where it could not be read."""
+"""Results of a scan of the bus; ``None`` if unreadable."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ class ScannedSubDevice(Located):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a person should know of it: its error, and what could not be read."""
+        """Information for a person: its error, and unreadable data."""
         return tuple(text for text in (self.al_error, *self.problems) if text)
 
     @property

@@ -1,4 +1,4 @@
-"""What shall happen during a run, and what must be observed."""
+"""Steps of a run, and the expected observations."""
 
 from __future__ import annotations
 

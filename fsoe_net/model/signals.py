@@ -1,4 +1,4 @@
-"""Names of safe data: where each entry of the PDO lies in the safe data of a frame."""
+"""Names of safe data: the place of each PDO entry in the safe data of a frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Words for data types: those of the slave YAML, and what other tools call the same types."""
+"""Words for data types: those of the slave YAML, and those of other tools."""
 
 from __future__ import annotations
 

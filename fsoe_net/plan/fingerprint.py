@@ -28,7 +28,7 @@ _BITS = struct.Struct("<d")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fingerprint:
-    """What was accepted, or what is there now.
+    """The accepted or the current state.
 
     Attributes:
         whole: SHA-256 over the names and hashes of all sections, in hex.

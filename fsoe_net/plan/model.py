@@ -271,7 +271,7 @@ class Plan:
 
         Raises:
             InputError: The file exists, and is not to be replaced.
-            EnvironmentFault: It cannot be written; what was there is unchanged.
+            EnvironmentFault: It cannot be written; the existing content is unchanged.
         """
         from fsoe_net.formats.shared.write_files import write_whole
 

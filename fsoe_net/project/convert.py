@@ -52,7 +52,7 @@ class Conversion:
 
         Raises:
             InputError: One exists, and is not to be replaced.
-            EnvironmentFault: One cannot be written; what was there is unchanged.
+            EnvironmentFault: One cannot be written; the existing content is unchanged.
         """
         write_all(folder, self.files, overwrite=overwrite)
 

@@ -52,7 +52,7 @@ class NetworkEdit:
         """The file as it would be: lines without a change stay as they are.
 
         Raises:
-            ValueError: Something in `document` is nothing that YAML can hold.
+            ValueError: A value in `document` cannot be represented in YAML.
         """
         return self._edited.text
 
@@ -63,7 +63,7 @@ class NetworkEdit:
         return "".join(f"{line}\n" for line in lines)
 
     def check(self) -> Findings:
-        """Return what `fsoe_net.Network.check` would find after `save`; nothing is written."""
+        """Return the findings of `fsoe_net.Network.check` after `save`; writes no file."""
         with replaced_files({self.path: self.text.encode("utf-8")}):
             return self._load_again().check()
 
@@ -72,7 +72,7 @@ class NetworkEdit:
 
         Raises:
             InputError: Somebody else has changed the file since it was read.
-            EnvironmentFault: It cannot be written; what was there is unchanged.
+            EnvironmentFault: It cannot be written; the existing content is unchanged.
         """
         text = self.text.encode("utf-8")
         read_unchanged(self.path, self._sha256, next_step="edit it again")

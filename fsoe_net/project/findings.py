@@ -1,4 +1,4 @@
-"""Findings as a whole: what is an error, and how they are written for people and programs."""
+"""Findings as a whole: which are errors, and how they are written for people and programs."""
 
 from __future__ import annotations
 

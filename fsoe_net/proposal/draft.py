@@ -89,7 +89,7 @@ class Draft:
 
         Raises:
             InputError: As `files`; or one exists, and is not to be replaced.
-            EnvironmentFault: One cannot be written; what was there is unchanged.
+            EnvironmentFault: One cannot be written; the existing content is unchanged.
         """
         files = {name: text.encode("utf-8") for name, text in self.files().files.items()}
         write_all(folder, files, overwrite=overwrite)

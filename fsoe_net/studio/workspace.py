@@ -229,7 +229,7 @@ class Workspace:
             StaleVersion: ``version`` is not the present one.
             InputError: Somebody else has changed the file: `take_file` shows theirs; or has made
                 a device file meanwhile that has another content.
-            EnvironmentFault: It cannot be written; what was there is unchanged.
+            EnvironmentFault: It cannot be written; the existing content is unchanged.
         """
         with self._lock:
             self._expect(version)

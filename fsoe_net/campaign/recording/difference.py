@@ -91,7 +91,7 @@ def frame_text(frame: bytes | None) -> str:
 
 
 def byte_names(length: int) -> list[str]:
-    """Return what each byte of a frame of this length is, e.g. ``CRC 0 low``."""
+    """Return the meaning of each byte of a frame of this length, e.g. ``CRC 0 low``."""
     names = ["command"]
     size = safe_data_length(length)
     for block in range((size + 1) // 2):
@@ -134,7 +134,7 @@ def _answer_text(answer: Answer) -> str:
 
 
 def explain(difference: RecordingDifference) -> list[str]:
-    """Return the lines that say to a person what happened at a difference."""
+    """Return lines that describe a difference to a person."""
     call = difference.call
     if call is None:
         return [

@@ -92,7 +92,7 @@ class _Side:
         return SubInstance(config, session_ids=session_ids)
 
     def carry_out(self, order: Order) -> None:
-        """Do what a recorded command asks."""
+        """Execute a recorded command."""
         if order.kind is OrderKind.POWER_CYCLE:
             self.end.power_cycle()
         actions: dict[OrderKind, Callable[[], None]] = {
@@ -125,7 +125,7 @@ class _Side:
         )
 
     def chain(self) -> Chain:
-        """Return what the chain is now."""
+        """Return the current chain."""
         return copy.copy(self.end._chain)
 
     def adopt(self, before: Chain, call: Call) -> bool:
@@ -193,7 +193,7 @@ class _Replay:
             self.sub_frame = step.sub_frame
 
     def _compare(self, side: _Side, step: RecordedStep, call: Call) -> None:
-        """Run one call of one end and note what differs."""
+        """Run one call of one end and record differences."""
         before, state_before = side.chain(), side.end.state.value
         expected, got = call.expected, side.step(step.time_us, call)
         self.result.compared += 1

@@ -86,7 +86,7 @@ def _identity(read: _Read, name: str) -> int | None:
 
 
 def _judge(read: _Read, findings: Collector, nameless: bool) -> None:
-    """Say what is missing, in one finding for the SubDevice."""
+    """Report missing data, in one finding for the SubDevice."""
     station = read.station
     lacking = list(read.unknown)
     if nameless:

@@ -75,7 +75,7 @@ class SdoFollower:
         self._now: _Transfer | None = None
 
     def request(self, mailbox: bytes) -> SdoAbort | None:
-        """Take what the MainDevice wrote into a mailbox."""
+        """Take data written by the MainDevice to a mailbox."""
         found = _service(mailbox)
         if found is None or found[0] != _REQUEST:
             return None
@@ -93,7 +93,7 @@ class SdoFollower:
         return None
 
     def response(self, mailbox: bytes) -> CapturedSdo | SdoAbort | None:
-        """Take what the MainDevice read from a mailbox."""
+        """Take data read by the MainDevice from a mailbox."""
         found = _service(mailbox)
         if found is None or found[0] != _RESPONSE or self._now is None:
             return None

@@ -55,7 +55,7 @@ class SiiReads:
         self._wide = bool(control & _WIDE)
 
     def read(self, register: int, data: bytes) -> None:
-        """Take what the MainDevice has read from the SubDevice."""
+        """Take data read by the MainDevice from the SubDevice."""
         end = register + len(data)
         if register <= _CONTROL and end >= _CONTROL + 2:
             at = _CONTROL - register
@@ -88,7 +88,7 @@ class SiiReads:
         return found
 
     def number(self, place: int) -> int | None:
-        """Return the 32 bits at a word address, or ``None`` where they were not read."""
+        """Return the 32 bits at a word address, or ``None`` if not read."""
         low, high = self.words.get(place), self.words.get(place + 1)
         return None if low is None or high is None else high << 16 | low
 

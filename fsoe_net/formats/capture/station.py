@@ -38,7 +38,7 @@ class Manager:
 
     @property
     def direction(self) -> Direction:
-        """Who writes."""
+        """The writer."""
         return Direction.OUTPUT if self.control >> 2 & 3 == 1 else Direction.INPUT
 
 
@@ -84,7 +84,7 @@ class Station:
     _sdo: SdoFollower = field(default_factory=SdoFollower)
     _asked_state: int | None = None
 
-    # -- what passes by ---------------------------------------------------------------------------
+    # -- observed traffic --------------------------------------------------------------------------
 
     def wrote(self, register: int, data: bytes, packet: int) -> None:
         """Take a write that the SubDevice has taken."""
@@ -100,7 +100,7 @@ class Station:
             self._asked_state = data[_AL_CONTROL - register] & 0x0F
 
     def read(self, register: int, data: bytes, packet: int) -> None:
-        """Take what the SubDevice has answered."""
+        """Take the answer of the SubDevice."""
         if register >= _MEMORY:
             if self._is_mailbox(register, Direction.INPUT):
                 self._finish(self._sdo.response(data), packet)
@@ -161,7 +161,7 @@ class Station:
             self.downloads.pop((value.index, value.subindex), None)
             self.downloads[value.index, value.subindex] = (value.data, packet)
 
-    # -- what is known ----------------------------------------------------------------------------
+    # -- known facts -------------------------------------------------------------------------------
 
     def _bytes(self, start: int, size: int) -> bytes | None:
         found = [self._registers.get(place) for place in range(start, start + size)]
@@ -211,7 +211,7 @@ class Station:
 
     @property
     def dc_activation(self) -> int:
-        """Word at the DC activation register, 0 where it was not written."""
+        """Word at the DC activation register, 0 if not written."""
         return int.from_bytes(self._bytes(_DC_ACTIVATION, 2) or b"", "little")
 
     def object_number(self, index: int, subindex: int) -> int | None:
@@ -232,7 +232,7 @@ class Station:
         return next((found for index in _MODULES if (found := self._list(index))), ())
 
     def name(self) -> str:
-        """Return what the SubDevice calls itself in object 0x1008."""
+        """Return the name of the SubDevice in object 0x1008."""
         raw = self.objects.get((_NAME, 0), b"").split(b"\0", 1)[0]
         return "".join(c for c in raw.decode("latin-1") if c.isprintable()).strip()
 

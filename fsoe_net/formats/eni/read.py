@@ -65,7 +65,7 @@ def load_eni_images(source: Source, out: Collector, *, name: str = "<eni>") -> E
 
     Args:
         source: Path, or the bytes of the file.
-        out: Takes what is wrong, located.
+        out: Takes findings, located.
         name: Name shown when ``source`` is bytes.
     """
     reader = _read(source, out, name)

@@ -77,7 +77,7 @@ class Image:
 
 @dataclass(slots=True, kw_only=True)
 class EniParts:
-    """What stands outside of the SubDevices."""
+    """Content outside of the SubDevices."""
 
     commands: list[CyclicCommand] = field(default_factory=list)
     copies: list[RawCopy] = field(default_factory=list)

@@ -31,7 +31,7 @@ _FORMATS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EniSlave:
-    """A SubDevice, and what places it in the images."""
+    """A SubDevice, and its place in the images."""
 
     described: DescribedSubDevice
     windows: tuple[Window, ...]

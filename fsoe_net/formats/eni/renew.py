@@ -1,4 +1,4 @@
-"""The copies of a network put into an ENI that is there already; all else stays as it is."""
+"""Replaces the copies in an existing ENI by those of a network; the rest is unchanged."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ _LRW = 12
 
 
 def write_eni_file(description: Description, *, file: str) -> Written:
-    """Return an ENI as `write_eni` makes it, with notes on what it lacks."""
+    """Return an ENI from `write_eni`, with notes on missing data."""
     notes = [*eni_notes(description), *own_words_lost(description, nets=True)]
     if any(c.address is not None or c.watchdog_ms for c in description.connections):
         notes.append("addresses and watchdogs of connections are not in this file")
@@ -142,7 +142,7 @@ def _lines(
 
 
 def _master_commands() -> Iterator[str]:
-    """Commands to all SubDevices: what an earlier start left is cleared."""
+    """Commands to all SubDevices that clear the state of an earlier start."""
     yield "<InitCmds>"
     for comment, code, ado, size in (
         ("read the number of SubDevices", BRD, 0x0130, 2),
@@ -155,7 +155,7 @@ def _master_commands() -> Iterator[str]:
 
 
 def eni_notes(description: Description) -> list[str]:
-    """Return notes on what an ENI of these has from elsewhere, and what it lacks."""
+    """Return notes on data of an ENI from other sources, and missing data."""
     bare = [s for s in description.subdevices if s.start is None]
     unnumbered = [s for s in description.subdevices if s.revision is None and _typed(s) is None]
     notes = []

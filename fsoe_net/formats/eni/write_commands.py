@@ -20,7 +20,7 @@ _STATES = {
 
 
 def plain_text(text: str) -> str:
-    """Return text for XML, without what XML cannot hold."""
+    """Return text for XML, without invalid characters."""
     return escape(text.translate(_NOT_XML))
 
 

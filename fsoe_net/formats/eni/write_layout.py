@@ -1,4 +1,4 @@
-"""Logical addresses and image bits for an ENI that is written from nothing."""
+"""Logical addresses and image bits for a new ENI."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class EsiCatalogue:
 
 
 def scan_esi(data: bytes, path: str | os.PathLike[str], out: Collector) -> EsiCatalogue | None:
-    """List what an ESI file describes.
+    """List the content of an ESI file.
 
     Args:
         data: The bytes of the file, from `plain_xml`.

@@ -48,7 +48,7 @@ def read_esi_device(
     Args:
         element: The ``Device``.
         row: Its line in the catalogue.
-        out: Takes what is wrong with it.
+        out: Takes its findings.
         path: The file.
         modules: Idents of the modules by slot, ``None`` for an empty slot; without it the default
             modules are taken.

@@ -1,4 +1,4 @@
-"""ESI files: what is in, and one device of it. Also the lists that the ``ethercat`` tool prints."""
+"""ESI files: content, and one device of it. Also the lists printed by the ``ethercat`` tool."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def list_esi(
 
     Args:
         source: Path, or the bytes of the file.
-        out: Takes what is wrong with it.
+        out: Takes its findings.
         name: Name shown when ``source`` is bytes.
         cache: Whether the list of a large file is kept for the next time, by content.
     """
@@ -314,7 +314,7 @@ def _spoken(choice: EsiChoice) -> str:
 
 
 def _nearest(devices: tuple[EsiRow, ...], choice: EsiChoice) -> str:
-    """Name what the user may have meant."""
+    """Name the probable meaning."""
     others = [r for r in devices if choice.product is not None and r.product == choice.product]
     if others:
         same = dict.fromkeys(f"{r.type} of vendor 0x{r.vendor:08x}" for r in others)

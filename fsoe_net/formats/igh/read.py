@@ -36,11 +36,11 @@ _ROOTS = ("EtherCATInfo", "EtherCATInfoList")
 
 
 def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> Description | None:
-    """Read what the ``ethercat`` tool printed; which command it was is known by its content.
+    """Read output of the ``ethercat`` tool; the command is recognised by its content.
 
     Args:
         source: Path, or the bytes.
-        out: Takes what is wrong; a text that is cut off is FSN146, never a shorter map.
+        out: Takes findings; a text that is cut off is FSN146, never a shorter map.
         name: Name shown when ``source`` is bytes.
     """
     data, shown = source_bytes(source, out, name)

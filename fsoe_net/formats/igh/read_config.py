@@ -1,4 +1,4 @@
-"""``ethercat config -v`` and ``ethercat domains -v``: what a running master was given."""
+"""``ethercat config -v`` and ``ethercat domains -v``: configuration of a running master."""
 
 from __future__ import annotations
 

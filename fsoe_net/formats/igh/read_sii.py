@@ -53,7 +53,7 @@ class _Area:
     parts: list[_Part]
 
     def why_cut(self) -> str:
-        """Return what a text lacks that ends here, or nothing."""
+        """Return the missing part of a text that ends here, or an empty text."""
         part = self.parts[-1]
         if part.is_whole:
             return ""

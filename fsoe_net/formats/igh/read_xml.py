@@ -54,7 +54,7 @@ def read_xml(data: bytes, shown: str, out: Collector) -> Description | None:
 
 
 def _cut(data: bytes, shown: str, out: Collector) -> None:
-    """A cut XML gives no description: nothing in it is closed."""
+    """A truncated XML gives no description: its elements are not closed."""
     text = pasted(data, shown, out)
     for line in text:
         if line.stripped.endswith(">"):

@@ -33,7 +33,7 @@ def load_lcec(
 
     Args:
         source: Path, or the bytes.
-        out: Takes what is wrong, located.
+        out: Takes findings, located.
         name: Name shown when ``source`` is bytes.
         master: ``idx`` or name of the master to read; the first one by default.
 

@@ -1,4 +1,4 @@
-"""Acceptance records: what ``fsoe-net accept`` writes."""
+"""Acceptance records, written by ``fsoe-net accept``."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def cycle_from_yaml(node: MapNode, out: Collector) -> int | None:
 
     Args:
         node: The map that may have the key.
-        out: Takes FSN130 for what no bus can do.
+        out: Takes FSN130 for an impossible bus.
     """
     cycle_us = read_float(node.get("cycle_us"), out, what="cycle_us")
     if cycle_us is None:

@@ -19,7 +19,7 @@ _TODO = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remarks:
-    """What is said in comments.
+    """Content of comments.
 
     Attributes:
         head: On top of the network file.

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadResult:
-    """What was read. ``network`` is ``None`` when nothing could be understood."""
+    """The result. ``network`` is ``None`` when no content could be interpreted."""
 
     network: NetworkConfig | None
     diagnostics: tuple[Diagnostic, ...]
@@ -97,7 +97,7 @@ class _Assembly:
         self._relative_named: set[str] = set()
 
     def add(self, path: str) -> None:
-        """Read one file and put it where its kind belongs."""
+        """Read one file and add it according to its kind."""
         data = read_bytes(path, self.out)
         if data is None:
             return
@@ -195,7 +195,7 @@ class _Assembly:
         return None
 
     def finish(self) -> NetworkConfig | None:
-        """Build the network from what was read."""
+        """Build the network from the content read."""
         if self._network_file is not None:
             return self._from_network_file(self._network_file)
         if self._urdf is not None:

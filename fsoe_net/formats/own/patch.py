@@ -1,4 +1,4 @@
-"""Changes scalars of a YAML file where they stand; all else stays byte for byte."""
+"""Replaces scalars in a YAML file in place. All other bytes are unchanged."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _DATE = re.compile(r"(\d{4}-\d\d-\d\d)([T ].*)?")
 
 
 def check_entry(step: ProtocolStep, out: Collector) -> None:
-    """Report what is missing or wrong in the column of the machine.
+    """Report missing or invalid entries in the column of the machine.
 
     Args:
         step: A step as read.
@@ -67,7 +67,7 @@ def _missing(machine: AtMachine) -> list[str]:
 
 
 def check_date(what: str, given: str, place: Span, out: Collector) -> None:
-    """Report what is not a day, FSN161; nothing is said of an empty one."""
+    """Report an invalid day, FSN161; an empty one is allowed."""
     text = given.strip()
     if not text:
         return

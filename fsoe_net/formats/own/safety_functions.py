@@ -80,7 +80,7 @@ def _element(node: MapNode, out: Collector) -> SafetyElement | None:
     years = _positive(node, "mission_years", _MOST_YEARS, "years", out)
     sub = node.text("sub") or ""
     if kind is None:
-        return None  # the schema has said so
+        return None  # reported by the schema
     return SafetyElement(
         span=node.span,
         fields=node.places(),
@@ -101,7 +101,7 @@ def _element(node: MapNode, out: Collector) -> SafetyElement | None:
 
 
 def _bits(node: MapNode, out: Collector) -> tuple[SafeBit, ...]:
-    """Return the safe bits of an element; their order in the file means nothing."""
+    """Return the safe bits of an element; their order in the file is irrelevant."""
     bits = (_bit(item, out) for item in node.maps("bits"))
     return tuple(
         sorted(

@@ -1,4 +1,4 @@
-"""A scan as a description: SubDevices in ring order, and what devices report of FSoE."""
+"""A scan as a description: SubDevices in ring order, and FSoE data reported by devices."""
 
 from __future__ import annotations
 

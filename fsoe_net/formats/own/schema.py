@@ -77,7 +77,7 @@ def kind_by_keys(root: MapNode) -> str | None:
 
 
 def refuse_kind(root: MapNode, kind: str, wanted: str, code: str, out: Collector) -> None:
-    """Say which file this is, and where it belongs."""
+    """Report the type of this file, and where it belongs."""
     what, hint = _NAMED[kind]
     hint = hint.replace("FILE", root.span.file)
     out.add(code, root.span, f"this is {what}, not {_NAMED[wanted][0]}", hint=hint)
@@ -329,7 +329,7 @@ def _missing_key(node: MapNode, error: SchemaError, out: Collector) -> None:
     free = [m for m in properties if m not in node.pairs]
     others = (k for k in node.pairs if k not in properties)
     if any(error.key in nearest_keys(k, free) for k in itertools.islice(others, MOST_UNKNOWN)):
-        return  # it is there, and misspelt
+        return  # it exists, but misspelt
     message = f"{_where(error.path)} has no {error.key!r}"
     hint = f"add {error.key}: {_what_to_write(properties.get(error.key, {}))}".rstrip(": ")
     if "channels" in error.path:

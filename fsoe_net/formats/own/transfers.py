@@ -33,7 +33,7 @@ def nets_from_yaml(root: MapNode, out: Collector, *, needed: bool = True) -> tup
 
     Args:
         root: The document.
-        out: Takes what is wrong.
+        out: Takes findings.
         needed: Whether FSoE frames are known, so that an empty list is a mistake.
     """
     nets = [_net(node, out) for node in root.maps("nets")]

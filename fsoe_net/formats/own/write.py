@@ -1,4 +1,4 @@
-"""A description as a network of fsoe-net, and what it shares with transfer YAML."""
+"""A description as a network of fsoe-net, with the parts shared with transfer YAML."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class _Outside(Exception):
 
 
 class _Carry:
-    """DOM user data handler: a clone stands where its original stands."""
+    """DOM user data handler: a clone has the place of its original."""
 
     def handle(self, _operation: int, key: str, data: Place, _source: Any, clone: Any) -> None:
         if clone is not None:
@@ -204,7 +204,7 @@ def _rows(root: Any) -> list[list[Any]]:
 
 
 def _where(traceback: TracebackType | None) -> list[tuple[str, int, int, str]]:
-    """Return what xacro was working on, innermost first: place and tag."""
+    """Return the active elements of xacro, innermost first: place and tag."""
     found: list[tuple[str, int, int, str]] = []
     while traceback is not None:
         frame = traceback.tb_frame
@@ -294,7 +294,7 @@ def main() -> None:
     """Answer one request."""
     request = json.load(sys.stdin)
     answer_to = os.dup(1)
-    os.dup2(2, 1)  # what xacro prints must not mix with the answer
+    os.dup2(2, 1)  # output of xacro must not mix with the answer
     sys.dont_write_bytecode = True
     answer: dict[str, Any] = {"sources": []}
     try:

@@ -19,7 +19,7 @@ def load_ros_slaves(source: Source, out: Collector, *, name: str = "<yaml>") -> 
 
     Args:
         source: Path, or the bytes.
-        out: Takes what is wrong, located.
+        out: Takes findings, located.
         name: Name shown when ``source`` is bytes.
 
     Returns:

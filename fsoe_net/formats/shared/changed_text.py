@@ -114,7 +114,7 @@ def _known_again(old: list[Any], new: list[Any]) -> list[int | None]:
 
 
 def _mark(value: Any) -> object:
-    """Return by what an item of a list is known again."""
+    """Return the key by which an item of a list is recognised."""
     return id(value) if isinstance(value, dict | list) else (type(value).__name__, repr(value))
 
 
@@ -161,7 +161,7 @@ def _first_that_stays(rows: list[_Now]) -> tuple[int, PartRow]:
     return next((n, now.row) for n, now in enumerate(rows) if now.stays and now.row is not None)
 
 
-# -- where it stands -------------------------------------------------------------------------------
+# -- in place --------------------------------------------------------------------------------------
 
 
 class _Changes:
@@ -187,7 +187,7 @@ class _Changes:
         return "".join([*parts, text[at:]])
 
     def set(self, holder: Part, row: PartRow, value: Any) -> None:
-        """Make a row of a map or list say something."""
+        """Set the value of a row of a map or list."""
         old = row.part
         if is_same(old, value):
             return

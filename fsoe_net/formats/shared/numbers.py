@@ -165,7 +165,7 @@ def _misread(text: str, span: Span, out: Collector, *, what: str, meant: str) ->
 
 
 def _hint_of(text: str, what: str, low: int, high: int) -> str:
-    """Say how to write what is not a number: the one that was meant, or what is allowed."""
+    """Report how to write a value that is not a number: the probable one, or the allowed ones."""
     if re.fullmatch(r"[+-]?[0-9]{1,3},[0-9]{3}", text):
         return f"write {text.replace(',', '')} if the comma separates thousands"
     if unit := re.fullmatch(r"([0-9]{1,18})\s*([µa-zA-Z]+)", text):

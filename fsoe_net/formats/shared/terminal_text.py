@@ -43,7 +43,7 @@ class Line:
 
 @dataclass(slots=True)
 class Pasted:
-    """The lines of a paste, and what was found to be wrong with them."""
+    """The lines of a paste, and their findings."""
 
     lines: tuple[Line, ...]
     shown: str
@@ -88,7 +88,7 @@ class Pasted:
             )
 
     def cut(self, line: Line | None, why: str) -> None:
-        """Say once that the text ends too early, and where its last good line is."""
+        """Report once that the text is truncated, with its last good line."""
         if self.truncated:
             return
         self.truncated = True

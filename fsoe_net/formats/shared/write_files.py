@@ -43,7 +43,7 @@ def write_all(
 
     Raises:
         InputError: One exists, and is not to be replaced.
-        EnvironmentFault: One cannot be written; what was there is unchanged.
+        EnvironmentFault: One cannot be written; the existing content is unchanged.
     """
     paths = {Path(folder) / name: data for name, data in reversed(list(files.items()))}
     if not overwrite:

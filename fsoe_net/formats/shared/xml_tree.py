@@ -1,4 +1,4 @@
-"""XML into elements that know their file, line and column; entities and DTDs are refused."""
+"""Parses XML into elements with file, line and column; rejects entities and DTDs."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ class _Builder:
         return self._root
 
     def refused(self, error: expat.ExpatError) -> None:
-        """Record what expat stumbled over."""
+        """Record an error of expat."""
         at = self._parser.ErrorByteIndex
         top = self._stack[-1][0] if self._stack else None
         name = (top.name, top.span.line) if top is not None else None

@@ -1,4 +1,4 @@
-"""The maps and lists of a text of YAML, as parts that know where they stand."""
+"""The maps and lists of a YAML text, as parts with their places."""
 
 from __future__ import annotations
 

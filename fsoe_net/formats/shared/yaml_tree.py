@@ -60,7 +60,7 @@ class ScalarNode(_Placed):
 
     @property
     def is_null(self) -> bool:
-        """Whether YAML reads this as nothing (empty, ``~``, ``null``)."""
+        """Whether YAML reads this as null (empty, ``~``, ``null``)."""
         return self.text in _NULLS and self.plain
 
 
@@ -111,7 +111,7 @@ class MapNode(_Placed):
         return Places(self.pairs)
 
     def maps(self, key: str) -> list[MapNode]:
-        """Return the maps in the list under a key; nothing when it is not a list."""
+        """Return the maps in the list under a key; empty when it is not a list."""
         node = self.pairs.get(key)
         if not isinstance(node, SeqNode):
             return []

@@ -103,7 +103,7 @@ def in_lines(
 
 
 def is_empty(value: Any) -> bool:
-    """Whether a value is a map or list with nothing in it."""
+    """Whether a value is an empty map or list."""
     return isinstance(value, dict | list | tuple) and not value
 
 

@@ -53,7 +53,7 @@ class SiiManager:
 
     @property
     def direction(self) -> Direction:
-        """Who writes; from the control byte where ``use`` is silent."""
+        """The writer; from the control byte where ``use`` is not stated."""
         if self.use in (1, _SM_OUTPUTS):
             return Direction.OUTPUT
         if self.use in (2, _SM_INPUTS):
@@ -80,7 +80,7 @@ class SiiImage:
     broken: bool = False
 
     def text(self, number: int) -> str:
-        """Return a string by its number from 1, or nothing."""
+        """Return a string by its number from 1, or ``None``."""
         return self.strings[number - 1] if 0 < number <= len(self.strings) else ""
 
     def names(self) -> tuple[str, str]:

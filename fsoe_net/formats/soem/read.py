@@ -62,11 +62,11 @@ class _Slave:
 
 
 def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> Description | None:
-    """Read what ``slaveinfo -map`` printed.
+    """Read the output of ``slaveinfo -map``.
 
     Args:
         source: Path, or the bytes.
-        out: Takes what is wrong; a text that is cut off is FSN146.
+        out: Takes findings; a text that is cut off is FSN146.
         name: Name shown when ``source`` is bytes.
     """
     data, shown = source_bytes(source, out, name)

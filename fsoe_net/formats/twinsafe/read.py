@@ -34,7 +34,7 @@ def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Des
 
     Args:
         source: Path, or the bytes.
-        out: Takes what is wrong, located.
+        out: Takes findings, located.
         name: Path of the bytes, from which the alias devices of TwinCAT 3 are found.
 
     Returns:

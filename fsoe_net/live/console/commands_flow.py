@@ -12,7 +12,7 @@ _MOST_LEASE_MS = 600_000
 
 
 class ConsoleEnd(Exception):
-    """The user wants to leave."""
+    """Leave the console."""
 
 
 def _wait(context: CommandContext, words: Sequence[str]) -> None:

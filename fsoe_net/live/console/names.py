@@ -197,7 +197,7 @@ def object_address(text: str) -> tuple[int, int]:
 
 
 def shown(value: Value, symbol: Symbol | None = None) -> str:
-    """Return a value for people; non-negative integers also in hexadecimal."""
+    """Return a value for people; unsigned values and bits also in hexadecimal."""
     if value is None:
         return "no number"
     if isinstance(value, bool):
