@@ -67,7 +67,7 @@ class Findings(Sequence[Diagnostic]):
 
     @property
     def notes(self) -> tuple[Diagnostic, ...]:
-        """Those that are good to know."""
+        """Notes for information."""
         return self._of(Severity.INFO)
 
     @property

@@ -125,7 +125,7 @@ def is_record(path: str) -> bool:
 
 
 def known_record(path: str, found: AcceptedRecord) -> Known:
-    """Return what a record accepts."""
+    """Return the accepted state of a record."""
     functions = found.record.safety_functions
     return Known(path=path, fingerprint=found.fingerprint, plan=found.plan, functions=functions)
 

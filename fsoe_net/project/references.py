@@ -22,7 +22,7 @@ _NOT_FOUND = frozenset({"FSN135", "FSN136"})  # reported by the comparison, at t
 
 @dataclass(slots=True)
 class References:
-    """What the other files say, and what is wrong with them."""
+    """Content of the other files, and their findings."""
 
     descriptions: list[Description] = field(default_factory=list)
     sources: list[SourceFile] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""A network as one static page: what the page of studio shows, for a report of a fault."""
+"""A network as one static page, with the content of the studio page, for a fault report."""
 
 from __future__ import annotations
 

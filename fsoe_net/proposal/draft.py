@@ -78,7 +78,7 @@ class Draft:
         """Return the commented files of the network, ``network.yaml`` first.
 
         Raises:
-            InputError: Nobody has said yet what is on the ring.
+            InputError: The content of the ring is still unknown.
         """
         from fsoe_net.proposal.draft_text import draft_files
 
@@ -147,7 +147,7 @@ class Inputs:
 
 
 def make_draft(inputs: Inputs, answers: Answers) -> Draft:
-    """Propose a network from what was read and what was answered so far."""
+    """Propose a network from the data and answers so far."""
     bus, out, notes = inputs.ring(answers)
     findings = list(out.diagnostics)
     name = answers.name or inputs.found.name or "network"

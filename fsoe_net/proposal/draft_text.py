@@ -18,7 +18,8 @@ def draft_files(made: Draft) -> Written:
     """Return the commented files of a proposed network.
 
     Raises:
-        InputError: Nobody has said yet what is on the ring, or a file cannot hold the network.
+        InputError: The content of the ring is still unknown, or a file cannot represent the
+            network.
     """
     if made.proposal is None:
         raise InputError("nothing written: which SubDevices are on the ring is not known")

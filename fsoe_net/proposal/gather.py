@@ -1,4 +1,4 @@
-"""Everything that the files of ``fsoe-net init`` say, sorted: a ring, device types, projects."""
+"""Sorts the content of the files of ``fsoe-net init``: a ring, device types, projects."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from fsoe_net.model.scan import Scan
 _MOST_FILES = 2000
 _DEEPEST = 5
 _HEAD_BYTES = 4096
-# What a network still lacks is not a mistake here: it is what this command is for.
+# An incomplete network is not an error here: this command completes it.
 _LACKING = {"FSN125", "FSN223"}
 # A driver stops there; the SubDevice is known nevertheless.
 _TOLERATED = {"FSN120"}
@@ -64,12 +64,12 @@ class Gathered:
 
 
 def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = None) -> Gathered:
-    """Read files and folders; what is in a folder and cannot be read is left out and said.
+    """Read files and folders; unreadable files in a folder are skipped and reported.
 
     Args:
         paths: Files and folders.
         options: How references in YAML and URDF are followed.
-        answers: File with answers to what files do not say; it may be in one of the folders.
+        answers: File with answers missing in the other files; it may be in one of the folders.
 
     Raises:
         InputError: Files named by the user cannot be read; it has the errors of all of them.

@@ -128,14 +128,14 @@ def link_connections(
     path: str,
     out: FindingList,
 ) -> tuple[list[str], list[PairEnd]]:
-    """Add what files say about connections, and return what does not fit.
+    """Add the files' facts about connections, and return those that do not match.
 
     Args:
         rows: Connections of the files.
         ends: With their roles.
         links: Those of the copies take the facts; new ones are added.
         path: The file.
-        out: Takes FSN159 for what does not fit.
+        out: Takes FSN159 for facts that do not match.
 
     Returns:
         What does not fit, in words, and the frames this is about: lengths shall not settle them.
@@ -188,7 +188,7 @@ def _is_same(link: CopyLink, main: int, row: DescribedConnection) -> bool:
 
 
 def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
-    """Whether two files may speak of one connection: nothing that both say differs."""
+    """Whether two files may describe the same connection: no common fact differs."""
     if one.span.file and one.span.file == two.span.file:
         return one.span == two.span
     pairs = [(getattr(one, key), getattr(two, key)) for key in _VALUES]
@@ -261,7 +261,7 @@ def link_answers(
         answers: With their places.
         ends: With their roles.
         links: Known ones, which answers may not contradict; new ones are added.
-        out: Takes FSN155 for names that are not there, FSN156 for what does not fit.
+        out: Takes FSN155 for unknown names, FSN156 for facts that do not match.
     """
     by_name = {e.name: e for e in ends}
     for row in answers.connections:

@@ -111,7 +111,7 @@ def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
 
 
 def addition_of(offer: Offer) -> Addition:
-    """Return what adding an offer brings.
+    """Return the additions of an offer.
 
     Raises:
         InputError: Its file cannot be read, or its device file cannot hold it.

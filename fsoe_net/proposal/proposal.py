@@ -98,7 +98,7 @@ class _Maker:
         self._hints = hints
         self._out = FindingList()
         self._open: list[str] = []  # of connections, after those of devices
-        self._devices: list[str] = []  # what is open of devices
+        self._devices: list[str] = []  # open points of devices
         self._about: list[str] = []  # the same without names
         self._questions: list[Question] = []
         self._sources: dict[int, tuple[str, ...]] = {}
@@ -177,7 +177,7 @@ class _Maker:
             self._questions.append(question)
 
     def proposal(self) -> Proposal:
-        """Return what comes out."""
+        """Return the result."""
         subs = self._bus.subdevices
         ends = find_ends(subs, self._names, self._answers)
         moves = find_moves(self._bus, ends)
@@ -204,7 +204,7 @@ class _Maker:
         return self._made(ends, moves.rest)
 
     def _told(self, both: Sequence[tuple[PairEnd, PairEnd, object, object]]) -> dict[int, str]:
-        """Return the roles that connections show, and who talks to several others."""
+        """Return the roles shown by connections, and ends connected to several others."""
         known: dict[int, str] = {}
         for row in self._bus.connections:
             for number, role in ((row.main, "main"), (row.sub, "sub")):
@@ -279,7 +279,7 @@ class _Maker:
                 state_facts(link, row, self._out)
 
     def _facts_of(self, subdevice: int) -> list[str]:
-        """Return what answers state of a SubInstance that gets no connection to hold it."""
+        """Return the answers about a SubInstance that has no connection to store them."""
         facts = [
             f"{key} {value}"
             for row in self._answers.connections

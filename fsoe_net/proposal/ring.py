@@ -40,7 +40,7 @@ class DeviceType:
 def list_types(
     esis: Sequence[str], types: Sequence[Description], library: Library, out: Collector
 ) -> list[DeviceType]:
-    """Return the device types that files and the library know, files first.
+    """Return the device types of the files and the library, files first.
 
     Args:
         esis: ESI files, of any size.
@@ -170,7 +170,7 @@ def _type_of(
 
 
 def _types_of(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) -> list[DeviceType]:
-    """Return the device types that an answer may mean; none, with FSN155, where it is not known."""
+    """Return the device types that an answer may mean; none, with FSN155, if unknown."""
     wanted = row.type.casefold()
     same = [t for t in types if wanted in (t.order.casefold(), t.name.casefold())]
     if not same:

@@ -47,7 +47,7 @@ class FrameEnd:
 
     @property
     def is_bare(self) -> bool:
-        """Whether it shows nothing that could be a frame."""
+        """Whether it has no possible frame."""
         return not self.pairs and not self.doubtful
 
     def accept(self, moved: set[tuple[int, int]]) -> None:
@@ -127,7 +127,7 @@ def _regular(layout: DeviceLayout) -> set[tuple[int, int]]:
 
 
 def _remark(end: FrameEnd, layout: DeviceLayout) -> None:
-    """Name what looks like a frame and is not used."""
+    """Name probable frames that are not used."""
     if not end.beyond:
         end.remarks += [
             f"FSoE frame that none in the other direction belongs to, not used: {where_is(b)}"
@@ -185,7 +185,7 @@ def give_roles(
     answers: Answers,
     stated: dict[int, str],
 ) -> Question | None:
-    """Give each end its role, and return the question about those that nothing decides.
+    """Give each end its role, and return the question about undecided ends.
 
     Args:
         ends: Take their role.

@@ -106,7 +106,7 @@ def _with_order(wanted: DescribedSubDevice, orders: Sequence[set[str]]) -> list[
 def _by_slot(
     project: Description, orders: Sequence[set[str]], connections: Sequence[DescribedConnection]
 ) -> dict[int, int]:
-    """Return the SubDevice in each slot, where the project fits all of them; else nothing."""
+    """Return the SubDevice in each slot if the project matches all of them; else none."""
     known = [c for c in connections if c.main is not None]
     here = {c.slot: c.sub for c in known if c.slot is not None and c.sub is not None}
     there = {

@@ -206,7 +206,7 @@ def _claim(row: ElementRow) -> str:
 
 
 def budget_json(budget: Budget) -> dict[str, Any]:
-    """Return the budget as plain data; times in ms, PFH per hour, ``None`` for what is open."""
+    """Return the budget as plain data; times in ms, PFH per hour, ``None`` if open."""
     return {
         "cycle_ms": budget.cycle,
         "copy_cycles": budget.copy_cycles,
@@ -344,7 +344,7 @@ def budget_picture(budget: Budget, title: str) -> str:
 
 
 def reaction_pictures(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
-    """Return what `budget_picture` draws of one function, each panel as title and picture."""
+    """Return the content of `budget_picture` for one function, each panel as title and picture."""
     return [(title, _svg([panel], title, head=0)) for title, panel in _panels(budget, row)]
 
 

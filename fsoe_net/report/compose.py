@@ -1,4 +1,4 @@
-"""Makes the report from its sections, and puts what was found and what is open in front."""
+"""Makes the report from its sections, with findings and open points first."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
 
 
 def _against(sections: Sequence[ReportSection]) -> tuple[tuple[str, Verdict], ...]:
-    """Return what counts against the network, each with the title of its section."""
+    """Return the objections to the network, each with the title of its section."""
     found: dict[Verdict, str] = {}
     for section in sections:
         for item in chain.from_iterable(map(_items, section.parts)):
@@ -124,7 +124,7 @@ def _items(part: Part) -> Iterator[Item]:
 
 
 def _verdict(inputs: ReportInputs, against: int) -> Verdict:
-    """Say what is known of the machine, of the signatures and of the files.
+    """Describe the known facts about the machine, the signatures and the files.
 
     Files with an error are judged by it alone; that nothing was found in them is said only where
     the machine was tried and signed for.
@@ -148,7 +148,7 @@ def _verdict(inputs: ReportInputs, against: int) -> Verdict:
 
 
 def _machine(inputs: ReportInputs) -> Verdict:
-    """Return what people tried at the machine; clear where all of it went as expected."""
+    """Return the tests by people at the machine; clear if all results were as expected."""
     tried = inputs.tried
     steps = () if tried is None or not tried.fits else tried.protocol.machine_steps
     done = [s for s in steps if s.machine.outcome is not None]
@@ -163,7 +163,7 @@ def _machine(inputs: ReportInputs) -> Verdict:
 
 
 def _signed(inputs: ReportInputs) -> tuple[str, bool]:
-    """Return who signed this configuration off, and whether anybody did."""
+    """Return who signed this configuration off, if anyone."""
     given = inputs.accepted
     if given is None:
         return "not signed", False
@@ -229,7 +229,7 @@ def _lead(
 
 
 def _findings(found: Sequence[Diagnostic], inputs: ReportInputs, last: int) -> Table:
-    """Every finding; when there are many, one row per code, so that all stand on one page."""
+    """All findings; if there are many, one row per code, so that they fit on one page."""
     per_code = Counter(d.code for d in found)
     shown: list[tuple[Diagnostic, int]] = [(d, 1) for d in found]
     if len(found) > _ROWS_ON_FIRST_PAGE:

@@ -129,7 +129,7 @@ def timing_picture(statistics: Statistics, title: str) -> str:
 
 
 def histogram_name(key: str) -> str:
-    """Return what a histogram of the statistics is called for people."""
+    """Return the display name of a histogram of the statistics."""
     return _NAMES.get(key, key)
 
 
@@ -173,7 +173,7 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
     ]
     for floor_ns, end_ns, count in bars:
         left, right = axis.x(floor_ns), axis.x(end_ns)
-        # A single time among millions must be seen: bars are logarithmic too.
+        # A single time among millions must be visible: bars are also logarithmic.
         tall = _PLOT * math.log1p(count) / math.log1p(most)
         parts.append(
             f'<rect class="bar" x="{left:.1f}" y="{base - tall:.1f}" width="{right - left:.1f}" '

@@ -85,7 +85,7 @@ class LiveEvidence:
 
 
 def read_evidence(path: str) -> Evidence:
-    """Read a file about the machine; its content decides what it is.
+    """Read a file about the machine; its type is recognised by content.
 
     Raises:
         InputError: It cannot be read, is not one of them, or is damaged.
@@ -183,7 +183,7 @@ def _period(row: Mapping[str, Any]) -> Histogram | None:
 
 
 def measured_ms(value: Any) -> float | None:
-    """Return a time of a document, ms; ``None`` where nothing was measured.
+    """Return a time of a document, ms; ``None`` if not measured.
 
     Raises:
         TypeError, ValueError: It is not a number. NaN above all: every comparison with it
@@ -196,7 +196,7 @@ def measured_ms(value: Any) -> float | None:
 
 
 def ask_live(socket: str) -> LiveEvidence:
-    """Ask a running ``fsn-master`` once; nothing is written to the bus.
+    """Query a running ``fsn-master`` once; the bus is not written.
 
     Raises:
         EnvironmentFault: Nobody answers, or the bus is stopped.

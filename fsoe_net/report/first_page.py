@@ -1,4 +1,4 @@
-"""What is in front: what is accepted and by whom, each safety function, and what is against it."""
+"""First page: the accepted configuration and signatories, safety functions, and objections."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ def _likely(facts: IncidentFacts) -> list[Part]:
 
 
 def _with_code(text: str) -> list[Item]:
-    """Return text with what is between backticks as code."""
+    """Return text with the parts between backticks as code."""
     parts = re.split(r"`([^`]+)`", text)
     return [code(part) if n % 2 else Text(part) for n, part in enumerate(parts) if part]
 
@@ -177,7 +177,7 @@ def _picture(window: IncidentWindow) -> Picture:
 
 
 def _svg(window: IncidentWindow) -> str:
-    """Draw the window: what was wrong in each slice, and the moment."""
+    """Draw the window: errors in each slice, and the moment."""
     width = max(1.0, _WIDTH / len(window.slices))
     bars = "".join(
         f'<rect x="{piece.begin * _WIDTH:.1f}" {_BARS[piece.wrong].format(f"{width:.1f}")}/>'
@@ -196,7 +196,7 @@ def _svg(window: IncidentWindow) -> str:
 
 
 def _signs(window: IncidentWindow) -> tuple[str, ...]:
-    """Return the window as a line of characters: what was wrong in each slice."""
+    """Return the window as a line of characters: errors in each slice."""
     cells = [0] * _CELLS
     for piece in window.slices:
         at = min(_CELLS - 1, int(piece.begin * _CELLS))

@@ -129,5 +129,5 @@ class ReportInputs:
     self_test: SelfTestResult | None = None
 
     def justification(self, found: Diagnostic) -> JustifiedFinding | None:
-        """Return who answers for a warning in the acceptance record of this configuration."""
+        """Return the persons who accept a warning in this configuration's acceptance record."""
         return None if self.accepted is None else self.accepted.justification(found)

@@ -1,4 +1,4 @@
-"""The report as data: a document that also gathers findings and what is not settled."""
+"""The report as data: a document that also collects findings and open points."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportSection(Section):
-    """A section of a report, and what is open or assumed in it."""
+    """A section of a report, with its open points and assumptions."""
 
     points: tuple[Point, ...] = ()
 

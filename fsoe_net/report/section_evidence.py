@@ -101,7 +101,7 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
 
 
 def _other_plans(inputs: ReportInputs) -> Iterator[str]:
-    """Yield what is of another plan than that of the report, or of none that was accepted."""
+    """Yield evidence of a plan other than that of the report, or of a plan not accepted."""
     own = plan_sha256(inputs)
     if inputs.live is not None and inputs.live.status.plan_sha256 != own:
         yield "the running fsn-master has another plan"

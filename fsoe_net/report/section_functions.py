@@ -39,7 +39,7 @@ _EFFECTS_BESIDE = 6  # columns that a printed page has room for
 
 
 def function_label(number: int) -> str:
-    """Return what a safety function is called in tables: ``SF1`` …."""
+    """Return the name of a safety function in tables: ``SF1`` …."""
     return f"SF{number}"
 
 
@@ -97,7 +97,7 @@ def _facts(row: FunctionBudget) -> Table:
 
 
 def _without_fault(row: FunctionBudget) -> Cell:
-    """Return what a healthy machine takes: a longer measured time is a fault."""
+    """Return the response time of a healthy machine: a longer measured time is a fault."""
     if row.reaction is None:
         return ()
     unit = "ms at most without a fault"
@@ -161,7 +161,7 @@ def _parts(row: FunctionBudget) -> Table:
 
 
 def function_test(row: FunctionBudget, inputs: ReportInputs) -> Verdict:
-    """Say in short what came of the trigger of a safety function at the machine."""
+    """Summarise the result of a safety function's trigger at the machine."""
     steps = [s for s in _steps(row, inputs) if s.kind is StepKind.TRIGGER]
     if any(s.is_failed for s in steps):
         return Verdict("FAILED", Level.ERROR)
@@ -221,7 +221,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
 
 
 def _together(steps: Sequence[ProtocolStep]) -> Verdict:
-    """Return how many steps went as expected, or what is against them."""
+    """Return the number of steps with the expected result, or the objections to them."""
     failed, left = sum(s.is_failed for s in steps), sum(s.is_open for s in steps)
     of = f"of {counted(len(steps), 'step')}"
     if failed:

@@ -1,4 +1,4 @@
-"""Blocks 1 and 2: what this report is about, and what it is not."""
+"""Blocks 1 and 2: scope of this report, and its limits."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def files_table(name: str, files: Sequence[SourceFile]) -> Table:
 
 
 def role(_: ReportInputs) -> ReportSection:
-    """Say what the MainDevice and this tool are, and are not."""
+    """State the roles of the MainDevice and this tool, and their limits."""
     rows = (
         "Shown: which bytes are copied where, that each copy is whole and unmodified in the "
         "configuration, how watchdogs relate to the bus, what differs from what was compared.",

@@ -1,4 +1,4 @@
-"""Blocks 3 and 4: who stands on the bus, and which FSoE connections join them."""
+"""Blocks 3 and 4: the SubDevices on the bus, and their FSoE connections."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def architecture(inputs: ReportInputs) -> ReportSection:
 
 
 def _groups(network: NetworkConfig) -> list[Part]:
-    """Return who may be absent, and which of them may be there together."""
+    """Return the SubDevices that may be absent, and those that may be present together."""
     if not network.groups:
         return []
     rows = tuple(
@@ -124,7 +124,7 @@ def _groups(network: NetworkConfig) -> list[Part]:
 
 
 def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[DeviceEntry]:
-    """Return what people read at each SubDevice with an FSoE end, in the order of the bus."""
+    """Return the data read by people at each SubDevice with an FSoE end, in bus order."""
     resolution, tried = inputs.resolution, inputs.tried
     if resolution is None:
         return []
@@ -140,7 +140,7 @@ def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[Devi
 
 
 def _by_hand(entry: DeviceEntry | None) -> tuple[Cell, ...]:
-    """Return what people read at a SubDevice; without an FSoE end there is nothing to read."""
+    """Return the data read by people at a SubDevice; none without an FSoE end."""
     if entry is None:
         return ((), (), ())
     blank = set(entry.blank())
@@ -155,7 +155,7 @@ def _by_hand(entry: DeviceEntry | None) -> tuple[Cell, ...]:
 
 
 def _observed(inputs: ReportInputs) -> dict[str, ScannedSubDevice]:
-    """Return what scans found in the place of each SubDevice, by its name."""
+    """Return the devices that scans found at the position of each SubDevice, by its name."""
     scans = [e.scan for e in inputs.evidence if e.scan is not None]
     return {s.planned or s.name: s for scan in scans for s in scan.subdevices}
 
@@ -233,7 +233,7 @@ def _place(s: SubDevice, buses: Sequence[Bus]) -> Cell:
 
 
 def _type_name(device: Device, library: Library) -> Cell:
-    """Return what the device library calls a type; nothing where it does not know it."""
+    """Return the name of a type in the device library; empty if unknown."""
     known = library.find(device.vendor_id, device.product_code)
     return () if known is None else (muted(f"library: {known.name}"),)
 
@@ -306,7 +306,7 @@ def connections(inputs: ReportInputs) -> ReportSection:
 def _owners(
     rows: Sequence[Connection], value_of: Callable[[Connection], int | None], *, by_sub: bool
 ) -> Counter[int]:
-    """Count who has a value: connections, or SubDevices."""
+    """Count connections or SubDevices with a value."""
     pairs = {
         (value, c.sub.name if by_sub else c.name)
         for c in rows

@@ -91,7 +91,7 @@ def mission_cell(element: SafetyElement) -> Cell:
 
 
 def shortest_mission(row: FunctionBudget) -> list[Part]:
-    """Say which element has a shorter mission time than others; nothing where none has."""
+    """Name the element with a shorter mission time than others, if any."""
     stated_years = [
         (e.element.mission_years, e.element.name)
         for e in row.parts.rows

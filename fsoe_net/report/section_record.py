@@ -1,4 +1,4 @@
-"""Blocks 10 to 13: fingerprint, change log, sign-off, and what is open or assumed."""
+"""Blocks 10 to 13: fingerprint, change log, sign-off, open points and assumptions."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def fingerprint(inputs: ReportInputs) -> ReportSection:
 
 
 def change_log(inputs: ReportInputs) -> ReportSection:
-    """What differs from an earlier state, and what has to be tried again for it."""
+    """Differences from an earlier state, and the tests to repeat because of them."""
     title, against = "Change log", inputs.against
     if against is None:
         text = "Not compared with an earlier state; --against FILE names one."

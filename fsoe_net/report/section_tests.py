@@ -1,4 +1,4 @@
-"""What was tried: the checklist, and what ran on the emulated bus, apart from it."""
+"""The tests: the checklist, and separately the runs on the emulated bus."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def tests(inputs: ReportInputs) -> ReportSection:
-    """The checklist, and what ran on the emulated bus, apart from it."""
+    """The checklist, and separately the runs on the emulated bus."""
     parts: list[Part] = [Heading("Checklist")]
     points: list[Point] = []
     tried = inputs.tried
@@ -60,7 +60,7 @@ def tests(inputs: ReportInputs) -> ReportSection:
 
 
 def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
-    """Return what is open at the machine, what failed or is disputed, and another plan."""
+    """Return steps open at the machine, failed or disputed steps, and a differing plan."""
     points = []
     protocol = tried.protocol
     left = len(protocol.open_steps)
@@ -150,21 +150,21 @@ def _checklist(tried: Tried) -> Table:
 
 
 def limit(s: ProtocolStep, source: str) -> Cell:
-    """Return how long a step may take, in ms, or that nothing limits it."""
+    """Return the time limit of a step, in ms, or that there is none."""
     if s.limit_ms is None:
         return cell(muted("no limit"))
     return cell(stated(s.limit_ms, "ms", s.limit_source or source))
 
 
 def by_hand(s: ProtocolStep, source: str) -> Cell:
-    """Return what a person wrote down at the machine, or room to do it."""
+    """Return the entries of a person at the machine, or blank fields for them."""
     if not s.kind.at_machine:
         return cell(muted("not tried at the machine"))
     return _result(s.machine, source, failed=s.is_failed) or BLANK
 
 
 def who(s: ProtocolStep) -> Cell:
-    """Return who tried it at the machine and when, or room to write it down."""
+    """Return the person and date of the test at the machine, or blank fields for them."""
     if s.machine.who:
         return cell(s.machine.who)
     return BLANK if s.kind.at_machine else ()

@@ -66,7 +66,7 @@ class SelfTestResult:
 
 
 def read_self_test(path: str, here: str) -> SelfTestResult:
-    """Read what ``fsoe-net self-test --format json`` printed.
+    """Read the output of ``fsoe-net self-test --format json``.
 
     Args:
         path: Its file.

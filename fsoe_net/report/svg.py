@@ -1,4 +1,4 @@
-"""Pictures of a report: the network, and where the copied bytes lie. Plain SVG, no script."""
+"""Pictures of a report: the network, and the copied bytes. Plain SVG, no script."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
 
 
 def _rows(plan: Plan, shown: Sequence[int], per_row: int) -> list[tuple[str, list[int]]]:
-    """Return what is in each row; the first row of a bus has its name where there are several."""
+    """Return the content of each row; with several buses the first row of a bus has its name."""
     buses: dict[int, list[int]] = {}
     for number in shown:
         buses.setdefault(plan.bus_number(number), []).append(number)

@@ -193,7 +193,7 @@ class Bridge:
             self._node.publish(f"/{self._options.name}/{topic.topic}", SIGNALS[topic.kind](value))
 
     def _offer(self, topics: tuple[SignalTopic, ...]) -> None:
-        """Subscribe to what may be set now; another plan has other outputs."""
+        """Subscribe to the current settable outputs; another plan has other outputs."""
         offered = tuple((t.topic, t.symbol.name) for t in topics)
         if self.control is None or offered == self._offered:
             return

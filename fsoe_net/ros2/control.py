@@ -32,7 +32,7 @@ _MOST_AT_ONCE = 256  # parameters of a request; meanwhile no other one is served
 
 @dataclass(slots=True)
 class _Sender:
-    """A process of ROS that sets outputs, as a client of its own."""
+    """A ROS process that sets outputs, as a separate client."""
 
     client: Client
     last_s: float
@@ -77,13 +77,13 @@ class NodeControl:
         self.access = access
 
     def close(self) -> None:
-        """End; what was set takes its stop values."""
+        """End; outputs take their stop values."""
         for sender in self._senders.values():
             sender.client.close()
         self._senders.clear()
 
     def set_output(self, topic: SignalTopic, message: Any, who: str) -> None:
-        """Set an output to what a message holds; a refusal shows in the status."""
+        """Set an output to the value of a message; the status shows a refusal."""
         self._set_value(topic, topic.kind.python(message.data), who)
 
     def set_parameters(
@@ -122,7 +122,7 @@ class NodeControl:
         return self._set_value(topic, topic.kind.python(value), who)
 
     def _set_value(self, topic: SignalTopic, value: Value, who: str) -> str:
-        """Set an output; return why not, or nothing."""
+        """Set an output; return the reason of a refusal, or an empty text."""
         self._forget_idle()
         try:
             client = self._client(who)
@@ -138,7 +138,7 @@ class NodeControl:
         return ""
 
     def bus_request(self, word: str) -> Callable[[Any, str], tuple[bool, str]]:
-        """Return what a service does: ``start``, ``stop`` or ``restart``."""
+        """Return the action of a service: ``start``, ``stop`` or ``restart``."""
         requests: dict[str, Callable[[Client], BusState]] = {
             "start": Client.start,
             "stop": Client.stop,
@@ -147,7 +147,7 @@ class NodeControl:
         return partial(self._request, word, requests[word])
 
     def status(self, unreadable: int = 0) -> RosStatus:
-        """Return what was done and refused.
+        """Return completed and refused requests.
 
         Args:
             unreadable: So many messages could not be read.

@@ -41,7 +41,7 @@ _LEVELS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosStatus:
-    """One status: ``name`` of what it is about, ``message`` in words, ``values`` by key."""
+    """One status: ``name`` of its subject, ``message`` in words, ``values`` by key."""
 
     level: RosLevel
     name: str

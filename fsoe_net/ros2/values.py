@@ -21,7 +21,7 @@ _PARTS = {"position": 0x6064, "velocity": 0x606C, "effort": 0x6077}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint:
-    """An axis: its name, and the symbols of its actual values; empty where it has none."""
+    """An axis: its name, and the symbols of its actual values; empty if missing."""
 
     name: str
     position: str
@@ -29,7 +29,7 @@ class Joint:
     effort: str
 
     def values(self, values: Mapping[str, Value]) -> tuple[float, float, float]:
-        """Return position, velocity and effort; not a number for what is not there."""
+        """Return position, velocity and effort; NaN if missing."""
         names = (self.position, self.velocity, self.effort)
         found = [values.get(name) if name else None for name in names]
         position, velocity, effort = (math.nan if v is None else float(v) for v in found)

@@ -13,7 +13,7 @@ from fsoe_net.rules.transfer_ends import is_main_device
 
 
 def check_connections(ctx: Context) -> None:
-    """Check what `connections` of the nets say, apart from the values."""
+    """Check the `connections` of the nets, except for the values."""
     for net in ctx.resolution.network.nets:
         for fact in net.connections:
             if fact.unconfirmed is not None:
@@ -40,7 +40,7 @@ def check_connections(ctx: Context) -> None:
 
 
 def check_drivers(ctx: Context, runtime: Runtime) -> None:
-    """Say what a driver makes of connections without transfers: nothing (FSN223)."""
+    """Report that a driver ignores connections without transfers (FSN223)."""
     if runtime not in ROS2:
         return
     made: dict[int, list[str]] = {}

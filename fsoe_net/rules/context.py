@@ -62,7 +62,7 @@ class Context(FindingList):
         return self._guesses.of(name)
 
     def name_hint(self, meant: Sequence[str]) -> str:
-        """Return the hint for an unknown name: what it may mean, else the names that there are."""
+        """Return the hint for an unknown name: similar names, else all valid names."""
         if meant:
             return f"write {one_of(meant)}"
         return f"known: {few(sorted(self.names), 20) or 'none'}"

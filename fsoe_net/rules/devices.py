@@ -259,7 +259,7 @@ def _mapped_twice(ctx: Context, rows: list[tuple[Placed, Placed]]) -> None:
 
 
 def _frame_objects(ctx: Context, layout: DeviceLayout) -> None:
-    """FSN424: 0x6nnn objects are what a device sends, 0x7nnn what it takes, when it has both."""
+    """FSN424: a device sends 0x6nnn objects and receives 0x7nnn, when it has both."""
     commands: dict[Direction, list[Entry]] = {Direction.OUTPUT: [], Direction.INPUT: []}
     for sm in layout.managers:
         for block in sm.blocks:

@@ -130,7 +130,7 @@ _LCEC_EFFECT = {
 
 
 def effect_today(code: str, runtime: Runtime) -> str:
-    """Return what a runtime does with files that raise this code, or an empty text."""
+    """Return the behaviour of a runtime with files that raise this code, or an empty text."""
     if runtime in ROS2:
         return _VERSION_EFFECT[runtime].get(code) or _ROS2_EFFECT.get(code, "")
     if runtime is Runtime.LCEC:
@@ -139,7 +139,7 @@ def effect_today(code: str, runtime: Runtime) -> str:
 
 
 def effects_today(code: str) -> list[tuple[tuple[Runtime, ...], str]]:
-    """Return what all other runtimes do, those of one effect together; empty when none is known."""
+    """Return the behaviour of all other runtimes, grouped by effect; empty if unknown."""
     rows: dict[str, list[Runtime]] = {}
     for runtime in Runtime:
         text = effect_today(code, runtime)

@@ -66,7 +66,7 @@ def listed(indices: list[int]) -> str:
 
 
 def assignment_words(ours: list[int], theirs: list[int]) -> str:
-    """Say in what two assignments of PDOs differ; begins with a blank or comma."""
+    """Describe the difference of two PDO assignments; begins with a blank or comma."""
     if sorted(ours) == sorted(theirs):
         return ", in another order"
     less = [i for i in ours if i not in theirs]

@@ -73,7 +73,7 @@ def _near_lengths(size: int) -> str:
 
 
 def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
-    """Return whether the end starts a frame, or nothing is known against it."""
+    """Return whether the end starts a frame, or there is no evidence against it."""
     if end.sm is None or end.placed is None:
         return False
     block = end.block
@@ -140,7 +140,7 @@ def _blocks_of(end: ResolvedEnd, direction: Direction) -> list[FsoeBlock]:
 
 
 def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
-    """Say what stands where a CRC or the connection ID should, if anything looks like a frame."""
+    """Report the object at the place of a CRC or connection ID, if it resembles a frame."""
     if end.placed is None or not is_frame_length(size):
         return None
     entry, base = end.placed.entry, end.placed.bit_offset
@@ -162,7 +162,7 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
 
 
 def _crc_bytes(size: int) -> Sequence[int]:
-    """Return where the CRCs of a frame stand."""
+    """Return the places of the CRCs of a frame."""
     return [2] if size == 6 else range(3, size - 2, 4)
 
 

@@ -1,4 +1,4 @@
-"""FSN165 … FSN167: groups of SubDevices that may be absent, and what is copied from and to them."""
+"""FSN165 … FSN167: groups of SubDevices that may be absent, and copies from and to them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fsoe_net.rules.context import Context
 
 
 def check_groups(ctx: Context) -> None:
-    """Check groups, and that nothing that is there needs what may be absent."""
+    """Check groups, and that no permanent SubDevice depends on one that may be absent."""
     network = ctx.resolution.network
     if not network.groups:
         return

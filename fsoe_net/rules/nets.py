@@ -317,7 +317,7 @@ def _meant(fact: ConnectionFacts, pairs: set[tuple[str, str]], ours: Guesses) ->
 
 
 def _unserved(ctx: Context) -> None:
-    """FSN232: frames that exist in the PDOs but that nothing copies."""
+    """FSN232: frames in the PDOs that are not copied."""
     network = ctx.resolution.network
     if not network.nets or network.partial or ctx.unsure_nets:
         return

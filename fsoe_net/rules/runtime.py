@@ -132,7 +132,7 @@ def _aliases(ctx: Context) -> None:
 
 
 def _new_keys(ctx: Context, network: NetworkConfig, runtime: Runtime) -> None:
-    """FSN463: keys this version does not know, each once."""
+    """FSN463: keys not supported by this version, each once."""
     rows = [network, *network.nets, *network.subdevices]
     rows += [sub.device for sub in network.subdevices if sub.device is not None]
     for _, device, _ in ctx.devices():

@@ -79,7 +79,7 @@ def _element(
 
 
 def _no_frame(function: SafetyFunction, element: SafetyElement) -> tuple[str, str]:
-    """Return why an element has no frame, and what to do."""
+    """Return why an element has no frame, and the next step."""
     if element.kind not in _ENDS or not element.sub:
         return (
             f"{element.kind.value} {element.name} has safe bits, and no FSoE frame",

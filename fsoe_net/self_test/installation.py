@@ -1,4 +1,4 @@
-"""The installed files against what the installer recorded, and fsn-master with a reference plan."""
+"""The installed files compared with the installer's record; fsn-master with a reference plan."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A part of the self-test, and what became of it."""
+"""A part of the self-test, and its result."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class SelfTest:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing differs."""
+        """Whether there are no differences."""
         return all(part.result != "fail" for part in self.parts)
 
     def to_json(self) -> dict[str, object]:
@@ -100,7 +100,7 @@ def _part_json(part: PartResult) -> dict[str, object]:
 
 
 def run_self_test() -> SelfTest:
-    """Try every part; nothing is written, no interface is opened.
+    """Run every part; no file is written, no interface is opened.
 
     Raises:
         OSError: A file of the package cannot be read.

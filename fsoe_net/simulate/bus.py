@@ -70,7 +70,7 @@ class EmulatedDevices:
         return normal_name(name) in self.safe_inputs
 
     def set_safe_input(self, name: str, value: int) -> None:
-        """Set what a SubInstance sees at its terminals; a mirrored value mirrors no longer.
+        """Set the input of a SubInstance at its terminals; ends mirroring of that value.
 
         Raises:
             KeyError: No safe input of that name.
@@ -104,7 +104,7 @@ class EmulatedDevices:
                 instance.config = replace(instance.config, address=address)
 
     def safe_output(self, name: str) -> int:
-        """Return what a SubInstance hands to its outputs; 0 while not valid.
+        """Return the values a SubInstance passes to its outputs; 0 while not valid.
 
         Raises:
             KeyError: No safe output of that name.

@@ -20,7 +20,7 @@ class CommandError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmulationCommand:
-    """What a line asks for: a step, or with ``None`` what is seen now."""
+    """The request of a line: a step, or with ``None`` the current observations."""
 
     step: ScenarioStep | None
 

@@ -1,4 +1,4 @@
-"""Emulated SubDevices: FSoE ends at their places in the process data, and what they do with it."""
+"""Emulated SubDevices: FSoE ends at their places in the process data, and their behaviour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Objects of emulated drives over CoE: what a MainDevice sets by SDO, and what it reads."""
+"""Objects of emulated drives over CoE: SDO settings of a MainDevice, and values it reads."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class DriveObjects:
             wired.axis.wait_for_sdos()
 
     def update(self) -> None:
-        """Take what was written, show what has changed."""
+        """Take written values, publish changed ones."""
         if self._rows is None:  # the scenario has chosen the motors by now
             self._rows = [
                 _AxisRows(segment, segment.position(name), wired.axis)

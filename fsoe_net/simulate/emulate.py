@@ -74,7 +74,7 @@ class SegmentSession(ScenarioRun):
         self.engine.log(0, "run", f"{name} left alone: standard outputs are the MainDevice's")
 
     def step_devices(self, now_ns: int) -> None:
-        """Let everything take one step, and the devices report what has become of it."""
+        """Advance all devices by one step, and let them report the result."""
         super().step_devices(now_ns)
         self._objects.update()
         self._drives.update()
@@ -88,7 +88,7 @@ class SegmentSession(ScenarioRun):
         }
 
     def counts(self) -> SegmentCounts:
-        """Return what all buses have seen."""
+        """Return the observations of all buses."""
         return sum_counts(segment.counts() for segment in self.segments)
 
     def connections(self) -> dict[str, ConnectionState]:
@@ -120,7 +120,7 @@ class SegmentSession(ScenarioRun):
         return "\n".join([*rows, f"{counted(counts.frames, 'frame')}, {counts.lost} lost"])
 
     def result(self, duration_ns: int) -> EmulateResult:
-        """Return what was seen."""
+        """Return the observations."""
         engine = self.engine
         engine.finish(duration_ns)
         verdicts = engine.verdicts()

@@ -64,7 +64,7 @@ def _direction(d: DirectionSnapshot) -> dict[str, Any]:
 
 
 def layout_json(core: Core, core_plan: CorePlan, plan: Plan, image_bytes: int) -> dict[str, Any]:
-    """Return ``layout``: where everything lies in the process image."""
+    """Return ``layout``: the layout of the process image."""
     sms = []
     for number, sm in enumerate(plan.sync_managers):
         base = core.sm_base(number)
@@ -152,7 +152,7 @@ def subdevices_json(
 
 
 def fsoe_json(network: EmulatedDevices) -> list[dict[str, Any]]:
-    """Return ``fsoe``: what the devices would report of their FSoE ends over CoE."""
+    """Return ``fsoe``: the report of the devices about their FSoE ends over CoE."""
     rows = []
     for device in network.devices.values():
         if not device.ports:

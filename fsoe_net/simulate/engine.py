@@ -218,7 +218,7 @@ class Engine:
                 self._done.add(number)
 
     def _mismatch(self, expectation: Expectation) -> str:
-        """Return what was seen instead, or an empty text."""
+        """Return the actual observation, or an empty text."""
         most = math.inf if expectation.max_resets is None else expectation.max_resets
         due = filter(self._is_due, self.network.mains)
         names = [expectation.connection] if expectation.connection else list(due)
@@ -244,7 +244,7 @@ class Engine:
         return ""
 
     def finish(self, now_ns: int) -> None:
-        """Judge what came due after the last step, and say which steps were never reached."""
+        """Judge steps due after the last one, and report steps that were never reached."""
         self._judge(now_ns)
         left = len(self._steps) - self._next_step
         if left:

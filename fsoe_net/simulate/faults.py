@@ -11,7 +11,7 @@ _MS = 1_000_000
 
 
 def apply_step(segments: Sequence[Segment], step: ScenarioStep) -> None:
-    """Do what a step means for the segment; steps that mean nothing to it do nothing.
+    """Apply a step to the segment; steps without an effect on it are ignored.
 
     Of several buses it is the one with the SubDevice that the step names, else all of them.
 

@@ -121,7 +121,7 @@ class IncidentRecorder:
             self._begin(TriggerKind.REQUEST, None, self._last.now_ns, text)
 
     def finish(self, now_ns: int) -> None:
-        """End the run: what is open is written with the cycles there are."""
+        """End the run: an open incident is written with the available cycles."""
         if self._last is not None and not self._asked_never:
             self._never_connected(self._last.now_ns)
         if self._open is not None:
@@ -284,7 +284,7 @@ class IncidentRecorder:
         self._open = _Open(incident_name(utc, what), now_ns + _AFTER_NS, head)
 
     def _close(self, opened: _Open) -> None:
-        """The window is over: the rest of the head is what is known now."""
+        """The window is over: complete the head with the facts known now."""
         self._open = None
         session = self._session
         head = (

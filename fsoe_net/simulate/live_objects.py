@@ -60,7 +60,7 @@ class LiveObjects:
         self._reported: list[dict[tuple[int, int], bytes]] = [{} for _ in self._devices]
 
     def update(self) -> None:
-        """Report what has changed."""
+        """Report changes."""
         for (segment, position, device), reported in zip(
             self._devices, self._reported, strict=True
         ):

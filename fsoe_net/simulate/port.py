@@ -1,4 +1,4 @@
-"""One FSoE end of an emulated device: where its frames lie, and the names of its safe data."""
+"""One FSoE end of an emulated device: places of its frames, and names of its safe data."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SessionIds = Callable[[], int]
 
 @dataclass(slots=True, eq=False)
 class Port:
-    """One FSoE end of a device and where its frames lie.
+    """One FSoE end of a device and the places of its frames.
 
     ``is_main``: it is the MainInstance of its connection. ``receives`` and ``sends`` name the safe
     data; ``safe`` is what the end sends while enabled.

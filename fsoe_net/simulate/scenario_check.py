@@ -78,7 +78,7 @@ def _owned(symbol: PlanSymbol, plan: Plan) -> bool:
 
 
 def check_scenario(scenario: Scenario, names: ScenarioNames) -> list[Diagnostic]:
-    """Return what does not fit: unknown names (FSN116) and values that fit no bits (FSN113)."""
+    """Return errors: unknown names (FSN116) and values that fit no bits (FSN113)."""
     check = _Check(names)
     check.values(scenario.initial, names.safe_inputs, "safe input", scenario)
     for name in scenario.logic.inputs or ():
@@ -107,7 +107,7 @@ def check_scenario(scenario: Scenario, names: ScenarioNames) -> list[Diagnostic]
 
 
 def check_step(step: ScenarioStep, names: ScenarioNames) -> list[Diagnostic]:
-    """Return what does not fit in one step."""
+    """Return the errors of one step."""
     check = _Check(names)
     check.step(step)
     return check.found

@@ -103,7 +103,7 @@ class ScenarioRun(abc.ABC):
         """Make the bus of the plan and return it as the devices see it."""
 
     def scenario_findings(self) -> list[Diagnostic]:
-        """Return what the scenario names that the network does not have."""
+        """Return names in the scenario that the network does not have."""
         if self.scenario is None:
             return []
         return check_scenario(self.scenario, self.names())
@@ -134,7 +134,7 @@ class ScenarioRun(abc.ABC):
         return command
 
     def names(self) -> ScenarioNames:
-        """Return what a scenario may name here."""
+        """Return the names that a scenario may use here."""
         return ScenarioNames.of(self.network, self.records, segment=self.has_segment)
 
     @property
@@ -162,7 +162,7 @@ class ScenarioRun(abc.ABC):
         """Return whether outputs reach a SubDevice."""
 
     def is_due(self, connection: str) -> bool:
-        """Return whether both ends of a connection are there, or must be."""
+        """Return whether both ends of a connection are present, or must be."""
         setup = self.network.subs[connection].setup.connection
         return not {setup.main.name, setup.sub.name} & self.away
 
@@ -177,7 +177,7 @@ class ScenarioRun(abc.ABC):
         self._tell_logic()
 
     def _tell_logic(self) -> None:
-        """Safety logic asks nothing of a connection whose other end is absent by design."""
+        """Safety logic ignores a connection whose other end is absent by design."""
         away = {name for name in self.network.mains if not self.is_due(name)}
         for device in self.network.masters:
             device.away = away
@@ -188,7 +188,7 @@ class ScenarioRun(abc.ABC):
 
     @abc.abstractmethod
     def _on_bus(self, step: ScenarioStep) -> None:
-        """Do what a step means for the bus itself."""
+        """Apply a step to the bus itself."""
 
     def _set_input(self, name: str, value: int) -> None:
         symbol = self.records.symbols[self.plan.inputs[name]]
@@ -197,7 +197,7 @@ class ScenarioRun(abc.ABC):
         device.set_input(sm.index, symbol.bit_offset, symbol.bits, value)
 
     def step_devices(self, now_ns: int) -> None:
-        """Let the scenario act, every device take one step, and look at what came out."""
+        """Let the scenario act, advance every device by one step, and check the result."""
         engine = self.engine
         engine.act(now_ns)
         for name, device in self.network.devices.items():

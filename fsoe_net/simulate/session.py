@@ -85,7 +85,7 @@ class Session(ScenarioRun):
 
     @property
     def cycle_ns(self) -> int:
-        """Bus cycle of the plan, or 1 ms when nothing states it."""
+        """Bus cycle of the plan, or 1 ms if not stated."""
         return self.plan.cycle_ns or DEFAULT_CYCLE_NS
 
     @property
@@ -106,7 +106,7 @@ class Session(ScenarioRun):
         self.core.set_output(self.plan.outputs[name], value)
 
     def _on_bus(self, _step: ScenarioStep) -> None:
-        """The emulated bus carries process data only: nothing to do."""
+        """The emulated bus carries process data only: no action."""
 
     def connections(self, snapshot: Snapshot) -> tuple[ConnectionResult, ...]:
         """Return every connection as devices and core see it now."""
@@ -187,7 +187,7 @@ class Session(ScenarioRun):
 
 
 def _data_kind(receiver: Port) -> str:
-    """Return what an end receives: ``process``, ``failsafe``, or ``none`` outside Data."""
+    """Return the data an end receives: ``process``, ``failsafe``, or ``none`` outside Data."""
     if receiver.instance.state is not State.DATA:
         return "none"
     return "process" if receiver.instance.data_valid else "failsafe"
@@ -336,6 +336,6 @@ class _Live:
                         self._incidents.cycle(now_ns)
                 next_ns = max(next_ns + self._period_ns, self._now())
                 self._stop.wait(max(0.0, (next_ns - self._now()) / 1e9))
-        except BaseException as exc:  # raised again in the main thread, so nothing is lost
+        except BaseException as exc:  # raised again in the main thread, so it is not lost
             self._error = exc
             self._stop.set()

@@ -8,7 +8,7 @@ from fsoe_net.fsoe.config import MainConfig, SubConfig
 from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.resolve import Connection, Resolution
 
-DEFAULT_WATCHDOG_MS = 100  # what TwinSAFE starts with
+DEFAULT_WATCHDOG_MS = 100  # the default of TwinSAFE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

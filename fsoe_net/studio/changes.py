@@ -64,7 +64,7 @@ def _connection(request: Mapping[str, object], resolution: Resolution) -> Connec
 
 
 def _facts_in(document: Any, connection: Connection) -> Any:
-    """Return the map of a connection in the file, made where its net only has transfers."""
+    """Return the map of a connection in the file, created if its net only has transfers."""
     net = net_of(document, connection)
     if connection.facts is not None:
         return row_of(net["connections"], connection.facts)

@@ -16,7 +16,7 @@ _LEAST_BYTES_PER_S = 65_536  # of a body
 
 
 def client_network(host: str) -> str:
-    """Return what counts as one client: an IPv4 address, or the /64 network of an IPv6 address."""
+    """Return the key of a client: an IPv4 address, or the /64 network of an IPv6 address."""
     try:
         address = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:
@@ -82,7 +82,7 @@ class LimitedProtocol(H11Protocol):
             self._expect(_REQUEST_S)
 
     def on_response_complete(self) -> None:
-        """Wait for the next request, or for the rest of a body that nothing reads."""
+        """Wait for the next request, or for the rest of an unread body."""
         super().on_response_complete()
         self._expect(_REQUEST_S)
 

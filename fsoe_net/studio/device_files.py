@@ -87,7 +87,7 @@ class DeviceFiles:
             yield name, os.path.normpath(os.path.join(self._folder, name))
 
     def _has(self, path: str) -> bytes | None:
-        """Return what is, or will be, under a path; ``None`` where it is free."""
+        """Return the current or future content of a path; ``None`` if it is free."""
         if path in self.contents and not os.path.lexists(path):
             return self.contents[path]
         return _content(path) if os.path.lexists(path) else None

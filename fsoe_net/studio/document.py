@@ -64,7 +64,7 @@ Row = dict[str, object]
 
 
 def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
-    """Return what the page shows, as plain JSON values; see ``assets/types.d.ts`` for its shape.
+    """Return the content of the page as plain JSON values; shape: ``assets/types.d.ts``.
 
     Args:
         workspace: The file that is being edited.
@@ -192,7 +192,7 @@ def _connection(budget: WatchdogBudget, path: str) -> Row:
 
 
 def _copy(way: ResolvedTransfer) -> Row:
-    """Return where the bytes of a frame are taken from, and where they are put."""
+    """Return the source and the destination of a frame's bytes."""
     return {"size_bytes": way.transfer.size_bytes} | {
         name: {
             "subdevice": end.endpoint.module,

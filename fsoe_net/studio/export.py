@@ -27,7 +27,7 @@ class Download:
 
 
 def targets() -> list[Row]:
-    """Return what the network can be written as: name of the format, and words for it."""
+    """Return the export formats of the network: name of the format, and its description."""
     return [
         {"name": target.name, "title": known.title, "is_folder": target.is_folder}
         for known in all_formats().values()

@@ -18,7 +18,7 @@ class Folder:
         self._numbers: dict[str, int] = {}
 
     def look(self) -> list[tuple[int, CompanionFile]]:
-        """Return what is there now; a file keeps its number for as long as the server runs."""
+        """Return the current files; a file keeps its number for as long as the server runs."""
         rows = files_beside(self._network)
         return [(self._numbers.setdefault(row.path, len(self._numbers)), row) for row in rows]
 

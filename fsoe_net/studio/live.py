@@ -107,7 +107,7 @@ class Live:
         return found
 
     async def _stream(self, request: Request) -> Response:
-        """Send pictures of a source, each with what the page lacks, until the page goes."""
+        """Send updates of a source, with the data missing in the page, until it disconnects."""
         try:
             feed = self._feed(request.query_params.get("source"))
         except FsnError as exc:
@@ -178,7 +178,7 @@ class Live:
             return _refused(exc)
         return JSONResponse({"error": "", **answer})
 
-    # -- what a page can ask for -------------------------------------------------------------------
+    # -- requests of a page ------------------------------------------------------------------------
 
     def _start(self, _: Body) -> Row:
         version, checked = self._workspace.version, self._workspace.checked

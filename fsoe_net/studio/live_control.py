@@ -61,7 +61,7 @@ class LiveControl:
         return self._turn if self._client is not None and time.monotonic() < self._until else 0
 
     def close(self) -> None:
-        """End control; what was set falls back."""
+        """End control; outputs fall back."""
         if self._client is not None:
             self._client.close()
         self._client = None
@@ -96,7 +96,7 @@ class LiveControl:
         return {"token": self._token, "turn": self._turn, "access": access, "lease_ms": LEASE_MS}
 
     def _do(self, job: Callable[[Client, Body], Row], body: Body) -> Row:
-        """Do what the page that has control asks for; it has it for another lease then."""
+        """Execute a request of the page in control, which renews its lease."""
         token = str(body.get("token")).encode(errors="replace")
         if self._client is None or not hmac.compare_digest(token, self._token.encode()):
             raise InputError("this page does not have control; take it first")
@@ -125,7 +125,7 @@ class LiveControl:
         return {}
 
     def _arm(self, client: Client, body: Body) -> Row:
-        """Arm an output and set it, so that nothing stays armed: a change uses the arming up."""
+        """Arm an output and set it, so that no output stays armed: a change consumes the arming."""
         name, text = _words(body)
         outputs = (s for s in client.symbols() if s.is_output)
         symbol = next((s for s in outputs if s.name == name), None)

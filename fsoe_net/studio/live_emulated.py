@@ -1,4 +1,4 @@
-"""The live page on an emulated run that it has started: what people learn FSoE with."""
+"""The live page on an emulated run that it has started, for learning FSoE."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class EmulatedFeed(LiveFeed):
         self._look(ended=False)
 
     def names(self) -> Row:
-        """Return what the buttons of the page name, in the words of the commands."""
+        """Return the names on the buttons of the page, in the words of the commands."""
         session = self._session
         names, network = session.names(), session.network
         watched = {name for d in network.masters for _, name in d.logic_inputs}
@@ -129,7 +129,7 @@ class EmulatedFeed(LiveFeed):
     def hold(self, ms: int) -> None:
         """Exchange no frame for so long from now, as where frames are lost or late.
 
-        The devices go on, and so do their FSoE watchdogs.
+        The devices continue, including their FSoE watchdogs.
 
         Args:
             ms: 1 to `MOST_HELD_MS` milliseconds.
@@ -145,7 +145,7 @@ class EmulatedFeed(LiveFeed):
         self._order(obey)
 
     def document(self) -> Row:
-        """Return what `fsoe-net run --format json` writes."""
+        """Return the document of `fsoe-net run --format json`."""
 
         def made(now_ns: int) -> Row:
             self._collect()
@@ -184,7 +184,7 @@ class EmulatedFeed(LiveFeed):
             return
         try:
             answer.set_result(work(self._now_ns))
-        except Exception as exc:  # raised again where it was asked for
+        except Exception as exc:  # raised again in the calling thread
             answer.set_exception(exc)
 
     def _run(self) -> None:
@@ -354,7 +354,7 @@ def _all_signals(session: Session) -> Iterator[_Signal]:
 
 
 def _first_signals(session: Session, signals: Mapping[str, _Signal]) -> list[str]:
-    """Return what a person looks at first: some inputs of the logic, and what it switches."""
+    """Return the signals to show first: some inputs of the logic, and its outputs."""
     names = {(signal.is_output, signal.name): name for name, signal in signals.items()}
     devices = session.network.masters
     inputs = [names[False, name] for device in devices for _, name in device.logic_inputs]

@@ -128,7 +128,7 @@ class LiveFeed(abc.ABC):
         self._thread.start()
 
     def close(self) -> None:
-        """End; what was seen stays."""
+        """End; the collected data are kept."""
         self._ending.set()
         self._wake.set()
         if self._thread.is_alive():
@@ -136,7 +136,7 @@ class LiveFeed(abc.ABC):
 
     @property
     def closed(self) -> bool:
-        """Whether nothing new comes any more."""
+        """Whether no new data will come."""
         return self._ending.is_set()
 
     @contextlib.contextmanager
@@ -182,11 +182,11 @@ class LiveFeed(abc.ABC):
 
     @abc.abstractmethod
     def signals(self) -> list[Row]:
-        """Return what the scope can show: ``name``, ``label``, ``unit`` of it."""
+        """Return the signals available in the scope: ``name``, ``label``, ``unit``."""
 
     @abc.abstractmethod
     def document(self) -> Row:
-        """Return what was seen, as the command would have written it."""
+        """Return the observations as the command would have written them."""
 
     @abc.abstractmethod
     def _run(self) -> None:

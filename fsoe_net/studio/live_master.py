@@ -63,12 +63,12 @@ class MasterFeed(LiveFeed):
             ]
 
     def note(self, text: str) -> None:
-        """Put what a page does among the events."""
+        """Add an action of a page to the events."""
         now_ms = (time.monotonic_ns() - self._start_ns) / 1e6
         self.history.add([RunEvent(time_ms=now_ms, source="page", text=text)])
 
     def document(self) -> Row:
-        """Return what `fsoe-net monitor --format json` writes."""
+        """Return the document of `fsoe-net monitor --format json`."""
         events, gone = self.history.kept()
         view = {} if self._last is None else self._last.to_json()
         lost = 0 if self._last is None else self._last.events_lost

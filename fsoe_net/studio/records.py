@@ -174,7 +174,7 @@ def _refused(exc: FsnError) -> Document:
 
 
 def document_response(document: Document, status: int = 200) -> Response:
-    """Return a document as a page that runs nothing and loads nothing."""
+    """Return a document as a page without scripts and external resources."""
     text = document_html(document)
     styles = dict.fromkeys(html.unescape(a or b) for a, b in _STYLES.findall(text))
     hashes = (base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in styles)
@@ -191,7 +191,7 @@ def document_response(document: Document, status: int = 200) -> Response:
 
 
 def _commands(network: str, rows: list[CompanionFile]) -> list[str]:
-    """Return what a person types in the folder of the network to sign it off."""
+    """Return the command for a person to sign the network off in its folder."""
     name = os.path.basename(network)
     protocol = next((row.name for row in rows if row.kind is CompanionKind.PROTOCOL), None)
     before = next((row.name for row in rows if row.kind is CompanionKind.RECORD), None)

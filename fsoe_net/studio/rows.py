@@ -69,7 +69,7 @@ def remove_row(rows: Any, row: Any) -> None:
 
 
 def list_in(parent: Any, key: str) -> Any:
-    """Return a list of the file, made where it is not there."""
+    """Return a list of the file, created if missing."""
     if parent.get(key) is None:
         parent[key] = []
     return parent[key]
@@ -94,7 +94,7 @@ def net_of(document: Any, connection: Connection) -> Any:
 
 
 def disconnected(document: Any, connection: Connection) -> None:
-    """Remove a connection with its transfers, and its net where nothing else is in it."""
+    """Remove a connection with its transfers, and its net if that is then empty."""
     net = net_of(document, connection)
     parts: list[tuple[str, Located]] = []
     if connection.facts is not None:

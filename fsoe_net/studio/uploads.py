@@ -1,4 +1,4 @@
-"""Files that a person has given to the page, and what can be taken from them into the network.
+"""Files uploaded by a person, and their content that can be added to the network.
 
 They lie in a folder of this process until it ends or they are put away; what is in them is known
 only after the readers of ``fsoe-net init`` have checked it.
@@ -66,7 +66,7 @@ class Upload:
         self._stream.write(data)
 
     def close(self, *, keep: bool) -> None:
-        """End it; without ``keep`` nothing stays."""
+        """End it; without ``keep`` all files are removed."""
         self._stream.close()
         if not keep:
             os.unlink(self.path)
@@ -105,7 +105,7 @@ class Uploads:
             if self._folder is None:
                 self._folder = tempfile.TemporaryDirectory(prefix="fsoe-net-studio-")
             self._count += 1
-            # Readers of a folder pass over what begins with a point.
+            # Programs that read a folder skip names that begin with a point.
             return Upload(_safe(name), os.path.join(self._folder.name, f".part{self._count}"))
 
     def room_bytes(self) -> int:
@@ -141,7 +141,7 @@ class Uploads:
             self._files.clear()
 
     def shown(self) -> Row:
-        """Return what can be taken, as plain JSON values; see ``assets/types.d.ts``."""
+        """Return the available offers, as plain JSON values; shape: ``assets/types.d.ts``."""
         with self._lock:
             content = self._read()
             return {
@@ -312,7 +312,7 @@ def _worth_a_word(rows: list[Diagnostic]) -> list[Diagnostic]:
 
 
 def _safe(name: str) -> str:
-    """Return a name that came from elsewhere as one below a folder, without a way out of it."""
+    """Return an external name as one below a folder, without a way out of it."""
     parts = [re.sub(r"[^\w. ()+-]", "_", part).strip(". ") for part in re.split(r"[/\\]", name)]
     kept = [part for part in parts if part][-_DEEPEST:] or ["file"]
     return "/".join(_short(part) for part in kept)

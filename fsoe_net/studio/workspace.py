@@ -1,4 +1,4 @@
-"""A network file that people edit in a browser: its text, what is found in it, undo and redo.
+"""A network file that people edit in a browser: its text, its findings, undo and redo.
 
 The text is the only state. Whatever the page changes is a change of the text, so that the file
 stays the user's: comments and the order of keys stay, and nothing is written before ``save``.
@@ -213,7 +213,7 @@ class Workspace:
             self._set(data.decode("utf-8"))
 
     def undo(self, version: int) -> None:
-        """Take the last step back; nothing where there is none. Raises as `replace`."""
+        """Undo the last step, if any. Raises as `replace`."""
         self._step(version, self._undo, self._redo)
 
     def redo(self, version: int) -> None:

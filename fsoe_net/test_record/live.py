@@ -51,7 +51,7 @@ class LossTimes:
         """How often the working counter was incomplete and whole again before the loss."""
 
     def take(self, event: Mapping[str, Any]) -> None:
-        """Take what was reported."""
+        """Take the reports."""
         kind, now_ns = event.get("event"), event.get("now_ns")
         if not isinstance(now_ns, int):
             return
@@ -94,8 +94,8 @@ class LossTimes:
         return took_ns / 1e6 if took_ns >= 0 else None
 
 
-_PERSON_S = 300.0  # for what a person does at the machine
-_SETTLE_S = 20.0  # for what connections do by themselves
+_PERSON_S = 300.0  # for an action of a person at the machine
+_SETTLE_S = 20.0  # for reactions of connections
 _POLL_S = 0.02
 
 
@@ -115,7 +115,7 @@ class Observer(Interface):
         """Subscribe to every change."""
 
     def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
-        """Return what was reported, after waiting at most ``wait_s`` for the first of it."""
+        """Return the reports, after waiting at most ``wait_s`` for the first of them."""
 
 
 class Person(Interface):
@@ -125,7 +125,7 @@ class Person(Interface):
         """Return whether the person confirms for this step that the area is guarded."""
 
     def tell(self, text: str) -> None:
-        """Say what to do now."""
+        """Tell the person the next action."""
 
 
 def run_protocol_live(
@@ -181,7 +181,7 @@ def run_protocol_live(
 
 
 def _kept(before: StepResult | None, now: StepResult) -> StepResult:
-    """A step that is left out this time keeps what was seen when it was run."""
+    """A skipped step keeps the results of its last run."""
     if before is not None and now.outcome is StepOutcome.NOT_RUN:
         return before
     return now
@@ -209,7 +209,7 @@ class _Watch:
         self._clock = clock
 
     def seen(self, step: ProtocolStep) -> StepResult | None:
-        """Return what this step shows; ``None`` when it cannot show anything."""
+        """Return the result of this step; ``None`` when it cannot show any."""
         if step.kind is StepKind.START_UP:
             return self._start_up(step.subject)
         if step.kind is StepKind.LOSS:
@@ -345,7 +345,7 @@ class _Watch:
     def _until(
         self, done: Callable[[], bool], wait_s: float, times: LossTimes | None = None
     ) -> bool:
-        """Look until it is done, and keep the times of what is reported meanwhile."""
+        """Poll until it is done, and keep the times of reports meanwhile."""
         end = self._clock() + wait_s
         while True:
             found = done()

@@ -54,7 +54,7 @@ class ProtocolTrial:
         loading: LoadOptions | None = None,
         before: Protocol | None = None,
     ) -> ProtocolTrial:
-        """Return the protocol of a network, with what people wrote into an earlier one.
+        """Return the test record of a network, with entries of people in an earlier one.
 
         Raises:
             InputError: The network has an error, or no FSoE connection.
@@ -87,7 +87,7 @@ class ProtocolTrial:
     def run_live(
         self, socket: str, person: Person, on_step: Callable[[ProtocolStep], None]
     ) -> None:
-        """Try each loss on a running ``fsn-master``, with a person who does it.
+        """Test each loss on a running ``fsn-master``, with a person who causes it.
 
         Raises:
             EnvironmentFault: Nobody answers on the socket, or it goes away.

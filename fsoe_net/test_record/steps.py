@@ -20,7 +20,7 @@ _BACK = "`fsoe-net test-protocol … -o` this file puts it back, and keeps what 
 
 
 def make_protocol(resolution: Resolution, plan_bytes: bytes, *, fingerprint: str = "") -> Protocol:
-    """Return the protocol of a network, nothing tried yet.
+    """Return the test record of a network, not yet run.
 
     Args:
         resolution: A network without errors.
@@ -88,7 +88,7 @@ def _combination(resolution: Resolution, present: Sequence[str]) -> ProtocolStep
 
 
 def connection_is_due(c: Connection, network: NetworkConfig, present: Collection[str]) -> bool:
-    """Return whether both ends of a connection are there with these groups."""
+    """Return whether both ends of a connection are present with these groups."""
     groups = (network.group_of(c.main.name), network.group_of(c.sub.name))
     return all(group is None or group.name in present for group in groups)
 
@@ -147,7 +147,7 @@ def _fault(name: str) -> ProtocolStep:
 
 
 def keep_machine(new: Protocol, old: Protocol) -> Protocol:
-    """Return the new protocol with what people wrote into the old one, and its other columns.
+    """Return the new test record with people's entries and other columns of the old one.
 
     Raises:
         InputError: People wrote into the old one, and it is of another configuration
@@ -178,7 +178,7 @@ def keep_machine(new: Protocol, old: Protocol) -> Protocol:
 
 
 def _read(new: DeviceEntry, old: DeviceEntry) -> DeviceEntry:
-    """Return what people read, in a row that asks for all of it."""
+    """Return the data read by people, in a row with all fields."""
     return replace(old, safety_project_crc=old.safety_project_crc or new.safety_project_crc)
 
 

@@ -83,7 +83,7 @@ class _Emulation:
         self._watchdog_ns = max(s.main.watchdog_ms for s in first.network.setups) * _MS
 
     def _start(self, session: Session) -> None:
-        """Run until all connections whose ends are there have reached Data."""
+        """Run until all connections with both ends present have reached Data."""
         due = {name for name in session.network.mains if session.is_due(name)}
         for _now in _cycles(session, _PATIENCE_NS):
             self._early = self._early or bool(_on(session, session.network.safe_outputs))

@@ -43,7 +43,7 @@ class EmulatedNetwork:
 
     @property
     def in_data(self) -> bool:
-        """Whether every connection is in Data whose ends are there."""
+        """Whether every connection with both ends present is in Data."""
         rows = self.connections
         return all(rows[name].state.in_data for name in rows if self._session.is_due(name))
 
@@ -83,7 +83,7 @@ class EmulatedNetwork:
         self._session.do_command(command, self._commands, self._now_ns)
 
     def result(self) -> Run:
-        """Return what has been observed, as `fsoe_net.Network.simulate` does."""
+        """Return the observations, as `fsoe_net.Network.simulate` does."""
         return self._session.result("virtual", self._now_ns)
 
     @property

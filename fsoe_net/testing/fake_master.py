@@ -192,7 +192,7 @@ class FakeMaster:
                 rows = [json.dumps(reply, separators=(",", ":"))]
                 if reply.get("watch"):
                     rows += [json.dumps(row) for row in self._watched(words)]
-                # All at once: nothing may come between a reply and what belongs to it.
+                # All at once: a reply and its related messages must not be separated.
                 peer.sendall("".join(f"{row}\n" for row in rows).encode())
                 self._after(words)
         self._peers.pop(peer, None)

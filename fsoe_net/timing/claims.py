@@ -46,7 +46,7 @@ class LevelClaim:
 
     @property
     def verdict(self) -> str:
-        """What is said about the claims, in words; never that a level is reached."""
+        """Statement about the claims, in words; never that a level is reached."""
         lowest = f"{self.lowest}, claimed by the source of {', '.join(self.weakest)}"
         return {
             Judgement.NONE: f"lowest claim: {lowest}" if self.lowest else "no level is claimed",
@@ -142,7 +142,7 @@ def _claim(scale: _Scale, required: int, by_sum: int, parts: FunctionParts) -> L
 
 
 def _judged(required: int, lowest: int | None, *, is_whole: bool, is_sourced: bool) -> Judgement:
-    """Return how the lowest claim stands to what is required; what is missing can only lower it."""
+    """Return the lowest claim compared with the requirement; missing claims can only lower it."""
     if not required:
         return Judgement.NONE
     if lowest is not None and lowest < required:

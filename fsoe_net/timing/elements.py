@@ -79,7 +79,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementRow:
-    """One element with what is known about it."""
+    """One element with its known facts."""
 
     element: SafetyElement
     time: Quantity
@@ -92,7 +92,7 @@ class ElementRow:
 
     @property
     def has_no_claim(self) -> bool:
-        """Whether a level is missing; what fails never, for a stated reason, needs none."""
+        """Whether a level is missing; not needed if the element never fails for a stated reason."""
         is_never = self.pfh.value == 0 and not self.pfh.needs_reason
         return not self.claim and not is_never
 

@@ -19,27 +19,27 @@ from fsoe_net.timing.formulas import PartTimes, SignalWay, longest_in, longest_o
 
 
 def polled_error_free(t: PartTimes) -> float:
-    """Return the longest response while nothing fails, waits for the turn counted."""
+    """Return the longest response without a failure, including waits for the turn."""
     return _around(t, _polled_in(t), _polled_out(t))
 
 
 def besides_input(t: PartTimes, way: SignalWay) -> float:
-    """Return what `disturbed_input` counts besides two watchdogs."""
+    """Return the part of `disturbed_input` in addition to two watchdogs."""
     return _around(t, 2 * way.logic, _polled_out(t))
 
 
 def besides_output(t: PartTimes, way: SignalWay) -> float:
-    """Return what `disturbed_output` counts besides two watchdogs."""
+    """Return the part of `disturbed_output` in addition to two watchdogs."""
     return _around(t, _polled_in(t), 2 * way.device)
 
 
 def besides_shared(t: PartTimes, there: SignalWay, back: SignalWay) -> float:
-    """Return what `disturbed_shared` counts besides three watchdogs."""
+    """Return the part of `disturbed_shared` in addition to three watchdogs."""
     return _around(t, 0.0, 2 * max(there.device, back.device))
 
 
 def broken_input(t: PartTimes, way: SignalWay) -> float:
-    """Return the longest response when the connection to an input device breaks for good.
+    """Return the longest response when the connection to an input device breaks permanently.
 
     Args:
         t: Times of the parts.
@@ -50,7 +50,7 @@ def broken_input(t: PartTimes, way: SignalWay) -> float:
 
 
 def broken_output(t: PartTimes, way: SignalWay) -> float:
-    """Return the longest response when the connection to an output device breaks for good.
+    """Return the longest response when the connection to an output device breaks permanently.
 
     Args:
         t: Times of the parts.

@@ -22,11 +22,11 @@ class Judgement(enum.Enum):
     ABOVE = "above"
     UNVERIFIED = "unverified"  # within, but one of its values is not verified
     MISSING = "missing"  # not judged: something is not stated
-    NONE = "none"  # nothing is required
+    NONE = "none"  # no requirement
 
 
 class WatchdogJudgement(enum.Enum):
-    """How a configured watchdog stands to its admissible interval."""
+    """A configured watchdog compared with its admissible interval."""
 
     WITHIN = "within"
     EMPTY = "empty"  # no watchdog fits

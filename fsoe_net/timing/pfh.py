@@ -53,7 +53,7 @@ class PfhSum:
 
     @property
     def judgement(self) -> Judgement:
-        """How the sum stands to the limit; what is missing can only add to it."""
+        """The sum compared with the limit; missing values can only add to it."""
         if self.limit is None:
             return Judgement.NONE
         if self.total >= self.limit:
@@ -64,7 +64,7 @@ class PfhSum:
 
     @property
     def verdict(self) -> str:
-        """What is said about the sum, in words; never that a function is good enough."""
+        """Statement about the sum, in words; never that a function is good enough."""
         words = {
             Judgement.NONE: "no level is required",
             Judgement.ABOVE: "PFH sum above the limit",

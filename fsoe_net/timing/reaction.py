@@ -132,7 +132,7 @@ class FunctionBudget:
 
     @property
     def judgement(self) -> Judgement:
-        """How the reaction time stands to the required one."""
+        """The reaction time compared with the required one."""
         required, reaction = self.function.required_reaction_ms, self.reaction
         if required is None:
             return Judgement.NONE
@@ -144,7 +144,7 @@ class FunctionBudget:
 
     @property
     def verdict(self) -> str:
-        """What is said about the required reaction time, in words, with the case that decides."""
+        """Statement about the required reaction time, in words, with the deciding case."""
         at_most = ""
         if self.reaction is not None:
             case = self.reaction.decides

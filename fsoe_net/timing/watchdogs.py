@@ -29,7 +29,7 @@ from fsoe_net.timing.ways import watchdog_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """One bound of a watchdog, ms, and what sets it, in words."""
+    """One bound of a watchdog, ms, and its cause, in words."""
 
     ms: float
     why: str
@@ -106,7 +106,7 @@ class WatchdogBudget:
 
     @property
     def judgement(self) -> WatchdogJudgement:
-        """How the configured watchdog stands to its interval."""
+        """The configured watchdog compared with its interval."""
         if self.empty:
             return WatchdogJudgement.EMPTY
         if self.configured is None:
@@ -217,7 +217,7 @@ def _smallest(*limits: Limit | None) -> Limit | None:
 
 
 def _room(row: FunctionBudget, rest: float, what: str, drift: float, *, share: int = 1) -> Limit:
-    """Return what a required reaction time leaves for `share` watchdogs on a slow clock, each."""
+    """Return the time a required reaction leaves for each of `share` watchdogs on a slow clock."""
     required = row.function.required_reaction_ms or 0.0
     counts = {1: "", 2: ", which counts twice", 3: ", which counts three times"}[share]
     besides = f"{rest:g} ms besides the watchdog{counts}"

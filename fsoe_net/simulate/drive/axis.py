@@ -93,7 +93,7 @@ class EmulatedAxis:
         self.objects.start(self.setup, self._stated)
 
     def power_cycle(self) -> None:
-        """Switch off and on; the motor is where it was, its speed and home are lost."""
+        """Switch off and on; the motor position is unchanged, its speed and home are lost."""
         self.power = PowerSystem()
         self.objects.start(self.setup, self._stated)
         self._mode_number = 0
@@ -255,7 +255,8 @@ class EmulatedAxis:
         self.power.trip(code)
         self.context.servo.take_speed()
 
-    # -- what it shows ----------------------------------------------------------------------------
+    # -- observable state
+    # ---------------------------------------------------------------------------
 
     def _show(self) -> None:
         c, servo, power = self.context, self.context.servo, self.power
@@ -288,7 +289,7 @@ class EmulatedAxis:
             return word
         bits = self._mode.bits()
         if self._brakes():
-            # Nothing follows a target; what is reached is standstill.
+            # No target is followed; standstill counts as reached.
             bits = bits & ~(TARGET_REACHED | 1 << 12) | TARGET_REACHED * self._stands()
         if self._mode.watches_error and self._error_ns:
             bits |= 1 << 13

@@ -40,7 +40,7 @@ class Homing(ModeBase):
     def __init__(self, context: MotionContext) -> None:
         super().__init__(context)
         self._phase = _Phase.IDLE
-        self._was_started = True  # an edge before the mode counts for nothing
+        self._was_started = True  # an edge before the mode does not count
         self._switch, self._towards, self._passing = _METHODS[17]
 
     def command(self, controlword: int, passed_s: float) -> None:

@@ -72,7 +72,7 @@ class ModeBase(abc.ABC):
 
     @abc.abstractmethod
     def command(self, controlword: int, passed_s: float) -> None:
-        """Take what has been received.
+        """Take the received values.
 
         Args:
             controlword: As it is.
@@ -89,7 +89,7 @@ class ModeBase(abc.ABC):
 
 
 class NoMode(ModeBase):
-    """Nothing chosen: the axis is held where it is."""
+    """No mode: the axis holds its position."""
 
     def command(self, controlword: int, passed_s: float) -> None:
         """Ignore it."""
@@ -241,7 +241,7 @@ class ProfilePosition(ModeBase):
         super().__init__(context)
         self._goal: float | None = None
         self._next: float | None = None
-        self._was_new = True  # an edge before the mode counts for nothing
+        self._was_new = True  # an edge before the mode does not count
         self._acknowledged = False
 
     def command(self, controlword: int, passed_s: float) -> None:

@@ -173,7 +173,7 @@ class AxisObjects:
             self.dictionary[key] = value
 
     def publish(self, values: Mapping[int, int]) -> None:
-        """Set what the axis shows, by index."""
+        """Set the displayed values of the axis, by index."""
         for index, value in values.items():
             self.dictionary[index, 0] = value
 

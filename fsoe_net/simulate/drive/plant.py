@@ -21,7 +21,7 @@ class Plant:
     speed: float = 0.0
 
     def advance(self, torque_nm: float, time_s: float) -> None:
-        """Let time pass under a constant torque: the exact solution, cut where it comes to rest."""
+        """Advance under a constant torque: the exact solution, cut at standstill."""
         if self.speed == 0.0:
             if abs(torque_nm) <= self.friction_nm:
                 return

@@ -13,7 +13,7 @@ _ENABLE_OPERATION, _FAULT_RESET = 0x0F, 0x80
 
 
 class PdsState(enum.Enum):
-    """State of the power drive system; the value is what the statusword has for it."""
+    """State of the power drive system, with its value in the statusword."""
 
     NOT_READY = 0x00
     SWITCH_ON_DISABLED = 0x40

@@ -80,7 +80,7 @@ class WiredAxis:
         self.axis.configure(setup)
 
     def demand(self) -> SafeDemand | None:
-        """Return what the safe data demand; ``None`` when nothing safe acts on this axis.
+        """Return the demand of the safe data; ``None`` if no safe data act on this axis.
 
         Without valid data from its own MainInstance a drive takes the torque off.
         """
@@ -96,7 +96,7 @@ class WiredAxis:
         )
 
     def report(self) -> None:
-        """Write what acts into the safe data of the drive, unless a scenario has set it."""
+        """Write active functions into the safe data of the drive, except values of a scenario."""
         for port, name, index, subindex in self._reports:
             if name in port.reported:
                 port.reported[name] = int(self._acts(index, subindex))
