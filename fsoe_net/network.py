@@ -99,7 +99,7 @@ class Network:
             scan: A ``scan.json`` of the bus to compare with the network.
 
         Raises:
-            InputError: The scan cannot be used, or there is no complete network to compare it with.
+            InputError: The scan cannot be used, or the network is incomplete.
         """
         if scan is None:
             return Findings(self._checked.diagnostics)
@@ -234,7 +234,7 @@ class Network:
             self_test: The result (JSON) of ``fsoe-net self-test``.
 
         Raises:
-            InputError: There is no network to report on, or a file cannot be used.
+            InputError: The network is missing, or a file cannot be used.
             ValueError: Both ``against`` and ``accepted``.
         """
         from fsoe_net.acceptance.report import make_report

@@ -82,7 +82,7 @@ class Report:
 
     @property
     def passed(self) -> bool:
-        """Whether there are no errors, the run passed and the test record is of this network."""
+        """Whether the network is free of errors, the run passed and the test record matches it."""
         return not self.errors and self.protocol_fits and (self.run is None or self.run.passed)
 
     def render(self, form: str) -> bytes:
@@ -140,7 +140,7 @@ def make_report(
         loading: How references in ``against`` are followed.
 
     Raises:
-        InputError: There is no network to report on, or a file cannot be used.
+        InputError: The network is missing, or a file cannot be used.
     """
     resolution = _network(checked)
     budget = _budget(resolution, evidence, live)
@@ -193,7 +193,7 @@ def _network(checked: Checked) -> Resolution:
     """Return the network, even if it has errors.
 
     Raises:
-        InputError: There is no network to report on.
+        InputError: The network is missing.
     """
     resolution = checked.resolution
     if resolution is None or not any(d.level is Severity.ERROR for d in checked.diagnostics):

@@ -38,7 +38,7 @@ no change calls for them again."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """Reasons why there is no sign-off, and the next step."""
+    """Reasons against a sign-off, and the next step."""
 
     what: str
     fix: str

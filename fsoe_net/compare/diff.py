@@ -38,7 +38,7 @@ class Difference:
 
     @property
     def same(self) -> bool:
-        """Whether there are no differences in the comparable parts."""
+        """Whether the comparable parts are equal."""
         return not self.changes
 
 

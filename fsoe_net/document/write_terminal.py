@@ -92,7 +92,7 @@ def document_text(document: Document, *, width: int | None = _TEXT_WIDTH) -> str
     """Return the document as plain text; each line ends in a line break.
 
     Args:
-        document: What to write.
+        document: Document to write.
         width: Columns of running text, ``None`` for whole paragraphs; tables use their natural
             width.
     """

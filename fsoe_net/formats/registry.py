@@ -44,7 +44,7 @@ class Signature:
         root: Its XML root element.
         text: Text in its first 64 KiB; combined with ``root`` if both are given.
         confirm: ``module:function`` that checks the same bytes, where ``begins`` is not sufficient.
-        next_step: What to do with it, if no reader supports it.
+        next_step: Next step, if no reader supports it.
     """
 
     words: str

@@ -23,8 +23,8 @@ class Cause:
         key: Name for programs; never changes.
         title: The cause in one sentence.
         looks: Symptoms seen at the machine.
-        measure: What to check or measure next.
-        change: What to change if that confirms it.
+        measure: Next check or measurement.
+        change: Required change if that confirms it.
     """
 
     key: str

@@ -69,7 +69,7 @@ class IncidentEvidence:
 
     @property
     def link(self) -> LinkFacts | None:
-        """The frames of the connection concerned; ``None`` when there are no cycles."""
+        """The frames of the connection concerned; ``None`` without cycles."""
         return self.links.get(self.name)
 
     @property

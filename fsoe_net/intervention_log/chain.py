@@ -108,7 +108,7 @@ class LogCheck:
         entries: Number of entries.
         first: Number of the first one; 0 if there are none.
         last: The last entry.
-        holds: Whether there are no findings.
+        holds: Whether the chain is valid, without findings.
         findings: At most 50: changed, removed, inserted or moved entries.
         more: Number of further findings.
         remarks: Remarks for readers, even if the chain is valid.

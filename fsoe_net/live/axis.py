@@ -226,7 +226,7 @@ class Axis:
         """Reset a fault; the axis is off afterwards.
 
         Raises:
-            ControlRefused: There is no fault, or it is being reset.
+            ControlRefused: Not in a fault, or the fault is being reset.
         """
         self._check(self._lib.fsn_axis_reset(self._axis), "reset")
 

@@ -140,7 +140,7 @@ class Master:
         return True
 
     def explain(self) -> None:
-        """Raise the exception that tells the user why it ended.
+        """Raise the exception with the reason why it ended.
 
         Raises:
             InputError: It refused plan or bus.

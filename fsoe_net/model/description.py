@@ -182,7 +182,7 @@ class DescribedConnection(Located):
     ``slot`` is the number of the frame pair of the MainInstance (`frame_pairs`); sources that list
     the connections of a logic in that order state it by their order.
     ``sub_slot`` is that of the SubInstance. ``net``: name of its net. ``unconfirmed``: why the
-    connection is not yet confirmed; empty when there is no objection.
+    connection is not yet confirmed; empty without objections.
     """
 
     name: str = ""

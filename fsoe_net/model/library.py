@@ -39,7 +39,7 @@ class LibraryMapping(Located):
         name: Distinguishes the mappings of a device.
         role: ``sub`` (SubInstance) or ``main`` (MainInstance, safety logic).
         source: Key of `LibraryDevice.sources`.
-        sync_managers: With their PDOs. PDO 0, which is padding only, stands for unknown preceding
+        sync_managers: With their PDOs. PDO 0, which is padding only, represents unknown preceding
             PDOs.
         frames: Stated frames, by sync manager and place.
         restart_relevant: Index and subindex of standard outputs that can start a machine.

@@ -59,8 +59,8 @@ class OpenPair:
         sub: Its frames.
         candidates: Free slots of these lengths; empty when none fits.
         rivals: Other SubInstances for the same slots.
-        proposed: The next slot in ring order, ``None`` when all are assigned. It is no more likely
-            than the other candidates.
+        proposed: The next slot in ring order, ``None`` when all are assigned. It is as likely as
+            the other candidates.
     """
 
     sub: PairEnd

@@ -15,7 +15,7 @@ def says_something(text: str) -> bool:
 
 
 def holds_a_place(text: str, words: str = "") -> bool:
-    """Whether a text is no answer: empty, ``0``, ``TBD`` and similar, by letters and digits.
+    """Whether a text lacks an answer: empty, ``0``, ``TBD`` and similar, by letters and digits.
 
     Args:
         text: Text entered by a person.

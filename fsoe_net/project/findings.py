@@ -72,7 +72,7 @@ class Findings(Sequence[Diagnostic]):
 
     @property
     def ok(self) -> bool:
-        """Whether there are no errors; warnings are allowed."""
+        """Whether it is free of errors; warnings are allowed."""
         return not self.errors
 
     def to_json(self) -> dict[str, object]:

@@ -44,7 +44,7 @@ class ReportDocument(Document):
 
     Attributes:
         network: Name of the network.
-        whole: The fingerprint, hex; empty when there is no plan.
+        whole: The fingerprint, hex; empty without a plan.
         verdict: The verdict at the top.
         points: Open points and assumptions of all sections, each with the title of its section.
         findings: The findings of sections and points as data.

@@ -73,7 +73,7 @@ def _near_lengths(size: int) -> str:
 
 
 def _start(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
-    """Return whether the end starts a frame, or there is no evidence against it."""
+    """Return whether the end starts a frame, or evidence against it is missing."""
     if end.sm is None or end.placed is None:
         return False
     block = end.block
@@ -301,7 +301,7 @@ def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:
         return
     first, behind = touched_bytes(end, row.transfer.size_bytes)
     if end.block is not None:
-        behind = min(behind, end.block.end_byte)  # too large a size is another finding
+        behind = min(behind, end.block.end_byte)  # an excessive size is another finding
     for placed in end.sm.written:
         inside = placed.bit_offset < 8 * behind and 8 * first < placed.end_bit
         why = placed.entry.written_by

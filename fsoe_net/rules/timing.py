@@ -32,7 +32,7 @@ def check_timing(
     """Return the findings about the budget of a network, sorted by place.
 
     Args:
-        network: With its safety functions; without any there are no findings.
+        network: With its safety functions; without any the result is empty.
         budget: Budget of this network.
         found: Other findings. A part that an error excludes from the network is not reported again
             as missing from its safety functions.

@@ -68,7 +68,7 @@ class SelfTest:
 
     @property
     def passed(self) -> bool:
-        """Whether there are no differences."""
+        """Whether all values match."""
         return all(part.result != "fail" for part in self.parts)
 
     def to_json(self) -> dict[str, object]:

@@ -191,7 +191,7 @@ def document_response(document: Document, status: int = 200) -> Response:
 
 
 def _commands(network: str, rows: list[CompanionFile]) -> list[str]:
-    """Return the command for a person to sign the network off in its folder."""
+    """Return the commands for a person to sign the network off in its folder."""
     name = os.path.basename(network)
     protocol = next((row.name for row in rows if row.kind is CompanionKind.PROTOCOL), None)
     before = next((row.name for row in rows if row.kind is CompanionKind.RECORD), None)

@@ -201,7 +201,7 @@ class Studio:
             http=LimitedProtocol,
             ssl_certfile=None if remote is None else remote.certificate,
             ssl_keyfile=None if remote is None else remote.key,
-            proxy_headers=False,  # there is no trusted proxy
+            proxy_headers=False,  # a trusted proxy is not supported
             log_level="critical",
             access_log=False,
             server_header=False,

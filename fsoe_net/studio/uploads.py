@@ -197,7 +197,7 @@ class Uploads:
 
         Raises:
             StaleVersion: ``version`` is not the current one.
-            InputError: There is no proposal.
+            InputError: The proposal is missing.
         """
         with self._lock:
             draft = self._read().draft

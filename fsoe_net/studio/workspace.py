@@ -55,7 +55,7 @@ class _Steps:
 class _OnDisk:
     """The file as last read or written: its text, the hash of its bytes, its mark.
 
-    ``sha256`` is empty while there is no file.
+    ``sha256`` is empty while the file does not exist.
     """
 
     text: str = ""

@@ -70,7 +70,7 @@ def step_fields(step: ProtocolStep) -> dict[str, str]:
 
 
 def device_fields(device: DeviceEntry) -> dict[str, str]:
-    """Return the data read at a SubDevice; without a MainInstance there is no CRC to read."""
+    """Return the data read at a SubDevice; the CRC is read only for a MainInstance."""
     values = {key: getattr(device, key) for key in _DEVICE}
     return {key: value for key, value in values.items() if value is not None}
 

@@ -66,7 +66,7 @@ class Quantity:
         unit: ``ms`` or ``1/h``.
         source: In words; empty when not stated.
         answered_for: Whether it is supported: the network file states it with a source, or names
-            the manual that confirms the value of the library. It claims no more than that.
+            the manual that confirms the value of the library. This is its only meaning.
         needs_reason: Whether it is 0 without a stated reason; then it is not supported either.
     """
 
@@ -129,7 +129,7 @@ class FunctionParts:
         to_input: Connections between inputs and logic; empty when they are one SubDevice.
         to_output: Connections between logic and outputs.
         unstated: Data required before times can be computed, in words.
-        apart: SubDevices not connected to the logic; then there is no time either.
+        apart: SubDevices not connected to the logic; then the time is also missing.
         unverified: Elements with an unsupported time or PFH, in words.
     """
 

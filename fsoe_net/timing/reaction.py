@@ -127,7 +127,7 @@ class FunctionBudget:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Why there is no reaction time, in words, including missing connections."""
+        """Why the reaction time is missing, in words, including missing connections."""
         return (*self.unstated, *(a.words for a in self.parts.apart))
 
     @property

@@ -100,7 +100,7 @@ class Params:
     empty: set[str] = field(default_factory=set)
 
     def text(self, name: str) -> str | None:
-        """Return the text as written, or ``None`` if there is no such param."""
+        """Return the text as written, or ``None`` if the param is missing."""
         row = self.rows.get(name)
         return row.text if row is not None else None
 

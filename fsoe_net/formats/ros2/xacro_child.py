@@ -1,8 +1,8 @@
 """Runs the real xacro in a separate process; started by `fsoe_net.formats.ros2.xacro_expand`.
 
 Reads a JSON request from standard input, writes a JSON answer to standard output. Every element
-gets its place as DOM user data before xacro sees it; minidom hands user data on when xacro clones
-macro bodies and blocks, so the expansion knows where each element was written.
+gets its place as DOM user data before xacro sees it. minidom passes user data on when xacro clones
+macro bodies and blocks, so the place of each element survives the expansion.
 
 The file may be hostile, and its expressions reach the whole interpreter. So the kernel confines
 this process before it reads the file (`fsoe_net.formats.ros2.confine`): it reads files in a few

@@ -271,7 +271,7 @@ class _Builder:
     """Turns libyaml events into nodes.
 
     Direct content is limited by the bytes of the file; content repeated by aliases is counted
-    separately, as if written out, since a few lines can stand for billions of values.
+    separately, as if written out, since a few lines can expand to billions of values.
     """
 
     def __init__(self, file: str, out: Collector, *, of_devices: bool) -> None:

@@ -4,7 +4,7 @@
     set drive_1.0x6040:00 6; get all commands of a line are separated by semicolons
     echo "a b" 'c # d'               quotes keep blanks, semicolons and # together
 
-There are no variables, conditions or loops: a program uses `fsoe_net.connect`.
+Variables, conditions and loops are not supported: a program uses `fsoe_net.connect`.
 """
 
 from __future__ import annotations
