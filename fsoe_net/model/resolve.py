@@ -244,7 +244,7 @@ class _Pairing:
         for number in order:
             fact = stated[number]
             meant = [n for n, couple in enumerate(couples) if couple.may_be(fact)]
-            # Frames without a number are used only if all frames lack one.
+            # Frames without a number are a fallback.
             meant = [n for n in meant if couples[n].slots or fact.slot is None] or meant
             free = [n for n in meant if n not in taken]
             if not free:
