@@ -171,7 +171,7 @@ class Client(ControlLink):
     ) -> Iterator[WatchedCycle]:
         """Yield every N-th cycle; arguments as `watch_on`. Ends after ``duration_s``, else never.
 
-        The time counts from the subscription. Cycles already received are always yielded.
+        The time counts from the subscription. Received cycles are read at least once.
 
         ``skipped`` of a cycle is the number of missing cycles before it. Reading does not renew the
         lease; use `renew`.
