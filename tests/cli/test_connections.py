@@ -101,7 +101,7 @@ def test_a_driver_copies_nothing_for_it(short: Path):
     assert fsn("check", str(short)).returncode == 0
     done = fsn("check", str(short), "--runtime", "ros2-2025")
     assert done.returncode == 1
-    assert "error[FSN223]: the driver knows no connections" in done.stdout
+    assert "error[FSN223]: the driver does not support connections" in done.stdout
     assert (
         "FSN223" not in fsn("check", str(EL6910 / "network.yaml"), "--runtime", "ros2-2025").stdout
     )

@@ -121,7 +121,7 @@ def found(path: Path) -> list[str]:
         ([("[spindle]}", "[spindel]}")], "group drill names 'spindel', no SubDevice"),
         ([("[spindle]}", "[valves]}")], "valves is named twice in groups"),
         ([("alias: 12, position: 0", "position: 4")], "has no alias to find it by"),
-        ([("alias: 12, position: 0", "alias: 12, position: 1")], "is not number 0 behind alias 12"),
+        ([("alias: 12, position: 0", "alias: 12, position: 1")], "is not number 0 after alias 12"),
         ([("alias: 12,", "alias: 11,")], "has alias 11, by which group"),
         ([("position: 2, config", "alias: 12, position: 3, config")], "el1904 has alias 12, by"),
         (
