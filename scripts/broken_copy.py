@@ -19,7 +19,7 @@ SITE = """import sys
 sys.meta_path[:] = [f for f in sys.meta_path if "ScikitBuild" not in type(f).__name__]
 """
 BUILT = ("build", "dist", ".venv", ".git", "__pycache__", ".hypothesis")
-PASSED, FAILED, NOTHING_RAN = 0, 1, 5
+PASSED, NOTHING_RAN = 0, 5
 
 
 def _sources() -> Iterator[str]:
@@ -33,7 +33,7 @@ def _sources() -> Iterator[str]:
 
 
 def make() -> None:
-    """Make the copy anew; files that are the same keep their time, so that C is not built again."""
+    """Make the copy again; unchanged files keep their time, so that C is not built again."""
     names = set(_sources())
     for old in COPY.rglob("*.py"):
         if str(old.relative_to(COPY)) not in names:
@@ -69,11 +69,7 @@ def python_fails(tests: Iterable[str], *options: str, seconds: float | None = No
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             return True
-    if done.returncode in (PASSED, NOTHING_RAN):
-        return False
-    if done.returncode == FAILED or "mutate" in sys.argv[0]:  # what cannot be imported is noticed
-        return True
-    sys.exit(f"pytest ended with {done.returncode}\n{done.stdout}{done.stderr}")
+    return done.returncode not in (PASSED, NOTHING_RAN)
 
 
 def build_c(names: Iterable[str]) -> bool:

@@ -158,12 +158,12 @@ class Studio:
         runs_emulated: bool = False,
     ) -> None:
         self._workspace = workspace
-        self._shelf = Uploads()
+        self._uploads = Uploads()
         self._acts: dict[str, Act] = {
             **_ACTS,
-            "add": self._shelf.add,
-            "example": self._shelf.example,
-            "import": self._shelf.take,
+            "add": self._uploads.add,
+            "example": self._uploads.example,
+            "import": self._uploads.take,
         }
         self._socket = bound_socket("127.0.0.1" if remote is None else remote.address, port)
         port = self._socket.getsockname()[1]
@@ -181,7 +181,7 @@ class Studio:
                 Route("/api/state", self._state),
                 Route("/api/events", self._events),
                 Route("/api/try", self._try, methods=["POST"]),
-                *file_routes(workspace, self._shelf),
+                *file_routes(workspace, self._uploads),
                 *self._live.routes,
                 *Records(workspace, folder).routes,
                 *Protocols(workspace, folder).routes,
@@ -258,7 +258,7 @@ class Studio:
     async def _answer(
         self, *, error: str = "", said: Sequence[str] = (), status: int = 200
     ) -> Response:
-        state = await run_in_threadpool(state_of, self._workspace, self._shelf.scan)
+        state = await run_in_threadpool(state_of, self._workspace, self._uploads.scan)
         own = {"error": error, "said": list(said), "may_control": self._live.may_control}
         return JSONResponse(own | state, status)
 
@@ -294,7 +294,7 @@ class Studio:
         finally:
             task.cancel()
             await run_in_threadpool(self._live.close)
-            self._shelf.clear()
+            self._uploads.clear()
 
     async def _watch(self) -> None:
         while True:

@@ -309,6 +309,6 @@ def test_ctrl_c_at_the_prompt_leaves_the_line(monkeypatch: pytest.MonkeyPatch, c
     monkeypatch.setattr("builtins.input", pressed)
     monkeypatch.setattr(console, "line_editor", lambda _: nullcontext())
     status = Facts(interface="eth1", backend="soem", state="running")
-    room = Facts(link=Facts(call=lambda _: status), tell=lambda: None, owned=list, run_line=None)
-    assert console._prompt(room) == 0
+    context = Facts(link=Facts(call=lambda _: status), tell=lambda: None, owned=list, run_line=None)
+    assert console._prompt(context) == 0
     assert capsys.readouterr().out.splitlines()[1:] == [""]

@@ -245,11 +245,11 @@ def console(view: BusView, subject: str) -> HealthLevel:
     if not view.current:
         client.snapshot = lambda: None
     lines: list[str] = []
-    room: Any = Facts(link=Facts(call=lambda ask: ask(client)), out=lines.append)
+    context: Any = Facts(link=Facts(call=lambda ask: ask(client)), out=lines.append)
     command, words = {BUS: ("state", []), DEVICE: ("state", ["all"]), LINK: ("connections", [])}[
         subject
     ]
-    BUS_COMMANDS[command].do(room, words)
+    BUS_COMMANDS[command].do(context, words)
     own = [line for line in lines if subject == BUS or line.startswith(subject)]
     own = [line for line in own if subject != BUS or not line.startswith(DEVICE)]
     marks = [level for level in HealthLevel for line in own if f"{level.name.lower()}: " in line]

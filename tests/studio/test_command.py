@@ -74,10 +74,12 @@ def test_the_demo_runs_an_emulated_cell_in_a_copy(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env) as process:
         assert process.stdout is not None
         first, second = process.stdout.readline(), process.stdout.readline()
-        browser = Browser(first.split()[-1].removesuffix("#live"))
-        browser.enter()
-        status, _, answer = browser.ask("/api/live")
-        process.send_signal(signal.SIGINT)
+        try:
+            browser = Browser(first.split()[-1].removesuffix("#live"))
+            browser.enter()
+            status, _, answer = browser.ask("/api/live")
+        finally:
+            process.send_signal(signal.SIGINT)
     assert process.returncode == 0
     assert first.startswith("e-stop cell, emulated: open http://127.0.0.1:")
     assert first.endswith("#live\n")
