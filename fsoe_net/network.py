@@ -219,7 +219,7 @@ class Network:
         plan: AnyPath | None = None,
         against: AnyPath | None = None,
         accepted: AnyPath | None = None,
-        protocol: AnyPath | None = None,
+        test_record: AnyPath | None = None,
         self_test: AnyPath | None = None,
     ) -> Report:
         """Return the report for the safety engineer; errors come first.
@@ -230,7 +230,7 @@ class Network:
             plan: A plan file that must match the network.
             against: An earlier plan or network, the base of the change log.
             accepted: An acceptance record, the base of the change log without ``against``.
-            protocol: A test record of this network.
+            test_record: A test record of this network.
             self_test: The result (JSON) of ``fsoe-net self-test``.
 
         Raises:
@@ -250,7 +250,7 @@ class Network:
             scenario=_text(scenario),
             against=_text(against),
             accepted=None if accepted is None else read_record(os.fspath(accepted)),
-            protocol=_text(protocol),
+            test_record=_text(test_record),
             self_test=_text(self_test),
             loading=self._options,
         )

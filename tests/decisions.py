@@ -120,11 +120,11 @@ def reports() -> Any:
     from fsoe_net.report.evidence import Evidence
     from fsoe_net.report.formats import render_report
     from fsoe_net.report.inputs import Tried
-    from fsoe_net.test_record.steps import make_protocol
+    from fsoe_net.test_record.steps import make_test_record
 
     bare = inputs_of(TIMED)
-    protocol = make_protocol(bare.resolution, b"")
-    tried = replace(bare, tried=Tried(source=source("p.yaml"), protocol=filled(protocol)))
+    test_record = make_test_record(bare.resolution, b"")
+    tried = replace(bare, tried=Tried(source=source("p.yaml"), test_record=filled(test_record)))
     at_machine = replace(tried, evidence=(Evidence(source=source("scan.json"), scan=_scan()),))
     found = []
     for inputs in (bare, tried, at_machine):
@@ -181,7 +181,7 @@ def steps() -> Any:
     from fsoe_net.compare.diff import compare
     from fsoe_net.compare.diff_read import side_of_network
     from fsoe_net.report.steps_to_repeat import steps_to_repeat
-    from fsoe_net.test_record.steps import make_protocol
+    from fsoe_net.test_record.steps import make_test_record
 
     before = inputs_of(TIMED).resolution
     found = []
@@ -193,7 +193,7 @@ def steps() -> Any:
             path.write_text(text.replace(old, new), "utf-8")
             now = inputs_of(path).resolution
         changes = compare(side_of_network(before, "a"), side_of_network(now, "b")).changes
-        again = steps_to_repeat(changes, now, make_protocol(now, b"").steps)
+        again = steps_to_repeat(changes, now, make_test_record(now, b"").steps)
         found.append([step.lower() for step in again])
     return found
 

@@ -21,7 +21,7 @@ from fsoe_net.model.written import says_something
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.project.check import check_files, library_of, whole_network
 from fsoe_net.project.known import AcceptedRecord, read_record
-from fsoe_net.test_record.protocol import read_protocol
+from fsoe_net.test_record.trial import read_test_record
 from fsoe_net.timing.budget import make_budget
 from fsoe_net.version import __version__
 
@@ -31,7 +31,7 @@ def accept(
     loading: LoadOptions | None = None,
     *,
     reports: Sequence[str],
-    protocol: str,
+    test_record: str,
     author: str,
     verifier: str,
     author_competence: str = "",
@@ -51,7 +51,7 @@ def accept(
         files: The network.
         loading: How references in the files are followed.
         reports: The signed report: its pages and its JSON form.
-        protocol: The test record as filled in.
+        test_record: The test record as filled in.
         author: Author of the configuration.
         verifier: Verifier of the configuration.
         author_competence: Qualification of the author.
@@ -76,7 +76,7 @@ def accept(
     checked = check_files(files, loading, compared=True)
     resolution = whole_network(checked, "no record written")
     plan = compile_plan(resolution)
-    source, filled, wrong = read_protocol(protocol, resolution, plan)
+    source, filled, wrong = read_test_record(test_record, resolution, plan)
     changed = None if before is None else since(before, resolution, plan)
     named = [step.id for step in filled.steps]
     named += [f"{key} {d.subdevice}" for d in filled.devices for key in d.blank()]
@@ -86,9 +86,9 @@ def accept(
         plan=plan,
         report=report,
         diagnostics=checked.diagnostics,
-        protocol=filled,
-        protocol_source=source,
-        protocol_findings=wrong,
+        test_record=filled,
+        test_record_source=source,
+        test_record_findings=wrong,
         author=SignedBy(name=author.strip(), date=day, competence=author_competence),
         verifier=SignedBy(name=verifier.strip(), date=day, competence=verifier_competence),
         reasons=[_reason(row, named) for row in justify],

@@ -65,15 +65,15 @@ class Report:
         document: Content of the report.
         findings: All findings of the network, sorted.
         run: The run of the scenario, if there was one.
-        protocol_findings: Errors that prevent the use of the test record, located.
-        protocol_fits: Whether its results are in the report; also true without one.
+        test_record_findings: Errors that prevent the use of the test record, located.
+        test_record_fits: Whether its results are in the report; also true without one.
     """
 
     document: ReportDocument
     findings: Sequence[Diagnostic]
     run: Run | None
-    protocol_findings: Sequence[Diagnostic]
-    protocol_fits: bool
+    test_record_findings: Sequence[Diagnostic]
+    test_record_fits: bool
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -83,7 +83,7 @@ class Report:
     @property
     def passed(self) -> bool:
         """Whether the network is free of errors, the run passed and the test record matches it."""
-        return not self.errors and self.protocol_fits and (self.run is None or self.run.passed)
+        return not self.errors and self.test_record_fits and (self.run is None or self.run.passed)
 
     def render(self, form: str) -> bytes:
         """Return the report in one of `REPORT_FORMATS`.
@@ -120,7 +120,7 @@ def make_report(
     against: str | None = None,
     accepted: AcceptedRecord | None = None,
     signers: SshSigners | None = None,
-    protocol: str | None = None,
+    test_record: str | None = None,
     self_test: str | None = None,
     loading: LoadOptions | None = None,
 ) -> Report:
@@ -135,7 +135,7 @@ def make_report(
         against: An earlier plan or network, the base of the change log.
         accepted: An acceptance record, the base of the change log without ``against``.
         signers: Allowed signers of the record; without them its signatures are not checked.
-        protocol: A test record file.
+        test_record: A test record file.
         self_test: A file with the result of ``fsoe-net self-test``.
         loading: How references in ``against`` are followed.
 
@@ -157,9 +157,9 @@ def make_report(
     elif against is not None:
         before = _against(against, resolution, compiled, loading or LoadOptions())
     tried: Tried | None = None
-    protocol_findings: list[Diagnostic] = []
-    if protocol is not None:
-        tried, protocol_findings = _tried(protocol, resolution, compiled)
+    test_record_findings: list[Diagnostic] = []
+    if test_record is not None:
+        tried, test_record_findings = _tried(test_record, resolution, compiled)
     inputs = ReportInputs(
         name=resolution.network.name,
         version=__version__,
@@ -184,8 +184,8 @@ def make_report(
         document=compose_report(inputs),
         findings=found,
         run=run,
-        protocol_findings=protocol_findings,
-        protocol_fits=tried is None or tried.fits,
+        test_record_findings=test_record_findings,
+        test_record_fits=tried is None or tried.fits,
     )
 
 
@@ -252,12 +252,12 @@ def _given(path: str) -> GivenPlan:
 
 
 def _tried(path: str, resolution: Resolution, plan: Plan | None) -> tuple[Tried, list[Diagnostic]]:
-    from fsoe_net.test_record.protocol import read_protocol  # slow to load
+    from fsoe_net.test_record.trial import read_test_record  # slow to load
 
-    source, protocol, found = read_protocol(path, resolution, plan)
+    source, test_record, found = read_test_record(path, resolution, plan)
     notes = tuple(f"{d.span.line}: {d.message}" for d in found)
     bad = any(d.level is Severity.ERROR for d in found)
-    return Tried(source=source, protocol=protocol, notes=notes, fits=not bad), found
+    return Tried(source=source, test_record=test_record, notes=notes, fits=not bad), found
 
 
 def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:
@@ -297,10 +297,10 @@ def _compared(
     plan: Plan | None,
     now: Plan | None,
 ) -> Against:
-    from fsoe_net.test_record.steps import make_protocol  # slow to load
+    from fsoe_net.test_record.steps import make_test_record  # slow to load
 
     difference = compare(before, side_of_network(resolution, resolution.network.name))
-    steps = make_protocol(resolution, b"").steps
+    steps = make_test_record(resolution, b"").steps
     return Against(
         source=source,
         difference=difference,

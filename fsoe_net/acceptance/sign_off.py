@@ -24,8 +24,8 @@ from fsoe_net.model.acceptance import (
     SignedBy,
 )
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.test_record import StepKind, StepOutcome, TestRecord, TestStep
 from fsoe_net.model.written import names_a_person, same_person, says_something
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.plan.model import Plan
@@ -67,9 +67,9 @@ class Grounds:
         plan: Its plan.
         report: The report that was signed.
         diagnostics: Current findings of the network's files.
-        protocol: The test record as filled in.
-        protocol_source: Its file.
-        protocol_findings: Its errors, including mismatches with the current network.
+        test_record: The test record as filled in.
+        test_record_source: Its file.
+        test_record_findings: Its errors, including mismatches with the current network.
         author: Author of the configuration.
         verifier: Verifier of the configuration.
         reasons: Reasons for warnings and steps.
@@ -89,9 +89,9 @@ class Grounds:
     plan: Plan
     report: SignedReport
     diagnostics: Sequence[Diagnostic] = ()
-    protocol: Protocol
-    protocol_source: SourceFile
-    protocol_findings: Sequence[Diagnostic] = ()
+    test_record: TestRecord
+    test_record_source: SourceFile
+    test_record_findings: Sequence[Diagnostic] = ()
     author: SignedBy
     verifier: SignedBy
     reasons: Sequence[Reason] = ()
@@ -155,8 +155,8 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
         reports=g.report.sources,
         open_points=g.report.open_points,
         assumptions=g.report.assumptions,
-        protocol=g.protocol_source,
-        steps=len(g.protocol.machine_steps),
+        test_record=g.test_record_source,
+        steps=len(g.test_record.machine_steps),
         author=g.author,
         verifier=g.verifier,
         findings=tuple(out.findings),
@@ -240,11 +240,11 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
             "name it with --report beside the JSON form",
         )
     for path, hashes in g.report.hashes.items():
-        if path not in g.report.not_of and g.protocol_source.sha256 not in hashes:
+        if path not in g.report.not_of and g.test_record_source.sha256 not in hashes:
             out.refuse(
-                f"{path} does not show {g.protocol_source.path} as it is now",
-                f"write the report anew with --protocol {g.protocol_source.path}, and have it "
-                "signed",
+                f"{path} does not show {g.test_record_source.path} as it is now",
+                f"write the report again with --test-record {g.test_record_source.path} and have "
+                "it signed",
             )
     for path in g.report.not_of:
         out.refuse(
@@ -301,27 +301,27 @@ def _places(found: Diagnostic) -> tuple[str, ...]:
 
 
 def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
-    errors = [d for d in g.protocol_findings if d.level is Severity.ERROR]
+    errors = [d for d in g.test_record_findings if d.level is Severity.ERROR]
     for d in errors:
         out.refuse(f"{d.code} at {d.span}: {d.message}", d.hint)
-    if g.protocol.fingerprint == whole:
-        for step in g.protocol.steps:
+    if g.test_record.fingerprint == whole:
+        for step in g.test_record.steps:
             _step(step, g, out)
         _devices(g, out)
-        if not g.protocol.made.strip():
+        if not g.test_record.made.strip():
             out.refuse(
-                f"{g.protocol_source.path} does not say since when there is this configuration",
-                "write it again with `fsoe-net test-protocol … --overwrite`: it keeps what is "
+                f"{g.test_record_source.path} does not say since when there is this configuration",
+                "write it again with `fsoe-net test-record … --overwrite`: it keeps what is "
                 "filled in",
             )
     elif not errors:  # steps of another configuration do not count
         out.refuse(
-            f"{g.protocol_source.path} is the protocol of another configuration",
-            "write one with `fsoe-net test-protocol` and do its steps",
+            f"{g.test_record_source.path} is the test record of another configuration",
+            "write one with `fsoe-net test-record` and do its steps",
         )
 
 
-def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
+def _step(step: TestStep, g: Grounds, out: _Gathered) -> None:
     failed = next(_failures(step), "")
     if failed:
         out.refuse(f"step {step.id} at {step.span}: {failed}", "fix the cause and do it again")
@@ -337,7 +337,7 @@ def _step(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
 
 def _devices(g: Grounds, out: _Gathered) -> None:
     """Look whether firmware, serial number and project CRC of each FSoE device were read."""
-    for device in g.protocol.devices:
+    for device in g.test_record.devices:
         for key in device.blank():
             what = f"{key} {device.subdevice}"
             why = f"{what} at {device.span}: nobody has read it at the machine"
@@ -345,7 +345,7 @@ def _devices(g: Grounds, out: _Gathered) -> None:
             _let_pass(what, why, fix, g, out)
 
 
-def _done(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
+def _done(step: TestStep, g: Grounds, out: _Gathered) -> None:
     """Look at a step that went as expected: by whom, when, and whether its time can be."""
     if not step.kind.at_machine:
         return
@@ -369,11 +369,11 @@ def _done(step: ProtocolStep, g: Grounds, out: _Gathered) -> None:
 
 def _too_early(day: str, g: Grounds) -> str:
     """Say that a step was done before there was such a configuration; empty when it was not."""
-    made = g.protocol.made.strip()[:10]
+    made = g.test_record.made.strip()[:10]
     return "" if day >= made else f"done on {day}, before this configuration was there: {made}"
 
 
-def _doubt(step: ProtocolStep, g: Grounds) -> str:
+def _doubt(step: TestStep, g: Grounds) -> str:
     """Say why a measured time is hard to believe; empty when it is not."""
     measured = step.machine.measured_ms
     if step.kind is not StepKind.TRIGGER or measured is None:
@@ -401,7 +401,7 @@ def _let_pass(what: str, why: str, fix: str, g: Grounds, out: _Gathered) -> None
     out.steps.append(JustifiedStep(step=what, reason=reason.reason, by=reason.by))
 
 
-def _failures(step: ProtocolStep) -> Iterator[str]:
+def _failures(step: TestStep) -> Iterator[str]:
     """Yield failures on any bus: a fault shown by an emulation is also one."""
     for where, seen in (("emulated", step.emulated), ("live", step.live)):
         if seen is not None and seen.outcome is StepOutcome.NOT_AS_EXPECTED:
@@ -412,7 +412,7 @@ def _failures(step: ProtocolStep) -> Iterator[str]:
         yield "not as expected at the machine"
 
 
-def _missing(step: ProtocolStep) -> str:
+def _missing(step: TestStep) -> str:
     if step.is_open:
         return "open at the machine"
     timed = step.kind is StepKind.TRIGGER and step.limit_ms is not None

@@ -146,9 +146,9 @@ def _alike(signatures: list[CheckedSignature]) -> Iterator[Refusal]:
 
 
 def _changed(record: Acceptance, path: str) -> Iterator[Refusal]:
-    """Yield each file of report, protocol and attachments that is not the one that was signed."""
+    """Yield each report, test record and attachment that differs from what was signed."""
     folder = os.path.realpath(os.path.dirname(path) or ".")
-    for source in (*record.reports, record.protocol, *record.attachments):
+    for source in (*record.reports, record.test_record, *record.attachments):
         why = _difference(source, folder)
         if why:
             yield Refusal(what=f"{source.path}: {why}", fix=_AS_SIGNED)

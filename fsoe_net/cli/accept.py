@@ -24,7 +24,7 @@ from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import write_whole
 from fsoe_net.project.known import is_record
 
-_NEEDED = ("reports", "protocol", "author", "verifier", "output")
+_NEEDED = ("reports", "test_record", "author", "verifier", "output")
 """Of a network; a record that is only signed holds them."""
 _MORE = (
     "author_competence",
@@ -50,10 +50,10 @@ _MORE = (
     help="Signed report: the page and its JSON form. Give the option twice.",
 )
 @click.option(
-    "--protocol",
+    "--test-record",
     type=FILE,
     metavar="FILE",
-    help="Test protocol that was filled in at the machine.",
+    help="Test record that was filled in at the machine.",
 )
 @click.option("--author", metavar="NAME", help="Name of the author of the configuration.")
 @click.option("--verifier", metavar="NAME", help="Name of the verifier. Must not be the author.")
@@ -107,7 +107,7 @@ def command(
     """Write the acceptance record of a network, or list every reason against it.
 
     Required: a report of exactly this configuration without errors, a justification with name and
-    reason for each warning, a test protocol with all steps done at the machine, and a verifier who
+    reason for each warning, a test record with all steps done at the machine, and a verifier who
     is not the author. FILES as for `fsoe-net check`, or an acceptance record to be signed.
     """
     if (key is None) != (role is None):

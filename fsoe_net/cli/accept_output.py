@@ -12,10 +12,11 @@ from fsoe_net.project.known import AcceptedRecord
 
 EPILOG = """\b
 Example:
-  fsoe-net test-protocol network.yaml --virtual -o protocol.yaml    # then do it at the machine
-  fsoe-net report network.yaml --protocol protocol.yaml -o report.html
-  fsoe-net report network.yaml --protocol protocol.yaml -o report.json
-  fsoe-net accept network.yaml --protocol protocol.yaml --report report.html --report report.json
+  fsoe-net test-record network.yaml --virtual -o test-record.yaml    # then do it at the machine
+  fsoe-net report network.yaml --test-record test-record.yaml -o report.html
+  fsoe-net report network.yaml --test-record test-record.yaml -o report.json
+  fsoe-net accept network.yaml --test-record test-record.yaml
+      --report report.html --report report.json
       --author "A. Meier" --author-competence "maker of the cell"
       --verifier "B. Kaya" --verifier-competence "functional safety engineer"
       --equipment "oscilloscope 4711" --environment "hall 3" -o acceptance.yaml

@@ -46,7 +46,7 @@ _GROUPS = {
     },
     "Hand it in": {
         "timing": "Print the timing budget: watchdogs, reaction times, their limits.",
-        "test-protocol": "Write a checklist of tests; run those that need no machine.",
+        "test-record": "Write a checklist of tests; run those that need no machine.",
         "report": "Write the report of a network.",
         "accept": "Record who accepted which configuration, and why.",
         "verify": "Compare with the accepted configuration.",

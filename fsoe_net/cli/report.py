@@ -31,11 +31,11 @@ Examples:
   fsoe-net report network.yaml -o report.html
   fsoe-net report network.yaml --scenario scenario.yaml -o report.html
   fsoe-net report network.yaml --evidence scan.json --evidence run.json -o report.html
-  fsoe-net report network.yaml --protocol protocol.yaml -o report.html
+  fsoe-net report network.yaml --test-record test-record.yaml -o report.html
   fsoe-net report network.yaml --accepted acceptance.yaml --signers allowed -o signed.html
 
 Exit codes: 0 no error; 1 the network has an error (listed first in the report), the run failed, the
-test protocol belongs to another network, or a file is invalid; 2 usage error."""
+test record belongs to another network, or a file is invalid; 2 usage error."""
 
 
 @click.command("report", epilog=_EPILOG)
@@ -74,7 +74,7 @@ test protocol belongs to another network, or a file is invalid; 2 usage error.""
 )
 @signer_options
 @click.option(
-    "--protocol", type=FILE, metavar="FILE", help="Filled-in test protocol of this network."
+    "--test-record", type=FILE, metavar="FILE", help="Filled-in test record of this network."
 )
 @click.option(
     "--self-test", type=FILE, metavar="FILE", help="Result (JSON) of `fsoe-net self-test`."
@@ -95,7 +95,7 @@ def command(
     accepted: str | None,
     signers: str | None,
     revoked: str | None,
-    protocol: str | None,
+    test_record: str | None,
     self_test: str | None,
 ) -> None:
     """Write the report of a network: copies, timing, evidence and open points.
@@ -129,17 +129,17 @@ def command(
         against=against,
         accepted=record,
         signers=None if signers is None else SshSigners.read(signers, revoked),
-        protocol=protocol,
+        test_record=test_record,
         self_test=self_test,
         loading=loading,
     )
-    print_diagnostics(report.protocol_findings, err=True)
+    print_diagnostics(report.test_record_findings, err=True)
     write_whole(output, report.render(form), overwrite=overwrite)
     print_diagnostics(report.errors, err=True)
     run = report.run
     verdict = "" if run is None else f"; run {'passed' if run.passed else 'FAILED'}"
-    if not report.protocol_fits:
-        verdict += "; the test protocol CANNOT BE TAKEN as it is"
+    if not report.test_record_fits:
+        verdict += "; the test record CANNOT BE TAKEN as it is"
     echo(f"{output}: {report.document.verdict.word}{verdict}")
     for title, stands in report.document.against:
         echo(f"  against it: {title}: {stands.word}")

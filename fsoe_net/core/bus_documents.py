@@ -249,9 +249,9 @@ def _parameters(row: JsonObject, key: str) -> FsoeParameters:
 
 
 def _state(row: JsonObject) -> ConnectionState:
-    number = row.whole("outside")
+    number = row.whole("observed_state")
     if number >= len(_STATES):
-        raise row.bad("outside", f"is {number}, not a state")
+        raise row.bad("observed_state", f"is {number}, not a state")
     return _STATES[number]
 
 

@@ -81,8 +81,8 @@ FSN156 error   answer contradicts the files
 FSN157 error   question needs an answer
 FSN158 warning file in a folder is skipped
 FSN159 warning transfers or connections of a file cannot be used
-FSN160 warning incomplete result in a test protocol: the step stays open
-FSN161 error   invalid entry in a test protocol
+FSN160 warning incomplete result in a test record: the step stays open
+FSN161 error   invalid entry in a test record
 FSN162 error   acceptance record is inconsistent
 FSN163 error   author and verifier of an acceptance record are one person
 FSN164 error   invalid buses

@@ -104,7 +104,7 @@ class Acceptance(Located):
         reports: Files of the report that was signed.
         open_points: How many open points it lists, and
         assumptions: how many assumptions.
-        protocol: File of the test record.
+        test_record: File of the test record.
         steps: Number of its steps done at the machine.
         author: Author of the configuration.
         verifier: Verifier of the configuration; not the author.
@@ -129,7 +129,7 @@ class Acceptance(Located):
     reports: tuple[SourceFile, ...]
     open_points: int
     assumptions: int
-    protocol: SourceFile
+    test_record: SourceFile
     steps: int
     author: SignedBy
     verifier: SignedBy

@@ -28,7 +28,7 @@ class CompanionKind(enum.Enum):
     INCIDENT = "incident"
     LOG = "log"
     RECORD = "record"
-    PROTOCOL = "protocol"
+    TEST_RECORD = "test_record"
     OTHER = "other"
     """A description of a bus: something to compare with."""
 
@@ -119,7 +119,7 @@ def _known(path: str) -> tuple[CompanionKind, str] | None:
     if is_acceptance(head):
         return CompanionKind.RECORD, "an acceptance record"
     if _PROTOCOL.search(head):
-        return CompanionKind.PROTOCOL, "a test protocol"
+        return CompanionKind.TEST_RECORD, "a test record"
     if head.lstrip()[:1] == b"{":
         return (CompanionKind.OTHER, "a scan") if _SCAN.search(head) else None
     known = recognise(head)

@@ -150,7 +150,7 @@ def _verdict(inputs: ReportInputs, against: int) -> Verdict:
 def _machine(inputs: ReportInputs) -> Verdict:
     """Return the tests by people at the machine; clear if all results were as expected."""
     tried = inputs.tried
-    steps = () if tried is None or not tried.fits else tried.protocol.machine_steps
+    steps = () if tried is None or not tried.fits else tried.test_record.machine_steps
     done = [s for s in steps if s.machine.outcome is not None]
     failed = sum(s.is_failed for s in done)
     if not done:

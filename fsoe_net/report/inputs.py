@@ -10,8 +10,8 @@ from fsoe_net.compare.diff import Difference
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.model.acceptance import Acceptance, CheckedSignature, JustifiedFinding
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import Protocol
 from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.test_record import TestRecord
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
 from fsoe_net.report.evidence import Evidence, LiveEvidence
@@ -79,7 +79,7 @@ class Tried:
     """
 
     source: SourceFile
-    protocol: Protocol
+    test_record: TestRecord
     notes: tuple[str, ...] = ()
     fits: bool = True
 

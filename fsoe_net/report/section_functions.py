@@ -24,8 +24,8 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
-from fsoe_net.model.protocol import ProtocolStep, StepKind
 from fsoe_net.model.safety import ElementKind, SafetyFunction, level_words
+from fsoe_net.model.test_record import StepKind, TestStep
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_quantities import claim_cell, mission_cell, shortest_mission
@@ -173,7 +173,7 @@ def function_test(row: FunctionBudget, inputs: ReportInputs) -> Verdict:
     return Verdict(f"as expected{', ' if times else ''}{times}", Level.CLEAR)
 
 
-def _steps(row: FunctionBudget, inputs: ReportInputs) -> Sequence[ProtocolStep]:
+def _steps(row: FunctionBudget, inputs: ReportInputs) -> Sequence[TestStep]:
     """Return the steps at the machine that are about a function, its connections and SubDevices."""
     tried = inputs.tried
     if tried is None or not tried.fits:
@@ -183,13 +183,13 @@ def _steps(row: FunctionBudget, inputs: ReportInputs) -> Sequence[ProtocolStep]:
         StepKind.START_UP: {c.name for c in (*row.parts.to_input, *row.parts.to_output)},
         StepKind.LOSS: {e.element.sub for e in row.parts.rows},
     }
-    return [s for s in tried.protocol.steps if s.subject in subjects.get(s.kind, ())]
+    return [s for s in tried.test_record.steps if s.subject in subjects.get(s.kind, ())]
 
 
 def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
     steps = _steps(row, inputs)
     if not steps or inputs.tried is None:
-        return Paragraph((Verdict("NOT TESTED", Level.OPEN), Text(": no test protocol of it.")))
+        return Paragraph((Verdict("NOT TESTED", Level.OPEN), Text(": no test record of it.")))
     source = inputs.tried.source.path
     rows = [
         (
@@ -220,7 +220,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
     )
 
 
-def _together(steps: Sequence[ProtocolStep]) -> Verdict:
+def _together(steps: Sequence[TestStep]) -> Verdict:
     """Return the number of steps with the expected result, or the objections to them."""
     failed, left = sum(s.is_failed for s in steps), sum(s.is_open for s in steps)
     of = f"of {counted(len(steps), 'step')}"

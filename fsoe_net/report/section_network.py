@@ -34,9 +34,9 @@ from fsoe_net.fsoe.pdu import safe_data_length
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import MOST_COMBINATIONS, Bus, NetworkConfig
-from fsoe_net.model.protocol import DeviceEntry
 from fsoe_net.model.resolve import Connection
 from fsoe_net.model.scan import ScannedSubDevice
+from fsoe_net.model.test_record import DeviceEntry
 from fsoe_net.report.inputs import ReportInputs
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.svg import topology_picture
@@ -128,7 +128,7 @@ def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[Devi
     resolution, tried = inputs.resolution, inputs.tried
     if resolution is None:
         return []
-    devices = () if tried is None or not tried.fits else tried.protocol.devices
+    devices = () if tried is None or not tried.fits else tried.test_record.devices
     read = {d.subdevice: d for d in devices}
     names = dict.fromkeys(s.name for s in resolution.network.subdevices)
     blank = {

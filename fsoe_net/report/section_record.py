@@ -129,7 +129,7 @@ def change_log(inputs: ReportInputs) -> ReportSection:
         word = f"another fingerprint than {against.source.path}: to be tried again"
         points.append(Point(PointKind.OPEN, word))
     if points or against.again:
-        parts += [Heading("Steps of the test protocol to do again"), _again(against)]
+        parts += [Heading("Steps of the test record to do again"), _again(against)]
     points += [Point(PointKind.OPEN, f"not compared: {w}") for w in found.not_compared]
     if inputs.accepted is not None and inputs.accepted.record.interventions:
         parts += [Heading("Interventions since the first record"), _interventions(inputs.accepted)]

@@ -24,7 +24,7 @@ from fsoe_net.document.model import (
     stated,
     strong,
 )
-from fsoe_net.model.protocol import AtMachine, ProtocolStep, StepOutcome, StepResult
+from fsoe_net.model.test_record import AtMachine, StepOutcome, StepResult, TestStep
 from fsoe_net.report.inputs import ReportInputs, Tried
 from fsoe_net.report.model import Point, PointKind, ReportSection
 from fsoe_net.report.section_evidence import EMULATED, RUN_COLUMNS, plan_sha256
@@ -40,10 +40,10 @@ def tests(inputs: ReportInputs) -> ReportSection:
     points: list[Point] = []
     tried = inputs.tried
     if tried is None:
-        parts.append(Paragraph((Text("The checklist is empty: no test protocol was given."),)))
-        points.append(Point(PointKind.OPEN, "no test protocol: nothing was tried at the machine"))
+        parts.append(Paragraph((Text("The checklist is empty: no test record was given."),)))
+        points.append(Point(PointKind.OPEN, "no test record: nothing was tried at the machine"))
     else:
-        parts += [files_table("test protocol", [tried.source]), _checklist(tried)]
+        parts += [files_table("test record", [tried.source]), _checklist(tried)]
         points += _left(tried, inputs)
         if not tried.fits:
             word = f"{tried.source.path} cannot be taken for this network"
@@ -62,19 +62,19 @@ def tests(inputs: ReportInputs) -> ReportSection:
 def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
     """Return steps open at the machine, failed or disputed steps, and a differing plan."""
     points = []
-    protocol = tried.protocol
-    left = len(protocol.open_steps)
+    test_record = tried.test_record
+    left = len(test_record.open_steps)
     if left:
-        steps = counted(len(protocol.machine_steps), "test step")
+        steps = counted(len(test_record.machine_steps), "test step")
         words = f"{left} of {steps} open at the machine"
         points.append(Point(PointKind.OPEN, words))
-    failed = protocol.failed_steps
+    failed = test_record.failed_steps
     if failed:
         words = (
             f"{counted(len(failed), 'test step')} did not go as expected, first: {failed[0].what}"
         )
         points.append(Point(PointKind.OPEN, words))
-    disputed = protocol.disputed_steps
+    disputed = test_record.disputed_steps
     if disputed:
         words = (
             f"{counted(len(disputed), 'test step')} went as expected by hand and not by "
@@ -82,7 +82,7 @@ def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
             f"{disputed[0].what}"
         )
         points.append(Point(PointKind.OPEN, words))
-    if protocol.plan_sha256 != plan_sha256(inputs):
+    if test_record.plan_sha256 != plan_sha256(inputs):
         words = f"{tried.source.path} was made for another plan"
         points.append(Point(PointKind.OPEN, words))
     return points
@@ -138,7 +138,7 @@ def _checklist(tried: Tried) -> Table:
             by_hand(s, source),
             who(s),
         )
-        for s in tried.protocol.steps
+        for s in tried.test_record.steps
     )
     return Table(
         name="checklist",
@@ -149,21 +149,21 @@ def _checklist(tried: Tried) -> Table:
     )
 
 
-def limit(s: ProtocolStep, source: str) -> Cell:
+def limit(s: TestStep, source: str) -> Cell:
     """Return the time limit of a step, in ms, or that there is none."""
     if s.limit_ms is None:
         return cell(muted("no limit"))
     return cell(stated(s.limit_ms, "ms", s.limit_source or source))
 
 
-def by_hand(s: ProtocolStep, source: str) -> Cell:
+def by_hand(s: TestStep, source: str) -> Cell:
     """Return the entries of a person at the machine, or blank fields for them."""
     if not s.kind.at_machine:
         return cell(muted("not tried at the machine"))
     return _result(s.machine, source, failed=s.is_failed) or BLANK
 
 
-def who(s: ProtocolStep) -> Cell:
+def who(s: TestStep) -> Cell:
     """Return the person and date of the test at the machine, or blank fields for them."""
     if s.machine.who:
         return cell(s.machine.who)

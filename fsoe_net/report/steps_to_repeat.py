@@ -7,9 +7,9 @@ from collections.abc import Collection, Iterable, Sequence
 from fsoe_net.compare.changed_subdevices import changed_subdevices
 from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.model.network import TransferKind
-from fsoe_net.model.protocol import ProtocolStep, StepKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
+from fsoe_net.model.test_record import StepKind, TestStep
 from fsoe_net.plan.fingerprint import safety_text
 from fsoe_net.plan.model import Plan
 
@@ -17,7 +17,7 @@ from fsoe_net.plan.model import Plan
 def steps_to_repeat(
     changes: Iterable[Change],
     resolution: Resolution,
-    steps: Iterable[ProtocolStep],
+    steps: Iterable[TestStep],
     *,
     plans: tuple[Plan, Plan] | None = None,
     functions: Sequence[SafetyFunction] | None = None,

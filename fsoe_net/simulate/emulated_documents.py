@@ -32,7 +32,7 @@ def snapshot_json(snapshot: Snapshot, plan: Plan) -> dict[str, Any]:
             "net": row.net,
             "main": plan.subdevices[row.main].name,
             "sub": plan.subdevices[row.sub].name,
-            "outside": list(ConnectionState).index(seen.state),
+            "observed_state": list(ConnectionState).index(seen.state),
             "state": seen.state.event_word,
             "gaps": seen.gaps,
             "configured": row.parameters.to_json(),

@@ -113,11 +113,11 @@ class Records:
         return self._folder.find(number, *kinds) if number else None
 
     def _report(self, query: Query) -> Document:
-        protocol = self._of(query, "protocol", CompanionKind.PROTOCOL)
+        test_record = self._of(query, "test_record", CompanionKind.TEST_RECORD)
         accepted = self._of(query, "accepted", CompanionKind.RECORD)
         return make_report(
             self._network()[0],
-            protocol=None if protocol is None else protocol.path,
+            test_record=None if test_record is None else test_record.path,
             accepted=None if accepted is None else read_record(accepted.path),
             loading=self._workspace.loading,
         ).document
@@ -139,7 +139,7 @@ class Records:
             again = since(read_record(other.path), resolution, plan).again
             parts: tuple[Part, ...] = (Bullets(tuple(cell(step) for step in again)),)
             if not again:
-                parts = (words("No step of the test protocol."),)
+                parts = (words("No step of the test record."),)
             title = "To be tried again at the machine"
             sections.append(Section(key="again", title=title, parts=parts))
         same = Verdict("No difference", Level.NOTE)
@@ -193,17 +193,17 @@ def document_response(document: Document, status: int = 200) -> Response:
 def _commands(network: str, rows: list[CompanionFile]) -> list[str]:
     """Return the commands for a person to sign the network off in its folder."""
     name = os.path.basename(network)
-    protocol = next((row.name for row in rows if row.kind is CompanionKind.PROTOCOL), None)
+    test_record = next((row.name for row in rows if row.kind is CompanionKind.TEST_RECORD), None)
     before = next((row.name for row in rows if row.kind is CompanionKind.RECORD), None)
     record = "acceptance.yaml" if before is None else "acceptance-new.yaml"
     replaces = "" if before is None else f"--replaces {shlex.quote(before)} "
-    net, test = shlex.quote(name), shlex.quote(protocol or "protocol.yaml")
-    first = [f"test-protocol {net} -o {test}"] if protocol is None else []
+    net, test = shlex.quote(name), shlex.quote(test_record or "test-record.yaml")
+    first = [f"test-record {net} -o {test}"] if test_record is None else []
     lines = [
         *first,
-        f"report {net} --protocol {test} -o report.html",
-        f"report {net} --protocol {test} -o report.json",
-        f"accept {net} --protocol {test} --report report.html --report report.json "
+        f"report {net} --test-record {test} -o report.html",
+        f"report {net} --test-record {test} -o report.json",
+        f"accept {net} --test-record {test} --report report.html --report report.json "
         "--author NAME --author-competence TEXT --verifier NAME --verifier-competence TEXT "
         f"--equipment TEXT --environment TEXT {replaces}-o {record}",
         f"accept {record} --sign KEY --as verifier",

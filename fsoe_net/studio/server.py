@@ -30,8 +30,8 @@ from fsoe_net.studio.folder import Folder
 from fsoe_net.studio.guard import Guard
 from fsoe_net.studio.listening import Listening, bound_socket
 from fsoe_net.studio.live import Live
-from fsoe_net.studio.protocols import Protocols
 from fsoe_net.studio.records import Records
+from fsoe_net.studio.test_records import TestRecords
 from fsoe_net.studio.uploads import MAX_UPLOAD_BYTES, Uploads
 from fsoe_net.studio.workspace import MAX_TEXT_BYTES, StaleVersion, Workspace
 
@@ -184,7 +184,7 @@ class Studio:
                 *file_routes(workspace, self._uploads),
                 *self._live.routes,
                 *Records(workspace, folder).routes,
-                *Protocols(workspace, folder).routes,
+                *TestRecords(workspace, folder).routes,
                 Route("/api/{act}", self._act, methods=["POST"]),
                 Mount("/assets", StaticFiles(directory=_ASSETS)),
             ],

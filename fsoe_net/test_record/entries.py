@@ -14,10 +14,10 @@ from typing import Any
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.printable import first_control
 from fsoe_net.errors import InputError
-from fsoe_net.formats.own.protocol import load_protocol
+from fsoe_net.formats.own.test_record import load_test_record
 from fsoe_net.formats.shared.files import Collector, read_source, read_unchanged, replaced_files
 from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.model.protocol import DeviceEntry, Protocol, ProtocolStep, StepOutcome
+from fsoe_net.model.test_record import DeviceEntry, StepOutcome, TestRecord, TestStep
 from fsoe_net.project.edit import EditedText
 
 Fields = Mapping[str, str]
@@ -57,7 +57,7 @@ class MachineEntry:
     now: Fields
 
 
-def step_fields(step: ProtocolStep) -> dict[str, str]:
+def step_fields(step: TestStep) -> dict[str, str]:
     """Return the column of the machine as texts, empty for what is not filled in."""
     machine = step.machine
     return {
@@ -87,8 +87,8 @@ def enter(path: str, entry: MachineEntry) -> dict[str, str]:
         EnvironmentFault: It cannot be written; the existing content is unchanged.
     """
     source, data = read_source(path)
-    protocol = _protocol(path, data)
-    present = _present(protocol, entry)
+    test_record = _test_record(path, data)
+    present = _present(test_record, entry)
     before, now = (_taken(fields, present) for fields in (entry.before, entry.now))
     if entry.step:
         now = _kept(before, now)
@@ -102,7 +102,7 @@ def enter(path: str, entry: MachineEntry) -> dict[str, str]:
         if text != present[key]:
             row[key] = _number(text) if key == "measured_ms" and text else text
     new = edited.text.encode("utf-8")
-    written = _present(_protocol(path, new), entry)
+    written = _present(_test_record(path, new), entry)
     if written != now:
         raise InputError(f"{path} cannot hold this entry; write it into the file by hand")
     read_unchanged(path, source.sha256, next_step="enter it again")
@@ -110,24 +110,24 @@ def enter(path: str, entry: MachineEntry) -> dict[str, str]:
     return now
 
 
-def _protocol(path: str, data: bytes) -> Protocol:
+def _test_record(path: str, data: bytes) -> TestRecord:
     out = Collector()
     with replaced_files({path: data}):
-        protocol = load_protocol(path, out)
-    if protocol is None:
+        test_record = load_test_record(path, out)
+    if test_record is None:
         first = next(d for d in out.diagnostics if d.level is Severity.ERROR)
         raise InputError(f"not entered: {first.message}; {first.hint}", out.diagnostics)
-    return protocol
+    return test_record
 
 
-def _present(protocol: Protocol, entry: MachineEntry) -> dict[str, str]:
-    for step in protocol.machine_steps:
+def _present(test_record: TestRecord, entry: MachineEntry) -> dict[str, str]:
+    for step in test_record.machine_steps:
         if entry.step and step.id == entry.step:
             return step_fields(step)
-    for device in protocol.devices:
+    for device in test_record.devices:
         if not entry.step and device.subdevice == entry.subdevice:
             return device_fields(device)
-    raise InputError("not entered: the protocol has no such step at the machine, and no such row")
+    raise InputError("not entered: the test record has no such step or row")
 
 
 def _taken(fields: Fields, present: Fields) -> dict[str, str]:

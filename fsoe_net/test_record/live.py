@@ -19,15 +19,15 @@ from fsoe_net.diag.words import counted
 from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.live.control_values import Status
 from fsoe_net.live.in_use import check_in_use, emulated_bus
-from fsoe_net.model.protocol import (
+from fsoe_net.model.resolve import Resolution
+from fsoe_net.model.test_record import (
     EMULATED_NOTE,
-    Protocol,
-    ProtocolStep,
     StepKind,
     StepOutcome,
     StepResult,
+    TestRecord,
+    TestStep,
 )
-from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.test_record.steps import connections_of
 
@@ -121,15 +121,15 @@ class Observer(Interface):
 class Person(Interface):
     """The person at the machine."""
 
-    def guarded(self, step: ProtocolStep) -> bool:
+    def guarded(self, step: TestStep) -> bool:
         """Return whether the person confirms for this step that the area is guarded."""
 
     def tell(self, text: str) -> None:
         """Tell the person the next action."""
 
 
-def run_protocol_live(
-    protocol: Protocol,
+def run_tests_live(
+    test_record: TestRecord,
     resolution: Resolution,
     observer: Observer,
     person: Person,
@@ -138,12 +138,12 @@ def run_protocol_live(
     person_s: float = _PERSON_S,
     settle_s: float = _SETTLE_S,
     clock: Callable[[], float] = time.monotonic,
-    on_step: Callable[[Protocol, ProtocolStep], None] | None = None,
-) -> Protocol:
-    """Return the protocol with the column of the live bus filled in where it shows something.
+    on_step: Callable[[TestRecord, TestStep], None] | None = None,
+) -> TestRecord:
+    """Return the test record with the column of the live bus filled in where it shows something.
 
     Args:
-        protocol: Of this network.
+        test_record: Of this network.
         resolution: A network without errors.
         observer: A running ``fsn-master``.
         person: Confirms each loss, and does it.
@@ -151,7 +151,7 @@ def run_protocol_live(
         person_s: How long to wait for each thing a person does.
         settle_s: How long to wait for what connections do by themselves.
         clock: Seconds.
-        on_step: Called after each step that was looked at, with the protocol as it then is: what
+        on_step: Called after each step that was looked at, with the test record as it then is: what
             was seen is kept when a later step breaks off.
 
     Raises:
@@ -159,7 +159,7 @@ def run_protocol_live(
         EnvironmentFault: It does not answer.
     """
     status = observer.status()
-    check_in_use(status, fingerprint, protocol.plan_sha256)
+    check_in_use(status, fingerprint, test_record.plan_sha256)
     rig = emulated_bus(status)
     if rig:
         person.tell(f"{EMULATED_NOTE}: {rig}.")
@@ -167,17 +167,17 @@ def run_protocol_live(
     watch = _Watch(resolution, observer, person, status, person_s, settle_s, clock)
     bus = f"{status.backend} on {status.interface}" if status.interface else status.backend
     mark = f"{EMULATED_NOTE}: {rig}" if rig else bus
-    for number, step in enumerate(protocol.steps):
+    for number, step in enumerate(test_record.steps):
         seen = watch.seen(step)
         if seen is None:
             continue
         seen = replace(seen, remark=f"{mark}; {seen.remark}")
         tried = replace(step, live=_kept(step.live, seen))
-        steps = (*protocol.steps[:number], tried, *protocol.steps[number + 1 :])
-        protocol = replace(protocol, steps=steps)
+        steps = (*test_record.steps[:number], tried, *test_record.steps[number + 1 :])
+        test_record = replace(test_record, steps=steps)
         if on_step is not None:
-            on_step(protocol, replace(tried, live=seen))
-    return protocol
+            on_step(test_record, replace(tried, live=seen))
+    return test_record
 
 
 def _kept(before: StepResult | None, now: StepResult) -> StepResult:
@@ -208,7 +208,7 @@ class _Watch:
         self._settle_s = settle_s
         self._clock = clock
 
-    def seen(self, step: ProtocolStep) -> StepResult | None:
+    def seen(self, step: TestStep) -> StepResult | None:
         """Return the result of this step; ``None`` when it cannot show any."""
         if step.kind is StepKind.START_UP:
             return self._start_up(step.subject)
@@ -235,7 +235,7 @@ class _Watch:
 
     # -- loss -------------------------------------------------------------------------------------
 
-    def _loss(self, step: ProtocolStep) -> StepResult:
+    def _loss(self, step: TestStep) -> StepResult:
         own = {c.name for c in connections_of(self._resolution, step.subject)}
         if why := self._unfit(step.subject, own):
             return _not_run(why)
@@ -261,7 +261,7 @@ class _Watch:
 
     def _judged(
         self,
-        step: ProtocolStep,
+        step: TestStep,
         before: Mapping[str, ConnectionState],
         own: set[str],
         times: LossTimes,

@@ -10,16 +10,18 @@ from fsoe_net.campaign.fault_classes import CATALOGUE
 from fsoe_net.errors import InputError
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.network import NetworkConfig
-from fsoe_net.model.protocol import DeviceEntry, Protocol, ProtocolStep, StepKind
 from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.safe_bits import bit_words
 from fsoe_net.model.safety import ElementKind, SafetyFunction
+from fsoe_net.model.test_record import DeviceEntry, StepKind, TestRecord, TestStep
 from fsoe_net.plan.fingerprint import short_code
 
-_BACK = "`fsoe-net test-protocol … -o` this file puts it back, and keeps what is filled in"
+_BACK = "`fsoe-net test-record … -o` this file puts it back, and keeps what is filled in"
 
 
-def make_protocol(resolution: Resolution, plan_bytes: bytes, *, fingerprint: str = "") -> Protocol:
+def make_test_record(
+    resolution: Resolution, plan_bytes: bytes, *, fingerprint: str = ""
+) -> TestRecord:
     """Return the test record of a network, not yet run.
 
     Args:
@@ -34,7 +36,7 @@ def make_protocol(resolution: Resolution, plan_bytes: bytes, *, fingerprint: str
     names = dict.fromkeys(sub.name for sub in network.subdevices)
     steps += [_loss(name, connections_of(resolution, name)) for name in names]
     steps += [_fault(name) for name in CATALOGUE]
-    return Protocol(
+    return TestRecord(
         network=network.name,
         project=network.project or "",
         plan_sha256=hashlib.sha256(plan_bytes).hexdigest(),
@@ -60,8 +62,8 @@ def connections_of(resolution: Resolution, subdevice: str) -> list[Connection]:
     return [c for c in resolution.connections if subdevice in (c.main.name, c.sub.name)]
 
 
-def _start_up(connection: Connection) -> ProtocolStep:
-    return ProtocolStep(
+def _start_up(connection: Connection) -> TestStep:
+    return TestStep(
         id=f"start-up {connection.name}",
         kind=StepKind.START_UP,
         subject=connection.name,
@@ -70,13 +72,13 @@ def _start_up(connection: Connection) -> ProtocolStep:
     )
 
 
-def _combination(resolution: Resolution, present: Sequence[str]) -> ProtocolStep:
+def _combination(resolution: Resolution, present: Sequence[str]) -> TestStep:
     network = resolution.network
     absent = [g.name for g in network.groups if g.name not in present]
     due = [c.name for c in resolution.connections if connection_is_due(c, network, present)]
     there = ", ".join(present) or "no group"
     without = f", without {', '.join(absent)}" if absent else ""
-    return ProtocolStep(
+    return TestStep(
         id=f"combination {'+'.join(present) or 'none'}",
         kind=StepKind.COMBINATION,
         subject="+".join(present),
@@ -93,12 +95,12 @@ def connection_is_due(c: Connection, network: NetworkConfig, present: Collection
     return all(group is None or group.name in present for group in groups)
 
 
-def _trigger(function: SafetyFunction) -> ProtocolStep:
+def _trigger(function: SafetyFunction) -> TestStep:
     required = function.required_reaction_ms
     inputs = _parts(function, ElementKind.INPUT)
     bits = [words for e in function.elements for words in bit_words(e)]
     watched = f" Safe bits to watch: {'; '.join(bits)}." if bits else ""
-    return ProtocolStep(
+    return TestStep(
         id=f"trigger {function.name}",
         kind=StepKind.TRIGGER,
         subject=function.name,
@@ -114,7 +116,7 @@ def _parts(function: SafetyFunction, kind: ElementKind) -> str:
     return ", ".join(e.sub or e.name for e in function.elements if e.kind is kind) or "its input"
 
 
-def _loss(name: str, connections: Sequence[Connection]) -> ProtocolStep:
+def _loss(name: str, connections: Sequence[Connection]) -> TestStep:
     watchdogs = [c.facts.watchdog_ms for c in connections if c.facts and c.facts.watchdog_ms]
     if not connections:
         expected = f"{name} has no FSoE end: no output comes on; note what the connections do."
@@ -124,7 +126,7 @@ def _loss(name: str, connections: Sequence[Connection]) -> ProtocolStep:
             f"go off and stay off when {name} is back, until a reset is pressed."
         )
     whole = bool(connections) and len(watchdogs) == len(connections)
-    return ProtocolStep(
+    return TestStep(
         id=f"loss {name}",
         kind=StepKind.LOSS,
         subject=name,
@@ -135,8 +137,8 @@ def _loss(name: str, connections: Sequence[Connection]) -> ProtocolStep:
     )
 
 
-def _fault(name: str) -> ProtocolStep:
-    return ProtocolStep(
+def _fault(name: str) -> TestStep:
+    return TestStep(
         id=f"fault {name}",
         kind=StepKind.FAULT,
         subject=name,
@@ -146,7 +148,7 @@ def _fault(name: str) -> ProtocolStep:
     )
 
 
-def keep_machine(new: Protocol, old: Protocol) -> Protocol:
+def keep_machine(new: TestRecord, old: TestRecord) -> TestRecord:
     """Return the new test record with people's entries and other columns of the old one.
 
     Raises:
@@ -182,21 +184,21 @@ def _read(new: DeviceEntry, old: DeviceEntry) -> DeviceEntry:
     return replace(old, safety_project_crc=old.safety_project_crc or new.safety_project_crc)
 
 
-def _same(new: Protocol, old: Protocol) -> bool:
+def _same(new: TestRecord, old: TestRecord) -> bool:
     if new.fingerprint and old.fingerprint:
         return new.fingerprint == old.fingerprint
     return new.plan_sha256 == old.plan_sha256
 
 
-def compare_protocol(given: Protocol, fresh: Protocol, out: Collector) -> None:
+def compare_test_record(given: TestRecord, fresh: TestRecord, out: Collector) -> None:
     """Report where a test record does not match the current network.
 
     Args:
         given: As filled in by people.
-        fresh: Result of `make_protocol` for the network.
+        fresh: Result of `make_test_record` for the network.
         out: Takes FSN161; empty when results can be used unchanged.
     """
-    anew = "write a new one with `fsoe-net test-protocol … -o NEW.yaml` and do its steps"
+    anew = "write a new one with `fsoe-net test-record … -o NEW.yaml` and do its steps"
     if given.fingerprint != fresh.fingerprint:
         key = "fingerprint" if given.fingerprint else "plan_sha256"
         now = short_code(fresh.fingerprint)
@@ -223,7 +225,7 @@ def compare_protocol(given: Protocol, fresh: Protocol, out: Collector) -> None:
             )
 
 
-def _compare_devices(given: Protocol, fresh: Protocol, out: Collector) -> None:
+def _compare_devices(given: TestRecord, fresh: TestRecord, out: Collector) -> None:
     projects = {d.subdevice: d.safety_project_crc for d in given.devices}
     for device in fresh.devices:
         name = device.subdevice
@@ -235,7 +237,7 @@ def _compare_devices(given: Protocol, fresh: Protocol, out: Collector) -> None:
             out.add("FSN161", given.at("devices"), words, hint=_BACK)
 
 
-def _requirements(step: ProtocolStep) -> dict[str, object]:
+def _requirements(step: TestStep) -> dict[str, object]:
     return {
         "kind": step.kind.value,
         "subject": step.subject,
@@ -245,13 +247,13 @@ def _requirements(step: ProtocolStep) -> dict[str, object]:
     }
 
 
-def _changed(given: ProtocolStep, fresh: ProtocolStep) -> str:
+def _changed(given: TestStep, fresh: TestStep) -> str:
     """Return the first key in which a step asks for something else; empty for none."""
     required = _requirements(fresh)
     return next((key for key, value in _requirements(given).items() if value != required[key]), "")
 
 
-def _merged(step: ProtocolStep, old: ProtocolStep | None) -> ProtocolStep:
+def _merged(step: TestStep, old: TestStep | None) -> TestStep:
     if old is None:
         return step
     if old.machine.filled and (old.what, old.expected, old.limit_ms) != (

@@ -8,10 +8,10 @@ from dataclasses import replace
 from fsoe_net.campaign.trials import CampaignConfig, ClassResult
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.words import counted
-from fsoe_net.model.protocol import Protocol, ProtocolStep, StepKind, StepOutcome, StepResult
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import ElementKind, SafetyFunction
 from fsoe_net.model.scenario import Action, Scenario, ScenarioStep
+from fsoe_net.model.test_record import StepKind, StepOutcome, StepResult, TestRecord, TestStep
 from fsoe_net.simulate.campaign import campaign_links, run_campaign
 from fsoe_net.simulate.engine import state_of
 from fsoe_net.simulate.session import Session, counted_session_ids
@@ -26,18 +26,18 @@ _FAULTS = 200  # per class
 Progress = Callable[[str], None]
 
 
-def run_protocol_virtual(
-    protocol: Protocol,
+def run_tests_virtual(
+    test_record: TestRecord,
     resolution: Resolution,
     plan_bytes: bytes,
     *,
     faults: int = _FAULTS,
     on_step: Progress | None = None,
-) -> Protocol:
-    """Return the protocol with the column EMULATED filled in; the same input gives the same.
+) -> TestRecord:
+    """Return the test record with the column EMULATED filled in; the same input gives the same.
 
     Args:
-        protocol: Of this network.
+        test_record: Of this network.
         resolution: A network without errors.
         plan_bytes: Its plan.
         faults: Faults per class.
@@ -49,11 +49,11 @@ def run_protocol_virtual(
     """
     emulation = _Emulation(resolution, plan_bytes, faults)
     steps = []
-    for step in protocol.steps:
+    for step in test_record.steps:
         if on_step is not None:
             on_step(step.id)
         steps.append(replace(step, emulated=emulation.seen(step)))
-    return replace(protocol, steps=tuple(steps))
+    return replace(test_record, steps=tuple(steps))
 
 
 class _Emulation:
@@ -102,7 +102,7 @@ class _Emulation:
             *(_step(0, Action.PLUG, g.name) for g in wanted),
         )
 
-    def _combination(self, step: ProtocolStep) -> StepResult:
+    def _combination(self, step: TestStep) -> StepResult:
         present = [name for name in step.subject.split("+") if name]
         network = self._resolution.network
         self._prelude = tuple(
@@ -121,7 +121,7 @@ class _Emulation:
             remark=f"{len(in_data)} of {counted(len(due), 'connection')} in Data",
         )
 
-    def seen(self, step: ProtocolStep) -> StepResult:
+    def seen(self, step: TestStep) -> StepResult:
         """Try one step."""
         if step.kind is StepKind.COMBINATION:
             return self._combination(step)
@@ -141,13 +141,13 @@ class _Emulation:
 
     def _session(self, steps: Iterable[ScenarioStep]) -> Session:
         scenario = Scenario(
-            span=Span("test protocol"), path="", duration_ns=None, steps=(*self._prelude, *steps)
+            span=Span("test record"), path="", duration_ns=None, steps=(*self._prelude, *steps)
         )
         return Session(
             self._resolution, self._plan_bytes, scenario, session_ids=counted_session_ids()
         )
 
-    def _start_up(self, step: ProtocolStep) -> StepResult:
+    def _start_up(self, step: TestStep) -> StepResult:
         reached = self._to_data_ns.get(step.subject)
         if reached is None:
             return StepResult(outcome=StepOutcome.NOT_AS_EXPECTED, remark="never reached Data")
@@ -166,7 +166,7 @@ class _Emulation:
 
     # -- trigger ----------------------------------------------------------------------------------
 
-    def _trigger(self, step: ProtocolStep, function: SafetyFunction) -> StepResult:
+    def _trigger(self, step: TestStep, function: SafetyFunction) -> StepResult:
         slowest = 0
         for phase in range(_PHASES):
             found = self._triggered(function, self._act_ns + phase * self._cycle_ns)
@@ -237,7 +237,7 @@ class _Emulation:
 
     # -- loss -------------------------------------------------------------------------------------
 
-    def _loss(self, step: ProtocolStep) -> StepResult:
+    def _loss(self, step: TestStep) -> StepResult:
         name = step.subject
         act_ns = self._act_ns
         back_ns = act_ns + 2 * self._watchdog_ns + 2 * _SETTLE_NS
@@ -282,7 +282,7 @@ class _Emulation:
 
     # -- faults -----------------------------------------------------------------------------------
 
-    def _fault(self, step: ProtocolStep) -> StepResult:
+    def _fault(self, step: TestStep) -> StepResult:
         config = CampaignConfig(links=campaign_links(self._resolution), seed=0)
         result = run_campaign(config, (step.subject,), self._faults)
         if result.interrupted:
@@ -324,7 +324,7 @@ def _step(
     at_ns: int, action: Action, target: str = "", values: dict[str, int] | None = None
 ) -> ScenarioStep:
     return ScenarioStep(
-        span=Span("test protocol"), at_ns=at_ns, action=action, target=target, values=values or {}
+        span=Span("test record"), at_ns=at_ns, action=action, target=target, values=values or {}
     )
 
 
@@ -332,7 +332,7 @@ def _not_run(why: str) -> StepResult:
     return StepResult(outcome=StepOutcome.NOT_RUN, remark=why)
 
 
-def _within(step: ProtocolStep, took_ns: int, time_is: str, remark: str) -> StepResult:
+def _within(step: TestStep, took_ns: int, time_is: str, remark: str) -> StepResult:
     took = took_ns / _MS
     late = step.limit_ms is not None and took > step.limit_ms
     return StepResult(

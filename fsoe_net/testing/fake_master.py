@@ -298,7 +298,7 @@ class FakeMaster:
     def _connection(self) -> Row:
         return {
             "name": "c1", "net": "n", "main": "logic", "sub": "drive_1", "gaps": 0,
-            "outside": self.connection_state, "to_sub": DIRECTION, "to_main": DIRECTION,
+            "observed_state": self.connection_state, "to_sub": DIRECTION, "to_main": DIRECTION,
         }  # fmt: skip
 
     @staticmethod

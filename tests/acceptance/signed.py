@@ -13,16 +13,16 @@ from fsoe_net.acceptance.sign_off import Grounds, sign_off
 from fsoe_net.acceptance.signed_report import SignedReport, read_signed_report
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, StepKind, StepOutcome
+from fsoe_net.model.test_record import AtMachine, StepKind, StepOutcome, TestRecord, TestStep
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.formats import render_report
 from fsoe_net.report.inputs import Tried
-from fsoe_net.test_record.steps import make_protocol
+from fsoe_net.test_record.steps import make_test_record
 
 DAY = "2026-11-21"
 
 
-def done(step: ProtocolStep, **more: object) -> ProtocolStep:
+def done(step: TestStep, **more: object) -> TestStep:
     """Return the step as a person filled it in."""
     values = {
         "outcome": StepOutcome.AS_EXPECTED,
@@ -33,10 +33,10 @@ def done(step: ProtocolStep, **more: object) -> ProtocolStep:
     return replace(step, machine=AtMachine(**{**values, **more}))
 
 
-def filled(protocol: Protocol) -> Protocol:
+def filled(test_record: TestRecord) -> TestRecord:
     """Do all but the faults at the machine, and read what is to be read there."""
     return replace(
-        protocol,
+        test_record,
         made=DAY,
         devices=tuple(
             replace(
@@ -45,9 +45,9 @@ def filled(protocol: Protocol) -> Protocol:
                 serial="4711",
                 safety_project_crc=None if d.safety_project_crc is None else "0x8F1C",
             )
-            for d in protocol.devices
+            for d in test_record.devices
         ),
-        steps=tuple(s if s.kind is StepKind.FAULT else done(s) for s in protocol.steps),
+        steps=tuple(s if s.kind is StepKind.FAULT else done(s) for s in test_record.steps),
     )
 
 
@@ -57,15 +57,15 @@ def grounds_of(path: Path = TIMED, **more: object) -> Grounds:
     resolution, plan = inputs.resolution, inputs.plan
     assert resolution is not None
     assert plan is not None
-    asked = make_protocol(resolution, plan.to_bytes(), fingerprint=fingerprint_of(plan).whole)
+    asked = make_test_record(resolution, plan.to_bytes(), fingerprint=fingerprint_of(plan).whole)
     values = {
         "version": "0",
         "resolution": resolution,
         "plan": plan,
         "report": signed_report(report_with(path)),
         "diagnostics": inputs.diagnostics,
-        "protocol": filled(asked),
-        "protocol_source": source("protocol.yaml"),
+        "test_record": filled(asked),
+        "test_record_source": source("test-record.yaml"),
         "author": SignedBy(name="A. Meier", date=DAY, competence="maker of the cell"),
         "verifier": SignedBy(name="B. Kaya", date=DAY, competence="safety engineer"),
         "equipment": ("oscilloscope 4711",),
@@ -88,8 +88,8 @@ def report_with(path: Path = TIMED, **more: object) -> bytes:
     """Return the report in JSON, changed at its top level; it has evidence of the machine."""
     inputs = inputs_of(path)
     assert inputs.resolution is not None
-    protocol = filled(make_protocol(inputs.resolution, b""))
-    tried = Tried(source=source("protocol.yaml"), protocol=protocol)
+    test_record = filled(make_test_record(inputs.resolution, b""))
+    tried = Tried(source=source("test-record.yaml"), test_record=test_record)
     form = json.loads(render_report(replace(inputs, tried=tried), "json"))
     return json.dumps({**form, "of_machine": True, **more}).encode()
 

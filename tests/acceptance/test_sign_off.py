@@ -15,7 +15,7 @@ from fsoe_net.acceptance.signed_report import read_signed_report
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.errors import InputError
 from fsoe_net.model.acceptance import Intervention, SignedBy
-from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome, StepResult
+from fsoe_net.model.test_record import AtMachine, StepKind, StepOutcome, StepResult
 from fsoe_net.model.written import names_a_person, same_person
 from fsoe_net.plan.fingerprint import fingerprint_of
 
@@ -33,9 +33,9 @@ def refused(grounds: Grounds) -> list[str]:
 
 def with_step(grounds: Grounds, kind: StepKind, **machine: object) -> Grounds:
     """Return the grounds with the first step of a kind filled in otherwise."""
-    first = next(s for s in grounds.protocol.steps if s.kind is kind)
-    steps = tuple(done(s, **machine) if s is first else s for s in grounds.protocol.steps)
-    return replace(grounds, protocol=replace(grounds.protocol, steps=steps))
+    first = next(s for s in grounds.test_record.steps if s.kind is kind)
+    steps = tuple(done(s, **machine) if s is first else s for s in grounds.test_record.steps)
+    return replace(grounds, test_record=replace(grounds.test_record, steps=steps))
 
 
 @pytest.mark.shows("R14")
@@ -98,7 +98,7 @@ def test_the_page_is_of_the_same_configuration() -> None:
     json_form = (source("r.json"), report_with())
     for page, wanted in (
         (b"<html>" + whole + b" " + b"0" * 64, []),
-        (b"<html>" + whole, ["r.html does not show protocol.yaml as it is now"]),
+        (b"<html>" + whole, ["r.html does not show test-record.yaml as it is now"]),
         (b"%PDF-1.7 packed", []),
         (b"<html>", ["r.html does not hold the fingerprint of the report in JSON"]),
     ):
@@ -137,11 +137,11 @@ def test_people_sign_a_page() -> None:
     ]
 
 
-def test_the_report_shows_the_protocol_of_now() -> None:
-    now = replace(source("protocol.yaml"), sha256="1" * 64)
-    assert refused(grounds_of(protocol_source=now)) == [
-        "r.json does not show protocol.yaml as it is now",
-        "r.html does not show protocol.yaml as it is now",
+def test_the_report_shows_the_test_record_of_now() -> None:
+    now = replace(source("test-record.yaml"), sha256="1" * 64)
+    assert refused(grounds_of(test_record_source=now)) == [
+        "r.json does not show test-record.yaml as it is now",
+        "r.html does not show test-record.yaml as it is now",
     ]
 
 
@@ -175,9 +175,11 @@ def test_the_reason_of_a_step_goes_before_that_of_all() -> None:
     grounds = grounds_of(reasons=each)
     steps = tuple(
         replace(s, machine=AtMachine()) if s.kind is StepKind.LOSS else s
-        for s in grounds.protocol.steps
+        for s in grounds.test_record.steps
     )
-    record, refusals = sign_off(replace(grounds, protocol=replace(grounds.protocol, steps=steps)))
+    record, refusals = sign_off(
+        replace(grounds, test_record=replace(grounds.test_record, steps=steps))
+    )
     assert record is not None, refusals
     assert [s.reason for s in record.steps_left_out] == ["loss io", "loss io2", "loss *"]
 
@@ -305,18 +307,18 @@ def test_what_an_emulation_shows_to_fail_stands_against_it_but_never_for_it() ->
         StepResult(outcome=o) for o in (StepOutcome.NOT_AS_EXPECTED, StepOutcome.AS_EXPECTED)
     )
     for column in ("emulated", "live"):
-        steps = tuple(replace(s, **{column: bad}) for s in grounds.protocol.steps)
-        failing = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
+        steps = tuple(replace(s, **{column: bad}) for s in grounds.test_record.steps)
+        failing = replace(grounds, test_record=replace(grounds.test_record, steps=steps))
         assert len(refused(failing)) == len(steps)
         steps = tuple(
-            replace(s, machine=AtMachine(), **{column: good}) for s in grounds.protocol.steps
+            replace(s, machine=AtMachine(), **{column: good}) for s in grounds.test_record.steps
         )
-        alone = replace(grounds, protocol=replace(grounds.protocol, steps=steps))
+        alone = replace(grounds, test_record=replace(grounds.test_record, steps=steps))
         assert "step trigger estop at : open at the machine" in refused(alone)
 
 
 def test_a_reaction_is_measured_and_within_its_limit() -> None:
-    limit = next(s.limit_ms for s in grounds_of().protocol.steps if s.kind is StepKind.TRIGGER)
+    limit = next(s.limit_ms for s in grounds_of().test_record.steps if s.kind is StepKind.TRIGGER)
     assert limit is not None
     assert refused(with_step(grounds_of(), StepKind.TRIGGER, measured_ms=limit)) == []
     (late,) = refused(with_step(grounds_of(), StepKind.TRIGGER, measured_ms=limit + 0.1))
@@ -364,17 +366,19 @@ def test_nobody_tests_what_is_not_there_yet() -> None:
     record, refusals = sign_off(replace(grounds, reasons=[reason]))
     assert record is not None, refusals
     assert [s.step for s in record.steps_left_out] == ["trigger estop"]
-    unknown = replace(grounds_of(), protocol=replace(grounds_of().protocol, made=""))
-    assert refused(unknown) == ["protocol.yaml does not say since when there is this configuration"]
+    unknown = replace(grounds_of(), test_record=replace(grounds_of().test_record, made=""))
+    assert refused(unknown) == [
+        "test-record.yaml does not say since when there is this configuration"
+    ]
 
 
 def with_logic(text: str) -> Grounds:
     """Return the grounds with something else for firmware and project of the MainInstance."""
     grounds = grounds_of()
-    *others, logic = grounds.protocol.devices
+    *others, logic = grounds.test_record.devices
     assert (logic.subdevice, logic.safety_project_crc) == ("logic", "0x8F1C")
     logic = replace(logic, firmware=text, safety_project_crc=text)
-    return replace(grounds, protocol=replace(grounds.protocol, devices=(*others, logic)))
+    return replace(grounds, test_record=replace(grounds.test_record, devices=(*others, logic)))
 
 
 @pytest.mark.parametrize(
@@ -435,19 +439,19 @@ def test_one_letter_names_nobody() -> None:
 
 
 @pytest.mark.shows("R14")
-def test_the_protocol_is_whole_and_of_this_configuration() -> None:
+def test_the_test_record_is_whole_and_of_this_configuration() -> None:
     grounds = grounds_of()
     wrong = [
         Diagnostic(code="FSN161", message="a step is missing", span=Span("p.yaml", 1, 1), hint="x"),
         Diagnostic(code="FSN160", message="not signed", span=Span("p.yaml", 9, 1)),
     ]
-    found = refused(replace(grounds, protocol_findings=wrong))
+    found = refused(replace(grounds, test_record_findings=wrong))
     assert found == ["FSN161 at p.yaml:1:1: a step is missing"]
-    other = replace(grounds.protocol, fingerprint="ab" * 32, steps=())
-    assert refused(replace(grounds, protocol=other)) == [
-        "protocol.yaml is the protocol of another configuration"
+    other = replace(grounds.test_record, fingerprint="ab" * 32, steps=())
+    assert refused(replace(grounds, test_record=other)) == [
+        "test-record.yaml is the test record of another configuration"
     ]
-    found = refused(replace(grounds, protocol=other, protocol_findings=wrong))
+    found = refused(replace(grounds, test_record=other, test_record_findings=wrong))
     assert found == ["FSN161 at p.yaml:1:1: a step is missing"]
 
 

@@ -29,14 +29,14 @@ def make_signed(folder: Path) -> Path:
         found = fsn(*given, cwd=folder)
         assert found.returncode == 0, found.stderr
 
-    done("test-protocol", "timed.yaml", "-o", "protocol.yaml")
-    _fill_in(folder / "protocol.yaml")
+    done("test-record", "timed.yaml", "-o", "test-record.yaml")
+    _fill_in(folder / "test-record.yaml")
     (folder / "photos").mkdir()
     (folder / "photos" / "panel.jpg").write_bytes(b"a photo of the panel")
     for form in ("html", "json"):
-        done("report", "timed.yaml", "--protocol", "protocol.yaml", "-o", f"report.{form}")
+        done("report", "timed.yaml", "--test-record", "test-record.yaml", "-o", f"report.{form}")
     done(
-        *("accept", "timed.yaml", "--protocol", "protocol.yaml", "-o", RECORD, "--date", DAY),
+        *("accept", "timed.yaml", "--test-record", "test-record.yaml", "-o", RECORD, "--date", DAY),
         *("--report", "report.html", "--report", "report.json"),
         *("--author", f"A. Meier <{ANNA}>", "--verifier", f"B. Kaya <{BERT}>"),
         *("--author-competence", "maker of the cell", "--verifier-competence", "safety engineer"),

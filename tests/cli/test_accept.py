@@ -30,10 +30,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def _prepared(folder: Path, number: int = 1) -> list[str]:
-    """Write protocol and report, do the steps at the machine, and return the options."""
-    protocol, report = f"protocol{number}.yaml", f"report{number}"
-    assert fsn("test-protocol", "timed.yaml", "-o", protocol).returncode == 0
-    document = yaml.safe_load((folder / protocol).read_text("utf-8"))
+    """Write test record and report, do the steps at the machine, and return the options."""
+    test_record, report = f"test record{number}.yaml", f"report{number}"
+    assert fsn("test-record", "timed.yaml", "-o", test_record).returncode == 0
+    document = yaml.safe_load((folder / test_record).read_text("utf-8"))
     for step in document["steps"]:
         if step["kind"] in ("start_up", "trigger") or step["id"] == "loss io2":
             done = {"result": "as expected", "measured_ms": 60, "remark": ""}
@@ -41,16 +41,16 @@ def _prepared(folder: Path, number: int = 1) -> list[str]:
     document["made"] = "2021-11-20"
     for device in document["devices"]:
         device.update(dict.fromkeys(device.keys() - {"subdevice"}, "not applicable: emulated"))
-    (folder / protocol).write_text(yaml.safe_dump(document), "utf-8")
+    (folder / test_record).write_text(yaml.safe_dump(document), "utf-8")
     for form in ("html", "json"):
-        done = fsn("report", "timed.yaml", "--protocol", protocol, "-o", f"{report}.{form}")
+        done = fsn("report", "timed.yaml", "--test-record", test_record, "-o", f"{report}.{form}")
         assert done.returncode == 0, done.stderr
     pages = ["--report", f"{report}.html", "--report", f"{report}.json"]
-    return ["timed.yaml", "--protocol", protocol, *pages]
+    return ["timed.yaml", "--test-record", test_record, *pages]
 
 
 @pytest.mark.shows("R27")
-def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
+def test_from_the_test_record_to_a_change_and_its_record(folder: Path) -> None:
     given = _prepared(folder)
     done = fsn("accept", *given, *PEOPLE, *SOLDERED, "--date", "2021-11-21", "-o", "first.yaml")
     assert done.returncode == 0, done.stderr
@@ -127,17 +127,17 @@ def test_from_the_protocol_to_a_change_and_its_record(folder: Path) -> None:
 @pytest.mark.uncounted
 def test_every_reason_is_reported_at_once_and_nothing_is_written(folder: Path) -> None:
     assert (
-        fsn("test-protocol", "timed.yaml", "--virtual", "--cycles", "5", "-o", "p.yaml").returncode
+        fsn("test-record", "timed.yaml", "--virtual", "--cycles", "5", "-o", "p.yaml").returncode
         == 0
     )
     assert fsn("report", "timed.yaml", "-o", "r.json").returncode == 0
     people = ("--author", "A. Meier", "--verifier", "A. MEIER")
-    given = ("--protocol", "p.yaml", "--report", "r.json")
+    given = ("--test-record", "p.yaml", "--report", "r.json")
     done = fsn("accept", "timed.yaml", *given, *people, "-o", "a.yaml")
     assert done.returncode == 1
     assert "author and verifier are one person" in done.stderr
     assert done.stderr.count("open at the machine") == 6
-    # No page, no protocol in it, no evidence, seven things to read at three devices,
+    # No page, no test record in it, no evidence, seven things to read at three devices,
     # nothing of competence, equipment and environment.
     assert "no record written: 21 reasons" in done.stderr
     assert not (folder / "a.yaml").exists()

@@ -189,22 +189,22 @@ def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (("check", "protocol.yaml"), "FSN117", "a test protocol, not a network"),
+        (("check", "test-record.yaml"), "FSN117", "a test record, not a network"),
         (("check", "scenario.yaml"), "FSN117", "a scenario, not a network"),
         (("check", "answers.yaml"), "FSN117", "`fsoe-net init --answers answers.yaml` takes it"),
         (("check", "x.fsnplan"), "FSN117", "this is a compiled plan, not a network"),
         (("check", str(PLAIN)), "FSN101", "it is a directory"),
         (("run", ESTOP, "--scenario", ESTOP), "FSN140", "a network, not a scenario"),
-        (("verify", ESTOP, "--accepted", "protocol.yaml"), "FSN117", "a test protocol, not"),
+        (("verify", ESTOP, "--accepted", "test-record.yaml"), "FSN117", "a test record, not"),
         (
-            ("report", ESTOP, "--protocol", ESTOP, "-o", "r.md"),
+            ("report", ESTOP, "--test-record", ESTOP, "-o", "r.md"),
             "FSN140",
-            "a network, not a test protocol",
+            "a network, not a test record",
         ),
         (
-            ("report", ESTOP, "--accepted", "protocol.yaml", "-o", "r.md"),
+            ("report", ESTOP, "--accepted", "test-record.yaml", "-o", "r.md"),
             "FSN140",
-            "a test protocol, not an acceptance record",
+            "a test record, not an acceptance record",
         ),
     ],
 )
@@ -212,7 +212,7 @@ def test_a_file_of_another_kind_is_named_once(
     arguments: tuple[str, ...], code: str, words: str, tmp_path: Path
 ):
     for name, text in (
-        ("protocol.yaml", "version: 1\nnetwork: x\nplan_sha256: ''\nsteps: []\n"),
+        ("test-record.yaml", "version: 1\nnetwork: x\nplan_sha256: ''\nsteps: []\n"),
         ("scenario.yaml", "version: 1\nduration_s: 2\n"),
         ("answers.yaml", "subdevices:\n  - {type: EL6910}\n"),
     ):

@@ -28,8 +28,8 @@ from fsoe_net.cli import (
     options,
     run_output,
     scan,
-    test_protocol,
-    test_protocol_output,
+    test_record,
+    test_record_output,
 )
 from fsoe_net.cli import live_bus as cli_live_bus
 from fsoe_net.cli import main as cli_main
@@ -38,11 +38,11 @@ from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.live import live_bus
-from fsoe_net.model.protocol import StepOutcome, StepResult
+from fsoe_net.model.test_record import StepOutcome, StepResult
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.project.known import Known
-from fsoe_net.test_record import protocol
+from fsoe_net.test_record import trial
 from fsoe_net.testing.fake_master import FakeMaster
 
 NETWORK = str(PLAIN / "estop" / "network.yaml")
@@ -155,7 +155,7 @@ def test_an_interrupted_campaign(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     assert done.output.endswith("interrupted: the report holds what was done until then\n")
 
 
-# -- test protocol ---------------------------------------------------------------------------------
+# -- test record ---------------------------------------------------------------------------------
 
 
 def test_steps_that_went_wrong_are_named_at_the_end(capsys: pytest.CaptureFixture[str]):
@@ -165,7 +165,7 @@ def test_steps_that_went_wrong_are_named_at_the_end(capsys: pytest.CaptureFixtur
         Facts(id="loss io2", emulated=None, live=StepResult(outcome=StepOutcome.AS_EXPECTED)),
     )
     tried: Any = Facts(steps=steps, open_steps=(), machine_steps=steps)
-    assert test_protocol_output.print_outcome(tried, "x.yaml") == 1
+    assert test_record_output.print_outcome(tried, "x.yaml") == 1
     assert capsys.readouterr().out == (
         "x.yaml: 2 steps, 0 of 2 open at the machine\n"
         "1 tried on the emulated bus, 0 not: EMULATED, not evidence for this machine\n"
@@ -173,16 +173,14 @@ def test_steps_that_went_wrong_are_named_at_the_end(capsys: pytest.CaptureFixtur
     )
 
 
-def test_a_protocol_that_breaks_off_before_its_first_step(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(protocol, "Client", fake_client)
-    monkeypatch.setattr(protocol, "run_protocol_live", broken)
-    monkeypatch.setattr(protocol, "write_whole", lambda *_, **__: pytest.fail("nothing was seen"))
+def test_a_test_record_that_breaks_off_before_its_first_step(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(trial, "Client", fake_client)
+    monkeypatch.setattr(trial, "run_tests_live", broken)
+    monkeypatch.setattr(trial, "write_whole", lambda *_, **__: pytest.fail("nothing was seen"))
     nothing: Any = None
-    trial = protocol.ProtocolTrial(
-        resolution=nothing, plan=b"", fingerprint=nothing, protocol=nothing
-    )
+    empty = trial.Trial(resolution=nothing, plan=b"", fingerprint=nothing, test_record=nothing)
     with pytest.raises(EnvironmentFault, match="it broke"):
-        test_protocol._live(trial, "s", "x.yaml", overwrite=False)
+        test_record._live(empty, "s", "x.yaml", overwrite=False)
 
 
 class fake_client:  # noqa: N801 - stands for a class
@@ -202,7 +200,7 @@ def broken(*_: object, **more: Any) -> Any:
 
 def test_a_step_that_shows_nothing_is_not_told(capsys: pytest.CaptureFixture[str]):
     step: Any = Facts(id="fault loss", live=None)
-    test_protocol_output.print_step(step)
+    test_record_output.print_step(step)
     assert capsys.readouterr() == ("", "")
 
 

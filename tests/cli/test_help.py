@@ -55,7 +55,7 @@ OF_A_NETWORK = {
     "convert": "-o {out}/bus.h --to c",
     "run": "--virtual-time --duration 1s",
     "timing": "",
-    "test-protocol": "-o {out}/protocol.yaml",
+    "test-record": "-o {out}/test-record.yaml",
     "report": "-o {out}/report.html",
     "verify": "--accepted {folder}/network.yaml",
     "fingerprint": "",

@@ -68,7 +68,7 @@ def test_one_thing_has_one_name():
 
 def test_a_flag_that_disturbs_a_bus_is_no_address():
     found = {c: kind(o) for c, o in options() if long_name(o) == "--live"}
-    assert found == {"test-protocol": "flag"}
+    assert found == {"test-record": "flag"}
     addresses = {long_name(o) for _, o in options() if o.metavar in ("IF", "IF2", "PATH")}
     assert addresses == {"--interface", "--redundant", "--socket"}
 
@@ -210,7 +210,7 @@ WRITERS = {
     "campaign": f"{ESTOP} --faults loss --cycles 1 --jobs 1 -o OUT.txt",
     "decode": f"--lua {ESTOP} -o OUT.lua",
     "timing": f"{ESTOP} --plot OUT.svg",
-    "test-protocol": f"{ESTOP} -o OUT.html",
+    "test-record": f"{ESTOP} -o OUT.html",
     "init": f"{ESTOP} -o OUT --no-input",
     "run": f"{ESTOP} --virtual-time --duration 10ms --capture OUT.pcapng",
     "studio": f"{ESTOP} --snapshot OUT.html",

@@ -91,7 +91,7 @@ def test_any_byte_of_the_record_counts(folder: Path, before: str, after: str) ->
 
 @pytest.mark.shows("R15")
 @pytest.mark.parametrize(
-    "name", ["report.html", "report.json", "protocol.yaml", "photos/panel.jpg"]
+    "name", ["report.html", "report.json", "test-record.yaml", "photos/panel.jpg"]
 )
 def test_any_byte_of_a_signed_file_counts(folder: Path, name: str) -> None:
     with Path(name).open("ab") as file:
@@ -202,7 +202,7 @@ def test_one_key_is_not_two_persons(folder: Path) -> None:
 
 
 def test_the_report_shows_the_signatures_and_what_was_accepted(folder: Path) -> None:
-    given = ("report", "timed.yaml", "--protocol", "protocol.yaml", "--accepted", RECORD)
+    given = ("report", "timed.yaml", "--test-record", "test-record.yaml", "--accepted", RECORD)
     done = fsn(*given, "--signers", "signers", "-o", "signed.md")
     assert done.returncode == 0, done.stderr
     text = Path("signed.md").read_text("utf-8")

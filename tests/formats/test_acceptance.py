@@ -173,7 +173,7 @@ def test_one_person_in_two_roles_is_found() -> None:
     assert complaints(text) == [f"acceptance.yaml:{_line('verifier') + 1}:3 FSN163"]
 
 
-@pytest.mark.parametrize("key", ["plan", "fingerprint", "author", "sections", "protocol"])
+@pytest.mark.parametrize("key", ["plan", "fingerprint", "author", "sections", "test_record"])
 def test_a_key_that_is_missing_is_named(key: str) -> None:
     lines = TEXT.splitlines(keepends=True)
     start = _line(f"{key}:") - 1

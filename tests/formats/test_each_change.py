@@ -18,9 +18,9 @@ from fsoe_net.formats.igh.read import load_igh_text
 from fsoe_net.formats.own.acceptance import load_acceptance
 from fsoe_net.formats.own.answers import load_answers
 from fsoe_net.formats.own.network import load_network
-from fsoe_net.formats.own.protocol import load_protocol
 from fsoe_net.formats.own.scan import load_scan
 from fsoe_net.formats.own.scenario import load_scenario
+from fsoe_net.formats.own.test_record import load_test_record
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.sii.read import load_sii
 
@@ -67,7 +67,7 @@ TEXTS: dict[str, tuple[str | Path, str, Callable[[str], Found]]] = {
     "transfers": (BASE / "transfers.yaml", "robot.urdf", _network),
     "drive": (BASE / "devices/drive.yaml", "robot.urdf", _network),
     "acceptance": (BASE / "acceptance.yaml", "acceptance.yaml", _collected(load_acceptance)),
-    "protocol": (BASE / "protocol.yaml", "protocol.yaml", _collected(load_protocol)),
+    "test_record": (BASE / "test-record.yaml", "test-record.yaml", _collected(load_test_record)),
     "scan": (BASE / "scan.json", "scan.json", load_scan),
 }
 BINARIES = {

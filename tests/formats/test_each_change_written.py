@@ -20,10 +20,10 @@ from fsoe_net.formats.lcec.read import load_lcec
 from fsoe_net.formats.lcec.write import write_lcec
 from fsoe_net.formats.own.acceptance import load_acceptance
 from fsoe_net.formats.own.network import load_network
-from fsoe_net.formats.own.protocol import load_protocol
+from fsoe_net.formats.own.test_record import load_test_record
 from fsoe_net.formats.own.write import write_network
 from fsoe_net.formats.own.write_acceptance import write_acceptance
-from fsoe_net.formats.own.write_protocol import write_protocol
+from fsoe_net.formats.own.write_test_record import write_test_record
 from fsoe_net.formats.ros2.write import write_driver
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.writers import own_words_lost
@@ -76,10 +76,10 @@ SOURCES: dict[str, tuple[str | Path, str, Callable[[str], object]]] = {
         "acceptance.yaml",
         lambda p: (r := load_acceptance(p, Collector())) and write_acceptance(r),
     ),
-    "protocol": (
-        BASE / "protocol.yaml",
-        "protocol.yaml",
-        lambda p: (r := load_protocol(p, Collector())) and write_protocol(r),
+    "test_record": (
+        BASE / "test-record.yaml",
+        "test-record.yaml",
+        lambda p: (r := load_test_record(p, Collector())) and write_test_record(r),
     ),
 }
 

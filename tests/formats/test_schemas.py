@@ -20,8 +20,8 @@ from fsoe_net.formats.own.answers import load_answers
 from fsoe_net.formats.own.json_schema import LEFT_TO_READERS, read_schema, schema_errors
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.formats.own.protocol import load_protocol
 from fsoe_net.formats.own.scenario import load_scenario
+from fsoe_net.formats.own.test_record import load_test_record
 from fsoe_net.formats.shared.files import Collector
 
 # Other keys or files say the rest: a path, two names of one thing, the order of two times, a day
@@ -31,7 +31,16 @@ BETWEEN_KEYS = {"FSN133", "FSN164", "FSN165", "FSN228", "FSN161", "FSN422"}
 ORDER = [("FSN113", f"{key} must rise") for key in ("during_ms", "limits_rev", "home_switch_rev")]
 
 
-NAMES = ["network", "transfers", "slave", "scenario", "answers", "protocol", "acceptance", "scan"]
+NAMES = [
+    "network",
+    "transfers",
+    "slave",
+    "scenario",
+    "answers",
+    "test-record",
+    "acceptance",
+    "scan",
+]
 OTHERS = [*NAMES, "device"]
 
 
@@ -47,8 +56,8 @@ def found_in(name: str, path: Path) -> list[Diagnostic]:
         return load_scenario(path)[1]
     if name == "answers":
         load_answers(str(path), out)
-    elif name == "protocol":
-        load_protocol(str(path), out)
+    elif name == "test-record":
+        load_test_record(str(path), out)
     else:
         return list(load_network([path], LoadOptions()).diagnostics)
     return out.diagnostics
@@ -56,7 +65,7 @@ def found_in(name: str, path: Path) -> list[Diagnostic]:
 
 @pytest.mark.uncounted
 @pytest.mark.parametrize(
-    "name", ["network", "transfers", "slave", "scenario", "answers", "protocol"]
+    "name", ["network", "transfers", "slave", "scenario", "answers", "test-record"]
 )
 def test_what_a_schema_allows_is_refused_for_other_keys_only(name: str, tmp_path: Path):
     refused: list[tuple[str, str]] = []

@@ -1,4 +1,4 @@
-"""What a run says and gives at the edges of what it knows: sources, builds, protocols, files."""
+"""What a run says and gives at the edges of what it knows: sources, builds, test records, files."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, cast
 import pytest
 from live.whole_programs import program, refusal
 from networks import example
-from test_record.protocols import protocol_of, timed
+from test_record.filled import fresh_record, timed
 
 from fsoe_net.errors import ControlRefused
 from fsoe_net.live import build_master, in_use, scan, sockets
@@ -28,7 +28,7 @@ from fsoe_net.test_record.steps import (
     _loss,
     _trigger,
     keep_machine,
-    make_protocol,
+    make_test_record,
 )
 
 
@@ -39,7 +39,7 @@ def test_json_keeps_letters_as_they_are():
 def test_a_protocol_of_a_network_without_a_project():
     resolution = timed()
     network = replace(resolution.network, project=None)
-    bare = make_protocol(replace(resolution, network=network), b"")
+    bare = make_test_record(replace(resolution, network=network), b"")
     assert (bare.project, bare.network) == ("", network.name)
 
 
@@ -131,7 +131,7 @@ def test_a_subdevice_without_fsoe_and_a_function_without_words():
 
 
 def test_a_device_that_somebody_filled_in_is_not_written_over():
-    old, _ = protocol_of(timed())
+    old, _ = fresh_record(timed())
     first, *rest = old.devices
     assert rest
     filled = replace(old, plan_sha256="0" * 64, devices=(replace(first, serial="17"), *rest))

@@ -20,12 +20,12 @@ from fsoe_net.compare.bus_scan import check_scan
 from fsoe_net.errors import PlanFormatError
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.model.network import MOST_COMBINATIONS, Group
-from fsoe_net.model.protocol import StepKind, StepOutcome
+from fsoe_net.model.test_record import StepKind, StepOutcome
 from fsoe_net.plan.codec import decode_plan, encode_plan
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.rules.check import check
-from fsoe_net.test_record.steps import make_protocol
-from fsoe_net.test_record.virtual import run_protocol_virtual
+from fsoe_net.test_record.steps import make_test_record
+from fsoe_net.test_record.virtual import run_tests_virtual
 
 FOLDER = EXAMPLES / "tool-exchange"
 NETWORK = FOLDER / "network.yaml"
@@ -208,7 +208,7 @@ def test_a_scan_misses_nobody_who_may_be_absent(there, silent):
     assert [d.message for d in check_scan(resolution, scan)] == []
 
 
-# -- virtual time, report, protocol ---------------------------------------------------------------
+# -- virtual time, report, test record -------------------------------------------------------------
 
 
 @needs_core
@@ -235,8 +235,8 @@ def test_a_scenario_names_groups(tmp_path):
 def test_the_protocol_tries_each_combination():
     resolution = resolved(NETWORK)
     plan = encode_plan(compile_plan(resolution))
-    protocol = make_protocol(resolution, plan)
-    steps = [s for s in protocol.steps if s.kind is StepKind.COMBINATION]
+    test_record = make_test_record(resolution, plan)
+    steps = [s for s in test_record.steps if s.kind is StepKind.COMBINATION]
     assert [s.id for s in steps] == [
         "combination none",
         "combination gripper",
@@ -246,9 +246,9 @@ def test_the_protocol_tries_each_combination():
     assert "plug in drill, without gripper" in steps[2].what
     assert "el6910-el1904, el6910-spindle reaches" in steps[2].expected
     others = ("start-up el6910-spindle", "trigger e-stop to spindle", "loss spindle")
-    due = (*steps, *(s for s in protocol.steps if s.id in others))
+    due = (*steps, *(s for s in test_record.steps if s.id in others))
     assert len(due) == 6
-    tried = run_protocol_virtual(replace(protocol, steps=due), resolution, plan, faults=1)
+    tried = run_tests_virtual(replace(test_record, steps=due), resolution, plan, faults=1)
     for step in tried.steps:
         assert step.emulated is not None
         assert step.emulated.outcome is StepOutcome.AS_EXPECTED, (step.id, step.emulated)

@@ -85,7 +85,7 @@ def test_a_master_without_layout_has_no_watchdogs(master):
 
 def test_what_is_wrong_is_named(master):
     master.wire |= {
-        "outside": 1,
+        "observed_state": 1,
         "to_main": direction(command=0x2A, resets=2, reset_code=5, wrong=3),
     }
     gone = subdevice("drive", al="none", detail="the link behind logic is down")
@@ -134,7 +134,7 @@ def test_a_master_that_goes_and_comes_back(master):
         assert not view.good
         assert view.snapshot is not None  # what was seen last
         assert attached.look(0.01).away == view.away  # told once
-        master.wire["outside"] = 5
+        master.wire["observed_state"] = 5
         master.reopen()
         view = attached.look(0.01)
         assert (view.away, view.connections[0].result.state) == ("", "data_failsafe")

@@ -21,7 +21,7 @@ from live.console_rig import Rig as ConsoleRig
 from live.whole_programs import program, refusal
 from scans import scan_of, subdevice
 from simulate.made_session import session
-from test_record.protocols import protocol_of, timed
+from test_record.filled import fresh_record, timed
 
 from fsoe_net.errors import ConsoleError, ControlRefused
 from fsoe_net.formats.own.scan import parse_scan
@@ -37,7 +37,7 @@ from fsoe_net.model.scenario import Action
 from fsoe_net.simulate.commands import CommandError, parse_command
 from fsoe_net.simulate.device_logic import _find, _place, _raised, _short, stdout_to_stderr
 from fsoe_net.test_record.steps import (
-    compare_protocol,
+    compare_test_record,
 )
 from fsoe_net.testing.fake_master import FakeMaster
 from fsoe_net.version import __version__
@@ -444,10 +444,10 @@ def test_the_time_that_devices_stood_still():
     ],
 )  # fmt: skip
 def test_a_step_that_asks_for_something_else(change: dict[str, Any], key: str, value: object):
-    fresh, _ = protocol_of(timed())
+    fresh, _ = fresh_record(timed())
     steps = tuple(replace(s, **change) if s.id == "trigger estop" else s for s in fresh.steps)
     out = Collector()
-    compare_protocol(replace(fresh, steps=steps), fresh, out)
+    compare_test_record(replace(fresh, steps=steps), fresh, out)
     assert [(d.code, d.message, d.hint) for d in out.diagnostics] == [
         (
             "FSN161",

@@ -49,7 +49,7 @@ class WatchedMaster:
         self.path = path
         self.state = "running"
         self.in_cycle = []
-        self.wire = {"outside": 6, "gaps": 0, "to_sub": direction(), "to_main": direction()}
+        self.wire = {"observed_state": 6, "gaps": 0, "to_sub": direction(), "to_main": direction()}
         self.subdevices = [subdevice("logic"), subdevice("drive")]
         self.layout = {"image_bytes": 6, "sms": [], "datagrams": [], "copies": []}
         self.watchdog_ms = 100

@@ -7,7 +7,7 @@ from itertools import product
 
 import pytest
 from changed import compare
-from test_record.protocols import timed
+from test_record.filled import timed
 
 from fsoe_net.errors import InputError
 from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers, Ask
@@ -23,14 +23,6 @@ from fsoe_net.model.description import (
 )
 from fsoe_net.model.library import LibraryDevice, LibraryMapping
 from fsoe_net.model.network import ConnectionFacts
-from fsoe_net.model.protocol import (
-    AtMachine,
-    Protocol,
-    ProtocolStep,
-    StepKind,
-    StepOutcome,
-    StepResult,
-)
 from fsoe_net.model.safety import SafetyElement, SafetyFunction
 from fsoe_net.model.scan import (
     Scan,
@@ -42,6 +34,14 @@ from fsoe_net.model.scan import (
     ScannedSubDevice,
 )
 from fsoe_net.model.scenario import Action
+from fsoe_net.model.test_record import (
+    AtMachine,
+    StepKind,
+    StepOutcome,
+    StepResult,
+    TestRecord,
+    TestStep,
+)
 
 OTHERWISE = {
     ("AnsweredDevice", "count"): 1,
@@ -55,7 +55,7 @@ def test_what_nobody_says_is_empty():
         *(ConnectionFacts, AnsweredDevice, AnsweredWord, Answers),
         *(ClockFacts, DescribedConnection, DescribedCopy, DescribedSubDevice, Description),
         *(StartFacts, TypeFacts, LibraryDevice, LibraryMapping),
-        *(AtMachine, Protocol, ProtocolStep, StepResult, SafetyElement, SafetyFunction),
+        *(AtMachine, TestRecord, TestStep, StepResult, SafetyElement, SafetyFunction),
         *(Scan, ScannedConnection, ScannedFsoe, ScannedPdo, ScannedPort, ScannedSm),
         ScannedSubDevice,
     ]
@@ -88,7 +88,7 @@ def test_each_change_of_what_was_seen_of_a_step(kind: StepKind):
         (None, *StepOutcome), ("", "me"), ("", "today"), (None, 10.0, 10.5), SEEN, SEEN
     ):
         machine = AtMachine(outcome=outcome, by=by, date=date, measured_ms=measured)
-        step = ProtocolStep(
+        step = TestStep(
             id="s",
             kind=kind,
             subject="stop",

@@ -362,7 +362,7 @@ def test_the_plan_in_a_record_is_compiled_again() -> None:
         reports=(file,),
         open_points=0,
         assumptions=0,
-        protocol=file,
+        test_record=file,
         steps=0,
         author=signed,
         verifier=signed,

@@ -35,7 +35,7 @@ Architecture: CRC of the safety project to be read at the device: logic
 Change log: not compared with the state that was accepted last
 Sign-off: not signed
 Identity: the machine is not named; write project: in the network file
-Tests: no test protocol: nothing was tried at the machine
+Tests: no test record: nothing was tried at the machine
 FSoE connections: logic-io is unconfirmed: asked by mail
 FSoE connections: logic-io2 is unconfirmed
 Timing: estop: values nobody answers for: ES1
@@ -154,7 +154,7 @@ def test_a_copy_without_a_place_in_the_image():
     ],
 )
 def test_the_sra_crc_is_that_of_the_rest(parameters: str, said: list[str]):
-    """Words 1 to 4 of the protocol notes (§12), and the CRC low byte first in front of them."""
+    """Words 1 to 4 of the test record notes (§12), and the CRC low byte first in front of them."""
     data = bytes.fromhex(parameters)
     number, shown, *rest = section_network._parameters(data)
     assert (number.value, shown.text) == (len(data), data.hex(" "))

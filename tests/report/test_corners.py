@@ -15,7 +15,7 @@ from live.watched_master import WatchedMaster
 from networks import example, write_big_network
 from report.made import TIMED, inputs_of
 from scans import scan_of
-from test_record.protocols import DONE, protocol_of, timed
+from test_record.filled import DONE, fresh_record, timed
 
 from fsoe_net.campaign.trials import EXHAUSTIVE
 from fsoe_net.capture.lua import lua_dissector
@@ -34,19 +34,19 @@ from fsoe_net.errors import InputError
 from fsoe_net.incident.incident_facts import facts_of
 from fsoe_net.incident.incident_window import Wrong, _wrong
 from fsoe_net.live.control_values import StandbyStatus
-from fsoe_net.model.protocol import StepOutcome
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
+from fsoe_net.model.test_record import StepOutcome
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report import campaign, cycle_times
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.evidence import ask_live, longest_round_trips, read_evidence
 from fsoe_net.report.incident_document import incident_document
 from fsoe_net.report.model import ReportSection
-from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.section_evidence import bus_evidence
 from fsoe_net.report.steps_to_repeat import _functions_over
 from fsoe_net.report.svg import _box, _byte_row, _free_line
+from fsoe_net.report.test_record_document import render_test_record
 
 # -- incidents -------------------------------------------------------------------------------------
 
@@ -157,12 +157,12 @@ def test_a_table_without_rows_is_none():
     assert _table(Table(name="t", columns=(), rows=())) == ["none", ""]
 
 
-def test_a_protocol_with_failed_and_disputed_steps():
-    protocol, _ = protocol_of(timed())
-    first, second, *rest = protocol.steps
+def test_a_test_record_with_failed_and_disputed_steps():
+    test_record, _ = fresh_record(timed())
+    first, second, *rest = test_record.steps
     failed = replace(DONE, outcome=StepOutcome.NOT_AS_EXPECTED, remark="it <stayed> on")
     steps = (replace(first, machine=failed), replace(second, machine=DONE), *rest)
-    page = document_html(protocol_document(replace(protocol, steps=steps), version="0"))
+    page = document_html(render_test_record(replace(test_record, steps=steps), version="0"))
     assert "<p><b>4 of 6 steps open at the machine, 1 not as expected.</b></p>" in page
     assert '<span class="muted">it &lt;stayed&gt; on</span>' in page
 

@@ -11,21 +11,21 @@ from pathlib import Path
 import pytest
 from networks import example
 from report.made import TIMED, inputs_of
-from test_record.protocols import protocol_of, timed
+from test_record.filled import fresh_record, timed
 
 from fsoe_net.document.model import Document, Item, Level, Table, Verdict
 from fsoe_net.document.write_html import document_html
 from fsoe_net.formats.own.library import builtin_library
 from fsoe_net.model.acceptance import Acceptance, CheckedSignature, SignedBy
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import AtMachine, StepKind, StepOutcome
+from fsoe_net.model.test_record import AtMachine, StepKind, StepOutcome
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.compose import compose_report
 from fsoe_net.report.inputs import GivenRecord, ReportInputs, Signatures, Tried
 from fsoe_net.report.svg import topology_picture
 from fsoe_net.timing.budget import make_budget
 
-FILE = SourceFile(path="protocol.yaml", sha256="0" * 64)
+FILE = SourceFile(path="test-record.yaml", sha256="0" * 64)
 ROOT = Path(__file__).parents[2]
 
 
@@ -48,14 +48,14 @@ def function_row(inputs: ReportInputs) -> dict[str, list[str]]:
 
 
 def tried(outcome: StepOutcome | None, kind: StepKind | None = None, **more: object) -> Tried:
-    """Return the test protocol of the timed network; those of a kind, or all, have an outcome."""
+    """Return the test record of the timed network; those of a kind, or all, have an outcome."""
     machine = AtMachine(outcome=outcome, by="A. Person", date="2026-11-20", **more)
-    protocol, _ = protocol_of(timed())
+    test_record, _ = fresh_record(timed())
     steps = tuple(
         replace(s, machine=machine) if s.kind.at_machine and kind in (None, s.kind) else s
-        for s in protocol.steps
+        for s in test_record.steps
     )
-    return Tried(source=FILE, protocol=replace(protocol, steps=steps))
+    return Tried(source=FILE, test_record=replace(test_record, steps=steps))
 
 
 def test_the_first_table_says_what_by_whom_and_what_was_tried() -> None:
@@ -215,7 +215,7 @@ def record_of(inputs: ReportInputs) -> Acceptance:
         reports=(),
         open_points=0,
         assumptions=0,
-        protocol=FILE,
+        test_record=FILE,
         steps=1,
         author=SignedBy(name="A. Meier", date="2026-11-20"),
         verifier=SignedBy(name="B. Kaya", date="2026-11-21"),

@@ -22,13 +22,13 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.document.model import Number, Table, section_marks
 from fsoe_net.formats.own.json_schema import read_schema
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.protocol import (
+from fsoe_net.model.test_record import (
     AtMachine,
-    Protocol,
-    ProtocolStep,
     StepKind,
     StepOutcome,
     StepResult,
+    TestRecord,
+    TestStep,
 )
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.report.compose import compose_report
@@ -324,9 +324,9 @@ def test_another_plan_is_named_as_such():
 
 
 @pytest.mark.shows("R13")
-def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
+def test_a_test_record_has_columns_for_the_machine_that_emulation_never_fills():
     press = partial(
-        ProtocolStep,
+        TestStep,
         id="",
         subject="estop",
         what="press ES1",
@@ -345,8 +345,8 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
             machine=AtMachine(outcome=yes, **by),
         ),
     )
-    protocol = Protocol(network="", plan_sha256="0" * 64, steps=steps)
-    document = as_json(inputs_of(TIMED, tried=Tried(source=FILE, protocol=protocol)))
+    test_record = TestRecord(network="", plan_sha256="0" * 64, steps=steps)
+    document = as_json(inputs_of(TIMED, tried=Tried(source=FILE, test_record=test_record)))
     shown = table(document, "tests", "checklist")
     assert shown["columns"][3:6] == ["EMULATED", "LIVE, by program", "MACHINE, by hand"]
     one, two, _ = shown["rows"]
@@ -366,8 +366,8 @@ def test_a_protocol_has_columns_for_the_machine_that_emulation_never_fills():
 def test_a_step_that_took_too_long_is_an_error_whatever_was_ticked():
     machine = AtMachine(outcome=_YES, measured_ms=180.5, by="A. B.", date="1 May")
     steps = (_step(machine=machine, limit_ms=150.0), _step(machine=machine, limit_ms=200.0))
-    protocol = Protocol(network="", plan_sha256="0" * 64, steps=steps)
-    document = as_json(inputs_of(TIMED, tried=Tried(source=FILE, protocol=protocol)))
+    test_record = TestRecord(network="", plan_sha256="0" * 64, steps=steps)
+    document = as_json(inputs_of(TIMED, tried=Tried(source=FILE, test_record=test_record)))
     late, timely = (row[5][0] for row in table(document, "tests", "checklist")["rows"])
     assert (late["word"], late["level"]) == ("as expected", "error")
     assert "level" not in timely
@@ -438,9 +438,9 @@ def test_bytes_of_a_narrow_range_are_named_once(tmp_path: Path):
 
 
 def test_what_stands_against_it_in_a_block_stands_on_the_first_page() -> None:
-    source = SourceFile(path="protocol.yaml", sha256="0" * 64)
-    protocol = Protocol(network="", plan_sha256="0" * 64, steps=())
-    tried = Tried(source=source, protocol=protocol, fits=False)
+    source = SourceFile(path="test-record.yaml", sha256="0" * 64)
+    test_record = TestRecord(network="", plan_sha256="0" * 64, steps=())
+    tried = Tried(source=source, test_record=test_record, fits=False)
     document = as_json(inputs_of(TIMED, tried=tried))
     assert document["verdict"]["level"] == "error"
     assert document["verdict"]["word"] == (
@@ -448,14 +448,14 @@ def test_what_stands_against_it_in_a_block_stands_on_the_first_page() -> None:
     )
     (rows,) = [p["rows"] for p in document["lead"] if p["type"] == "list"][:1]
     assert ["".join(words(row)) for row in rows] == [
-        "Tests: protocol.yaml cannot be taken for this network"
+        "Tests: test-record.yaml cannot be taken for this network"
     ]
 
 
-def _step(outcome: StepOutcome | None = None, **more: Any) -> ProtocolStep:
+def _step(outcome: StepOutcome | None = None, **more: Any) -> TestStep:
     by = {} if outcome is None else {"by": "A. B.", "date": "1 May"}
     row = {"kind": StepKind.TRIGGER, "machine": AtMachine(outcome=outcome, **by), **more}
-    return ProtocolStep(id="", subject="", what="press e-stop", expected="outputs off", **row)
+    return TestStep(id="", subject="", what="press e-stop", expected="outputs off", **row)
 
 
 _YES = StepOutcome.AS_EXPECTED
@@ -471,14 +471,14 @@ _YES = StepOutcome.AS_EXPECTED
     ],
 )
 def test_the_verdict_tells_files_machine_and_signature_apart(
-    steps: tuple[ProtocolStep, ...], machine: str
+    steps: tuple[TestStep, ...], machine: str
 ) -> None:
     inputs = inputs_of(TIMED)
     assert inputs.plan is not None
     sha256 = hashlib.sha256(inputs.plan.to_bytes()).hexdigest()
     tried = Tried(
-        source=SourceFile(path="protocol.yaml", sha256="0" * 64),
-        protocol=Protocol(network="", plan_sha256=sha256, steps=steps),
+        source=SourceFile(path="test-record.yaml", sha256="0" * 64),
+        test_record=TestRecord(network="", plan_sha256=sha256, steps=steps),
     )
     verdict = as_json(inputs_of(TIMED, tried=tried))["verdict"]
     assert verdict["word"].endswith(f"machine: {machine} · not signed")

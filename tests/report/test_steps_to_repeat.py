@@ -16,7 +16,7 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
 from fsoe_net.report.steps_to_repeat import steps_to_repeat
-from fsoe_net.test_record.steps import make_protocol
+from fsoe_net.test_record.steps import make_test_record
 
 
 def _resolution(path: Path = TIMED) -> Resolution:
@@ -33,13 +33,13 @@ def _again(tmp_path: Path, edit: Callable[[str], str]) -> tuple[list[str], int]:
     before, now = _resolution(), _resolution(path)
     changes = compare(side_of_network(before, "a"), side_of_network(now, "b")).changes
     assert changes
-    steps = make_protocol(now, b"").steps
+    steps = make_test_record(now, b"").steps
     return list(steps_to_repeat(changes, now, steps)), len(steps)
 
 
 def test_nothing_changed_nothing_again() -> None:
     resolution = _resolution()
-    assert steps_to_repeat((), resolution, make_protocol(resolution, b"").steps) == ()
+    assert steps_to_repeat((), resolution, make_test_record(resolution, b"").steps) == ()
 
 
 @pytest.mark.shows("R27")
@@ -111,7 +111,7 @@ def test_what_all_share_or_lost_its_name_touches_all(tmp_path: Path, find: str, 
 )
 def test_what_cannot_be_placed_touches_all(change: Change) -> None:
     resolution = _resolution()
-    steps = make_protocol(resolution, b"").steps
+    steps = make_test_record(resolution, b"").steps
     assert len(steps_to_repeat([change], resolution, steps)) == len(steps)
 
 
@@ -135,7 +135,7 @@ def _since(before: Resolution, now: Resolution) -> tuple[list[str], list[str]]:
     functions = before.network.safety_functions
     old = side_of_plan(plans[0], "a", functions)
     changes = compare(old, side_of_network(now, "b")).changes
-    steps = make_protocol(now, b"").steps
+    steps = make_test_record(now, b"").steps
     again = steps_to_repeat(changes, now, steps, plans=plans, functions=functions)
     return list(again), [step.id for step in steps]
 
@@ -201,7 +201,7 @@ def test_an_element_that_is_no_subdevice_any_more_touches_its_function(tmp_path:
 
 def test_the_new_end_of_a_copy_is_touched_too() -> None:
     resolution = _resolution()
-    steps = make_protocol(resolution, b"").steps
+    steps = make_test_record(resolution, b"").steps
     change = Change(
         kind=ChangeKind.CHANGED,
         area=ChangeArea.COPY,

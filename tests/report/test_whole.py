@@ -32,7 +32,7 @@ from report.lines import told
 from report.made import BASE, TIMED, inputs_of, with_mistakes
 from report.made_blocks import LOCAL, SPARSE
 from scans import scan_of
-from test_record.protocols import protocol_of, timed
+from test_record.filled import fresh_record, timed
 
 from fsoe_net.campaign.collision_proof import Collision
 from fsoe_net.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult, Failure, Shown
@@ -61,13 +61,13 @@ from fsoe_net.intervention_log.document import (
 from fsoe_net.intervention_log.files import log_files, read_log, select_entries
 from fsoe_net.live.result import ExpectationResult
 from fsoe_net.model.acceptance import Intervention, JustifiedFinding, JustifiedStep
-from fsoe_net.model.protocol import (
+from fsoe_net.model.test_record import (
     AtMachine,
-    Protocol,
-    ProtocolStep,
     StepKind,
     StepOutcome,
     StepResult,
+    TestRecord,
+    TestStep,
 )
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
@@ -79,10 +79,10 @@ from fsoe_net.report.device_page import device_json, device_list, device_text
 from fsoe_net.report.evidence import ask_live, read_evidence
 from fsoe_net.report.incident_document import incident_document
 from fsoe_net.report.inputs import Against, GivenPlan, GivenRecord, Tried
-from fsoe_net.report.protocol_document import protocol_document
 from fsoe_net.report.section_record import change_log
 from fsoe_net.report.self_test_result import PART_NAMES, read_self_test, self_test_parts
 from fsoe_net.report.svg import copy_picture, topology_picture
+from fsoe_net.report.test_record_document import render_test_record
 from fsoe_net.simulate.campaign import campaign_links, run_campaign
 from fsoe_net.simulate.session import Session, counted_session_ids, run_virtual
 from fsoe_net.version import __version__
@@ -158,7 +158,7 @@ def with_everything(folder: Path) -> str:
     scan.write_text(json.dumps(scan_of(resolution)), "utf-8")
     before = replace(plan, cycle_ns=2 * plan.cycle_ns)
     difference = compare(side_of_plan(before, "old"), side_of_network(resolution, "now"))
-    protocol, _ = protocol_of(resolution)
+    test_record, _ = fresh_record(resolution)
     return report(
         TIMED,
         diagnostics=(warned,),
@@ -167,13 +167,13 @@ def with_everything(folder: Path) -> str:
         given=GivenPlan(source=source("p.fsnplan"), plan=plan),
         against=Against(source=source("old.fsnplan"), difference=difference,
                         again=("loss io", "loss io2"), fingerprint=fingerprint_of(before)),
-        tried=Tried(source=source("protocol.yaml"), protocol=filled(protocol)),
+        tried=Tried(source=source("test-record.yaml"), test_record=filled(test_record)),
         accepted=GivenRecord(source=source("record.yaml"), record=record, fits=True),
     )  # fmt: skip
 
 
 def of_another_configuration(folder: Path) -> str:
-    """Runs in real time, a running bus, a record and a protocol, all of another plan."""
+    """Runs in real time, a running bus, a record and a test record, all of another plan."""
     done = emulated_run("estop")
     row = json.loads(json.dumps(done.to_json("0")))
     row["bus"] = {"backend": "soem", "interface": "eth1"}
@@ -198,16 +198,16 @@ def of_another_configuration(folder: Path) -> str:
     finally:
         master.close()
     steps = (
-        ProtocolStep(id="1", kind=StepKind.TRIGGER, subject="", what="press", expected="off",
+        TestStep(id="1", kind=StepKind.TRIGGER, subject="", what="press", expected="off",
                      limit_ms=150.0, limit_source="RA",
                      machine=AtMachine(outcome=StepOutcome.NOT_AS_EXPECTED, measured_ms=180.5,
                                        by="A. B.", date="1 May")),
-        ProtocolStep(id="2", kind=StepKind.LOSS, subject="", what="pull", expected="off",
+        TestStep(id="2", kind=StepKind.LOSS, subject="", what="pull", expected="off",
                      emulated=StepResult(outcome=StepOutcome.AS_EXPECTED, measured_ms=61.0),
                      live=StepResult(outcome=StepOutcome.NOT_AS_EXPECTED, measured_ms=70.25),
                      machine=AtMachine(outcome=StepOutcome.AS_EXPECTED, by="C", date="2 May")),
-        ProtocolStep(id="3", kind=StepKind.FAULT, subject="", what="flip bits", expected="refused"),
-        ProtocolStep(id="4", kind=StepKind.START_UP, subject="", what="wait", expected="on"),
+        TestStep(id="3", kind=StepKind.FAULT, subject="", what="flip bits", expected="refused"),
+        TestStep(id="4", kind=StepKind.START_UP, subject="", what="wait", expected="on"),
     )  # fmt: skip
     own = compile_plan(timed())
     found = fingerprint_of(own)
@@ -222,8 +222,8 @@ def of_another_configuration(folder: Path) -> str:
         against=Against(source=source("same.fsnplan"),
                         difference=compare(side_of_plan(own, "a"), side_of_plan(own, "b")),
                         fingerprint=other),
-        tried=Tried(source=source("protocol.yaml"),
-                    protocol=Protocol(network="", plan_sha256="", steps=steps),
+        tried=Tried(source=source("test-record.yaml"),
+                    test_record=TestRecord(network="", plan_sha256="", steps=steps),
                     notes=("3: not finished",), fits=False),
         accepted=GivenRecord(source=source("record.yaml"), record=record_of(), fits=False),
     )  # fmt: skip
@@ -323,10 +323,12 @@ def devices(_: Path) -> str:
     return told(device_list(found), *texts, device_json(found[0]))
 
 
-def protocol(_: Path) -> str:
-    made, _ = protocol_of(timed())
+def filled_page(_: Path) -> str:
+    made, _ = fresh_record(timed())
     made = replace(made, project="Press 4")
-    return told(protocol_document(made, version="0"), protocol_document(filled(made), version="0"))
+    return told(
+        render_test_record(made, version="0"), render_test_record(filled(made), version="0")
+    )
 
 
 def sides(_: Path) -> str:
@@ -474,7 +476,7 @@ TOLD: dict[str, Callable[[Path], str]] = {
     "campaign": campaign,
     "times": times,
     "devices": devices,
-    "protocol": protocol,
+    "test_record": filled_page,
     "logs": logs,
     "self-tests": self_tests,
 }

@@ -11,16 +11,16 @@ from intervention_log.intervention_logs import a_log, written
 from report.made import BASE
 
 from fsoe_net.acceptance.accept import record_bytes
-from fsoe_net.test_record.protocol import ProtocolTrial
+from fsoe_net.test_record.trial import Trial
 
 
 def made_folder(tmp: Path) -> Path:
-    """Return the network file in a folder with a protocol, a record, an incident and a log."""
+    """Return the network file in a folder with a test record, a record, an incident and a log."""
     folder, scratch = tmp / "cell", tmp / "scratch"
     shutil.copytree(BASE / "devices", folder / "devices")
     path = folder / "network.yaml"
     shutil.copy(BASE / "timed.yaml", path)
-    ProtocolTrial.of([str(path)]).save(str(folder / "protocol.yaml"))
+    Trial.of([str(path)]).save(str(folder / "test-record.yaml"))
     (folder / "acceptance.yaml").write_bytes(record_bytes(record_of(path)))
     scratch.mkdir()
     rig = Rig(network("estop", scratch), scratch, steps="  - {at_ms: 300, break: ek1914}\n")

@@ -61,7 +61,7 @@ def test_what_is_beside_a_network_is_known_by_content(path: Path) -> None:
         "acceptance.yaml": CompanionKind.RECORD,
         "incidents/a.fsnincident": CompanionKind.INCIDENT,
         "log": CompanionKind.LOG,
-        "protocol.yaml": CompanionKind.PROTOCOL,
+        "test-record.yaml": CompanionKind.TEST_RECORD,
     }
 
 
@@ -94,12 +94,12 @@ def test_what_leads_out_of_the_folder_is_left_out(
 def test_a_report_is_of_the_text_as_it_is(browser: Browser) -> None:
     _, answer = browser.get("state")
     number = _listed(browser)
-    whole = f"report?protocol={number['protocol.yaml']}&accepted={number['acceptance.yaml']}"
+    whole = f"report?test_record={number['test-record.yaml']}&accepted={number['acceptance.yaml']}"
     assert "configuration report" in _page(browser, whole)
     changed = answer["text"].replace("watchdog_ms: 100", "watchdog_ms: 90")
     assert changed != answer["text"]
     _, answer = browser.post("text", {"version": answer["version"], "text": changed})
-    assert "90" in _page(browser, "report?protocol=&accepted=")
+    assert "90" in _page(browser, "report?test_record=&accepted=")
     text = _page(browser, "difference?file=")
     assert "Difference to the saved file" in text
     assert "watchdog_ms 100" in text.replace("watchdog 100", "watchdog_ms 100")
@@ -114,7 +114,7 @@ def test_a_report_is_of_the_text_as_it_is(browser: Browser) -> None:
     text = _page(browser, "difference?file=")
     assert "No difference" in text
     text = _page(browser, f"difference?file={number['acceptance.yaml']}")
-    assert "No step of the test protocol" in text
+    assert "No step of the test record" in text
 
 
 def test_incidents_and_the_log_have_their_pages(browser: Browser) -> None:
@@ -130,10 +130,10 @@ def test_only_what_is_listed_is_opened(browser: Browser, path: Path) -> None:
         "incident?file=",
         "incident?file=../../secret",
         "incident?file=99",
-        f"incident?file={number['protocol.yaml']}",
+        f"incident?file={number['test-record.yaml']}",
         f"log?file={number['acceptance.yaml']}",
-        f"difference?file={number['protocol.yaml']}",
-        "report?protocol=99",
+        f"difference?file={number['test-record.yaml']}",
+        "report?test_record=99",
     ):
         assert "this file is there no more" in _page(browser, where, 422)
     assert browser.ask("/records/secret")[0] == 404
@@ -157,7 +157,9 @@ def test_only_what_is_listed_is_opened(browser: Browser, path: Path) -> None:
 def test_signing_is_a_command_to_type(browser: Browser) -> None:
     _, answer = browser.get("records")
     commands = answer["commands"]
-    assert commands[0] == "fsoe-net report network.yaml --protocol protocol.yaml -o report.html"
+    assert (
+        commands[0] == "fsoe-net report network.yaml --test-record test-record.yaml -o report.html"
+    )
     assert commands[-1] == "fsoe-net accept acceptance-new.yaml --sign KEY --as verifier"
     assert "--replaces acceptance.yaml" in commands[-2]
     other = Browser(f"http://{browser.host}/")

@@ -1,4 +1,4 @@
-"""Records and the test protocol in a real browser; what was entered is never lost."""
+"""Records and the test record in a real browser; what was entered is never lost."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from studio.server_rig import Studio, running
 
 from fsoe_net.studio.workspace import Workspace
 
-OF_ANOTHER = """() => localStorage.setItem('fsoe-net protocol other step trigger old',
+OF_ANOTHER = """() => localStorage.setItem('fsoe-net test record other step trigger old',
   JSON.stringify({step: 'trigger old', subdevice: '', now: {result: 'as expected'}}))"""
 
 
@@ -97,7 +97,7 @@ def _enter(page: Any, result: str, remark: str) -> None:
 
 
 def _machine(path: Path, number: int) -> dict[str, Any]:
-    text = (path.parent / "protocol.yaml").read_text("utf-8")
+    text = (path.parent / "test-record.yaml").read_text("utf-8")
     return dict(yaml.safe_load(text)["steps"][number]["machine"])
 
 
@@ -105,15 +105,15 @@ def test_what_was_entered_survives_tab_and_server(tablet: Any, path: Path) -> No
     server = _Restarted(path)
     try:
         page = tablet.new_page()
-        page.goto(f"{server.studio.url}#protocol")
-        page.goto(f"http://127.0.0.1:{server.port}/#protocol")
+        page.goto(f"{server.studio.url}#test-record")
+        page.goto(f"http://127.0.0.1:{server.port}/#test-record")
         page.get_by_role("button", name="Enter, and go on").wait_for()
         boxes = page.locator(".step button, .step label.big, .step input[type=text], .list button")
         for box in boxes.all():
             assert box.bounding_box()["height"] >= 44
         _enter(page, "✔ as expected", "quick")
         accessible(page, "light", "dark")
-        with page.expect_response("**/api/protocol/enter"):
+        with page.expect_response("**/api/test-record/enter"):
             page.get_by_role("button", name="Enter, and go on").click()
         page.wait_for_selector("text=1 of ")
         assert _machine(path, 0)["remark"] == "quick"
@@ -126,17 +126,17 @@ def test_what_was_entered_survives_tab_and_server(tablet: Any, path: Path) -> No
         server.start()
         page = tablet.new_page()
         page.goto(server.studio.url)
-        page.get_by_role("link", name="Test protocol").click()
+        page.get_by_role("link", name="Test record").click()
         page.wait_for_function("() => document.body.innerText.includes('failed')")
         assert page.get_by_text("not sent yet").count() == 0
         assert _machine(path, 1)["result"] == "not as expected"
         assert _machine(path, 1)["by"] == "A. Person"
         assert _machine(path, 0)["remark"] == "quick"
-        assert page.get_by_text("Kept here for another protocol").count() == 0
-        page.evaluate("() => localStorage.setItem('fsoe-net protocol x', 'no entry')")
+        assert page.get_by_text("Kept here for another test record").count() == 0
+        page.evaluate("() => localStorage.setItem('fsoe-net test record x', 'no entry')")
         page.evaluate(OF_ANOTHER)
         page.locator(".list button", has_text="not finished").click()
-        page.get_by_text("Kept here for another protocol (1)").click()
+        page.get_by_text("Kept here for another test record (1)").click()
         page.get_by_text("trigger old: as expected").wait_for()
         assert page.get_by_label("Remark").input_value() == "half a sen"
     finally:
@@ -147,13 +147,13 @@ def test_two_people_at_one_step(tablet: Any, path: Path) -> None:
     with running(path) as studio:
         page = tablet.new_page()
         page.goto(studio.url)
-        page.get_by_role("link", name="Test protocol").click()
+        page.get_by_role("link", name="Test record").click()
         page.get_by_role("button", name="Enter, and go on").wait_for()
-        protocol = path.parent / "protocol.yaml"
-        document = yaml.safe_load(protocol.read_text("utf-8"))
+        test_record = path.parent / "test-record.yaml"
+        document = yaml.safe_load(test_record.read_text("utf-8"))
         theirs = {"result": "as expected", "remark": "theirs", "by": "B. Other"}
         document["steps"][0]["machine"] |= theirs | {"date": "2026-11-20"}
-        protocol.write_text(yaml.safe_dump(document, sort_keys=False))
+        test_record.write_text(yaml.safe_dump(document, sort_keys=False))
         _enter(page, "✖ not as expected", "mine")
         page.get_by_role("button", name="Enter, and go on").click()
         page.locator(".list button", has_text="somebody else has entered").click()
@@ -164,25 +164,25 @@ def test_two_people_at_one_step(tablet: Any, path: Path) -> None:
         assert remark == "mine; before: as expected, theirs, B. Other, 2026-11-20"
 
 
-def test_an_answer_that_comes_late_does_not_replace_the_protocol_chosen_since(
+def test_an_answer_that_comes_late_does_not_replace_the_test_record_chosen_since(
     tablet: Any, path: Path
 ) -> None:
-    shutil.copy(path.parent / "protocol.yaml", path.parent / "second.yaml")
+    shutil.copy(path.parent / "test-record.yaml", path.parent / "tests-2.yaml")
     late: list[Any] = []
     with running(path) as studio:
         page = tablet.new_page()
-        page.goto(f"{studio.url}#protocol")
-        choice = page.get_by_label("Protocol", exact=True)
+        page.goto(f"{studio.url}#test-record")
+        choice = page.get_by_label("Test record", exact=True)
         choice.wait_for()
         first = choice.input_value()
-        second = next(n for n in choice.locator("option").all() if n.inner_text() == "second.yaml")
+        second = next(n for n in choice.locator("option").all() if n.inner_text() == "tests-2.yaml")
         other = second.get_attribute("value")
         assert other != first
-        page.route(f"**/api/protocol?file={other}", lambda route: late.append(route))
+        page.route(f"**/api/test-record?file={other}", lambda route: late.append(route))
         choice.select_option(other)
-        with page.expect_response(f"**/api/protocol?file={first}"):
+        with page.expect_response(f"**/api/test-record?file={first}"):
             choice.select_option(first)
-        with page.expect_response(f"**/api/protocol?file={other}"):
+        with page.expect_response(f"**/api/test-record?file={other}"):
             late[0].continue_()
         page.evaluate("() => new Promise((then) => setTimeout(then, 200))")
         assert choice.input_value() == first

@@ -86,7 +86,7 @@ def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | Non
 def _record(root: MapNode, out: Collector) -> Acceptance:
     replaced = root.get("replaces")
     sections = _map(root, "sections")
-    protocol = _map(root, "protocol")
+    test_record = _map(root, "test_record")
     return Acceptance(
         span=root.span,
         fields=root.places(),
@@ -101,8 +101,8 @@ def _record(root: MapNode, out: Collector) -> Acceptance:
         reports=tuple(_file(n, out) for n in root.maps("reports")),
         open_points=_count(root, "open_points", out),
         assumptions=_count(root, "assumptions", out),
-        protocol=_file(protocol, out),
-        steps=_count(protocol, "steps", out),
+        test_record=_file(test_record, out),
+        steps=_count(test_record, "steps", out),
         author=_person(_map(root, "author"), out),
         verifier=_person(_map(root, "verifier"), out),
         findings=tuple(_finding(n, out) for n in root.maps("justified_findings")),

@@ -49,9 +49,11 @@ _CONFUSED = {
 }
 
 
-_ASKED_FOR = frozenset({"acceptance", "protocol", "scenario"})  # an option names the expected kind
+_ASKED_FOR = frozenset(
+    {"acceptance", "test-record", "scenario"}
+)  # an option names the expected kind
 _NAMED = {  # by their keys; what it is, and what takes it
-    "protocol": ("a test protocol", "`fsoe-net report NETWORK --protocol FILE` takes it"),
+    "test-record": ("a test record", "`fsoe-net report NETWORK --test-record FILE` takes it"),
     "acceptance": ("an acceptance record", "`fsoe-net verify NETWORK --accepted FILE` takes it"),
     "network": ("a network", "`fsoe-net check FILE` takes it"),
     "slave": ("a slave YAML", "a network names it: `config: FILE`"),
@@ -59,7 +61,7 @@ _NAMED = {  # by their keys; what it is, and what takes it
     "scenario": ("a scenario", "`fsoe-net run NETWORK --scenario FILE` takes it"),
 }
 _TELLTALES = (
-    ("protocol", {"plan_sha256"}),
+    ("test-record", {"plan_sha256"}),
     ("acceptance", {"acceptance_record"}),
     ("network", {"subdevices", "buses"}),
     ("slave", {"vendor_id", "rpdo", "tpdo"}),

@@ -36,7 +36,7 @@ def write_acceptance(record: Acceptance) -> str:
         "reports": [_file(f) for f in record.reports],
         "open_points": record.open_points,
         "assumptions": record.assumptions,
-        "protocol": {**_file(record.protocol), "steps": record.steps},
+        "test_record": {**_file(record.test_record), "steps": record.steps},
         "justified_findings": [
             {"code": f.code, "place": f.place, "message": f.message, "reason": f.reason, "by": f.by}
             for f in record.findings

@@ -21,7 +21,7 @@ function later(load) {
   };
 }
 const Live = later(() => import("./live.js").then((found) => found.Live));
-const Protocol = later(() => import("./protocol.js").then((found) => found.Protocol));
+const TestRecord = later(() => import("./test_record.js").then((found) => found.TestRecord));
 const Records = later(() => import("./records.js").then((found) => found.Records));
 
 
@@ -29,7 +29,7 @@ const Records = later(() => import("./records.js").then((found) => found.Records
 const VIEWS = {
   network: ["Network", Network],
   live: ["Live", Live],
-  protocol: ["Test protocol", Protocol],
+  "test-record": ["Test record", TestRecord],
   records: ["Records", Records],
 };
 

@@ -1,4 +1,4 @@
-// One step of a test protocol: what to do, what shall happen, what came of it.
+// One step of a test record: what to do, what shall happen, what came of it.
 import { useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
 

@@ -1,11 +1,11 @@
-// Entries of a test protocol that the file does not have yet: in the page's storage, until it has.
+// Entries of a test record that the file does not have yet: in the page's storage, until it has.
 import { post } from "./server.js";
 
 /** @typedef {import("./types").Kept} Kept */
 /** @typedef {import("./types").Fields} Fields */
 /** @typedef {{ step: string, subdevice: string }} Part */
 
-const PREFIX = "fsoe-net protocol ";
+const PREFIX = "fsoe-net test record ";
 const NAME = "fsoe-net name";
 
 /** @param {Part} part */
@@ -28,14 +28,14 @@ function stored(isOne) {
 }
 
 /**
- * All that is kept of a protocol, by part.
+ * All that is kept of a test record, by part.
  * @param {string} key
  */
 export const allKept = (key) =>
   Object.fromEntries(stored((name) => name.startsWith(`${key} `)).map((kept) => [idOf(kept), kept]));
 
 /**
- * What is kept of other protocols: of an earlier configuration, or of another network.
+ * What is kept of other test records: of an earlier configuration, or of another network.
  * @param {string} key
  */
 export const othersKept = (key) => stored((name) => !name.startsWith(`${key} `));
@@ -90,7 +90,7 @@ export async function send(key, file) {
     if (!waits(kept)) continue;
     const { step, subdevice, before, now } = kept;
     keep(key, { ...kept, sent: now });
-    const answer = await post("protocol/enter", { file, key, step, subdevice, before, now });
+    const answer = await post("test-record/enter", { file, key, step, subdevice, before, now });
     const later = allKept(key)[id];
     if (later === undefined) continue; // thrown away meanwhile
     const isSame = JSON.stringify(later.now) === JSON.stringify(now) && later.done;

@@ -45,7 +45,7 @@ export function Records({ state }) {
         Of the folder of the network. ${" "}
         <button onClick=${look}>Look again</button>
       </p>
-      <${Report} protocols=${of("protocol")} records=${of("record")} show=${show} />
+      <${Report} testRecords=${of("test_record")} records=${of("record")} show=${show} />
       <${Difference} files=${of("record", "other")} show=${show} />
       <${Pages} title="Incidents" files=${of("incident").reverse()}
         none="No incident files: fsn-master --incidents writes them, and so does fsoe-net run."
@@ -108,17 +108,17 @@ function Choice({ label, files, none, chosen, choose }) {
 }
 
 /** @param {any} props */
-function Report({ protocols, records, show }) {
-  const [protocol, setProtocol] = useState("");
+function Report({ testRecords, records, show }) {
+  const [testRecord, setTestRecord] = useState("");
   const [accepted, setAccepted] = useState("");
   return html`<section aria-label="Report">
     <h2>Report</h2>
     <p class="help">Of the text as it is in the page, saved or not.</p>
-    ${protocols.length > 0 &&
-    html`<${Choice} label="Test protocol" none="without" files=${protocols} chosen=${protocol} choose=${setProtocol} />`}
+    ${testRecords.length > 0 &&
+    html`<${Choice} label="Test record" none="without" files=${testRecords} chosen=${testRecord} choose=${setTestRecord} />`}
     ${records.length > 0 &&
     html`<${Choice} label="Accepted state" none="without" files=${records} chosen=${accepted} choose=${setAccepted} />`}
-    <button onClick=${() => show("Report", "report", `protocol=${protocol}&accepted=${accepted}`, true)}>
+    <button onClick=${() => show("Report", "report", `test_record=${testRecord}&accepted=${accepted}`, true)}>
       Show the report
     </button>
   </section>`;

@@ -154,7 +154,7 @@ export interface Tried {
 export interface CompanionFile {
   number: number;
   name: string;
-  kind: "incident" | "log" | "record" | "protocol" | "other";
+  kind: "incident" | "log" | "record" | "test_record" | "other";
   words: string;
 }
 
@@ -182,12 +182,12 @@ export interface Step {
   is_failed: boolean;
 }
 
-/** A test protocol, see fsoe_net/studio/protocols.py. */
-export interface Protocol {
+/** A test record, see fsoe_net/studio/test_records.py. */
+export interface TestRecord {
   error: string;
   files: { number: number; name: string }[];
   number: number | null;
-  /** Tells it from a protocol of another network or configuration. */
+  /** Tells it from a test record of another network or configuration. */
   key: string;
   /** What the emulated column is worth. */
   note: string;

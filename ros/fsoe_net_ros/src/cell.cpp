@@ -328,7 +328,7 @@ void Cell::read_connections() {
     for (const auto &row : control.rows("snapshot", "connections")) {
         connections_.emplace_back();
         connections_.back().name = row.value("name", "");
-        connections_.back().state = row.value("outside", kUnknown);
+        connections_.back().state = row.value("observed_state", kUnknown);
     }
 }
 
@@ -340,7 +340,7 @@ void Cell::follow_connections() {
             std::size_t number = 0;
             for (const auto &row : control.rows("snapshot", "connections")) {
                 if (number < connections_.size()) {
-                    connections_[number++].state = row.value("outside", kUnknown);
+                    connections_[number++].state = row.value("observed_state", kUnknown);
                 }
             }
         } while (poll(&woken, 1, kLookMs) == 0);

@@ -99,7 +99,7 @@ static void put_connection(struct fsn_bus_view *view, struct fsn_json *json, uin
     fsn_json_put_text(json, "net", info.net);
     fsn_report_name(view, json, "main", info.main_subdevice);
     fsn_report_name(view, json, "sub", info.sub_subdevice);
-    fsn_json_put_u64(json, "outside", status->observed);
+    fsn_json_put_u64(json, "observed_state", status->observed);
     fsn_json_put_text(json, "state", fsn_observed_text(status->observed));
     fsn_json_put_u64(json, "gaps", status->gaps);
     const struct fsn_parameters planned = fsn_planned_parameters(&info);

@@ -1,4 +1,4 @@
-"""``fsoe-net test-protocol``: what to try, run where it can be, the rest left to people."""
+"""``fsoe-net test-record``: what to try, run where it can be, the rest left to people."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FILE, master_options, master_socket, output_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo
-from fsoe_net.cli.test_protocol_output import PersonAtTerminal, print_outcome, print_step
+from fsoe_net.cli.test_record_output import PersonAtTerminal, print_outcome, print_step
 from fsoe_net.cli.write import check_target
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.options import LoadOptions
-from fsoe_net.model.protocol import ProtocolStep
-from fsoe_net.test_record.protocol import ProtocolTrial, read_protocol
+from fsoe_net.model.test_record import TestStep
+from fsoe_net.test_record.trial import Trial, read_test_record
 
 _EPILOG = """\b
 Examples:
-  fsoe-net test-protocol network.yaml -o protocol.yaml              # empty
-  fsoe-net test-protocol network.yaml --virtual -o protocol.yaml
-  fsoe-net test-protocol network.yaml --live --interface eth1 -o protocol.yaml
-  fsoe-net test-protocol network.yaml --protocol protocol.yaml -o protocol.html
+  fsoe-net test-record network.yaml -o test-record.yaml              # empty
+  fsoe-net test-record network.yaml --virtual -o test-record.yaml
+  fsoe-net test-record network.yaml --live --interface eth1 -o test-record.yaml
+  fsoe-net test-record network.yaml --test-record test-record.yaml -o test-record.html
 
 With --overwrite, entries made by people in an existing YAML file are kept. An emulated result is no
 evidence for a machine.
@@ -33,7 +33,7 @@ Exit codes: 0 all steps that were run gave the expected result, 1 a step did not
 invalid; 2 usage error; 3 no fsn-master, or no disk."""
 
 
-@click.command("test-protocol", epilog=_EPILOG)
+@click.command("test-record", epilog=_EPILOG)
 @input_options
 @click.option("--virtual", is_flag=True, help="Run every step on the emulated bus.")
 @click.option(
@@ -50,7 +50,7 @@ invalid; 2 usage error; 3 no fsn-master, or no disk."""
     help="Emulated: number of FSoE cycles with a fault, per class.",
 )
 @click.option(
-    "--protocol", "given", type=FILE, metavar="FILE", help="Existing protocol to continue."
+    "--test-record", "given", type=FILE, metavar="FILE", help="Existing test record to continue."
 )
 @output_option("File to write: .yaml to fill in, .html to print.", required=True)
 @click.pass_context
@@ -67,7 +67,7 @@ def command(
     output: str,
     overwrite: bool,
 ) -> None:
-    """Write the test protocol of a network and fill in the results of emulated runs.
+    """Write the test record of a network and fill in the results of emulated runs.
 
     Steps: start-up of each connection, trigger of each safety function, loss of each SubDevice,
     each fault class. FILES as for `check`. This program never fills in the machine column.
@@ -88,26 +88,26 @@ def command(
     old = given or (output if is_filled_in else None)
     before = None
     if old is not None:
-        _, before, found = read_protocol(old)
+        _, before, found = read_test_record(old)
         print_diagnostics(found, err=True)
-    trial = ProtocolTrial.of(files, loading, before)
+    trial = Trial.of(files, loading, before)
     if virtual:
         trial.run_virtual(faults=cycles, on_step=_note if sys.stderr.isatty() else None)
     if address is not None:
         _live(trial, address, output, overwrite=overwrite)
     trial.save(output, overwrite=overwrite)
-    ctx.exit(print_outcome(trial.protocol, output))
+    ctx.exit(print_outcome(trial.test_record, output))
 
 
 def _note(text: str) -> None:
     echo(f"  {text}", err=True)
 
 
-def _live(trial: ProtocolTrial, socket: str, output: str, *, overwrite: bool) -> None:
+def _live(trial: Trial, socket: str, output: str, *, overwrite: bool) -> None:
     """Try the steps on a running bus; what was observed is written also when it breaks off."""
     done = 0
 
-    def on_step(step: ProtocolStep) -> None:
+    def on_step(step: TestStep) -> None:
         nonlocal done
         done += 1
         print_step(step)

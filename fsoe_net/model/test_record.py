@@ -84,7 +84,7 @@ class AtMachine(Located):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ProtocolStep(Located):
+class TestStep(Located):
     """One step.
 
     Attributes:
@@ -182,7 +182,7 @@ class DeviceEntry(Located):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Protocol(Located):
+class TestRecord(Located):
     """A test record of one configuration.
 
     Attributes:
@@ -201,24 +201,24 @@ class Protocol(Located):
     fingerprint: str = ""
     made: str = ""
     devices: tuple[DeviceEntry, ...] = ()
-    steps: tuple[ProtocolStep, ...]
+    steps: tuple[TestStep, ...]
 
     @property
-    def machine_steps(self) -> tuple[ProtocolStep, ...]:
+    def machine_steps(self) -> tuple[TestStep, ...]:
         """Return the steps that a person tries at the machine; a sign-off needs all of them."""
         return tuple(step for step in self.steps if step.kind.at_machine)
 
     @property
-    def open_steps(self) -> tuple[ProtocolStep, ...]:
+    def open_steps(self) -> tuple[TestStep, ...]:
         """Return the steps that a person has not finished at the machine."""
         return tuple(step for step in self.steps if step.is_open)
 
     @property
-    def failed_steps(self) -> tuple[ProtocolStep, ...]:
+    def failed_steps(self) -> tuple[TestStep, ...]:
         """Return the steps that went otherwise than expected; one may be open besides."""
         return tuple(step for step in self.steps if step.is_failed)
 
     @property
-    def disputed_steps(self) -> tuple[ProtocolStep, ...]:
+    def disputed_steps(self) -> tuple[TestStep, ...]:
         """Return the finished steps in which a program saw something else than the person."""
         return tuple(step for step in self.steps if step.is_disputed)

@@ -1,4 +1,4 @@
-"""Test protocols as YAML, for people to fill in and for version control."""
+"""Test records as YAML, for people to fill in and for version control."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import Any
 
 import yaml
 
-from fsoe_net.model.protocol import (
+from fsoe_net.model.test_record import (
     EMULATED_NOTE,
     DeviceEntry,
-    Protocol,
-    ProtocolStep,
     StepResult,
+    TestRecord,
+    TestStep,
 )
 
 _HEAD = f"""\
-# Test protocol. Column "emulated": {EMULATED_NOTE}.
+# Test record. Column "emulated": {EMULATED_NOTE}.
 # Column "live": what a running fsn-master showed. Column "machine" is yours: write into it
 #   result: as expected | not as expected | not run, measured_ms, remark, by, date.
 # A step stays open until machine has result, by and date. Steps without it (faults) are tried on
@@ -24,18 +24,18 @@ _HEAD = f"""\
 """
 
 
-def write_protocol(protocol: Protocol) -> str:
-    """Return the text of a protocol; the same protocol gives the same text."""
+def write_test_record(test_record: TestRecord) -> str:
+    """Return the text of a test record; the same test record gives the same text."""
     document: dict[str, Any] = {
         "version": 1,
-        "network": protocol.network,
-        "project": protocol.project,
-        "plan_sha256": protocol.plan_sha256,
-        "fingerprint": protocol.fingerprint,
-        "made": protocol.made,
+        "network": test_record.network,
+        "project": test_record.project,
+        "plan_sha256": test_record.plan_sha256,
+        "fingerprint": test_record.fingerprint,
+        "made": test_record.made,
         "emulated_note": EMULATED_NOTE,
-        "devices": [_device(device) for device in protocol.devices],
-        "steps": [_step(step) for step in protocol.steps],
+        "devices": [_device(device) for device in test_record.devices],
+        "steps": [_step(step) for step in test_record.steps],
     }
     body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
     return _HEAD + str(body)
@@ -51,7 +51,7 @@ def _device(device: DeviceEntry) -> dict[str, Any]:
     return {key: value for key, value in row.items() if value is not None}
 
 
-def _step(step: ProtocolStep) -> dict[str, Any]:
+def _step(step: TestStep) -> dict[str, Any]:
     row: dict[str, Any] = {
         "id": step.id,
         "kind": step.kind.value,

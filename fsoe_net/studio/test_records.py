@@ -16,7 +16,7 @@ from fsoe_net.acceptance.report import plan_to_show
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
 from fsoe_net.diag.printable import printable
 from fsoe_net.errors import FsnError, InputError
-from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepResult
+from fsoe_net.model.test_record import EMULATED_NOTE, StepResult, TestRecord, TestStep
 from fsoe_net.project.check import whole_network
 from fsoe_net.project.companion_files import CompanionKind
 from fsoe_net.studio.folder import Folder
@@ -28,15 +28,15 @@ from fsoe_net.test_record.entries import (
     enter,
     step_fields,
 )
-from fsoe_net.test_record.protocol import ProtocolTrial, read_protocol
+from fsoe_net.test_record.trial import Trial, read_test_record
 
-_NEW = "protocol.yaml"
+_NEW = "test-record.yaml"
 _MOST_NOTES = 5
 
 Row = dict[str, object]
 
 
-class Protocols:
+class TestRecords:
     """Routes of the test record.
 
     Args:
@@ -51,9 +51,9 @@ class Protocols:
         self._workspace, self._folder = workspace, folder
         self._entering = threading.Lock()
         self.routes = [
-            Route("/api/protocol", self._show),
-            Route("/api/protocol/new", self._new, methods=["POST"]),
-            Route("/api/protocol/enter", self._enter, methods=["POST"]),
+            Route("/api/test-record", self._show),
+            Route("/api/test-record/new", self._new, methods=["POST"]),
+            Route("/api/test-record/enter", self._enter, methods=["POST"]),
         ]
 
     async def _show(self, request: Request) -> Response:
@@ -72,7 +72,9 @@ class Protocols:
         return await _answered(self._entered, body)
 
     def _state(self, number: str | None) -> Row:
-        files = [(n, row) for n, row in self._folder.look() if row.kind is CompanionKind.PROTOCOL]
+        files = [
+            (n, row) for n, row in self._folder.look() if row.kind is CompanionKind.TEST_RECORD
+        ]
         state: Row = {
             "error": "",
             "files": [{"number": n, "name": printable(row.name)} for n, row in files],
@@ -86,34 +88,34 @@ class Protocols:
         if not files:
             return state
         chosen = next((n for n, _ in files if str(n) == number), files[0][0])
-        path = self._folder.find(chosen, CompanionKind.PROTOCOL).path
-        protocol, found = self._read(path)
+        path = self._folder.find(chosen, CompanionKind.TEST_RECORD).path
+        test_record, found = self._read(path)
         notes = [printable(f"{d.message}; {d.hint}") for d in found if d.level is Severity.ERROR]
-        more = {"number": chosen, "notes": notes[:_MOST_NOTES], "key": _key(path, protocol)}
-        return state | _protocol(protocol) | more
+        more = {"number": chosen, "notes": notes[:_MOST_NOTES], "key": _key(path, test_record)}
+        return state | _test_record(test_record) | more
 
-    def _read(self, path: str) -> tuple[Protocol, list[Diagnostic]]:
-        """Return a protocol, compared with the network where that compiles to a plan."""
+    def _read(self, path: str) -> tuple[TestRecord, list[Diagnostic]]:
+        """Return a test record, compared with the network where that compiles to a plan."""
         checked = self._workspace.checked
         try:
             resolution = whole_network(checked, "not compared")
         except InputError:
-            _, protocol, found = read_protocol(path)
+            _, test_record, found = read_test_record(path)
         else:
             plan = plan_to_show(resolution, checked.diagnostics)
-            _, protocol, found = read_protocol(path, resolution, plan)
-        return protocol, found
+            _, test_record, found = read_test_record(path, resolution, plan)
+        return test_record, found
 
     def _write_new(self) -> Row:
         if not self._workspace.is_saved:
-            raise InputError("save the network first: a protocol is of the saved file")
+            raise InputError("save the network first: a test record is of the saved file")
         path = self._workspace.path
         target = os.path.join(os.path.dirname(path), _NEW)
-        ProtocolTrial.of([path], self._workspace.loading).save(target)
+        Trial.of([path], self._workspace.loading).save(target)
         return self._state(None)
 
     def _entered(self, body: Mapping[str, object]) -> Row:
-        path = self._folder.find(body.get("file"), CompanionKind.PROTOCOL).path
+        path = self._folder.find(body.get("file"), CompanionKind.TEST_RECORD).path
         entry = MachineEntry(
             step=_text(body, "step"),
             subdevice=_text(body, "subdevice"),
@@ -121,17 +123,17 @@ class Protocols:
             now=_fields(body, "now"),
         )
         with self._entering:
-            if _key(path, read_protocol(path)[1]) != body.get("key"):
+            if _key(path, read_test_record(path)[1]) != body.get("key"):
                 raise InputError(
-                    "the protocol is one of another configuration now; this entry stays in your "
+                    "the test record is one of another configuration now; this entry stays in your "
                     "browser: load the page again"
                 )
             return {"error": "", "present": enter(path, entry)}
 
 
-def _key(path: str, protocol: Protocol) -> str:
+def _key(path: str, test_record: TestRecord) -> str:
     """Return the identity of a test record's network and configuration."""
-    parts = (os.path.realpath(path), protocol.plan_sha256, protocol.fingerprint)
+    parts = (os.path.realpath(path), test_record.plan_sha256, test_record.fingerprint)
     return hashlib.sha256("\0".join(parts).encode("utf-8", "surrogateescape")).hexdigest()[:32]
 
 
@@ -158,21 +160,21 @@ def _fields(body: Mapping[str, object], key: str) -> dict[str, str]:
     return value
 
 
-def _protocol(protocol: Protocol) -> Row:
+def _test_record(test_record: TestRecord) -> Row:
     return {
-        "steps": [_step(step) for step in protocol.machine_steps],
+        "steps": [_step(step) for step in test_record.machine_steps],
         "devices": [
             {
                 "name": device.subdevice,
                 "title": printable(device.subdevice),
                 "fields": device_fields(device),
             }
-            for device in protocol.devices
+            for device in test_record.devices
         ],
     }
 
 
-def _step(step: ProtocolStep) -> Row:
+def _step(step: TestStep) -> Row:
     return {
         "name": step.id,
         "title": printable(step.id),

@@ -1,4 +1,4 @@
-"""Cases of `live_rig.py` with ``fsoe-net test-protocol --live`` beside the run, at a terminal."""
+"""Cases of `live_rig.py` with ``fsoe-net test-record --live`` beside the run, at a terminal."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ class AtTerminal:
 
 
 def started(running, network):
-    where = ("--live", "--socket", running.socket, "-o", "protocol.yaml", "--overwrite")
-    return AtTerminal("test-protocol", network, *where)
+    where = ("--live", "--socket", running.socket, "-o", "test-record.yaml", "--overwrite")
+    return AtTerminal("test-record", network, *where)
 
 
 ASKED, TAKE, PUT = "leave this step out: ", "off the bus now.", "Put "
@@ -91,7 +91,7 @@ def loss(terminal, emulator):
 
 
 def text():
-    return Path("protocol.yaml").read_text("utf-8")
+    return Path("test-record.yaml").read_text("utf-8")
 
 
 def whole(network, other):
@@ -140,13 +140,13 @@ def refused(network, other):
     done = subprocess.run(
         [
             *FSN,
-            "test-protocol",
+            "test-record",
             network,
             "--live",
             "--socket",
             running.socket,
             "-o",
-            "protocol.yaml",
+            "test-record.yaml",
         ],
         input="io\nio2\nlogic\n",
         capture_output=True,
@@ -154,7 +154,7 @@ def refused(network, other):
         check=False,
     )
     seen["no_terminal"] = {"code": done.returncode, "told": done.stdout + done.stderr}
-    seen["written"] = Path("protocol.yaml").exists()
+    seen["written"] = Path("test-record.yaml").exists()
     running.end(signal.SIGINT)
     emulator.end()
     return seen
@@ -164,5 +164,7 @@ CASES |= {f.__name__: f for f in (whole, broken_off, refused)}
 
 
 if __name__ == "__main__":
-    Path("protocol.yaml").unlink(missing_ok=True)  # of an attempt before, whose steps would be kept
+    Path("test-record.yaml").unlink(
+        missing_ok=True
+    )  # of an attempt before, whose steps would be kept
     main()

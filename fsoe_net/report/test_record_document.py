@@ -20,13 +20,13 @@ from fsoe_net.document.model import (
     strong,
     words,
 )
-from fsoe_net.model.protocol import (
+from fsoe_net.model.test_record import (
     EMULATED_NOTE,
     DeviceEntry,
-    Protocol,
-    ProtocolStep,
     StepOutcome,
     StepResult,
+    TestRecord,
+    TestStep,
 )
 from fsoe_net.plan.fingerprint import short_code
 
@@ -47,14 +47,14 @@ _NOTE = (
 )
 
 
-def protocol_document(protocol: Protocol, *, version: str) -> Document:
+def render_test_record(test_record: TestRecord, *, version: str) -> Document:
     """Return the document; the same test record gives the same document.
 
     Args:
-        protocol: The test record to print.
+        test_record: The test record to print.
         version: Version of fsoe-net.
     """
-    p = protocol
+    p = test_record
     count = f"{len(p.open_steps)} of {counted(len(p.machine_steps), 'step')} open at the machine"
     if p.failed_steps:
         count += f", {len(p.failed_steps)} not as expected"
@@ -65,7 +65,7 @@ def protocol_document(protocol: Protocol, *, version: str) -> Document:
         lead.append(words("Fingerprint ", code(p.fingerprint)))
     rows = tuple(_row(step) for step in p.steps)
     return Document(
-        title=f"Test protocol of {p.network}",
+        title=f"Test record of {p.network}",
         subtitle=p.project,
         version=version,
         seal=short_code(p.fingerprint) if p.fingerprint else "not known",
@@ -97,7 +97,7 @@ def _written(text: str) -> Cell:
     return cell(text) if text else BLANK
 
 
-def _row(step: ProtocolStep) -> tuple[Cell, ...]:
+def _row(step: TestStep) -> tuple[Cell, ...]:
     who = " ".join(part for part in (step.machine.by, step.machine.date) if part)
     expected = cell(step.expected)
     if step.limit_ms is not None:
@@ -120,7 +120,7 @@ def _seen(seen: StepResult | None) -> Cell:
     return _result(seen.outcome, seen.measured_ms, remark)
 
 
-def _machine(step: ProtocolStep) -> Cell:
+def _machine(step: TestStep) -> Cell:
     if not step.kind.at_machine:
         return cell(muted("not tried at the machine"))
     machine = step.machine

@@ -1,4 +1,4 @@
-// The test protocol, filled in at the machine, one step at a time.
+// The test record, filled in at the machine, one step at a time.
 import { useCallback, useEffect, useRef, useState } from "./vendor/hooks.js";
 import { html } from "./html.js";
 import { allKept, forget, idOf, keep, keepName, lastName, othersKept, send, waits } from "./kept.js";
@@ -13,12 +13,12 @@ const AGAIN_MS = 2000;
 
 /**
  * Steps, then what is read at the SubDevices.
- * @param {import("./types").Protocol} protocol
+ * @param {import("./types").TestRecord} testRecord
  * @returns {Part[]}
  */
-const partsOf = (protocol) => [
-  ...protocol.steps.map((row) => ({ step: row.name, subdevice: "", title: row.title, fields: row.fields, row })),
-  ...protocol.devices.map((d) => ({
+const partsOf = (testRecord) => [
+  ...testRecord.steps.map((row) => ({ step: row.name, subdevice: "", title: row.title, fields: row.fields, row })),
+  ...testRecord.devices.map((d) => ({
     step: "", subdevice: d.name, title: `read at ${d.title}`, fields: d.fields, row: null,
   })),
 ];
@@ -40,24 +40,24 @@ export function stateOf(part, kept) {
 }
 
 /** @param {{ state: State }} props */
-export function Protocol({ state }) {
-  const [protocol, setProtocol] = useState(/** @type {import("./types").Protocol | null} */ (null));
+export function TestRecord({ state }) {
+  const [testRecord, setTestRecord] = useState(/** @type {import("./types").TestRecord | null} */ (null));
   const [error, setError] = useState("");
   const [file, setFile] = useState("");
   const [at, setAt] = useState(0);
   const [kept, setKept] = useState(/** @type {Record<string, Kept>} */ ({}));
   const [isKeeping, setKeeping] = useState(true);
   const [sending, setSending] = useState("");
-  const key = protocol?.key ?? "";
+  const key = testRecord?.key ?? "";
 
   const asked = useRef(0);
   const look = useCallback(async () => {
     const mine = ++asked.current;
-    const answer = await ask(`protocol?file=${file}`);
+    const answer = await ask(`test-record?file=${file}`);
     if (mine !== asked.current) return; // of another file, or older than what is on its way
     setError(answer.error);
     if ("steps" in answer) {
-      setProtocol(answer);
+      setTestRecord(answer);
       setKept(allKept(answer.key));
     }
   }, [file]);
@@ -67,15 +67,15 @@ export function Protocol({ state }) {
 
   const busy = useRef(false);
   const flush = useCallback(async () => {
-    if (!protocol || protocol.number === null || busy.current) return;
+    if (!testRecord || testRecord.number === null || busy.current) return;
     busy.current = true;
     const before = Object.values(allKept(key)).filter(waits).length;
-    const why = before ? await send(key, protocol.number) : "";
+    const why = before ? await send(key, testRecord.number) : "";
     busy.current = false;
     setSending(why);
     setKept(allKept(key));
     if (before && !why) await look();
-  }, [protocol, key, look]);
+  }, [testRecord, key, look]);
   const waiting = Object.values(kept).filter(waits).length;
   useEffect(() => {
     if (!waiting) return undefined;
@@ -93,15 +93,15 @@ export function Protocol({ state }) {
     return () => removeEventListener("storage", onStorage);
   }, [key]);
 
-  if (protocol === null) return html`<main class="plain"><p role="status">${error || "Loading …"}</p></main>`;
-  if (protocol.number === null)
+  if (testRecord === null) return html`<main class="plain"><p role="status">${error || "Loading …"}</p></main>`;
+  if (testRecord.number === null)
     return html`<${None} state=${state} error=${error} make=${async () => {
-      const answer = await post("protocol/new", {});
+      const answer = await post("test-record/new", {});
       setError(answer.error);
-      if ("steps" in answer) setProtocol(answer);
+      if ("steps" in answer) setTestRecord(answer);
     }} />`;
 
-  const parts = partsOf(protocol);
+  const parts = partsOf(testRecord);
   const number = Math.min(at, parts.length - 1);
   const part = parts[number];
   const change = (/** @type {Partial<Kept>} */ values) => {
@@ -115,10 +115,10 @@ export function Protocol({ state }) {
   };
   const others = othersKept(key);
   const done = parts.filter((p) => stateOf(p, kept[idOf(p)])[2] === "good").length;
-  return html`<main class="protocol">
+  return html`<main class="test-record">
     <section class="step" aria-label="Step">
       ${error && html`<p class="error" role="alert">${error}</p>`}
-      ${protocol.notes.map((note) => html`<p class="error" role="alert">✖ ${note}</p>`)}
+      ${testRecord.notes.map((note) => html`<p class="error" role="alert">✖ ${note}</p>`)}
       ${!isKeeping &&
       html`<p class="error" role="alert">
         This browser keeps nothing (its storage is closed or full): do not close this page before all is sent.
@@ -128,7 +128,7 @@ export function Protocol({ state }) {
         html` · ◔ ${waiting} not sent yet: kept in this browser, and sent when the server answers${sending && ` (${sending})`}`}
       </p>
       ${part &&
-      html`<${Entry} key=${idOf(part)} part=${part} kept=${kept[idOf(part)]} note=${protocol.note}
+      html`<${Entry} key=${idOf(part)} part=${part} kept=${kept[idOf(part)]} note=${testRecord.note}
         change=${change} name=${lastName()}
         drop=${() => {
           forget(key, part);
@@ -146,10 +146,10 @@ export function Protocol({ state }) {
       </p>`}
     </section>
     <nav class="list" aria-label="Steps">
-      ${protocol.files.length > 1 &&
-      html`<p class="choice"><label for="protocol-file">Protocol</label>
-        <select id="protocol-file" value=${String(protocol.number)} onChange=${(/** @type {any} */ e) => setFile(e.target.value)}>
-          ${protocol.files.map((f) => html`<option key=${f.number} value=${String(f.number)}>${f.name}</option>`)}
+      ${testRecord.files.length > 1 &&
+      html`<p class="choice"><label for="record-file">Test record</label>
+        <select id="record-file" value=${String(testRecord.number)} onChange=${(/** @type {any} */ e) => setFile(e.target.value)}>
+          ${testRecord.files.map((f) => html`<option key=${f.number} value=${String(f.number)}>${f.name}</option>`)}
         </select></p>`}
       <ol>
         ${parts.map((p, n) => {
@@ -163,7 +163,7 @@ export function Protocol({ state }) {
       </ol>
       ${others.length > 0 &&
       html`<details>
-        <summary>Kept here for another protocol (${others.length})</summary>
+        <summary>Kept here for another test record (${others.length})</summary>
         <p class="help">Of an earlier configuration, or of another network; not sent.</p>
         <ul>
           ${others.map((other) => html`<li>${other.step || other.subdevice}: ${Object.values(other.now).filter(Boolean).join(", ")}</li>`)}
@@ -175,16 +175,16 @@ export function Protocol({ state }) {
 
 /** @param {{ state: State, error: string, make: () => void }} props */
 function None({ state, error, make }) {
-  return html`<main class="plain"><section aria-label="Test protocol">
-    <h2>Test protocol</h2>
+  return html`<main class="plain"><section aria-label="Test record">
+    <h2>Test record</h2>
     ${error && html`<p class="error" role="alert">${error}</p>`}
     <p>
-      There is no test protocol in the folder of the network: the list of what a person tries at the
-      machine. It is of the saved file, and is written to protocol.yaml beside it.
+      There is no test record in the folder of the network: the list of what a person tries at the
+      machine. It belongs to the saved file and is written to test-record.yaml next to it.
     </p>
     <button class="big" disabled=${!state.saved} onClick=${make}>
-      ${state.saved ? "Write protocol.yaml" : "Write protocol.yaml: save the network first"}
+      ${state.saved ? "Write test-record.yaml" : "Write test-record.yaml: save the network first"}
     </button>
-    <p class="help">fsoe-net test-protocol --virtual fills in what the emulated bus shows, too.</p>
+    <p class="help">fsoe-net test-record --virtual fills in what the emulated bus shows.</p>
   </section></main>`;
 }

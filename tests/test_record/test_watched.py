@@ -1,4 +1,4 @@
-"""What a live test protocol tells of a bus, watched on one that is made up."""
+"""What a live test record tells of a bus, watched on one that is made up."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from test_record.protocols import by_id, protocol_of, timed
+from test_record.filled import by_id, fresh_record, timed
 
 from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.fsoe.observed import ConnectionState
-from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepKind, StepOutcome
+from fsoe_net.model.test_record import EMULATED_NOTE, StepKind, StepOutcome, TestRecord, TestStep
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_of, fingerprint_of_sections
-from fsoe_net.test_record.live import LossTimes, run_protocol_live
+from fsoe_net.test_record.live import LossTimes, run_tests_live
 
 PAIRS = {"logic-io": {"logic", "io"}, "logic-io2": {"logic", "io2"}}
 CYCLE_NS = 1_000_000
@@ -112,7 +112,7 @@ class Person:
     told: list[str] = field(default_factory=list)
     asked: list[str] = field(default_factory=list)
 
-    def guarded(self, step: ProtocolStep) -> bool:
+    def guarded(self, step: TestStep) -> bool:
         self.asked.append(step.id)
         return self.confirms
 
@@ -126,13 +126,13 @@ class Person:
 
 def live(
     person: Person,
-    protocol: Protocol,
+    test_record: TestRecord,
     *,
     wanted: Fingerprint | None = None,
-    on_step: Callable[[Protocol, ProtocolStep], None] | None = None,
-) -> dict[str, ProtocolStep]:
-    done = run_protocol_live(
-        protocol,
+    on_step: Callable[[TestRecord, TestStep], None] | None = None,
+) -> dict[str, TestStep]:
+    done = run_tests_live(
+        test_record,
         timed(),
         person.bus,  # type: ignore[arg-type]
         person,
@@ -144,9 +144,9 @@ def live(
 
 
 def test_each_loss_is_confirmed_watched_and_measured() -> None:
-    protocol, _ = protocol_of(timed())
-    person = Person(Bus(protocol.plan_sha256))
-    steps = live(person, protocol)
+    test_record, _ = fresh_record(timed())
+    person = Person(Bus(test_record.plan_sha256))
+    steps = live(person, test_record)
     assert person.asked == ["loss io", "loss io2", "loss logic"]
     for name in ("start-up logic-io", "loss io", "loss logic"):
         seen = steps[name].live
@@ -167,8 +167,8 @@ def test_each_loss_is_confirmed_watched_and_measured() -> None:
 
 
 def test_a_live_reaction_that_comes_too_late_is_said() -> None:
-    protocol, _ = protocol_of(timed())
-    steps = live(Person(Bus(protocol.plan_sha256, react_ns=200 * CYCLE_NS)), protocol)
+    test_record, _ = fresh_record(timed())
+    steps = live(Person(Bus(test_record.plan_sha256, react_ns=200 * CYCLE_NS)), test_record)
     seen = steps["loss io"].live
     assert seen is not None
     assert (seen.outcome, seen.measured_ms) == (StepOutcome.NOT_AS_EXPECTED, 201)
@@ -184,9 +184,9 @@ def test_a_live_reaction_that_comes_too_late_is_said() -> None:
     ],
 )
 def test_without_confirmation_or_deed_a_loss_is_not_run(more: dict[str, Any], remark: str) -> None:
-    protocol, _ = protocol_of(timed())
-    person = Person(Bus(protocol.plan_sha256), **more)
-    seen = live(person, protocol)["loss io"].live
+    test_record, _ = fresh_record(timed())
+    person = Person(Bus(test_record.plan_sha256), **more)
+    seen = live(person, test_record)["loss io"].live
     assert seen is not None
     assert seen.outcome is StepOutcome.NOT_RUN
     assert seen.remark.endswith(remark)
@@ -194,17 +194,17 @@ def test_without_confirmation_or_deed_a_loss_is_not_run(more: dict[str, Any], re
 
 
 def test_a_step_that_is_left_out_keeps_what_was_seen_before() -> None:
-    protocol, _ = protocol_of(timed())
-    first = live(Person(Bus(protocol.plan_sha256)), protocol)
-    again = replace(protocol, steps=tuple(first.values()))
-    second = live(Person(Bus(protocol.plan_sha256), confirms=False), again)
+    test_record, _ = fresh_record(timed())
+    first = live(Person(Bus(test_record.plan_sha256)), test_record)
+    again = replace(test_record, steps=tuple(first.values()))
+    second = live(Person(Bus(test_record.plan_sha256), confirms=False), again)
     assert second["loss io"].live == first["loss io"].live
 
 
 def test_a_connection_that_is_not_in_data_is_said() -> None:
-    protocol, _ = protocol_of(timed())
-    person = Person(Bus(protocol.plan_sha256, stuck="logic-io2"))
-    steps = live(person, protocol)
+    test_record, _ = fresh_record(timed())
+    person = Person(Bus(test_record.plan_sha256, stuck="logic-io2"))
+    steps = live(person, test_record)
     seen = steps["start-up logic-io2"].live
     assert seen is not None
     assert seen.outcome is StepOutcome.NOT_AS_EXPECTED
@@ -225,46 +225,46 @@ def test_a_rig_is_no_machine(
     more: dict[str, Any], why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("fsoe_net.live.in_use.network_driver", lambda *_: "veth")
-    protocol, _ = protocol_of(timed())
-    person = Person(Bus(protocol.plan_sha256, **more))
-    steps = live(person, protocol)
+    test_record, _ = fresh_record(timed())
+    person = Person(Bus(test_record.plan_sha256, **more))
+    steps = live(person, test_record)
     assert person.told[0] == f"{EMULATED_NOTE}: {why}."
     for step in steps.values():
         assert step.live is None or step.live.remark.startswith(f"{EMULATED_NOTE}: {why}; ")
 
 
 def test_what_was_seen_before_it_broke_off_is_told() -> None:
-    protocol, _ = protocol_of(timed())
-    bus = Bus(protocol.plan_sha256)
-    kept: list[Protocol] = []
+    test_record, _ = fresh_record(timed())
+    bus = Bus(test_record.plan_sha256)
+    kept: list[TestRecord] = []
 
-    def on_step(so_far: Protocol, step: ProtocolStep) -> None:
+    def on_step(so_far: TestRecord, step: TestStep) -> None:
         kept.append(so_far)
         bus.broken = step.id == "loss io"
 
     with pytest.raises(EnvironmentFault):
-        live(Person(bus), protocol, on_step=on_step)
+        live(Person(bus), test_record, on_step=on_step)
     seen = by_id(kept[-1])
     assert seen["loss io"].live is not None
     assert seen["loss io2"].live is None
 
 
 def test_another_plan_is_refused() -> None:
-    protocol, _ = protocol_of(timed())
+    test_record, _ = fresh_record(timed())
     with pytest.raises(InputError, match="another plan"):
-        live(Person(Bus("0" * 64)), protocol)
+        live(Person(Bus("0" * 64)), test_record)
 
 
 def test_another_configuration_is_refused_and_the_same_taken() -> None:
-    protocol, _ = protocol_of(timed())
+    test_record, _ = fresh_record(timed())
     ours = fingerprint_of(compile_plan(timed()))
     other = fingerprint_of_sections({**ours.sections, "copies": "0" * 64})
     with pytest.raises(InputError, match="differs in copies"):
-        live(Person(Bus(protocol.plan_sha256, fingerprint=other)), protocol, wanted=ours)
-    slow = Bus(protocol.plan_sha256, fingerprint=ours, cycle_ns=2 * CYCLE_NS)
+        live(Person(Bus(test_record.plan_sha256, fingerprint=other)), test_record, wanted=ours)
+    slow = Bus(test_record.plan_sha256, fingerprint=ours, cycle_ns=2 * CYCLE_NS)
     with pytest.raises(InputError, match="differs in cycle"):
-        live(Person(slow), protocol, wanted=ours)
-    same = live(Person(Bus("0" * 64, fingerprint=ours)), protocol, wanted=ours)
+        live(Person(slow), test_record, wanted=ours)
+    same = live(Person(Bus("0" * 64, fingerprint=ours)), test_record, wanted=ours)
     assert same["start-up logic-io"].live is not None
 
 
@@ -311,20 +311,20 @@ def test_a_loss_of_two_is_timed_when_both_have_left() -> None:
 
 
 def _io(person: Person) -> str:
-    protocol, _ = protocol_of(timed())
-    seen = live(person, protocol)["loss io"].live
+    test_record, _ = fresh_record(timed())
+    seen = live(person, test_record)["loss io"].live
     assert seen is not None
     return seen.remark
 
 
 def _bus(**more: Any) -> Bus:
-    return Bus(protocol_of(timed())[0].plan_sha256, **more)
+    return Bus(fresh_record(timed())[0].plan_sha256, **more)
 
 
 def test_a_connection_that_fsn_master_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(PAIRS, "logic-io")
-    protocol, _ = protocol_of(timed())
-    steps = live(Person(_bus()), protocol)
+    test_record, _ = fresh_record(timed())
+    steps = live(Person(_bus()), test_record)
     for name, remark in (
         ("start-up logic-io", "soem on eth1; fsn-master knows no connection of this name"),
         ("loss io", "soem on eth1; fsn-master knows no connection logic-io"),
@@ -336,7 +336,7 @@ def test_a_connection_that_fsn_master_does_not_know(monkeypatch: pytest.MonkeyPa
 
 def test_a_bus_that_changes_while_a_person_walks() -> None:
     class Slow(Person):
-        def guarded(self, step: ProtocolStep) -> bool:
+        def guarded(self, step: TestStep) -> bool:
             self.bus.stuck = "logic-io"
             return True
 

@@ -1,4 +1,4 @@
-"""What ``fsoe-net test-protocol`` prints, and asks the person at the machine."""
+"""What ``fsoe-net test-record`` prints, and asks the person at the machine."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import click
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.printable import printable
 from fsoe_net.diag.words import counted
-from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, ProtocolStep, StepOutcome
+from fsoe_net.model.test_record import EMULATED_NOTE, StepOutcome, TestRecord, TestStep
 
 
-def print_step(step: ProtocolStep) -> None:
+def print_step(step: TestStep) -> None:
     """Print what a step on the live bus has shown."""
     seen = step.live
     if seen is not None:
@@ -21,7 +21,7 @@ def print_step(step: ProtocolStep) -> None:
 class PersonAtTerminal:
     """The person at the terminal."""
 
-    def guarded(self, step: ProtocolStep) -> bool:
+    def guarded(self, step: TestStep) -> bool:
         """Ask whether the area is guarded; the answer is the name of the SubDevice."""
         echo(f"\n{step.id}: {step.what}", err=True)
         echo("Machines may move or stop. Is the area guarded and nobody in it?", err=True)
@@ -38,16 +38,16 @@ class PersonAtTerminal:
         echo(text, err=True)
 
 
-def print_outcome(protocol: Protocol, output: str) -> int:
+def print_outcome(record: TestRecord, output: str) -> int:
     """Print what was tried, and return the exit code."""
-    steps = protocol.steps
+    steps = record.steps
     wrong = [
         step.id
         for step in steps
         for seen in (step.emulated, step.live)
         if seen is not None and seen.outcome is StepOutcome.NOT_AS_EXPECTED
     ]
-    machine = f"{len(protocol.open_steps)} of {len(protocol.machine_steps)} open at the machine"
+    machine = f"{len(record.open_steps)} of {len(record.machine_steps)} open at the machine"
     echo(f"{output}: {counted(len(steps), 'step')}, {machine}")
     tried = [s.emulated for s in steps if s.emulated is not None]
     if tried:

@@ -1,4 +1,4 @@
-"""Test protocols: what ``fsoe-net test-protocol`` writes and people fill in."""
+"""Test records: what ``fsoe-net test-record`` writes and people fill in."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, load_yaml
-from fsoe_net.model.protocol import (
+from fsoe_net.model.test_record import (
     AtMachine,
     DeviceEntry,
-    Protocol,
-    ProtocolStep,
     StepKind,
     StepOutcome,
     StepResult,
+    TestRecord,
+    TestStep,
 )
 from fsoe_net.model.written import says_something
 
 _DATE = re.compile(r"(\d{4}-\d\d-\d\d)([T ].*)?")
 
 
-def check_entry(step: ProtocolStep, out: Collector) -> None:
+def check_entry(step: TestStep, out: Collector) -> None:
     """Report missing or invalid entries in the column of the machine.
 
     Args:
@@ -39,7 +39,7 @@ def check_entry(step: ProtocolStep, out: Collector) -> None:
             "FSN161",
             machine.span,
             f"step {step.id} is tried on the emulated bus only, and has an entry at the machine",
-            hint="empty it; note tests of your own beside this protocol",
+            hint="empty it; note tests of your own beside this test record",
         )
         return
     check_date(f"step {step.id}", machine.date, machine.at("date"), out)
@@ -89,7 +89,7 @@ _NUMBER = re.compile(r"-?\d+(\.\d*)?([eE][+-]?\d{1,3})?")
 _MAX_MS = 7 * 24 * 3600 * 1000.0
 
 
-def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | None:
+def load_test_record(path: str | os.PathLike[str], out: Collector) -> TestRecord | None:
     """Read a test record.
 
     Args:
@@ -103,7 +103,7 @@ def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | No
     if root is None:
         return None
     before = len(out.diagnostics)
-    check_structure(root, "protocol", out)
+    check_structure(root, "test-record", out)
     if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
         return None
     steps = tuple(_step(node, out) for node in root.maps("steps"))
@@ -117,7 +117,7 @@ def load_protocol(path: str | os.PathLike[str], out: Collector) -> Protocol | No
     check_date("made", made, root.at("made"), out)
     if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
         return None
-    return Protocol(
+    return TestRecord(
         span=root.span,
         fields=root.places(),
         network=_text(root, "network"),
@@ -146,9 +146,9 @@ def _text(node: MapNode, key: str) -> str:
     return node.text(key) or ""
 
 
-def _step(node: MapNode, out: Collector) -> ProtocolStep:
+def _step(node: MapNode, out: Collector) -> TestStep:
     machine = node.get("machine")
-    return ProtocolStep(
+    return TestStep(
         span=node.span,
         fields=node.places(),
         id=_text(node, "id"),

@@ -1,4 +1,4 @@
-"""Test protocols of the networks that tests have."""
+"""Test records of the networks that tests have."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from fsoe_net.formats.own.network import load_network
-from fsoe_net.model.protocol import AtMachine, Protocol, ProtocolStep, StepKind, StepOutcome
 from fsoe_net.model.resolve import Resolution, resolve
+from fsoe_net.model.test_record import AtMachine, StepKind, StepOutcome, TestRecord, TestStep
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.test_record.steps import make_protocol
+from fsoe_net.test_record.steps import make_test_record
 
 TIMED = Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml"
 DONE = AtMachine(
@@ -23,14 +23,14 @@ def timed() -> Resolution:
     return resolve(network)
 
 
-def protocol_of(resolution: Resolution) -> tuple[Protocol, bytes]:
+def fresh_record(resolution: Resolution) -> tuple[TestRecord, bytes]:
     plan = compile_plan(resolution).to_bytes()
-    return make_protocol(resolution, plan), plan
+    return make_test_record(resolution, plan), plan
 
 
-def only(protocol: Protocol, *kinds: StepKind) -> Protocol:
-    return replace(protocol, steps=tuple(s for s in protocol.steps if s.kind in kinds))
+def only(test_record: TestRecord, *kinds: StepKind) -> TestRecord:
+    return replace(test_record, steps=tuple(s for s in test_record.steps if s.kind in kinds))
 
 
-def by_id(protocol: Protocol) -> dict[str, ProtocolStep]:
-    return {step.id: step for step in protocol.steps}
+def by_id(test_record: TestRecord) -> dict[str, TestStep]:
+    return {step.id: step for step in test_record.steps}

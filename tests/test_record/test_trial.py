@@ -1,4 +1,4 @@
-"""Steps of a test protocol, and what the emulated bus fills in."""
+"""Steps of a test record, and what the emulated bus fills in."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from types import SimpleNamespace
 
 import pytest
 from live.support import ESTOP, needs_core, resolution_of
-from test_record.protocols import TIMED, by_id, only, protocol_of, timed
+from test_record.filled import TIMED, by_id, fresh_record, only, timed
 
 from fsoe_net.campaign.fault_classes import CATALOGUE
 from fsoe_net.formats.own.network import load_network
-from fsoe_net.model.protocol import StepKind, StepOutcome, StepResult
 from fsoe_net.model.resolve import Resolution, resolve
 from fsoe_net.model.safety import ElementKind, SafeBit
-from fsoe_net.test_record import virtual as protocol_virtual
-from fsoe_net.test_record.virtual import run_protocol_virtual
+from fsoe_net.model.test_record import StepKind, StepOutcome, StepResult
+from fsoe_net.test_record import virtual
+from fsoe_net.test_record.virtual import run_tests_virtual
 
 
 def test_steps_of_functions_connections_devices_and_faults() -> None:
-    protocol, _ = protocol_of(timed())
-    ids = list(by_id(protocol))
+    test_record, _ = fresh_record(timed())
+    ids = list(by_id(test_record))
     assert ids[:6] == [
         "start-up logic-io",
         "start-up logic-io2",
@@ -31,16 +31,16 @@ def test_steps_of_functions_connections_devices_and_faults() -> None:
         "loss logic",
     ]
     assert ids[6:] == [f"fault {name}" for name in CATALOGUE]
-    assert by_id(protocol)["loss io"].expected == (
+    assert by_id(test_record)["loss io"].expected == (
         "logic-io leave Data; the outputs of their logic go off and stay off when io is back, "
         "until a reset is pressed."
     )
-    trigger = by_id(protocol)["trigger estop"]
+    trigger = by_id(test_record)["trigger estop"]
     assert "ES1 is pressed" in trigger.what
     assert "K1 opens" in trigger.expected
     assert trigger.limit_ms == 300
-    assert protocol.open_steps == protocol.machine_steps == protocol.steps[:6]
-    assert protocol.failed_steps == ()
+    assert test_record.open_steps == test_record.machine_steps == test_record.steps[:6]
+    assert test_record.failed_steps == ()
 
 
 def test_the_trigger_names_the_safe_bits_to_watch() -> None:
@@ -52,8 +52,8 @@ def test_the_trigger_names_the_safe_bits_to_watch() -> None:
     }
     elements = tuple(replace(e, bits=bits.get(e.kind, ())) for e in estop.elements)
     network = replace(resolution.network, safety_functions=(replace(estop, elements=elements),))
-    before = by_id(protocol_of(resolution)[0])["trigger estop"]
-    now = by_id(protocol_of(replace(resolution, network=network))[0])["trigger estop"]
+    before = by_id(fresh_record(resolution)[0])["trigger estop"]
+    now = by_id(fresh_record(replace(resolution, network=network))[0])["trigger estop"]
     assert now.what == before.what + (
         " Safe bits to watch: ES1 A is bit 0 of the frame from io; ES1 B is bit 1 of the frame "
         "from io; K1 is bit 0 of the frame to io2."
@@ -66,9 +66,9 @@ def test_the_trigger_names_the_safe_bits_to_watch() -> None:
 @needs_core
 def test_the_emulated_bus_measures_and_closes_no_step() -> None:
     resolution = timed()
-    empty, plan = protocol_of(resolution)
+    empty, plan = fresh_record(resolution)
     wanted = only(empty, StepKind.START_UP, StepKind.TRIGGER, StepKind.LOSS)
-    done = run_protocol_virtual(wanted, resolution, plan)
+    done = run_tests_virtual(wanted, resolution, plan)
     assert [s.emulated.outcome for s in done.steps if s.emulated] == [StepOutcome.AS_EXPECTED] * 6
     steps = by_id(done)
     times = {name: s.emulated.measured_ms for name, s in steps.items() if s.emulated}
@@ -81,15 +81,15 @@ def test_the_emulated_bus_measures_and_closes_no_step() -> None:
     assert len(done.open_steps) == len(wanted.open_steps) == len(wanted.steps)
     assert not any(step.is_done for step in done.steps)
     assert all(not s.machine.filled and s.live is None for s in done.steps)
-    assert run_protocol_virtual(wanted, resolution, plan) == done
+    assert run_tests_virtual(wanted, resolution, plan) == done
 
 
 @needs_core
 def test_a_reaction_that_comes_too_late_is_said() -> None:
     resolution = timed()
-    empty, plan = protocol_of(resolution)
+    empty, plan = fresh_record(resolution)
     trigger = replace(by_id(empty)["trigger estop"], limit_ms=1.0)
-    (step,) = run_protocol_virtual(replace(empty, steps=(trigger,)), resolution, plan).steps
+    (step,) = run_tests_virtual(replace(empty, steps=(trigger,)), resolution, plan).steps
     assert step.emulated is not None
     assert step.emulated.outcome is StepOutcome.NOT_AS_EXPECTED
     assert step.emulated.remark.startswith("later than 1 ms")
@@ -98,9 +98,9 @@ def test_a_reaction_that_comes_too_late_is_said() -> None:
 @needs_core
 def test_faults_are_counted_per_class() -> None:
     resolution = resolution_of(ESTOP)
-    empty, plan = protocol_of(resolution)
+    empty, plan = fresh_record(resolution)
     wanted = [s for s in empty.steps if s.subject in ("delay", "repetition", "masquerade")]
-    done = run_protocol_virtual(replace(empty, steps=tuple(wanted)), resolution, plan, faults=20)
+    done = run_tests_virtual(replace(empty, steps=tuple(wanted)), resolution, plan, faults=20)
     for step in done.steps:
         assert step.emulated is not None
         assert step.emulated.outcome is StepOutcome.AS_EXPECTED
@@ -116,8 +116,8 @@ def test_a_function_without_emulated_inputs_stays_open_with_the_reason() -> None
     elements = tuple(replace(e, sub="logic") if e.sub == "io" else e for e in function.elements)
     network = replace(network, safety_functions=(replace(function, elements=elements),))
     resolution = resolve(network)
-    empty, plan = protocol_of(resolution)
-    (step,) = run_protocol_virtual(only(empty, StepKind.TRIGGER), resolution, plan).steps
+    empty, plan = fresh_record(resolution)
+    (step,) = run_tests_virtual(only(empty, StepKind.TRIGGER), resolution, plan).steps
     assert step.emulated is not None
     assert step.emulated.outcome is StepOutcome.NOT_RUN
     assert "no emulated safe input bits" in step.emulated.remark
@@ -126,19 +126,19 @@ def test_a_function_without_emulated_inputs_stays_open_with_the_reason() -> None
 @needs_core
 def test_steps_are_told_as_they_begin() -> None:
     resolution = timed()
-    empty, plan = protocol_of(resolution)
+    empty, plan = fresh_record(resolution)
     told: list[str] = []
     wanted = only(empty, StepKind.START_UP)
-    run_protocol_virtual(wanted, resolution, plan, on_step=told.append)
+    run_tests_virtual(wanted, resolution, plan, on_step=told.append)
     assert told == ["start-up logic-io", "start-up logic-io2"]
 
 
 def _emulated(resolution: Resolution | None = None, *kinds: StepKind) -> dict[str, str]:
     """Return outcome and remark of each step, on the emulated bus."""
     resolution = resolution or timed()
-    empty, plan = protocol_of(resolution)
+    empty, plan = fresh_record(resolution)
     kinds = kinds or (StepKind.START_UP, StepKind.TRIGGER, StepKind.LOSS)
-    steps = run_protocol_virtual(only(empty, *kinds), resolution, plan).steps
+    steps = run_tests_virtual(only(empty, *kinds), resolution, plan).steps
     return {
         s.id: f"{s.emulated.outcome.value if s.emulated.outcome else None}: {s.emulated.remark}"
         for s in steps
@@ -152,7 +152,7 @@ REACTIONS = ("trigger estop", "loss io", "loss io2", "loss logic")
 
 @needs_core
 def test_connections_that_never_reach_data(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocol_virtual, "_PATIENCE_NS", 1_000_000)
+    monkeypatch.setattr(virtual, "_PATIENCE_NS", 1_000_000)
     assert _emulated() == dict.fromkeys(
         START_UPS, "not as expected: never reached Data"
     ) | dict.fromkeys(REACTIONS, "not run: not all connections reached Data")
@@ -160,7 +160,7 @@ def test_connections_that_never_reach_data(monkeypatch: pytest.MonkeyPatch) -> N
 
 @needs_core
 def test_outputs_that_are_never_off(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocol_virtual, "_on", lambda *_: ["a", "b", "c", "d"])
+    monkeypatch.setattr(virtual, "_on", lambda *_: ["a", "b", "c", "d"])
     assert _emulated() == dict.fromkeys(
         START_UPS, "not as expected: an output was on before a reset"
     ) | dict.fromkeys(REACTIONS, "not as expected: still on: a, b, c")
@@ -168,19 +168,17 @@ def test_outputs_that_are_never_off(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @needs_core
 def test_outputs_that_are_never_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocol_virtual, "_on", lambda *_: [])
+    monkeypatch.setattr(virtual, "_on", lambda *_: [])
     found = _emulated(None, StepKind.TRIGGER, StepKind.LOSS)
     assert found == dict.fromkeys(REACTIONS, "not run: none of its outputs was on")
 
 
 def test_an_output_that_comes_on_again(monkeypatch: pytest.MonkeyPatch) -> None:
     seen = iter((["a"], [], ["a"]))
-    monkeypatch.setattr(
-        protocol_virtual, "_cycles", lambda *_: iter((9_000_000, 10_000_000, 11_000_000))
-    )
-    monkeypatch.setattr(protocol_virtual, "_on", lambda *_: next(seen))
+    monkeypatch.setattr(virtual, "_cycles", lambda *_: iter((9_000_000, 10_000_000, 11_000_000)))
+    monkeypatch.setattr(virtual, "_on", lambda *_: next(seen))
     emulation = SimpleNamespace(_time_is=lambda words: words)
-    found = protocol_virtual._Emulation._reaction(
+    found = virtual._Emulation._reaction(
         emulation,  # type: ignore[arg-type]
         SimpleNamespace(cycle_ns=1_000_000),  # type: ignore[arg-type]
         ["a"],
@@ -212,8 +210,8 @@ def test_a_loss_of_what_is_copied_and_safe_of_nothing(tmp_path: Path) -> None:
     found = _emulated(resolve(network), StepKind.LOSS)
     assert found["loss other"] == "as expected: 2 of 2 connections in Data without it"
     resolution = resolve(network)
-    empty, plan = protocol_of(resolution)
+    empty, plan = fresh_record(resolution)
     nobody = replace(by_id(empty)["loss other"], subject="nobody")
-    (step,) = run_protocol_virtual(replace(empty, steps=(nobody,)), resolution, plan).steps
+    (step,) = run_tests_virtual(replace(empty, steps=(nobody,)), resolution, plan).steps
     assert step.emulated is not None
     assert step.emulated.remark == "nobody carries no process data that is copied"

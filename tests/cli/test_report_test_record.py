@@ -1,4 +1,4 @@
-"""`fsoe-net report --protocol`: what people wrote is taken, or they are told where it is not."""
+"""`fsoe-net report --test-record`: what people wrote is taken, or they are told where it is not."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ TIMED = str(Path(__file__).parents[1] / "diagnostics" / "base" / "timed.yaml")
 
 @pytest.fixture(name="text", scope="module")
 def fresh(tmp_path_factory: pytest.TempPathFactory) -> str:
-    path = tmp_path_factory.mktemp("protocol") / "protocol.yaml"
-    assert fsn("test-protocol", TIMED, "-o", str(path)).returncode == 0
+    path = tmp_path_factory.mktemp("test_record") / "test-record.yaml"
+    assert fsn("test-record", TIMED, "-o", str(path)).returncode == 0
     return path.read_text("utf-8")
 
 
@@ -34,12 +34,12 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> str:
 def test_mistakes_are_located_and_stand_in_the_report(
     text: str, pattern: str, put: str, told: str, code: int, tmp_path: Path
 ) -> None:
-    path, report = tmp_path / "protocol.yaml", tmp_path / "report.json"
+    path, report = tmp_path / "test-record.yaml", tmp_path / "report.json"
     path.write_text(re.sub(pattern, put, text, count=1), "utf-8")
-    done = fsn("report", TIMED, "--protocol", str(path), "-o", str(report))
+    done = fsn("report", TIMED, "--test-record", str(path), "-o", str(report))
     assert "Traceback" not in done.stderr
     assert told in done.stderr
-    assert re.search(r"protocol\.yaml:\d+:\d+: (error|warning)", done.stderr)
+    assert re.search(r"test-record\.yaml:\d+:\d+: (error|warning)", done.stderr)
     assert "hint: " in done.stderr
     if code == 2:  # cannot be read at all
         assert done.returncode == 1

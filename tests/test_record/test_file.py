@@ -1,4 +1,4 @@
-"""Test protocols as files: what people write is checked, kept, and closes a step or does not."""
+"""Test records as files: what people write is checked, kept, and closes a step or does not."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
-from test_record.protocols import DONE, by_id, protocol_of, timed
+from test_record.filled import DONE, by_id, fresh_record, timed
 
 from fsoe_net.document.write_html import document_html
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.json_schema import read_schema
-from fsoe_net.formats.own.protocol import load_protocol
-from fsoe_net.formats.own.write_protocol import write_protocol
+from fsoe_net.formats.own.test_record import load_test_record
+from fsoe_net.formats.own.write_test_record import write_test_record
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.model.protocol import EMULATED_NOTE, Protocol, StepOutcome, StepResult
+from fsoe_net.model.test_record import EMULATED_NOTE, StepOutcome, StepResult, TestRecord
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of
-from fsoe_net.report.protocol_document import protocol_document
-from fsoe_net.test_record.steps import compare_protocol, keep_machine, make_protocol
+from fsoe_net.report.test_record_document import render_test_record
+from fsoe_net.test_record.steps import compare_test_record, keep_machine, make_test_record
 
 
 def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
-    protocol, _ = protocol_of(timed())
-    first = replace(protocol.steps[0], machine=DONE)
-    protocol = replace(protocol, steps=(first, *protocol.steps[1:]))
-    path = tmp_path / "protocol.yaml"
-    text = write_protocol(protocol)
+    test_record, _ = fresh_record(timed())
+    first = replace(test_record.steps[0], machine=DONE)
+    test_record = replace(test_record, steps=(first, *test_record.steps[1:]))
+    path = tmp_path / "test-record.yaml"
+    text = write_test_record(test_record)
     path.write_text(text, "utf-8")
     out = Collector()
-    assert load_protocol(path, out) == protocol
+    assert load_test_record(path, out) == test_record
     assert out.diagnostics == []
     assert EMULATED_NOTE in text
-    jsonschema.validate(yaml.safe_load(text), read_schema("protocol"))
-    assert protocol.steps[0] not in protocol.open_steps
-    assert protocol.steps[0].is_done
+    jsonschema.validate(yaml.safe_load(text), read_schema("test-record"))
+    assert test_record.steps[0] not in test_record.open_steps
+    assert test_record.steps[0].is_done
 
 
 @pytest.mark.parametrize(
@@ -60,20 +60,20 @@ def test_the_file_is_read_back_as_it_was(tmp_path: Path) -> None:
 def test_mistakes_of_people_are_located(
     before: str, after: str, words: str, tmp_path: Path
 ) -> None:
-    protocol, _ = protocol_of(timed())
-    text = write_protocol(protocol)
+    test_record, _ = fresh_record(timed())
+    text = write_test_record(test_record)
     assert before in text
-    path = tmp_path / "protocol.yaml"
+    path = tmp_path / "test-record.yaml"
     path.write_text(text.replace(before, after, 1), "utf-8")
     out = Collector()
-    assert load_protocol(path, out) is None
+    assert load_test_record(path, out) is None
     found = out.diagnostics[0]
     assert words in f"{found.message} {found.hint}"
     assert found.span.line > 4
 
 
 def test_what_was_read_at_devices_is_kept_and_asked_for() -> None:
-    empty, _ = protocol_of(timed())
+    empty, _ = fresh_record(timed())
     old = replace(
         empty,
         made="2026-11-20",
@@ -91,39 +91,39 @@ def test_what_was_read_at_devices_is_kept_and_asked_for() -> None:
         ),
     ):
         cut, out = replace(old, devices=tuple(devices)), Collector()
-        compare_protocol(cut, empty, out)
+        compare_test_record(cut, empty, out)
         assert [d.message for d in out.diagnostics] == [words]
         kept = keep_machine(empty, cut).devices[-1]
         assert (kept.subdevice, kept.safety_project_crc) == ("logic", "")
 
 
 def test_a_date_and_a_number_by_hand_are_read(tmp_path: Path) -> None:
-    protocol, _ = protocol_of(timed())
-    text = write_protocol(protocol)
+    test_record, _ = fresh_record(timed())
+    text = write_test_record(test_record)
     text = text.replace(
         "    result: ''\n    measured_ms: ''", "    result: as expected\n    measured_ms: 61.5", 1
     )
     text = text.replace("by: ''", "by: A. Person", 1).replace("date: ''", "date: 2026-11-21", 1)
-    path = tmp_path / "protocol.yaml"
+    path = tmp_path / "test-record.yaml"
     path.write_text(text, "utf-8")
     out = Collector()
-    read = load_protocol(path, out)
+    read = load_test_record(path, out)
     assert out.diagnostics == []
     assert read is not None
     assert read.steps[0].machine == DONE
 
 
-def written(tmp_path: Path, **machine: object) -> tuple[Collector, Protocol | None]:
+def written(tmp_path: Path, **machine: object) -> tuple[Collector, TestRecord | None]:
     """Return what is read when people have written into one step, and nothing else."""
-    protocol, _ = protocol_of(timed())
-    document = yaml.safe_load(write_protocol(protocol))
+    test_record, _ = fresh_record(timed())
+    document = yaml.safe_load(write_test_record(test_record))
     for step in document["steps"]:
         if step["id"] == machine.get("step", "trigger estop"):
             step["machine"] = {k: v for k, v in machine.items() if k != "step"}
-    path = tmp_path / "protocol.yaml"
+    path = tmp_path / "test-record.yaml"
     path.write_text(yaml.safe_dump(document, sort_keys=False), "utf-8")
     out = Collector()
-    return out, load_protocol(path, out)
+    return out, load_test_record(path, out)
 
 
 @pytest.mark.parametrize(
@@ -166,15 +166,15 @@ def test_a_step_on_the_emulated_bus_only_takes_no_entry_at_the_machine(tmp_path:
     assert "emulated bus only" in out.diagnostics[0].message
 
 
-def test_a_protocol_is_held_against_the_files() -> None:
+def test_a_test_record_is_held_against_the_files() -> None:
     resolution = timed()
     plan = compile_plan(resolution)
     whole = fingerprint_of(plan).whole
-    fresh = make_protocol(resolution, plan.to_bytes(), fingerprint=whole)
+    fresh = make_test_record(resolution, plan.to_bytes(), fingerprint=whole)
 
-    def said(given: Protocol) -> list[str]:
+    def said(given: TestRecord) -> list[str]:
         out = Collector()
-        compare_protocol(given, fresh, out)
+        compare_test_record(given, fresh, out)
         assert all(d.code == "FSN161" and d.hint for d in out.diagnostics)
         return [d.message for d in out.diagnostics]
 
@@ -199,8 +199,8 @@ def test_a_protocol_is_held_against_the_files() -> None:
 
 
 def test_a_step_stays_open_without_name_and_date() -> None:
-    protocol, _ = protocol_of(timed())
-    step = protocol.steps[0]
+    test_record, _ = fresh_record(timed())
+    step = test_record.steps[0]
     assert not replace(step, machine=DONE).is_open
     assert replace(step, machine=replace(DONE, by="")).is_open
     assert replace(step, machine=replace(DONE, date="")).is_open
@@ -214,17 +214,17 @@ WRONG = replace(FINE, outcome=StepOutcome.NOT_AS_EXPECTED)
 
 @pytest.mark.shows("R13")
 def test_what_programs_saw_closes_no_step() -> None:
-    protocol, _ = protocol_of(timed())
+    test_record, _ = fresh_record(timed())
     seen = replace(
-        protocol, steps=tuple(replace(s, emulated=FINE, live=FINE) for s in protocol.steps)
+        test_record, steps=tuple(replace(s, emulated=FINE, live=FINE) for s in test_record.steps)
     )
     assert seen.open_steps == seen.machine_steps
     assert not any(step.is_done for step in seen.steps)
 
 
 def test_a_step_that_failed_is_never_done() -> None:
-    protocol, _ = protocol_of(timed())
-    trigger = by_id(protocol)["trigger estop"]
+    test_record, _ = fresh_record(timed())
+    trigger = by_id(test_record)["trigger estop"]
     fine = replace(trigger, machine=DONE)
     assert fine.is_done
     failed = replace(trigger, machine=replace(DONE, outcome=StepOutcome.NOT_AS_EXPECTED))
@@ -233,29 +233,29 @@ def test_a_step_that_failed_is_never_done() -> None:
     assert (unsigned.is_open, unsigned.is_failed) == (True, True)
     late = replace(trigger, machine=replace(DONE, measured_ms=300.1))
     assert (late.is_late, late.is_failed, late.is_done) == (True, True, False)
-    assert replace(protocol, steps=(fine, failed, late)).failed_steps == (failed, late)
+    assert replace(test_record, steps=(fine, failed, late)).failed_steps == (failed, late)
     disputed = replace(fine, live=WRONG)
     assert disputed.is_done
-    both = replace(protocol, steps=(fine, disputed))
+    both = replace(test_record, steps=(fine, disputed))
     assert both.disputed_steps == (disputed,)
     assert "1 as expected by hand and not by program" in page_of(both)
     assert "not by program" not in page_of(replace(both, steps=(fine,)))
 
 
-def page_of(protocol: Protocol) -> str:
-    return document_html(protocol_document(protocol, version="0"))
+def page_of(test_record: TestRecord) -> str:
+    return document_html(render_test_record(test_record, version="0"))
 
 
 def test_a_class_of_faults_is_not_tried_at_the_machine() -> None:
-    protocol, _ = protocol_of(timed())
-    fault = by_id(protocol)["fault delay"]
+    test_record, _ = fresh_record(timed())
+    fault = by_id(test_record)["fault delay"]
     for step in (fault, replace(fault, emulated=FINE), replace(fault, machine=DONE)):
         assert (step.is_open, step.is_done, step.is_failed) == (False, False, False)
     assert replace(fault, emulated=WRONG, machine=DONE).is_failed
 
 
 def test_what_people_wrote_is_kept_or_nothing_is_written() -> None:
-    fresh, _ = protocol_of(timed())
+    fresh, _ = fresh_record(timed())
     written = replace(fresh, steps=(replace(fresh.steps[0], machine=DONE), *fresh.steps[1:]))
     assert keep_machine(fresh, written) == written
     with pytest.raises(InputError, match="of another plan"):
@@ -270,9 +270,9 @@ def test_what_people_wrote_is_kept_or_nothing_is_written() -> None:
 
 
 def test_the_page_says_what_is_emulated_and_leaves_room() -> None:
-    protocol, _ = protocol_of(timed())
-    strange = replace(protocol.steps[0], subject="<b>", what="a & b")
-    page = page_of(replace(protocol, steps=(strange,)))
+    test_record, _ = fresh_record(timed())
+    strange = replace(test_record.steps[0], subject="<b>", what="a & b")
+    page = page_of(replace(test_record, steps=(strange,)))
     assert EMULATED_NOTE in page
     assert "MACHINE" in page
     assert "1 of 1 step open" in page
@@ -283,5 +283,5 @@ def test_the_page_says_what_is_emulated_and_leaves_room() -> None:
 
 
 def test_the_schema_is_a_schema() -> None:
-    jsonschema.Draft202012Validator.check_schema(read_schema("protocol"))
-    assert json.dumps(read_schema("protocol")).count("description") > 20
+    jsonschema.Draft202012Validator.check_schema(read_schema("test-record"))
+    assert json.dumps(read_schema("test-record")).count("description") > 20

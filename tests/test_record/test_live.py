@@ -1,4 +1,4 @@
-"""`fsoe-net test-protocol --live`: a terminal, fsn-master and the emulated segment on a wire."""
+"""`fsoe-net test-record --live`: a terminal, fsn-master and the emulated segment on a wire."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import yaml
 from live.on_the_wire import on_the_wire
 from live.support import ROOT
 
-from fsoe_net.model.protocol import EMULATED_NOTE
+from fsoe_net.model.test_record import EMULATED_NOTE
 
 TIMED = ROOT / "tests/diagnostics/base/timed.yaml"
 WATCHDOG_MS = 2000.0
@@ -39,16 +39,16 @@ def live_of(seen: dict[str, str]) -> dict[str, dict[str, object]]:
     return {step["id"]: step["live"] for step in document["steps"] if step["live"]}
 
 
-def try_protocol(case: str, *networks: Path, tmp: Path, good=lambda _: True):
+def try_test_record(case: str, *networks: Path, tmp: Path, good=lambda _: True):
     names = map(str, networks)
-    return on_the_wire(case, *names, tmp=tmp, good=good, script="test_record/protocol_rig.py")
+    return on_the_wire(case, *names, tmp=tmp, good=good, script="test_record/live_test_rig.py")
 
 
 def test_losses_are_asked_for_measured_and_marked(network, tmp_path):
     def good(seen):  # nobody has left OP by itself, on a machine that is late
         return seen["code"] == 0 and "was not in OP" not in seen["file"]
 
-    seen = try_protocol("whole", network, tmp=tmp_path, good=good)
+    seen = try_test_record("whole", network, tmp=tmp_path, good=good)
     steps = live_of(seen)
     assert list(steps) == [
         "start-up logic-io",
@@ -74,10 +74,10 @@ def test_what_was_measured_is_kept_when_it_breaks_off(network, tmp_path):
         stayed = "was not in OP" not in seen["left_out"]["file"]
         return stayed and "loss io: as expected" in seen["interrupt"]["told"]
 
-    seen = try_protocol("broken_off", network, tmp=tmp_path, good=good)
+    seen = try_test_record("broken_off", network, tmp=tmp_path, good=good)
     interrupt, left_out, gone = (seen[name] for name in ("interrupt", "left_out", "gone"))
     assert interrupt["code"] == 130
-    assert "broken off: protocol.yaml has the 3 steps tried so far" in interrupt["told"]
+    assert "broken off: test-record.yaml has the 3 steps tried so far" in interrupt["told"]
     assert list(live_of(interrupt)) == ["start-up logic-io", "start-up logic-io2", "loss io"]
     assert TAKE not in left_out["told"]
     assert live_of(left_out)["loss io"] == live_of(interrupt)["loss io"]
@@ -94,7 +94,7 @@ TAKE = "off the bus now"
 def test_another_configuration_and_nobody_at_a_terminal(network, tmp_path):
     other = tmp_path / "other.yaml"
     other.write_text(network.read_text("utf-8").replace("address: 2", "address: 3"), "utf-8")
-    seen = try_protocol("refused", network, other, tmp=tmp_path)
+    seen = try_test_record("refused", network, other, tmp=tmp_path)
     assert seen["other"]["code"] == 1
     assert "differs in connections" in seen["other"]["told"]
     assert seen["no_terminal"]["code"] == 2

@@ -1,4 +1,4 @@
-"""What is entered into a test protocol is in its file, and nothing that was there is lost."""
+"""What is entered into a test record is in its file, and nothing that was there is lost."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from studio.server_rig import Browser, running
 
 from fsoe_net.errors import InputError
 from fsoe_net.test_record.entries import Conflict, MachineEntry, enter, step_fields
-from fsoe_net.test_record.protocol import ProtocolTrial, read_protocol
+from fsoe_net.test_record.trial import Trial, read_test_record
 
 EMPTY = {"result": "", "measured_ms": "", "remark": "", "by": "", "date": ""}
 DONE = EMPTY | {"result": "as expected", "by": "A. Person", "date": "2026-11-21"}
@@ -26,30 +26,30 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made")
     shutil.copytree(BASE / "devices", folder / "devices")
     shutil.copy(BASE / "timed.yaml", folder / "network.yaml")
-    ProtocolTrial.of([str(folder / "network.yaml")]).save(str(folder / "protocol.yaml"))
+    Trial.of([str(folder / "network.yaml")]).save(str(folder / "test-record.yaml"))
     return folder
 
 
 @pytest.fixture
 def network(made: Path, tmp_path: Path) -> Path:
-    """Return a network without a protocol."""
+    """Return a network without a test record."""
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
-    (tmp_path / "protocol.yaml").unlink()
+    (tmp_path / "test-record.yaml").unlink()
     return tmp_path / "network.yaml"
 
 
 @pytest.fixture
 def path(made: Path, network: Path) -> str:
-    """Return the protocol of that network."""
-    return str(shutil.copy(made / "protocol.yaml", network.parent))
+    """Return the test record of that network."""
+    return str(shutil.copy(made / "test-record.yaml", network.parent))
 
 
 def _fields(path: str, step: str = TRIGGER) -> dict[str, str]:
-    return next(step_fields(s) for s in read_protocol(path)[1].steps if s.id == step)
+    return next(step_fields(s) for s in read_test_record(path)[1].steps if s.id == step)
 
 
 def test_an_entry_is_written_once_and_the_rest_stays(path: str) -> None:
-    before = read_protocol(path)[1]
+    before = read_test_record(path)[1]
     Path(path).write_text("# of hall 3\n" + Path(path).read_text("utf-8"), "utf-8")
     now = DONE | {"measured_ms": "61,5", "remark": "scope,\n contact  of K1"}
     entry = MachineEntry(step=TRIGGER, before=EMPTY, now=now)
@@ -57,11 +57,11 @@ def test_an_entry_is_written_once_and_the_rest_stays(path: str) -> None:
     assert written == now | {"measured_ms": "61.5", "remark": "scope, contact of K1"}
     assert _fields(path) == written
     text = Path(path).read_bytes()
-    assert text.startswith(b"# of hall 3\n# Test protocol.")
+    assert text.startswith(b"# of hall 3\n# Test record.")
     assert b"measured_ms: 61.5\n" in text
     assert enter(path, entry) == written  # its answer was lost, and it comes again
     assert Path(path).read_bytes() == text
-    after = read_protocol(path)[1]
+    after = read_test_record(path)[1]
     assert [s.id for s in after.steps] == [s.id for s in before.steps]
     assert [s for s in after.steps if s.machine.filled] == [s for s in after.steps if s.is_done]
     assert enter(path, MachineEntry(step="loss io", before=EMPTY, now=DONE)) == DONE
@@ -98,7 +98,7 @@ def test_what_was_read_at_a_subdevice(path: str) -> None:
     assert enter(path, MachineEntry(subdevice="io", before=blank, now=now)) == {
         key: now[key] for key in ("firmware", "serial")
     }
-    rows = {d.subdevice: d for d in read_protocol(path)[1].devices}
+    rows = {d.subdevice: d for d in read_test_record(path)[1].devices}
     assert (rows["logic"].firmware, rows["logic"].safety_project_crc) == ("07", "0x8F1C")
     assert rows["io"].safety_project_crc is None
 
@@ -124,9 +124,9 @@ def test_what_the_file_cannot_hold_is_refused(path: str, wrong: dict[str, str], 
     assert Path(path).read_bytes() == text
 
 
-def test_only_steps_of_the_protocol_are_entered(path: str) -> None:
+def test_only_steps_of_the_test_record_are_entered(path: str) -> None:
     for step in ("no such", "fault bit flip", ""):
-        with pytest.raises(InputError, match="no such step at the machine"):
+        with pytest.raises(InputError, match="no such step"):
             enter(path, MachineEntry(step=step, before=EMPTY, now=DONE))
     document = yaml.safe_load(Path(path).read_text("utf-8"))
     for row in document["steps"]:
@@ -143,18 +143,18 @@ def _sent(state: dict[str, Any], **more: object) -> dict[str, object]:
     return sent | {"before": EMPTY, "now": DONE} | more
 
 
-def test_the_page_makes_shows_and_fills_a_protocol(network: Path) -> None:
+def test_the_page_makes_shows_and_fills_a_test_record(network: Path) -> None:
     with running(network) as studio:
         browser = Browser(studio.url)
         browser.enter()
-        assert browser.get("protocol")[1]["number"] is None
+        assert browser.get("test-record")[1]["number"] is None
         _, text = browser.get("state")
         changed = {"version": text["version"], "text": f"{text['text']}# more\n"}
         _, changed = browser.post("text", changed)
-        status, answer = browser.post("protocol/new", {})
+        status, answer = browser.post("test-record/new", {})
         assert (status, "save the network first" in str(answer["error"])) == (422, True)
         browser.post("save", {"version": changed["version"]})
-        status, state = browser.post("protocol/new", {})
+        status, state = browser.post("test-record/new", {})
         assert (status, state["error"], state["notes"]) == (200, "", [])
         assert {"trigger estop", "loss io"} <= {step["name"] for step in state["steps"]}
         assert all(not step["name"].startswith("fault") for step in state["steps"])
@@ -163,24 +163,24 @@ def test_the_page_makes_shows_and_fills_a_protocol(network: Path) -> None:
             "io2": 2,
             "logic": 3,
         }
-        assert browser.post("protocol/new", {})[0] == 422
-        status, answer = browser.post("protocol/enter", _sent(state))
+        assert browser.post("test-record/new", {})[0] == 422
+        status, answer = browser.post("test-record/enter", _sent(state))
         assert (status, answer["present"]) == (200, DONE)
         other = DONE | {"by": "B. Other"}
-        status, answer = browser.post("protocol/enter", _sent(state, now=other))
+        status, answer = browser.post("test-record/enter", _sent(state, now=other))
         assert (status, answer["present"]) == (409, DONE)
-        (step,) = (s for s in browser.get("protocol")[1]["steps"] if s["name"] == TRIGGER)
+        (step,) = (s for s in browser.get("test-record")[1]["steps"] if s["name"] == TRIGGER)
         assert (step["is_open"], step["is_failed"], step["fields"]) == (False, False, DONE)
         for wrong in ({"file": 99}, {"key": "x"}, {"step": 1}, {"before": []}, {"now": {"by": 1}}):
-            assert browser.post("protocol/enter", _sent(state, **wrong))[0] == 422
-        assert browser.post("protocol/enter", [])[0] == 400
+            assert browser.post("test-record/enter", _sent(state, **wrong))[0] == 422
+        assert browser.post("test-record/enter", [])[0] == 400
         own = {"Origin": f"http://{browser.host}", "X_Fsoe_Net": "1"}
-        assert browser.ask("/api/protocol/enter", "POST", b"{", **own)[0] == 400
+        assert browser.ask("/api/test-record/enter", "POST", b"{", **own)[0] == 400
         browser.post("text", {"version": changed["version"] + 1, "text": "nets: ["})
-        assert browser.get("protocol?file=7")[1]["notes"] == []  # nothing to compare it with
+        assert browser.get("test-record?file=7")[1]["notes"] == []  # nothing to compare it with
 
 
-def test_a_protocol_of_another_configuration_says_so(network: Path, path: str) -> None:
+def test_a_test_record_of_another_configuration_says_so(network: Path, path: str) -> None:
     Path(path).write_text(
         Path(path)
         .read_text("utf-8")
@@ -194,7 +194,7 @@ def test_a_protocol_of_another_configuration_says_so(network: Path, path: str) -
     with running(network) as studio:
         browser = Browser(studio.url)
         browser.enter()
-        _, state = browser.get("protocol")
+        _, state = browser.get("test-record")
     assert "made for another configuration" in state["notes"][0]
     assert state["steps"][0]["emulated"] == "as expected, 5 ms to, x"
     assert "no evidence" in state["note"] or "not evidence" in state["note"]
@@ -204,10 +204,10 @@ def test_many_at_once_lose_nothing(network: Path, path: str) -> None:
     with running(network) as studio:
         browser = Browser(studio.url)
         browser.enter()
-        _, state = browser.get("protocol")
+        _, state = browser.get("test-record")
         names = [step["name"] for step in state["steps"]][:4]
         with ThreadPoolExecutor(4) as pool:
             sent = (_sent(state, step=name) for name in names)
-            found = list(pool.map(lambda body: browser.post("protocol/enter", body)[0], sent))
+            found = list(pool.map(lambda body: browser.post("test-record/enter", body)[0], sent))
     assert found == [200] * len(names)
     assert all(_fields(path, name) == DONE for name in names)
