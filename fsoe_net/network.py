@@ -231,7 +231,7 @@ class Network:
             against: An earlier plan or network, the base of the change log.
             accepted: An acceptance record, the base of the change log without ``against``.
             test_record: A test record of this network.
-            self_test: The result (JSON) of ``fsoe-net self-test``.
+            self_test: The result (JSON) of ``fsoe-net doctor --self-test``.
 
         Raises:
             InputError: The network is missing, or a file cannot be used.

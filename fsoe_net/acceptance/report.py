@@ -136,7 +136,7 @@ def make_report(
         accepted: An acceptance record, the base of the change log without ``against``.
         signers: Allowed signers of the record; without them its signatures are not checked.
         test_record: A test record file.
-        self_test: A file with the result of ``fsoe-net self-test``.
+        self_test: A file with the result of ``fsoe-net doctor --self-test``.
         loading: How references in ``against`` are followed.
 
     Raises:

@@ -95,7 +95,7 @@ def _beside(path: str, role: str) -> str:
 
 
 def _next(path: str, role: str) -> str:
-    return f"`fsoe-net accept {path} --sign KEY --as {role}` by that person"
+    return f"`fsoe-net acceptance sign {path} --key KEY --as {role}` by that person"
 
 
 def _person(record: Acceptance, role: str) -> SignedBy:

@@ -120,7 +120,7 @@ def _changed_lines(name: str, before: str, after: str) -> Iterator[str]:
         a, b = a[:-1], b[:-1]
     if len(a) + len(b) > 20_000:
         yield (
-            f"{name}: {counted(len(a), 'line')} became {len(b)}; `fingerprint --text "
+            f"{name}: {counted(len(a), 'line')} became {len(b)}; `fsoe-net plan --canonical "
             f"{name}` prints them"
         )
         return

@@ -12,10 +12,11 @@ from pathlib import Path
 import click
 
 from fsoe_net.campaign.trials import CampaignConfig, class_names
-from fsoe_net.cli.campaign_output import print_end, save_recordings, write_report
+from fsoe_net.cli.campaign_output import EPILOG, print_end, save_recordings, write_report
 from fsoe_net.cli.inputs import input_options
 from fsoe_net.cli.options import FOLDER, output_option, read_by
 from fsoe_net.cli.progress import progress_bar
+from fsoe_net.cli.replay import print_replay
 from fsoe_net.cli.write import check_target
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.project.check import check_files, whole_network
@@ -25,23 +26,8 @@ from fsoe_net.simulate.campaign import (
 )
 from fsoe_net.simulate.device_logic import device_factory, stdout_to_stderr
 
-_EPILOG = """\b
-Examples:
-  fsoe-net campaign network.yaml
-  fsoe-net campaign network.yaml --faults corruption,loss --cycles 1000000 --seed 7
-  fsoe-net campaign network.yaml --faults loss+torn_copy
-  fsoe-net campaign network.yaml --sub my_device:make_sub --save-dir traces
-  fsoe-net campaign network.yaml --format json -o campaign.json
 
-Fault classes: docs/reference/fault-catalogue.md; a + b combines two. Both ends run in virtual time;
-nothing is sent to a bus. For --sub and --main see docs/howto/test-your-device.md.
-
-Exit codes: 0 no wrong data were accepted, each end followed its state table, and collisions and
-tolerated faults are within the limits of the catalogue; 1 otherwise, or a file has an error;
-2 usage error; 130 interrupted, with the result so far."""
-
-
-@click.command("campaign", epilog=_EPILOG)
+@click.command("campaign", epilog=EPILOG)
 @input_options
 @click.option(
     "--faults",
@@ -79,6 +65,12 @@ tolerated faults are within the limits of the catalogue; 1 otherwise, or a file 
     "--main", metavar="MODULE:FACTORY", help="Use your MainInstance instead of the built-in one."
 )
 @click.option(
+    "--replay",
+    "is_replay",
+    is_flag=True,
+    help="FILES are recorded runs of FSoE implementations: compare each with this engine.",
+)
+@click.option(
     "--format",
     "fmt",
     type=click.Choice(["text", "json", "markdown"]),
@@ -101,6 +93,7 @@ def command(
     jobs: int | None,
     sub: str | None,
     main: str | None,
+    is_replay: bool,
     fmt: str,
     output: str | None,
     overwrite: bool,
@@ -111,6 +104,10 @@ def command(
     FILES as for `check`. Sizes, ConnIDs, addresses, watchdogs and parameters are taken from the
     network.
     """
+    if is_replay:
+        if output is not None or fmt == "markdown":
+            raise click.UsageError("--replay prints text or JSON: leave out -o and markdown")
+        ctx.exit(print_replay(files, fmt))
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no fault put in")
     check_target(output, overwrite=overwrite, stdout=True)  # hours may lie between

@@ -16,6 +16,23 @@ from fsoe_net.simulate.campaign import (
     save_failures,
 )
 
+EPILOG = """\b
+Examples:
+  fsoe-net campaign network.yaml
+  fsoe-net campaign network.yaml --faults corruption,loss --cycles 1000000 --seed 7
+  fsoe-net campaign network.yaml --faults loss+torn_copy
+  fsoe-net campaign network.yaml --sub my_device:make_sub --save-dir traces
+  fsoe-net campaign network.yaml --format json -o campaign.json
+  fsoe-net campaign --replay traces/*.jsonl
+
+Fault classes: docs/reference/fault-catalogue.md; a + b combines two. Both ends run in virtual time;
+nothing is sent to a bus. For --sub and --main see docs/howto/test-your-device.md.
+
+Exit codes: 0 no wrong data were accepted, each end followed its state table, and collisions and
+tolerated faults are within the limits of the catalogue; 1 otherwise, or a file has an error.
+With --replay: 0 every recording replays; 1 a difference, or a file is not a recording. 2 usage
+error; 130 interrupted, with the result so far."""
+
 
 def write_report(
     result: CampaignResult, saved: Saved, fmt: str, output: str | None, *, overwrite: bool

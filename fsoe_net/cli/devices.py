@@ -1,4 +1,4 @@
-"""``fsoe-net devices``: the device library, as a list or one device in full."""
+"""``fsoe-net init --list``: the device library, as a list or one device in full."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 
 import click
 
-from fsoe_net.cli.options import FILE, format_option
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.diagnostic import Severity
@@ -15,33 +14,22 @@ from fsoe_net.formats.own.library import load_library
 from fsoe_net.model.library import Library, LibraryDevice
 from fsoe_net.report.device_page import device_json, device_list, device_text
 
-_EPILOG = """\b
-Examples:
-  fsoe-net devices
-  fsoe-net devices EL1918
-  fsoe-net devices --format json
-  fsoe-net devices my-drive --file my-drive.yaml
 
-The facts come from public files and devices; each has its source. The figures are unverified: only
-the manual of the revision in use counts."""
+def print_devices(names: tuple[str, ...], own: tuple[str, ...], fmt: str) -> None:
+    """Print the devices of the library; with a name or order number, that device in full.
 
+    Args:
+        names: At most one.
+        own: Device files that take precedence over the library.
+        fmt: ``text`` or ``json``.
 
-@click.command("devices", epilog=_EPILOG)
-@click.argument("name", required=False)
-@click.option(
-    "--file",
-    "own",
-    multiple=True,
-    type=FILE,
-    metavar="FILE",
-    help="Your own device file. It takes precedence over the library. Repeatable.",
-)
-@format_option
-def command(name: str | None, own: tuple[str, ...], fmt: str) -> None:
-    """List the FSoE devices of the library; with NAME, show one device in full.
-
-    NAME is a name or order number.
+    Raises:
+        click.UsageError: More than one name, or one that the library does not have.
+        InputError: A device file is invalid.
     """
+    if len(names) > 1:
+        raise click.UsageError("--list takes one name or order number")
+    name = names[0] if names else None
     library, found = load_library(own)
     errors = [d for d in found if d.level is Severity.ERROR]
     if errors:
@@ -64,7 +52,7 @@ def _named(library: Library, name: str) -> LibraryDevice:
 
         known = [w for d in library.devices for w in (d.name, *(i.order for i in d.identities))]
         close = [repr(c) for c in guesses(name.upper(), known, cutoff=0.5)]
-        hint = f" Did you mean {one_of(close)}?" if close else " `fsoe-net devices` lists all."
+        hint = f" Did you mean {one_of(close)}?" if close else " `fsoe-net init --list` lists all."
         others = " Of others, `fsoe-net init` reads process data from an ESI, ENI or bus."
         raise click.BadParameter(f"no device {name!r} is known.{hint}{others}", param_hint="NAME")
     return device

@@ -31,9 +31,14 @@ Examples:
   fsoe-net doctor
   fsoe-net doctor --interface eth1
   fsoe-net doctor --interface eth1 --format json > host.json
+  fsoe-net doctor --self-test
+  fsoe-net doctor --self-test --format json > self-test.json
 
-Nothing is changed. As root it can check more. Exit codes: 0 no warning or error, 1 at least one,
-2 usage error, 3 not Linux or no /proc."""
+Nothing is changed. As root it can check more. The self-test opens no interface. It shows that this
+copy works as released on this machine, not that a network is safe.
+
+Exit codes: 0 no warning or error, or every part of the self-test passed; 1 otherwise (do not use an
+installation whose self-test fails); 2 usage error; 3 not Linux or no /proc."""
 
 _LEVELS = {
     MachineLevel.GOOD: Level.CLEAR,
@@ -48,14 +53,27 @@ _LEVELS = {
 @click.option(
     "--interface", type=INTERFACE, metavar="IF", help="Also check the network interface of the bus."
 )
+@click.option(
+    "--self-test",
+    "is_self_test",
+    is_flag=True,
+    help="Instead test this installation with known results: reference networks, recorded runs, "
+    "formulas, the C core, fsn-master.",
+)
 @format_option
 @click.pass_context
-def command(ctx: click.Context, interface: str | None, fmt: str) -> None:
-    """Check this machine for real-time EtherCAT.
+def command(ctx: click.Context, interface: str | None, is_self_test: bool, fmt: str) -> None:
+    """Check this machine for real-time EtherCAT, or test this installation.
 
     Each finding explains why it matters for FSoE, the command that fixes it, and how to make the
     fix permanent.
     """
+    if is_self_test:
+        if interface is not None:
+            raise click.UsageError("--self-test opens no interface: leave out --interface")
+        from fsoe_net.cli.self_test import print_self_test
+
+        ctx.exit(print_self_test(fmt))
     try:
         found = examine(Host(), interface=interface, program=_program())
     except Unreadable as exc:

@@ -1,4 +1,4 @@
-"""``fsoe-net incident``: one page about why a connection dropped or a bus did not open."""
+"""``fsoe-net log incident``: one page about why a connection dropped or a bus did not open."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from fsoe_net.version import __version__
 
 _EPILOG = """\b
 Examples:
-  fsoe-net incident incident-20261121T154612.123Z-el1918-ek1914.fsnincident
-  fsoe-net incident FILE --format html -o incident.html
+  fsoe-net log incident incident-20261121T154612.123Z-el1918-ek1914.fsnincident
+  fsoe-net log incident FILE --format html -o incident.html
 
 fsn-master --incidents DIR and fsoe-net run --incidents DIR write these files. Exit codes: 0 a cause
 was found; 1 none fits, or the file cannot be read."""
@@ -39,7 +39,7 @@ was found; 1 none fits, or the file cannot be read."""
 )
 @output_option("File to write; default: standard output.")
 @click.pass_context
-def command(ctx: click.Context, file: str, fmt: str, output: str | None, overwrite: bool) -> None:
+def incident(ctx: click.Context, file: str, fmt: str, output: str | None, overwrite: bool) -> None:
     """Explain an incident: what happened, the likely cause with its evidence, and the next step.
 
     Nothing is sent to a bus and no network files are needed: all facts are in FILE.

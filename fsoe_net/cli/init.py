@@ -7,10 +7,11 @@ from pathlib import Path
 
 import click
 
+from fsoe_net.cli.devices import print_devices
 from fsoe_net.cli.init_output import write_network
 from fsoe_net.cli.init_prompt import answered, refuse, report_questions
 from fsoe_net.cli.inputs import master_option, reference_options
-from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, output_option
+from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, format_option, output_option
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_folder
 from fsoe_net.formats.own.options import LoadOptions
@@ -26,6 +27,8 @@ Examples:
   fsoe-net init --interface eth1 -o machine
   fsoe-net init bus/ --answers-template > answers.yaml
   fsoe-net init bus/ --answers answers.yaml -o machine
+  fsoe-net init --list                          # FSoE devices of the library
+  fsoe-net init --list EL1918                   # one of them: process data, frames, figures
 
 If more than one pairing of frames is possible, the connection is unconfirmed. `fsoe-net plan`
 rejects it until a person has compared it with the safety project.
@@ -60,6 +63,22 @@ connection, or nothing written because a file or answer is invalid or a question
 @click.option(
     "--answers-template", "template", is_flag=True, help="Print a template for --answers and exit."
 )
+@click.option(
+    "--list",
+    "is_list",
+    is_flag=True,
+    help="List the known FSoE devices; with a name or order number, show that one. The figures are "
+    "unverified: only the manual of the revision in use counts.",
+)
+@click.option(
+    "--device-file",
+    "own",
+    multiple=True,
+    type=FILE,
+    metavar="FILE",
+    help="With --list: your own device file. It takes precedence over the library. Repeatable.",
+)
+@format_option
 @click.option("--no-input", is_flag=True, help="Ask no questions; unanswered items stay open.")
 @click.pass_context
 def command(
@@ -74,6 +93,9 @@ def command(
     answers_file: str | None,
     template: bool,
     no_input: bool,
+    is_list: bool,
+    own: tuple[str, ...],
+    fmt: str,
 ) -> None:
     """Propose a network from any mix of FILES and write a commented network.yaml.
 
@@ -81,6 +103,11 @@ def command(
     Known copies and connections are used. Frames are paired by length and direction if only one
     pairing is possible. You are asked for facts that the files do not contain.
     """
+    if is_list:
+        print_devices(files, own, fmt)
+        return
+    if own or fmt != "text":
+        raise click.UsageError("--device-file and --format belong to --list")
     folder = Path(output or ".")
     if not template:
         check_folder(folder, overwrite=overwrite)

@@ -1,4 +1,4 @@
-"""``fsoe-net log``: the intervention log of ``fsn-master``, shown, verified and packed."""
+"""``fsoe-net log``: incident files, and the intervention log of ``fsn-master``."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from datetime import datetime
 
 import click
 
+from fsoe_net.cli.incident import incident
 from fsoe_net.cli.options import (
     FILE,
     format_option,
@@ -34,6 +35,7 @@ Examples:
   fsoe-net log show /var/log/fsn --since 2026-11-01 --event request
   fsoe-net log verify /var/log/fsn --last HASH
   fsoe-net log export /var/log/fsn -o log.zip
+  fsoe-net log incident incidents/NAME.fsnincident
 
 fsn-master --intervention-log DIR writes the log. Exit codes: 0 the chain is intact; 1 it is not, or
 a file cannot be read."""
@@ -41,7 +43,10 @@ a file cannot be read."""
 
 @click.group("log", epilog=_EPILOG)
 def command() -> None:
-    """Show, verify and export the intervention log of fsn-master."""
+    """Explain incident files; show, verify and export the intervention log of fsn-master."""
+
+
+command.add_command(incident)
 
 
 def _chain_options(function: Callable[..., None]) -> Callable[..., None]:
@@ -67,8 +72,8 @@ def _chain_options(function: Callable[..., None]) -> Callable[..., None]:
 
 @command.command("show")
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="FILES...")
-@click.option("--since", metavar="TIME", callback=read_by(read_moment), help="From TIME on (UTC).")
-@click.option("--until", metavar="TIME", callback=read_by(read_moment), help="Before TIME (UTC).")
+@click.option("--since", metavar="UTC", callback=read_by(read_moment), help="From this time on.")
+@click.option("--until", metavar="UTC", callback=read_by(read_moment), help="Before this time.")
 @click.option("--event", "events", multiple=True, help="Show only this event. Repeatable.")
 @click.option("--user", help="Show only entries that name this user or program.")
 @click.option(
@@ -90,10 +95,7 @@ def show_entries(
     most: int,
     fmt: str,
 ) -> None:
-    """Show entries as a table.
-
-    FILES: the folder of a log, or its files in order.
-    """
+    """Show entries as a table. FILES: the folder of a log, or its files in order."""
     wanted = LogFilter(since=since, until=until, events=events, who=user or "", most=most)
     found = select_entries(log_files(files), wanted)
     if fmt == "json":
@@ -137,8 +139,7 @@ def export(
 ) -> None:
     """Export the files, their SHA-256 and the result of the verification as one ZIP file.
 
-    FILES: the folder of a log, or its files in order. The files are not changed, even if the
-    verification fails.
+    The files are not changed, even if the verification fails.
     """
     check_target(output, overwrite=overwrite)
     chain = LogChain(after=after, last=last)

@@ -14,8 +14,8 @@ from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.version import __version__
 
-# By task, in the order of docs/reference/cli.md.
-_GROUPS = {
+# By task; also the order of the reference.
+GROUPS = {
     "See it first": {
         "demo": "Run an emulated e-stop cell in a browser.",
     },
@@ -23,46 +23,51 @@ _GROUPS = {
         "check": "Check the files of a network, also against other files or a live bus.",
         "explain": "Explain a finding and how to fix it.",
         "studio": "View and edit a network in a browser.",
-        "plan": "Compile a network to a copy plan, or show a plan.",
+        "plan": "Compile a network to a copy plan; show a plan and its fingerprint.",
     },
     "From the files you have": {
-        "init": "Propose a network from any mix of files, or from a bus.",
+        "init": "Propose a network from files or a bus; list known FSoE devices.",
         "convert": "Convert a bus description to the format of another tool.",
         "diff": "Compare two descriptions or plans of a bus by meaning.",
-        "devices": "List known FSoE devices: process data, frames, figures.",
     },
     "Run it on EtherCAT": {
         "install-master": "Build and install fsn-master, which drives a live bus.",
         "run": "Run a network on an emulated or a live bus.",
     },
     "Operate it": {
-        "doctor": "Check this machine for real-time EtherCAT.",
+        "doctor": "Check this machine for real-time EtherCAT; test this installation.",
         "scan": "Read a live bus and write files to start from.",
-        "log": "Show, verify and export the intervention log.",
+        "log": "Explain incident files; show, verify and export the intervention log.",
         "monitor": "Watch a running fsn-master: connections, SubDevices, timing.",
         "console": "Control a running fsn-master, interactively or by script.",
         "ros2": "Publish a running fsn-master to ROS 2: diagnostics, joints, values.",
-        "incident": "Explain why a connection dropped, from an incident file.",
     },
     "Hand it in": {
         "timing": "Print the timing budget: watchdogs, reaction times, their limits.",
         "test-record": "Write a checklist of tests; run those that need no machine.",
         "report": "Write the report of a network.",
-        "accept": "Record who accepted which configuration, and why.",
-        "verify": "Compare with the accepted configuration.",
-        "fingerprint": "Print the fingerprint of the safety-relevant configuration.",
-        "self-test": "Test this installation with known results.",
+        "acceptance": "Record, sign and verify the accepted configuration.",
     },
     "Look into FSoE": {
         "decode": "Decode FSoE frames in hex or captures; write a Wireshark dissector.",
         "emulate": "Emulate the EtherCAT SubDevices of a network.",
-        "campaign": "Inject faults into the connections of a network.",
-        "replay": "Compare recorded FSoE runs with this engine.",
+        "campaign": "Inject faults into the connections of a network; replay recordings.",
     },
 }
-# Names that other tools have for it.
-_ALIKE = {"compile": "plan", "simulate": "run", "validate": "check"}
-_COMMANDS = {name: about for group in _GROUPS.values() for name, about in group.items()}
+# Names that other tools have for a command.
+_ALIASES = {"compile": "plan", "gui": "studio", "simulate": "run", "validate": "check"}
+# Former commands and other words, and what does that now.
+_INSTEAD = {
+    "accept": "acceptance record",
+    "devices": "init --list",
+    "fingerprint": "plan",
+    "incident": "log incident",
+    "replay": "campaign --replay",
+    "self-test": "doctor --self-test",
+    "sign": "acceptance sign",
+    "verify": "acceptance verify",
+}
+_COMMANDS = {name: about for group in GROUPS.values() for name, about in group.items()}
 
 
 class _LazyGroup(click.Group):
@@ -81,11 +86,13 @@ class _LazyGroup(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and args[0] in ("help", "version"):
             args = [*args[1:], f"--{args[0]}"]
+        if args:
+            args = [_ALIASES.get(args[0], args[0]), *args[1:]]
         return super().parse_args(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         wide = max(map(len, _COMMANDS))
-        for title, commands in _GROUPS.items():
+        for title, commands in GROUPS.items():
             with formatter.section(title):
                 formatter.write_dl([(name.ljust(wide), text) for name, text in commands.items()])
 
@@ -95,7 +102,7 @@ class _LazyGroup(click.Group):
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             from fsoe_net.diag.guesses import guesses, one_of
 
-            meant = _ALIKE.get(args[0])
+            meant = _INSTEAD.get(args[0])
             close = (meant,) if meant else guesses(args[0], _COMMANDS, cutoff=0.5)
             hint = f" Did you mean {one_of([repr(c) for c in close])}?" if close else ""
             if os.path.exists(args[0]):

@@ -14,21 +14,27 @@ from fsoe_net.cli.write import check_target
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.diag.words import counted
+from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import STDOUT, write_whole
 from fsoe_net.plan.compile import compile_plan
-from fsoe_net.plan.fingerprint import fingerprint_of
+from fsoe_net.plan.fingerprint import SECTIONS, fingerprint_of
 from fsoe_net.plan.image import igh_text
 from fsoe_net.plan.model import Plan
 from fsoe_net.plan.show import plan_document, plan_json
 from fsoe_net.project.check import check_files, whole_network
+from fsoe_net.project.known import read_known
 
 _EPILOG = """\b
 Examples:
   fsoe-net plan network.yaml -o machine.fsnplan
   fsoe-net plan --show machine.fsnplan
   fsoe-net plan --show machine.fsnplan --image igh
-  fsoe-net plan --show machine.fsnplan --format json"""
+  fsoe-net plan network.yaml --format json > accepted.json
+  fsoe-net plan network.yaml --canonical copies | sha256sum
+
+The plan shows the fingerprint of everything safety-relevant. It shows that two configurations are
+the same, not that one is correct; `fsoe-net acceptance verify` compares it."""
 
 
 @click.command("plan", epilog=_EPILOG)
@@ -40,6 +46,12 @@ Examples:
     type=click.Choice(["igh"]),
     help="Show the absolute position of each byte in the process image of this MainDevice.",
 )
+@click.option(
+    "--canonical",
+    "section",
+    type=click.Choice(SECTIONS),
+    help="Print the text of a section of the fingerprint. Its SHA-256 is the hash of the section.",
+)
 @format_option
 @without_collector
 def command(
@@ -49,6 +61,7 @@ def command(
     overwrite: bool,
     show: bool,
     image: str | None,
+    section: str | None,
     fmt: str,
 ) -> None:
     """Compile a network to a copy plan, or show a plan.
@@ -56,6 +69,9 @@ def command(
     FILES as for `fsoe-net check`. If the network has an error, nothing is written. Warnings are
     printed. Without -o the plan is only shown.
     """
+    if section is not None:
+        echo(_canonical(files, loading, section), nl=False)
+        return
     if show and output:
         raise click.UsageError("--show prints a plan; it does not go with -o")
     if show:
@@ -85,6 +101,17 @@ def _read(files: tuple[str, ...]) -> Plan:
     if len(files) != 1:
         raise click.UsageError("--show takes one plan file")
     return Plan.load(files[0])
+
+
+def _canonical(files: tuple[str, ...], loading: LoadOptions, name: str) -> str:
+    """Return the text of a section, of a network, a plan or an acceptance record."""
+    known = read_known(files, loading)
+    text = known.section_text(name)
+    if text is None:
+        raise InputError(
+            f"{known.path} holds only the hash of {name}; name the files of the network"
+        )
+    return text
 
 
 def _show(plan: Plan, image: str | None, fmt: str) -> None:

@@ -1,36 +1,22 @@
-"""``fsoe-net replay``: hold recorded runs of FSoE ends against the engine of this package."""
+"""``fsoe-net campaign --replay``: compare recorded runs with the engine of this package."""
 
 from __future__ import annotations
 
 import json
 
-import click
-
 from fsoe_net.campaign.recording.replay import replay
 from fsoe_net.campaign.recording.rows import file_lines
-from fsoe_net.cli.options import FILE, format_option
 from fsoe_net.cli.replay_output import ReplayOutcome, outcome_json, print_outcome
 from fsoe_net.cli.terminal import echo
 from fsoe_net.errors import InputError, RecordingError
 from fsoe_net.formats.shared.files import open_file
 from fsoe_net.version import __version__
 
-_EPILOG = """\b
-Examples:
-  fsoe-net replay trace.jsonl
-  fsoe-net replay traces/*.jsonl --format json
 
-Exit codes: 0 all files replay as recorded, 1 a difference, or a file is not a recording."""
+def print_replay(files: tuple[str, ...], fmt: str) -> int:
+    """Replay recordings, print the result and return the exit code.
 
-
-@click.command("replay", epilog=_EPILOG)
-@click.argument("files", nargs=-1, required=True, type=FILE, metavar="TRACE...")
-@format_option
-@click.pass_context
-def command(ctx: click.Context, files: tuple[str, ...], fmt: str) -> None:
-    """Compare recorded runs of other FSoE implementations with this engine.
-
-    Each end of a TRACE receives the recorded frames at the recorded times. Its frames, states,
+    Each end of a recording receives the recorded frames at the recorded times. Its frames, states,
     reset codes and data are compared with the recording. This is not a conformance test.
     """
     outcomes = []
@@ -47,7 +33,7 @@ def command(ctx: click.Context, files: tuple[str, ...], fmt: str) -> None:
             "files": [outcome_json(outcome) for outcome in outcomes],
         }
         echo(json.dumps(document, indent=2))
-    ctx.exit(int(not all(outcome.replays for outcome in outcomes)))
+    return int(not all(outcome.replays for outcome in outcomes))
 
 
 def _replayed(file: str) -> ReplayOutcome:

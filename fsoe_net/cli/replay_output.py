@@ -1,4 +1,4 @@
-"""What ``fsoe-net replay`` prints."""
+"""What ``fsoe-net campaign --replay`` prints."""
 
 from __future__ import annotations
 

@@ -77,7 +77,11 @@ test record belongs to another network, or a file is invalid; 2 usage error."""
     "--test-record", type=FILE, metavar="FILE", help="Filled-in test record of this network."
 )
 @click.option(
-    "--self-test", type=FILE, metavar="FILE", help="Result (JSON) of `fsoe-net self-test`."
+    "--self-test-result",
+    "self_test",
+    type=FILE,
+    metavar="FILE",
+    help="Result (JSON) of `fsoe-net doctor --self-test`.",
 )
 @click.pass_context
 def command(

@@ -82,7 +82,7 @@ core, fsn-master or a permission is missing."""
     "--incidents",
     type=FOLDER,
     metavar="DIR",
-    help="Folder for incident files (created if missing). See `fsoe-net incident`.",
+    help="Folder for incident files (created if missing). See `fsoe-net log incident`.",
 )
 @live_bus_options
 @click.option("--stats", type=FILE, metavar="FILE", help="Write timing histograms (CSV).")

@@ -1,46 +1,28 @@
-"""``fsoe-net self-test``: try this installation with networks and runs whose results are known."""
+"""``fsoe-net doctor --self-test``: test this installation with known results."""
 
 from __future__ import annotations
 
 import json
 
-import click
-
-from fsoe_net.cli.options import format_option
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.diag.words import counted
 from fsoe_net.document.model import Column, Document, Level, Part, Table, Verdict, cell, words
 from fsoe_net.self_test.model import PartResult
 from fsoe_net.self_test.run import SelfTest, run_self_test
 
-_EPILOG = """\b
-Examples:
-  fsoe-net self-test
-  fsoe-net self-test --format json > self-test.json
-
-Nothing is written and no interface is opened. Exit codes: 0 every part that applies here gave the
-known result; 1 a part did not: do not use the output of this installation; 2 usage error."""
-
 _LEVELS = {"pass": Level.CLEAR, "fail": Level.ERROR, "not tried": Level.OPEN}
 _MOST_SHOWN = 3  # of the values of a part that differ; JSON has all
 _LONGEST = 200  # characters of a value
 
 
-@click.command("self-test", epilog=_EPILOG)
-@format_option
-@click.pass_context
-def command(ctx: click.Context, fmt: str) -> None:
-    """Test this installation: reference networks, recorded runs, formulas, the C core, fsn-master.
-
-    It shows that this copy works as released on this machine. It does not show that a network is
-    safe.
-    """
+def print_self_test(fmt: str) -> int:
+    """Run the self-test, print it and return the exit code."""
     done = run_self_test()
     if fmt == "json":
         echo(json.dumps(done.to_json(), indent=2, ensure_ascii=False))
     else:
         show(_document(done))
-    ctx.exit(0 if done.passed else 1)
+    return 0 if done.passed else 1
 
 
 def _document(done: SelfTest) -> Document:

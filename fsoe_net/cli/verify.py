@@ -1,4 +1,4 @@
-"""``fsoe-net verify``: is this network, plan or running core what was accepted?"""
+"""``fsoe-net acceptance verify``: is this network, plan or running core what was accepted?"""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from fsoe_net.project.known import Known, known_record, read_known
 
 _EPILOG = """\b
 Examples:
-  fsoe-net verify network.yaml --accepted acceptance.yaml
-  fsoe-net verify machine.fsnplan --accepted accepted/network.yaml
-  fsoe-net verify --interface eth1 --accepted accepted.json
-  fsoe-net verify machine.fsnplan --acceptance acceptance.yaml --signers allowed_signers
+  fsoe-net acceptance verify network.yaml --accepted acceptance.yaml
+  fsoe-net acceptance verify machine.fsnplan --accepted accepted/network.yaml
+  fsoe-net acceptance verify --interface eth1 --accepted accepted.json
+  fsoe-net acceptance verify machine.fsnplan --acceptance acceptance.yaml --signers allowed_signers
 
 Exit codes: 0 same, and signed; 1 different, an invalid signature, or an invalid file; 2 usage
 error; 3 no answer on the socket, or no ssh-keygen.
@@ -56,7 +56,7 @@ signature shows who agreed, not that the configuration is correct."""
 @master_options
 @format_option
 @click.pass_context
-def command(
+def verify(
     ctx: click.Context,
     files: tuple[str, ...],
     loading: LoadOptions,

@@ -1,4 +1,4 @@
-"""What ``fsoe-net verify`` prints."""
+"""What ``fsoe-net acceptance verify`` prints."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -
         raise InputError(
             f"fsn-master runs another configuration ({reported.short}) than these files give "
             f"({wanted.short}); it differs in {', '.join(wanted.changed(reported))}; start it with "
-            "the plan of these files, `fsoe-net verify` shows the difference"
+            "the plan of these files, `fsoe-net acceptance verify` shows the difference"
         )
 
 

@@ -86,14 +86,16 @@ def fingerprint_of_sections(sections: Mapping[str, str]) -> Fingerprint:
 
 
 def fingerprint_from_json(document: object) -> Fingerprint:
-    """Return the fingerprint of a JSON document such as `Fingerprint.to_json` makes.
+    """Return the fingerprint of a JSON document: `Fingerprint.to_json`, or a plan in JSON.
 
     Raises:
         PlanFormatError: It is not a fingerprint or of another form, or its whole does not fit its
             sections.
     """
+    if isinstance(document, Mapping):
+        document = document.get("fingerprint", document)
     if not isinstance(document, Mapping) or not isinstance(document.get("sections"), Mapping):
-        raise PlanFormatError("no fingerprint; `fsoe-net fingerprint --format json` makes one")
+        raise PlanFormatError("no fingerprint; `fsoe-net plan --format json` makes one")
     if document.get("form") != FORM:
         raise PlanFormatError(
             f"fingerprint of the form {document.get('form')!r}; this fsoe-net makes {FORM!r}, "

@@ -322,7 +322,7 @@ def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]
                     f"{head.utc}, {head.backend} on {head.interface or 'no interface'}: {words}; "
                 ),
                 _same_plan(head.plan_sha256, inputs),
-                Text("; fsoe-net incident names the likely cause."),
+                Text("; fsoe-net log incident names the likely cause."),
             )
         ),
         Table(name=f"incident {path}", columns=tuple(Column(h) for h in heads), rows=rows),

@@ -1,4 +1,4 @@
-"""The result of ``fsoe-net self-test``, as a report shows it."""
+"""The result of ``fsoe-net doctor --self-test``, as a report shows it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PART_NAMES = (
 _BUILD = re.compile(r"[0-9a-f]{64}")
 _VERSION = re.compile(r"[\w.+-]{1,40}")
 _RESULTS = ("pass", "fail", "not tried")
-_NEXT = "`fsoe-net self-test --format json > self-test.json` writes one"
+_NEXT = "`fsoe-net doctor --self-test --format json > self-test.json` writes one"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +66,7 @@ class SelfTestResult:
 
 
 def read_self_test(path: str, here: str) -> SelfTestResult:
-    """Read the output of ``fsoe-net self-test --format json``.
+    """Read the output of ``fsoe-net doctor --self-test --format json``.
 
     Args:
         path: Its file.

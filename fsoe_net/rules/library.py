@@ -98,5 +98,5 @@ def _notes(
         "FSN449",
         sub.device.span,
         f"{sub.name} is {known.name}: {' '.join(notes)}",
-        hint=f"`fsoe-net devices '{known.name}'` shows the source; it is unverified",
+        hint=f"`fsoe-net init --list '{known.name}'` shows the source; it is unverified",
     )

@@ -18,7 +18,7 @@ _INSTALL = "install fsoe-net again, into an empty environment, and repeat the se
 _FILES = f"a file was changed, is missing or was added: {_INSTALL}"
 _STOP = (
     f"do not use what this installation writes; {_INSTALL}; if it differs again, hand in the output"
-    " of `fsoe-net self-test --format json`"
+    " of `fsoe-net doctor --self-test --format json`"
 )
 _MASTER = (
     "do not start this fsn-master on a machine; build it again: `fsoe-net install-master "

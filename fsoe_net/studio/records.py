@@ -203,9 +203,10 @@ def _commands(network: str, rows: list[CompanionFile]) -> list[str]:
         *first,
         f"report {net} --test-record {test} -o report.html",
         f"report {net} --test-record {test} -o report.json",
-        f"accept {net} --test-record {test} --report report.html --report report.json "
+        f"acceptance record {net} --test-record {test} --report report.html --report report.json "
         "--author NAME --author-competence TEXT --verifier NAME --verifier-competence TEXT "
         f"--equipment TEXT --environment TEXT {replaces}-o {record}",
-        f"accept {record} --sign KEY --as verifier",
+        f"acceptance sign {record} --key KEY --as author",
+        f"acceptance sign {record} --key KEY --as verifier",
     ]
     return [printable(f"fsoe-net {line}") for line in lines]

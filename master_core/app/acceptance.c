@@ -71,6 +71,7 @@ static int plan_as_file(const uint8_t *plan, size_t plan_bytes) {
 static void become(const char *path, const struct options *o, int plan_fd, int text_fd) {
     char *const argv[] = {
         (char *)program_name,
+        "acceptance",
         "verify",
         "-",
         "--acceptance",

@@ -7,7 +7,7 @@
 
 #include "app/base/options.h"
 
-/** Has `fsoe-net verify` compare a plan with `options->acceptance`, and check its signatures. It
+/** Has `fsoe-net acceptance verify` compare a plan with `options->acceptance`, and check its signatures. It
  *  runs without a shell, from the folder of this program or from PATH, and reads the bytes that
  *  were loaded. Its output goes to the log.
  *  @param[in,out] options  the output is kept in `acceptance_said`.

@@ -362,10 +362,10 @@ static void a_system_that_refuses_is_reported(void) {
     char expected[500];
     const uint64_t second = UINT64_C(1000) * MS;
     cycle_at(&rig, second);
-    snprintf(expected, sizeof expected, "w incident: a test; fsoe-net incident %s\n",
+    snprintf(expected, sizeof expected, "w incident: a test; fsoe-net log incident %s\n",
              file_at(second, ""));
     is_logged(one_incident(&rig, second), expected);
-    snprintf(expected, sizeof expected, "w incident: a test; fsoe-net incident %s\n",
+    snprintf(expected, sizeof expected, "w incident: a test; fsoe-net log incident %s\n",
              file_at(second, "-2"));
     is_logged(one_incident(&rig, second), expected); /* nothing that exists is touched */
     fails.fsync = EIO;
@@ -454,7 +454,7 @@ static void files_have_plain_names(void) {
         fsn_utc_text(trigger.now_ns, utc);
         utc[13] = utc[16] = '_';
         snprintf(expected, sizeof expected,
-                 "w incident: a test; fsoe-net incident %s/incident-%.19sZ-%s.fsnincident\n",
+                 "w incident: a test; fsoe-net log incident %s/incident-%.19sZ-%s.fsnincident\n",
                  rig.folder, utc, rows[i].name);
         is_logged(logged, expected);
     }
@@ -729,7 +729,7 @@ static void memory_runs_out(bool again) {
             fsn_incident_turn(rig.control->services.incidents, now_ns + second);
             usleep(100);
         }
-        kept += strstr(logged, "w incident: a test; fsoe-net incident ") != NULL;
+        kept += strstr(logged, "w incident: a test; fsoe-net log incident ") != NULL;
         lost += strcmp(logged, "e an incident is not kept: no memory for it\n") == 0;
         if (kept + lost < n && strstr(logged, "Cannot allocate memory") == NULL) {
             fprintf(stderr, "allocation %ld: %s\n", n, logged);

@@ -16,7 +16,7 @@ DAY = "2021-11-21"
 
 
 def make_signed(folder: Path) -> Path:
-    """Go the whole way from a network to two signatures by `fsoe-net accept`."""
+    """Go the whole way from a network to two signatures by `fsoe-net acceptance record`."""
     shutil.copy(BASE / "timed.yaml", folder)
     shutil.copytree(BASE / "devices", folder / "devices")
     for name in ("anna", "bert", "carl"):
@@ -36,7 +36,17 @@ def make_signed(folder: Path) -> Path:
     for form in ("html", "json"):
         done("report", "timed.yaml", "--test-record", "test-record.yaml", "-o", f"report.{form}")
     done(
-        *("accept", "timed.yaml", "--test-record", "test-record.yaml", "-o", RECORD, "--date", DAY),
+        *(
+            "acceptance",
+            "record",
+            "timed.yaml",
+            "--test-record",
+            "test-record.yaml",
+            "-o",
+            RECORD,
+            "--date",
+            DAY,
+        ),
         *("--report", "report.html", "--report", "report.json"),
         *("--author", f"A. Meier <{ANNA}>", "--verifier", f"B. Kaya <{BERT}>"),
         *("--author-competence", "maker of the cell", "--verifier-competence", "safety engineer"),
@@ -49,9 +59,9 @@ def make_signed(folder: Path) -> Path:
             "stop watch",
         ),
         *("--environment", "hall 3, 21 degrees", "--attach", "photos/panel.jpg"),
-        *("--sign", "anna", "--as", "author"),
     )
-    done("accept", RECORD, "--sign", "bert", "--as", "verifier")
+    done("acceptance", "sign", RECORD, "--key", "anna", "--as", "author")
+    done("acceptance", "sign", RECORD, "--key", "bert", "--as", "verifier")
     return folder
 
 

@@ -1,4 +1,4 @@
-"""`fsoe-net accept` and what uses its record: the way of a safety engineer, and wrong turns."""
+"""`fsoe-net acceptance record`, what uses its record, and its usage errors."""
 
 from __future__ import annotations
 
@@ -52,11 +52,21 @@ def _prepared(folder: Path, number: int = 1) -> list[str]:
 @pytest.mark.shows("R27")
 def test_from_the_test_record_to_a_change_and_its_record(folder: Path) -> None:
     given = _prepared(folder)
-    done = fsn("accept", *given, *PEOPLE, *SOLDERED, "--date", "2021-11-21", "-o", "first.yaml")
+    done = fsn(
+        "acceptance",
+        "record",
+        *given,
+        *PEOPLE,
+        *SOLDERED,
+        "--date",
+        "2021-11-21",
+        "-o",
+        "first.yaml",
+    )
     assert done.returncode == 0, done.stderr
     assert "author A. Meier, verifier B. Kaya, 2021-11-21" in done.stdout
     assert "let pass: 0 warnings, 3 others, each by name and reason" in done.stdout
-    assert fsn("verify", "timed.yaml", "--accepted", "first.yaml").returncode == 0
+    assert fsn("acceptance", "verify", "timed.yaml", "--accepted", "first.yaml").returncode == 0
     assert fsn("diff", "first.yaml", "timed.yaml").returncode == 0
 
     done = fsn("report", "timed.yaml", "--accepted", "first.yaml", "-o", "same.md")
@@ -80,7 +90,7 @@ def test_from_the_test_record_to_a_change_and_its_record(folder: Path) -> None:
         "time_ms: 20", "time_ms: 21"
     )
     (folder / "timed.yaml").write_text(text, "utf-8")
-    done = fsn("verify", "timed.yaml", "--accepted", "first.yaml")
+    done = fsn("acceptance", "verify", "timed.yaml", "--accepted", "first.yaml")
     assert done.returncode == 1
     assert "connection_id 11 -> 12" in done.stdout
     assert "actuator K1: time_ms 20 -> 21" in done.stdout
@@ -100,7 +110,8 @@ def test_from_the_test_record_to_a_change_and_its_record(folder: Path) -> None:
 
     given = _prepared(folder, 2)
     second = [
-        "accept",
+        "acceptance",
+        "record",
         *given,
         *PEOPLE,
         *SOLDERED,
@@ -133,7 +144,7 @@ def test_every_reason_is_reported_at_once_and_nothing_is_written(folder: Path) -
     assert fsn("report", "timed.yaml", "-o", "r.json").returncode == 0
     people = ("--author", "A. Meier", "--verifier", "A. MEIER")
     given = ("--test-record", "p.yaml", "--report", "r.json")
-    done = fsn("accept", "timed.yaml", *given, *people, "-o", "a.yaml")
+    done = fsn("acceptance", "record", "timed.yaml", *given, *people, "-o", "a.yaml")
     assert done.returncode == 1
     assert "author and verifier are one person" in done.stderr
     assert done.stderr.count("open at the machine") == 6
@@ -147,7 +158,7 @@ def test_a_justification_is_shown_wherever_the_warning_is(folder: Path) -> None:
     text = (folder / "timed.yaml").read_text("utf-8")
     (folder / "timed.yaml").write_text(text.replace("time_ms: 2, ", "", 1), "utf-8")
     given = _prepared(folder)
-    done = fsn("accept", *given, *PEOPLE, *SOLDERED, "-o", "a.yaml")
+    done = fsn("acceptance", "record", *given, *PEOPLE, *SOLDERED, "-o", "a.yaml")
     assert done.returncode == 1
     rows = [r for r in done.stderr.splitlines() if "--justify" in r]
     codes = [r.split('"')[1].split("=")[0] for r in rows]
@@ -156,7 +167,17 @@ def test_a_justification_is_shown_wherever_the_warning_is(folder: Path) -> None:
         "# let pass\n" + "".join(f"{c}=value of the board by C. Okoro\n" for c in codes),
         "utf-8-sig",  # as editors of Windows write it
     )
-    done = fsn("accept", *given, *PEOPLE, *SOLDERED, "--justify", "@reasons.txt", "-o", "a.yaml")
+    done = fsn(
+        "acceptance",
+        "record",
+        *given,
+        *PEOPLE,
+        *SOLDERED,
+        "--justify",
+        "@reasons.txt",
+        "-o",
+        "a.yaml",
+    )
     assert done.returncode == 0, done.stderr
     assert fsn("report", "timed.yaml", "--accepted", "a.yaml", "-o", "r.md").returncode == 0
     page = (folder / "r.md").read_text("utf-8")
@@ -178,7 +199,7 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
         (["-o", "a.yaml", "--intervention", "by nobody"], "by NAME"),
         (["-o", "a.yaml", "--justify", "loss *=- by ."], "by NAME"),
     ):
-        done = fsn("accept", *given, *PEOPLE, *more)
+        done = fsn("acceptance", "record", *given, *PEOPLE, *more)
         assert done.returncode == 2
         assert wanted in done.stderr
         assert not (folder / "a.yaml").exists()
@@ -190,7 +211,7 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
         (["-o", "there.yaml"], "there.yaml exists; name another file, or replace it with"),
         (["-o", "link.yaml"], "link.yaml exists"),
     ):
-        done = fsn("accept", *given, *PEOPLE, "-o", "a.yaml", *more)
+        done = fsn("acceptance", "record", *given, *PEOPLE, "-o", "a.yaml", *more)
         assert done.returncode == 1
         assert wanted in done.stderr
         assert "Traceback" not in done.stderr
@@ -200,11 +221,16 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
 
 @pytest.mark.shows("R14")
 def test_a_record_that_was_changed_accepts_nothing(folder: Path) -> None:
-    assert fsn("accept", *_prepared(folder), *PEOPLE, *SOLDERED, "-o", "a.yaml").returncode == 0
+    assert (
+        fsn(
+            "acceptance", "record", *_prepared(folder), *PEOPLE, *SOLDERED, "-o", "a.yaml"
+        ).returncode
+        == 0
+    )
     text = (folder / "a.yaml").read_text("utf-8")
     (folder / "a.yaml").write_text(text.replace("time_ms: 20", "time_ms: 10"), "utf-8")
     for command in (
-        ("verify", "timed.yaml", "--accepted", "a.yaml"),
+        ("acceptance", "verify", "timed.yaml", "--accepted", "a.yaml"),
         ("report", "timed.yaml", "--accepted", "a.yaml", "-o", "r.md"),
         ("diff", "a.yaml", "timed.yaml"),
     ):
@@ -215,7 +241,7 @@ def test_a_record_that_was_changed_accepts_nothing(folder: Path) -> None:
 
 
 def test_another_fingerprint_without_a_difference_by_meaning_is_told(folder: Path) -> None:
-    done = fsn("accept", *_prepared(folder), *PEOPLE, *SOLDERED, "-o", "a.yaml")
+    done = fsn("acceptance", "record", *_prepared(folder), *PEOPLE, *SOLDERED, "-o", "a.yaml")
     assert done.returncode == 0, done.stderr
     board = folder / "devices" / "el6910.yaml"
     text = board.read_text("utf-8")
@@ -232,7 +258,7 @@ def test_another_fingerprint_without_a_difference_by_meaning_is_told(folder: Pat
 def test_what_no_file_can_keep_is_not_written(folder: Path) -> None:
     given = _prepared(folder)
     odd = b"loss *=odd \xff by B. Kaya".decode("utf-8", "surrogateescape")
-    done = fsn("accept", *given, *PEOPLE, *NOT_SEEN, "--justify", odd, "-o", "a.yaml")
+    done = fsn("acceptance", "record", *given, *PEOPLE, *NOT_SEEN, "--justify", odd, "-o", "a.yaml")
     assert done.returncode == 1
     assert done.stderr == (
         "error: no record written: a name, reason or file name is not UTF-8; write it otherwise\n"
@@ -250,7 +276,7 @@ def test_an_equals_sign_in_a_name_is_part_of_it(folder: Path) -> None:
     )
     given = _prepared(folder)
     reasons = ("--justify", "loss a=b=x = y by B. Kaya", "--justify", "loss logic=z by B. Kaya")
-    done = fsn("accept", *given, *PEOPLE, *NOT_SEEN, *reasons, "-o", "a.yaml")
+    done = fsn("acceptance", "record", *given, *PEOPLE, *NOT_SEEN, *reasons, "-o", "a.yaml")
     assert done.returncode == 0, done.stderr
     record = yaml.safe_load((folder / "a.yaml").read_text("utf-8"))
     assert record["steps_left_out"][1] == {"step": "loss a=b", "reason": "x = y", "by": "B. Kaya"}

@@ -195,7 +195,11 @@ def test_a_folder_that_takes_nothing_is_said_of_the_file_that_was_named(
         (("check", "x.fsnplan"), "FSN117", "this is a compiled plan, not a network"),
         (("check", str(PLAIN)), "FSN101", "it is a directory"),
         (("run", ESTOP, "--scenario", ESTOP), "FSN140", "a network, not a scenario"),
-        (("verify", ESTOP, "--accepted", "test-record.yaml"), "FSN117", "a test record, not"),
+        (
+            ("acceptance", "verify", ESTOP, "--accepted", "test-record.yaml"),
+            "FSN117",
+            "a test record, not",
+        ),
         (
             ("report", ESTOP, "--test-record", ESTOP, "-o", "r.md"),
             "FSN140",

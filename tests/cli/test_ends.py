@@ -33,7 +33,7 @@ from fsoe_net.cli import (
 )
 from fsoe_net.cli import live_bus as cli_live_bus
 from fsoe_net.cli import main as cli_main
-from fsoe_net.cli.accept_output import print_record
+from fsoe_net.cli.acceptance_output import print_record
 from fsoe_net.document.model import Document
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.fsoe.observed import ConnectionState
@@ -235,7 +235,7 @@ def test_a_record_that_is_written(
     assert capsys.readouterr().out.splitlines() == [
         "x.yaml: A2BE 4767 288D 92E3, author A, verifier A, 2026-11-21",
         *lines,
-        "Sign the report and, with --sign, this record; keep both under version control.",
+        "Sign the report, and `fsoe-net acceptance sign x.yaml`; keep both in version control.",
     ]
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
-import click
 import pytest
-from cli.tool import fsn
+from cli.tool import commands, fsn
 from networks import EXAMPLES
 
-from fsoe_net.cli.main import cli, main
+from fsoe_net.cli.main import main
 from fsoe_net.cli.options import FILE, NETWORK_FILE
 
 ESTOP = str(EXAMPLES / "estop" / "network.yaml")
@@ -27,15 +26,15 @@ READERS = {
     ("plan", "files"): "WRONG -o made.fsnplan",
     ("diff", "a"): f"WRONG {ESTOP}",
     ("diff", "b"): f"{ESTOP} WRONG",
-    ("fingerprint", "files"): "WRONG",
-    ("verify", "files"): f"WRONG --accepted {ESTOP}",
-    ("verify", "accepted"): f"{ESTOP} --accepted WRONG",
-    ("verify", "acceptance"): f"{ESTOP} --acceptance WRONG --signers {{reports}}/r.json",
-    ("devices", "own"): "--file WRONG",
+    ("acceptance verify", "files"): f"WRONG --accepted {ESTOP}",
+    ("acceptance verify", "accepted"): f"{ESTOP} --accepted WRONG",
+    ("acceptance verify", "acceptance"): f"{ESTOP} --acceptance WRONG --signers {{reports}}/r.json",
+    ("init", "own"): "--list --device-file WRONG",
     ("run", "files"): "WRONG --virtual-time",
     ("run", "plan_file"): f"{ESTOP} --virtual-time --plan WRONG",
     ("run", "scenario_file"): f"{ESTOP} --virtual-time --scenario WRONG",
-    ("incident", "file"): "WRONG",
+    ("log incident", "file"): "WRONG",
+    ("acceptance sign", "file"): "WRONG --key k --as author",
     ("timing", "files"): "WRONG",
     ("timing", "measured"): f"{ESTOP} --measured WRONG",
     ("test-record", "files"): "WRONG -o made.yaml",
@@ -47,30 +46,35 @@ READERS = {
     ("report", "against"): f"{ESTOP} -o made.md --against WRONG",
     ("report", "accepted"): f"{ESTOP} -o made.md --accepted WRONG",
     ("report", "test_record"): f"{ESTOP} -o made.md --test-record WRONG",
-    ("report", "self_test"): f"{ESTOP} -o made.md --self-test WRONG",
-    ("accept", "files"): f"WRONG {SIGNED} {REPORTS} --test-record p",
-    ("accept", "reports"): f"{ESTOP} {SIGNED} --report WRONG --test-record p",
-    ("accept", "test_record"): f"{ESTOP} {SIGNED} {REPORTS} --test-record WRONG",
-    ("accept", "replaces"): f"{ESTOP} {SIGNED} {REPORTS} --test-record p --replaces WRONG",
+    ("report", "self_test"): f"{ESTOP} -o made.md --self-test-result WRONG",
+    ("acceptance record", "files"): f"WRONG {SIGNED} {REPORTS} --test-record p",
+    ("acceptance record", "reports"): f"{ESTOP} {SIGNED} --report WRONG --test-record p",
+    ("acceptance record", "test_record"): f"{ESTOP} {SIGNED} {REPORTS} --test-record WRONG",
+    (
+        "acceptance record",
+        "replaces",
+    ): f"{ESTOP} {SIGNED} {REPORTS} --test-record p --replaces WRONG",
     ("emulate", "files"): "WRONG --interface none0",
     ("emulate", "scenario_file"): f"{ESTOP} --interface none0 --scenario WRONG",
     ("campaign", "files"): "WRONG",
     ("decode", "inputs"): "WRONG",
     ("decode", "network"): "2a0400a6340000 --network WRONG",
     ("decode", "lua"): "--lua WRONG -o made.lua",
-    ("replay", "files"): "WRONG",
 }
 # Parameters of the same type that are no document: what is written, and control sockets.
 NOT_READ = {"output", "socket", "capture", "stats", "plot", "snapshot", "record"}
 # A script is read when fsn-master answers; tests of the console and of signatures have these.
 ELSEWHERE = {
+    ("log show", "files"),
+    ("log verify", "files"),
+    ("log export", "files"),
     ("console", "script"),
-    ("accept", "key"),
-    ("verify", "signers"),
-    ("verify", "revoked"),
+    ("acceptance sign", "key"),
+    ("acceptance verify", "signers"),
+    ("acceptance verify", "revoked"),
     ("report", "signers"),
     ("report", "revoked"),
-    ("accept", "attach"),
+    ("acceptance record", "attach"),
     ("studio", "path"),  # tests of studio; it opens what can be edited, whatever is wrong in it
     ("studio", "tls_cert"),
     ("studio", "tls_key"),
@@ -87,11 +91,10 @@ def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_parameter_that_is_a_file_is_tried_here():
-    context = click.Context(cli)
     found = {
         (name, parameter.name)
-        for name in cli.list_commands(context)
-        for parameter in cli.get_command(context, name).params
+        for name, command in commands()
+        for parameter in command.params
         if parameter.type in (FILE, NETWORK_FILE) and parameter.name not in NOT_READ
     }
     assert found == set(READERS) | ELSEWHERE
@@ -120,7 +123,7 @@ def test_a_file_that_cannot_be_used_is_exit_code_1(
     words = READERS[command, parameter].format(reports=reports).replace("WRONG", wrong).split()
     before = sorted(p.name for p in tmp_path.iterdir())
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["fsoe-net", command, *words])
+    monkeypatch.setattr("sys.argv", ["fsoe-net", *command.split(), *words])
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO()))
     with pytest.raises(SystemExit) as ended:
         main()

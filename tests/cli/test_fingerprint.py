@@ -1,4 +1,4 @@
-"""`fsoe-net fingerprint` and `fsoe-net verify` as a user and as CI call them."""
+"""`fsoe-net plan` and `fsoe-net acceptance verify` as a user and as CI call them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ FUNCTION = "safety_functions:\n  - {name: f, elements: [{kind: input, sub: ek191
 @pytest.fixture
 def accepted(tmp_path: Path) -> str:
     file = tmp_path / "accepted.json"
-    done = fsn("fingerprint", ESTOP, "--format", "json")
-    assert (done.returncode, done.stderr) == (0, "")
+    done = fsn("plan", ESTOP, "--format", "json")
+    assert (done.returncode, done.stderr) == (0, "not written; -o FILE writes it\n")
     file.write_text(done.stdout, "utf-8")
     return str(file)
 
@@ -41,16 +41,15 @@ def test_network_and_plan_have_the_same(tmp_path: Path) -> None:
     plan = str(tmp_path / "estop.fsnplan")
     made = fsn("plan", ESTOP, "-o", plan)
     assert made.stdout.endswith(f"fingerprint {SHORT}\n")
-    of_network, of_plan = fsn("fingerprint", ESTOP), fsn("fingerprint", plan)
+    of_network, of_plan = fsn("plan", ESTOP), fsn("plan", "--show", plan)
     assert of_network.stdout == of_plan.stdout
-    assert of_plan.stdout.splitlines()[0] == SHORT
-    assert f"fingerprint {SHORT}" in fsn("plan", "--show", plan).stdout
+    assert f"fingerprint {SHORT}" in of_plan.stdout
 
 
 @pytest.mark.parametrize("section", ["devices", "safety_functions"])
 def test_the_text_of_a_section_has_its_hash(section: str) -> None:
-    document = json.loads(fsn("fingerprint", ESTOP, "--format", "json").stdout)
-    text = fsn("fingerprint", ESTOP, "--text", section).stdout
+    document = json.loads(fsn("plan", ESTOP, "--format", "json").stdout)["fingerprint"]
+    text = fsn("plan", ESTOP, "--canonical", section).stdout
     assert hashlib.sha256(text.encode()).hexdigest() == document["sections"][section]
     assert document["short"] == SHORT
 
@@ -59,8 +58,9 @@ def test_a_plan_does_not_hold_the_text_of_safety_functions(tmp_path: Path, other
     other.write_text(other.read_text("utf-8") + FUNCTION, "utf-8")
     plan = str(tmp_path / "estop.fsnplan")
     assert fsn("plan", str(other), "-o", plan).returncode == 0
-    assert fsn("fingerprint", plan).stdout == fsn("fingerprint", str(other)).stdout
-    done = fsn("fingerprint", plan, "--text", "safety_functions")
+    devices = ("--canonical", "devices")
+    assert fsn("plan", plan, *devices).stdout == fsn("plan", str(other), *devices).stdout
+    done = fsn("plan", plan, "--canonical", "safety_functions")
     assert done.returncode == 1
     assert "name the files of the network" in done.stderr
 
@@ -72,7 +72,7 @@ def test_same_is_0(tmp_path: Path, accepted: str, other: Path) -> None:
     assert fsn("plan", ESTOP, "-o", plan).returncode == 0
     for what in (str(other), plan, accepted):
         for wanted in (accepted, plan, ESTOP):
-            done = fsn("verify", what, "--accepted", wanted)
+            done = fsn("acceptance", "verify", what, "--accepted", wanted)
             assert (done.returncode, done.stderr) == (0, "")
             assert done.stdout.count(SHORT) == 2
             assert done.stdout.endswith("the same\n")
@@ -81,18 +81,18 @@ def test_same_is_0(tmp_path: Path, accepted: str, other: Path) -> None:
 @pytest.mark.shows("R4")
 def test_a_difference_is_1_with_sections_and_meaning(accepted: str, other: Path) -> None:
     edit(other, "watchdog_ms: 100", "watchdog_ms: 120")
-    done = fsn("verify", str(other), "--accepted", ESTOP)
+    done = fsn("acceptance", "verify", str(other), "--accepted", ESTOP)
     assert done.returncode == 1
     assert "DIFFERS in connections\n" in done.stdout
     assert "watchdog_ms 100 -> 120" in done.stdout
-    done = fsn("verify", str(other), "--accepted", accepted)
+    done = fsn("acceptance", "verify", str(other), "--accepted", accepted)
     assert done.returncode == 1
     assert f"of {accepted} only hashes are known" in done.stdout
 
 
 def test_a_safety_function_that_came_is_told(other: Path) -> None:
     other.write_text(other.read_text("utf-8") + FUNCTION, "utf-8")
-    done = fsn("verify", str(other), "--accepted", ESTOP, "--format", "json")
+    done = fsn("acceptance", "verify", str(other), "--accepted", ESTOP, "--format", "json")
     assert done.returncode == 1
     document = json.loads(done.stdout)
     (row,) = document["compared"]
@@ -103,7 +103,7 @@ def test_a_safety_function_that_came_is_told(other: Path) -> None:
 
 def test_what_cannot_be_read_is_1(tmp_path: Path, accepted: str) -> None:
     document = json.loads(Path(accepted).read_text("utf-8"))
-    document["sections"]["cycle"] = "00" * 32
+    document["fingerprint"]["sections"]["cycle"] = "00" * 32
     changed = tmp_path / "changed.json"
     changed.write_text(json.dumps(document), "utf-8")
     deep = tmp_path / "deep.json"
@@ -115,16 +115,18 @@ def test_what_cannot_be_read_is_1(tmp_path: Path, accepted: str) -> None:
         (ESTOP, "nowhere.json", "no such file"),
         (broken, accepted, "error"),
     ]:
-        done = fsn("verify", what, "--accepted", wanted)
+        done = fsn("acceptance", "verify", what, "--accepted", wanted)
         assert done.returncode == 1, done
         assert words in done.stderr
-    assert fsn("verify", "--accepted", accepted).returncode == 2
-    assert fsn("verify", "--accepted", accepted, "--socket", "/nowhere").returncode == 3
+    assert fsn("acceptance", "verify", "--accepted", accepted).returncode == 2
+    assert (
+        fsn("acceptance", "verify", "--accepted", accepted, "--socket", "/nowhere").returncode == 3
+    )
 
 
 def test_the_same_network_as_urdf_with_transfers_in_another_file_is_the_same(accepted: str) -> None:
     urdf = str(PLAIN / "estop" / "estop.urdf.xacro")
-    done = fsn("verify", urdf, "--accepted", accepted)
+    done = fsn("acceptance", "verify", urdf, "--accepted", accepted)
     assert (done.returncode, done.stderr) == (0, "")
 
 

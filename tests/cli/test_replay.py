@@ -1,4 +1,4 @@
-"""`fsoe-net replay`: whole outputs, exit codes, broken files."""
+"""`fsoe-net campaign --replay`: whole outputs, exit codes, broken files."""
 
 import json
 import re
@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from data_files import listed, need
 from fsoe.recorded import own_run, recording_text
 
-from fsoe_net.cli.replay import command
+from fsoe_net.cli.campaign import command
 
 ROWS = own_run(20)[1]
 
@@ -21,7 +21,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def run(*arguments, code):
-    done = CliRunner().invoke(command, list(arguments), catch_exceptions=False)
+    done = CliRunner().invoke(command, ["--replay", *arguments], catch_exceptions=False)
     assert done.exit_code == code, done.output
     return done
 

@@ -20,7 +20,7 @@ from fsoe_net.errors import InputError
 pytestmark = pytest.mark.skipif(
     shutil.which("ssh-keygen") is None, reason="signatures are made by ssh-keygen of OpenSSH"
 )
-VERIFY = ("verify", "timed.yaml", "--acceptance", RECORD, "--signers", "signers")
+VERIFY = ("acceptance", "verify", "timed.yaml", "--acceptance", RECORD, "--signers", "signers")
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_two_persons_with_two_keys(folder: Path) -> None:
     done = fsn(*VERIFY)  # the signatures hold, the network is another one
     assert done.returncode == 1
     assert "NOT as signed" not in done.stdout
-    assert fsn("verify", *VERIFY[2:]).returncode == 0  # signatures alone
+    assert fsn("acceptance", "verify", *VERIFY[3:]).returncode == 0  # signatures alone
 
 
 @pytest.mark.shows("R15")
@@ -261,7 +261,7 @@ def test_files_that_a_record_may_not_name(folder: Path, name: str, words: str) -
     replace(RECORD, "file: report.html", f'file: "{name}"')
     for key, role in (("anna", "author"), ("bert", "verifier")):
         sign(folder, key, role)
-        done = fsn("accept", RECORD, "--sign", key, "--as", role, "--overwrite")
+        done = fsn("acceptance", "sign", RECORD, "--key", key, "--as", role, "--overwrite")
         assert done.returncode == 1
         assert "nothing signed" in done.stderr
     done = fsn(*VERIFY)
@@ -274,7 +274,10 @@ def test_files_that_a_record_may_not_name(folder: Path, name: str, words: str) -
 @pytest.mark.parametrize("text", ["\\n", "\\e[31m", "\\0", "\\ud800"])
 def test_a_name_that_would_make_lines_of_its_own_is_refused(folder: Path, text: str) -> None:
     replace(RECORD, "file: report.html", f'file: "a{text}b"')
-    for given in (VERIFY, ("accept", RECORD, "--sign", "anna", "--as", "author", "--overwrite")):
+    for given in (
+        VERIFY,
+        ("acceptance", "sign", RECORD, "--key", "anna", "--as", "author", "--overwrite"),
+    ):
         done = fsn(*given)
         assert (done.returncode, done.stdout) == (1, "")
         assert f"{RECORD}:33:" in done.stderr
@@ -284,7 +287,7 @@ def test_a_name_that_would_make_lines_of_its_own_is_refused(folder: Path, text: 
 @pytest.mark.parametrize("author", ["A. Meier", "A. Meier <*>", "A. Meier <-f>"])
 def test_a_name_without_a_principal_is_not_signed(folder: Path, author: str) -> None:
     replace(RECORD, f"A. Meier <{ANNA}>", author)
-    done = fsn("accept", RECORD, "--sign", "anna", "--as", "author", "--overwrite")
+    done = fsn("acceptance", "sign", RECORD, "--key", "anna", "--as", "author", "--overwrite")
     assert done.returncode == 1
     words = f"the author {author!r} has no principal behind the name"
     assert words in done.stderr
@@ -294,7 +297,7 @@ def test_a_name_without_a_principal_is_not_signed(folder: Path, author: str) -> 
 
 
 def test_a_signature_is_not_replaced_unasked_and_no_day_to_come_counts(folder: Path) -> None:
-    done = fsn("accept", RECORD, "--sign", "anna", "--as", "author")
+    done = fsn("acceptance", "sign", RECORD, "--key", "anna", "--as", "author")
     assert done.returncode == 1
     assert f"{RECORD}.author.sig exists" in done.stderr
     replace(RECORD, "date: '2021-11-21'", "date: '2999-11-21'")
@@ -306,23 +309,67 @@ def test_a_signature_is_not_replaced_unasked_and_no_day_to_come_counts(folder: P
 @pytest.mark.parametrize(
     ("given", "code", "words"),
     [
-        (("accept", RECORD, "--sign", "anna"), 2, "--sign KEY and --as author|verifier belong"),
-        (("accept", RECORD, "--sign", "nokey", "--as", "author"), 1, "nokey is not a file with"),
-        (("accept", RECORD, "--sign", "pipe", "--as", "author"), 1, "pipe is not a file with"),
-        (("accept", RECORD, "--sign", "signers", "--as", "author"), 1, "does not sign with sign"),
-        (("accept", RECORD, "--sign", "-v", "--as", "author"), 1, "-v is not a file with an SSH"),
-        (("accept", RECORD, "--sign", "anna", "--as", "author", "-o", "x"), 2, "is only signed"),
-        (("accept", "timed.yaml", "--sign", "anna", "--as", "author"), 2, "option '--report'"),
-        (("accept", "pipe", "--sign", "anna", "--as", "author"), 1, "it is not a regular file"),
-        (("verify", "timed.yaml"), 2, "one of --accepted FILE and --acceptance RECORD"),
-        (("verify", "--acceptance", RECORD), 2, "--acceptance RECORD and --signers FILE belong"),
+        (
+            ("acceptance", "sign", RECORD, "--key", "anna"),
+            2,
+            "option '--as'",
+        ),
+        (
+            ("acceptance", "sign", RECORD, "--key", "nokey", "--as", "author"),
+            1,
+            "nokey is not a file with",
+        ),
+        (
+            ("acceptance", "sign", RECORD, "--key", "pipe", "--as", "author"),
+            1,
+            "pipe is not a file with",
+        ),
+        (
+            ("acceptance", "sign", RECORD, "--key", "signers", "--as", "author"),
+            1,
+            "does not sign with sign",
+        ),
+        (
+            ("acceptance", "sign", RECORD, "--key", "-v", "--as", "author"),
+            1,
+            "-v is not a file with an SSH",
+        ),
+        (
+            ("acceptance", "sign", RECORD, "--key", "anna", "--as", "author", "-o", "x"),
+            2,
+            "No such option",
+        ),
+        (
+            ("acceptance", "record", "timed.yaml"),
+            2,
+            "option '--report'",
+        ),
+        (
+            ("acceptance", "sign", "pipe", "--key", "anna", "--as", "author"),
+            1,
+            "it is not a regular file",
+        ),
+        (
+            ("acceptance", "verify", "timed.yaml"),
+            2,
+            "one of --accepted FILE and --acceptance RECORD",
+        ),
+        (
+            ("acceptance", "verify", "--acceptance", RECORD),
+            2,
+            "--acceptance RECORD and --signers FILE belong",
+        ),
         ((*VERIFY, "--accepted", RECORD), 2, "one of --accepted FILE and --acceptance RECORD"),
-        (("verify", "x", "--accepted", "x", "--revoked", "x"), 2, "--revoked FILE goes with"),
+        (
+            ("acceptance", "verify", "x", "--accepted", "x", "--revoked", "x"),
+            2,
+            "--revoked FILE goes with",
+        ),
         ((*VERIFY[:-1], "pipe"), 1, "it is not a regular file"),
         ((*VERIFY[:-1], "huge"), 1, "more than the 1048576 allowed"),
         ((*VERIFY, "--revoked", "none"), 1, "no such file"),
-        ((*VERIFY[:3], "timed.yaml", "--signers", "signers"), 1, "timed.yaml is not an acceptance"),
-        ((*VERIFY[:3], "-", "--signers", "signers"), 1, "name the record by its file"),
+        ((*VERIFY[:4], "timed.yaml", "--signers", "signers"), 1, "timed.yaml is not an acceptance"),
+        ((*VERIFY[:4], "-", "--signers", "signers"), 1, "name the record by its file"),
     ],
 )
 def test_wrong_use_and_wrong_files(
@@ -337,7 +384,10 @@ def test_wrong_use_and_wrong_files(
 
 
 def test_without_ssh_keygen_the_next_step_is_named(folder: Path) -> None:
-    for given in (VERIFY, ("accept", RECORD, "--sign", "anna", "--as", "author", "--overwrite")):
+    for given in (
+        VERIFY,
+        ("acceptance", "sign", RECORD, "--key", "anna", "--as", "author", "--overwrite"),
+    ):
         done = fsn(*given, env={"PATH": str(folder)})
         assert done.returncode == 3
         assert "ssh-keygen is not installed" in done.stderr

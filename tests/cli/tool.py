@@ -13,16 +13,31 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from typing import IO
 
+import click
 from tied import tied
+
+from fsoe_net.cli.main import cli
 
 _SERVE = "import sys; sys.path[:] = {path!r}; from cli.tool import serve; serve()"
 _server: subprocess.Popen[str] | None = None
+
+
+def commands(group: click.Group = cli, words: str = "") -> Iterator[tuple[str, click.Command]]:
+    """Yield each command with its words, those of groups too."""
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command is not None
+        if isinstance(command, click.Group):
+            yield from commands(command, f"{words}{name} ")
+        else:
+            yield f"{words}{name}", command
 
 
 def fsn(

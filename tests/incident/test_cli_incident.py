@@ -1,4 +1,4 @@
-"""`fsoe-net run --incidents` and `fsoe-net incident` from the command line."""
+"""`fsoe-net run --incidents` and `fsoe-net log incident` from the command line."""
 
 from __future__ import annotations
 

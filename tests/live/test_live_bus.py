@@ -141,7 +141,7 @@ def test_a_gap_is_named_by_its_place(kind, key, title, tmp_path):
 
 def test_an_incident_names_its_cause_and_holds_what_the_devices_tell(tmp_path):
     seen = on_the_wire("incident", ESTOP, tmp=tmp_path, good=lambda s: s["file"] is not None)
-    done = fsn("incident", str(tmp_path / seen["file"]), "--format", "json")
+    done = fsn("log", "incident", str(tmp_path / seen["file"]), "--format", "json")
     assert seen["last"] in json.loads(done.stdout)["likely"]["title"]
     head = json.loads((tmp_path / seen["file"]).read_text("utf-8").splitlines()[0])
     told = {row["subdevice"]: row for row in head["fsoe"]}

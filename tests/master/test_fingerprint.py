@@ -33,11 +33,11 @@ def test_status_snapshot_and_client_tell_it() -> None:
 @pytest.mark.shows("R4")
 def test_verify_asks_the_running_core(tmp_path: Path) -> None:
     with running(name="estop") as master:
-        done = fsn("verify", ESTOP, "--socket", str(master.path), "--accepted", ESTOP)
+        done = fsn("acceptance", "verify", ESTOP, "--socket", str(master.path), "--accepted", ESTOP)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.count("the same") == 2
         other = str(PLAIN / "el6910" / "network.yaml")
-        done = fsn("verify", "--socket", str(master.path), "--accepted", other)
+        done = fsn("acceptance", "verify", "--socket", str(master.path), "--accepted", other)
         assert done.returncode == 1
         assert "DIFFERS in devices, process_data, copies, connections\n" in done.stdout
 
@@ -45,7 +45,7 @@ def test_verify_asks_the_running_core(tmp_path: Path) -> None:
 @pytest.mark.shows("R4")
 def test_another_cycle_than_that_of_the_plan_differs() -> None:
     with running("--cycle", "2ms", name="estop") as master:
-        done = fsn("verify", "--socket", str(master.path), "--accepted", ESTOP)
+        done = fsn("acceptance", "verify", "--socket", str(master.path), "--accepted", ESTOP)
     assert done.returncode == 1
     observed = "parameters of 0 of 1 connection observed"
     assert f"cycle 2 ms, {observed}): DIFFERS in cycle\n" in done.stdout

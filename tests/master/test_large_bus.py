@@ -98,7 +98,7 @@ def test_monitor_console_verify_and_studio_read_it(bus: Master, large: Path) -> 
     assert (several.returncode, several.stderr) == (0, "")
     assert len(several.stdout.splitlines()) == 2 * CONNECTIONS
     assert {line.split()[1] for line in several.stdout.splitlines()} == {"0"}
-    verified = fsn("verify", "--accepted", str(large), *where)
+    verified = fsn("acceptance", "verify", "--accepted", str(large), *where)
     assert verified.returncode == 0, verified.stderr
     assert f"parameters of 0 of {CONNECTIONS} connections observed" in verified.stdout
 

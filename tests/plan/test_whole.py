@@ -314,7 +314,7 @@ def test_each_refusal_of_a_fingerprint_says_why() -> None:
     document = fingerprint_of(compile_plan(example("estop"))).to_json()
     sections = document["sections"]
     assert isinstance(sections, dict)
-    none = "no fingerprint; `fsoe-net fingerprint --format json` makes one"
+    none = "no fingerprint; `fsoe-net plan --format json` makes one"
     digits = "section 'copies' has no SHA-256 of 64 hexadecimal digits"
     whole = "the whole does not fit the sections: the fingerprint was changed"
     form = (

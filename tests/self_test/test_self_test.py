@@ -1,4 +1,4 @@
-"""`fsoe-net self-test`: this installation passes, and a copy with one broken piece does not."""
+"""`fsoe-net doctor --self-test` passes here and fails in a copy with one broken piece."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_known_hashes_are_those_of_the_examples(name: str):
 
 @pytest.fixture(scope="module")
 def here() -> subprocess.CompletedProcess[str]:
-    return fsn("self-test", "--format", "json")
+    return fsn("doctor", "--self-test", "--format", "json")
 
 
 @pytest.mark.shows("R25")
@@ -306,7 +306,7 @@ def test_an_fsn_master_that_takes_every_plan_is_found(tmp_path: Path):
     program = tmp_path / "fsn-master"
     program.write_text(f"#!/bin/sh\necho fsn-master {fsoe_net.__version__}\n")
     program.chmod(0o755)
-    done = fsn("self-test", env=os.environ | {"FSN_MASTER": str(program)})
+    done = fsn("doctor", "--self-test", env=os.environ | {"FSN_MASTER": str(program)})
     text = " ".join(done.stdout.split())
     assert (done.returncode, text.partition("FAILED: ")[2].partition(";")[0]) == (1, "fsn-master")
     assert f"build {installed_files().build} (" in text
@@ -332,7 +332,7 @@ def test_a_report_says_what_it_gave(here: subprocess.CompletedProcess[str], tmp_
 
     def report() -> str:
         page = tmp_path / "report.md"
-        options = ["--self-test", str(result), "--overwrite", "-o", str(page)]
+        options = ["--self-test-result", str(result), "--overwrite", "-o", str(page)]
         done = fsn("report", network, *options)
         return done.stdout + done.stderr + (page.read_text("utf-8") if page.exists() else "")
 
@@ -379,10 +379,10 @@ def test_what_is_no_result_is_refused(what: str, tmp_path: Path):
     result.write_text(DAMAGED[what], "utf-16" if what == "no text" else "utf-8")
     page = tmp_path / "report.html"
     network = str(EXAMPLES / "estop" / "network.yaml")
-    done = fsn("report", network, "--self-test", str(result), "-o", str(page))
+    done = fsn("report", network, "--self-test-result", str(result), "-o", str(page))
     assert (done.returncode, page.exists()) == (1, False)
     assert "is no result of a self-test" in done.stderr
-    assert "fsoe-net self-test --format json > self-test.json" in done.stderr
+    assert "fsoe-net doctor --self-test --format json > self-test.json" in done.stderr
 
 
 def test_a_result_in_which_nothing_was_tried_has_failed(tmp_path: Path):
@@ -393,6 +393,6 @@ def test_a_result_in_which_nothing_was_tried_has_failed(tmp_path: Path):
     result.write_text(json.dumps(document | {"parts": parts}))
     page = tmp_path / "report.md"
     network = str(EXAMPLES / "estop" / "network.yaml")
-    done = fsn("report", network, "--self-test", str(result), "-o", str(page))
+    done = fsn("report", network, "--self-test-result", str(result), "-o", str(page))
     assert "against it: Identity: FAILED: nothing was tried" in done.stdout
     assert "\x1b" not in done.stdout + page.read_text("utf-8")

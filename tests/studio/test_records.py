@@ -160,8 +160,8 @@ def test_signing_is_a_command_to_type(browser: Browser) -> None:
     assert (
         commands[0] == "fsoe-net report network.yaml --test-record test-record.yaml -o report.html"
     )
-    assert commands[-1] == "fsoe-net accept acceptance-new.yaml --sign KEY --as verifier"
-    assert "--replaces acceptance.yaml" in commands[-2]
+    assert commands[-1] == "fsoe-net acceptance sign acceptance-new.yaml --key KEY --as verifier"
+    assert "--replaces acceptance.yaml" in commands[-3]
     other = Browser(f"http://{browser.host}/")
     assert other.ask("/api/records")[0] == 403
     assert other.ask("/records/report")[0] == 403

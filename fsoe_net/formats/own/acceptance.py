@@ -1,4 +1,4 @@
-"""Acceptance records, written by ``fsoe-net accept``."""
+"""Acceptance records, written by ``fsoe-net acceptance record``."""
 
 from __future__ import annotations
 

@@ -54,7 +54,10 @@ _ASKED_FOR = frozenset(
 )  # an option names the expected kind
 _NAMED = {  # by their keys; what it is, and what takes it
     "test-record": ("a test record", "`fsoe-net report NETWORK --test-record FILE` takes it"),
-    "acceptance": ("an acceptance record", "`fsoe-net verify NETWORK --accepted FILE` takes it"),
+    "acceptance": (
+        "an acceptance record",
+        "`fsoe-net acceptance verify NETWORK --accepted FILE` takes it",
+    ),
     "network": ("a network", "`fsoe-net check FILE` takes it"),
     "slave": ("a slave YAML", "a network names it: `config: FILE`"),
     "answers": ("a file of answers", "`fsoe-net init --answers FILE` takes it"),

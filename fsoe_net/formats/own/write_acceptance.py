@@ -14,10 +14,10 @@ from fsoe_net.model.network import SourceFile
 from fsoe_net.model.safety import SafeBit, SafetyElement, SafetyFunction
 
 _HEAD = """\
-# Acceptance record of the copies of an FSoE network, written by fsoe-net accept. Keep it under
+# Acceptance record of the copies of an FSoE network, written by fsoe-net. Keep it under
 # version control, and sign what is signed: the report. It says which configuration was accepted,
 # by whom and on what grounds. It is no certificate and no protection against somebody who means
-# harm. `fsoe-net verify --accepted FILE` compares with it; do not edit it by hand.
+# harm. `fsoe-net acceptance verify --accepted FILE` compares with it; do not edit it by hand.
 """
 
 

@@ -167,7 +167,7 @@ static void tell_result(struct fsn_incidents *in, const struct fsn_incident_resu
         fsn_json_null(json);
     }
     if (result->error == 0) {
-        fsn_event_send(in->events, FSN_LOG_WARNING, "incident: %.300s; fsoe-net incident %.150s",
+        fsn_event_send(in->events, FSN_LOG_WARNING, "incident: %.300s; fsoe-net log incident %.150s",
                        in->text, result->path);
     } else if (result->full) {
         fsn_event_send(in->events, FSN_LOG_ERROR,

@@ -1,4 +1,4 @@
-"""What ``fsoe-net accept`` prints, and its examples."""
+"""What ``fsoe-net acceptance`` prints, and its examples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Example:
   fsoe-net test-record network.yaml --virtual -o test-record.yaml    # then do it at the machine
   fsoe-net report network.yaml --test-record test-record.yaml -o report.html
   fsoe-net report network.yaml --test-record test-record.yaml -o report.json
-  fsoe-net accept network.yaml --test-record test-record.yaml
+  fsoe-net acceptance record network.yaml --test-record test-record.yaml
       --report report.html --report report.json
       --author "A. Meier" --author-competence "maker of the cell"
       --verifier "B. Kaya" --verifier-competence "functional safety engineer"
@@ -23,13 +23,14 @@ Example:
       --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya"
       --justify "loss io_box=soldered in, cannot be unplugged by B. Kaya"
 
-Afterwards: fsoe-net verify network.yaml --accepted acceptance.yaml (or --socket PATH), and
-fsoe-net report network.yaml --accepted acceptance.yaml -o report.html for what has changed since.
+Afterwards:
+  fsoe-net acceptance verify network.yaml --accepted acceptance.yaml     # or --socket PATH
+  fsoe-net report network.yaml --accepted acceptance.yaml -o report.html # what has changed
 
 \b
 Signatures, each by the key of that person; names then are "NAME <PRINCIPAL>":
-  fsoe-net accept network.yaml … -o acceptance.yaml --sign ~/.ssh/id_ed25519 --as author
-  fsoe-net accept acceptance.yaml --sign ~/.ssh/id_ed25519 --as verifier
+  fsoe-net acceptance sign acceptance.yaml --key ~/.ssh/id_ed25519 --as author
+  fsoe-net acceptance sign acceptance.yaml --key ~/.ssh/id_ed25519 --as verifier
 
 Exit codes: 0 written, 1 refused with every reason, or a file cannot be used, 2 usage error, 3 no
 ssh-keygen, or no disk.
@@ -63,7 +64,7 @@ def print_record(output: str, record: Acceptance, before: AcceptedRecord | None)
         same = before.fingerprint.whole == record.whole
         word = "the same configuration as" if same else "replaces"
         echo(f"{word} {before.source.path}, {before.fingerprint.short}")
-    echo("Sign the report and, with --sign, this record; keep both under version control.")
+    echo(f"Sign the report, and `fsoe-net acceptance sign {output}`; keep both in version control.")
 
 
 def print_signature(signature: CheckedSignature) -> None:

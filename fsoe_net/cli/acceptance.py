@@ -1,4 +1,4 @@
-"""``fsoe-net accept``: write down who accepted which configuration, and on what grounds."""
+"""``fsoe-net acceptance``: who accepted which configuration, and whether it is still the same."""
 
 from __future__ import annotations
 
@@ -6,40 +6,35 @@ import os
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
 from fsoe_net.acceptance.accept import accept, intervention_rows, reason_rows, record_bytes
 from fsoe_net.acceptance.signatures import ROLES, sign_record
-from fsoe_net.cli.accept_options import circumstance_options, day_of_signature
-from fsoe_net.cli.accept_output import (
+from fsoe_net.cli.acceptance_options import circumstance_options, day_of_signature
+from fsoe_net.cli.acceptance_output import (
     EPILOG,
     print_record,
     print_refusals,
     print_signature,
 )
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import FILE, output_option, read_by
+from fsoe_net.cli.options import FILE, output_option, overwrite_option, read_by
+from fsoe_net.cli.verify import verify
 from fsoe_net.cli.write import check_target
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.project.known import is_record
 
 _NEEDED = ("reports", "test_record", "author", "verifier", "output")
-"""Of a network; a record that is only signed holds them."""
-_MORE = (
-    "author_competence",
-    "verifier_competence",
-    "day",
-    "justify",
-    "interventions",
-    "replaces",
-    "equipment",
-    "environment",
-    "attach",
-)
 
 
-@click.command("accept", epilog=EPILOG)
+@click.group("acceptance", epilog=EPILOG)
+def command() -> None:
+    """Record who accepted which configuration; sign the record; compare with it."""
+
+
+command.add_command(verify)
+
+
+@command.command("record")
 @input_options
 @click.option(
     "--report",
@@ -82,62 +77,44 @@ _MORE = (
 )
 @circumstance_options
 @click.option("--replaces", type=FILE, metavar="FILE", help="Previous acceptance record.")
-@click.option(
-    "--sign",
-    "key",
-    type=FILE,
-    metavar="KEY",
-    help="Sign the new record, or the record given as FILES, with this SSH key. The "
-    "signature is a file next to it.",
-)
-@click.option("--as", "role", type=click.Choice(ROLES), help="Role of the person who signs.")
 @output_option("File to write (.yaml).")
 @click.pass_context
-def command(
+def record(
     ctx: click.Context,
     /,
     files: tuple[str, ...],
     loading: LoadOptions,
     output: str | None,
     overwrite: bool,
-    key: str | None,
-    role: str | None,
     **given: Any,
 ) -> None:
     """Write the acceptance record of a network, or list every reason against it.
 
     Required: a report of exactly this configuration without errors, a justification with name and
     reason for each warning, a test record with all steps done at the machine, and a verifier who
-    is not the author. FILES as for `fsoe-net check`, or an acceptance record to be signed.
+    is not the author. FILES as for `fsoe-net check`.
     """
-    if (key is None) != (role is None):
-        raise click.UsageError("--sign KEY and --as author|verifier belong together")
-    if len(files) == 1 and key is not None and role is not None and is_record(files[0]):
-        _only_sign(ctx, files[0])
-        print_signature(sign_record(files[0], role, key, overwrite=overwrite))
-        return
     missing = [name for name in _NEEDED if not ctx.params[name]]
     if missing or output is None:
-        raise click.MissingParameter(ctx=ctx, param=_option(ctx, missing[0]))
+        option = next(p for p in ctx.command.params if p.name == missing[0])
+        raise click.MissingParameter(ctx=ctx, param=option)
     check_target(output, overwrite=overwrite)
     folder = os.path.dirname(output) or "."
-    record, refusals, before = accept(files, loading, folder=folder, **given)
-    if record is None:
+    made, refusals, before = accept(files, loading, folder=folder, **given)
+    if made is None:
         print_refusals(refusals)
         ctx.exit(1)
-    write_whole(output, record_bytes(record), overwrite=overwrite)
-    print_record(output, record, before)
-    if key is not None and role is not None:
-        print_signature(sign_record(output, role, key, overwrite=overwrite))
+    write_whole(output, record_bytes(made), overwrite=overwrite)
+    print_record(output, made, before)
 
 
-def _option(ctx: click.Context, name: str) -> click.Parameter:
-    return next(p for p in ctx.command.params if p.name == name)
-
-
-def _only_sign(ctx: click.Context, path: str) -> None:
-    """Refuse options that say what a record holds: the one that is signed holds it already."""
-    for name in (*_NEEDED, *_MORE):
-        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            option = _option(ctx, name).opts[-1]
-            raise click.UsageError(f"{option}: {path} is a record, which is only signed")
+@command.command("sign")
+@click.argument("file", type=FILE, metavar="RECORD")
+@click.option("--key", type=FILE, metavar="KEY", required=True, help="SSH key of this person.")
+@click.option(
+    "--as", "role", type=click.Choice(ROLES), required=True, help="Role of the person who signs."
+)
+@overwrite_option
+def sign(file: str, key: str, role: str, overwrite: bool) -> None:
+    """Sign an acceptance record as it is. The signature is a file next to it."""
+    print_signature(sign_record(file, role, key, overwrite=overwrite))

@@ -1,4 +1,4 @@
-"""Options of ``fsoe-net accept`` about when and under which circumstances."""
+"""Options of ``fsoe-net acceptance record`` about when and under which circumstances."""
 
 from __future__ import annotations
 
