@@ -10,6 +10,7 @@ from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.diag.printable import printable
 from fsoe_net.diag.words import summary
+from fsoe_net.project.excerpt import excerpt
 from fsoe_net.rules.effects import effect_today
 from fsoe_net.rules.runtime import Runtime
 from fsoe_net.version import __version__
@@ -84,7 +85,7 @@ class Findings(Sequence[Diagnostic]):
 
 
 def finding_text(d: Diagnostic, runtime: Runtime = Runtime.FSN, *, level: str | None = None) -> str:
-    """Return a finding as lines: place, message, related places, hint, what a runtime does today.
+    """Return a finding as lines: place, message, line of the file, related places, hint, effect.
 
     Args:
         d: The finding.
@@ -93,6 +94,7 @@ def finding_text(d: Diagnostic, runtime: Runtime = Runtime.FSN, *, level: str | 
     """
     level = level or f"{d.level.value}[{d.code}]"
     lines = [f"{printable(str(d.span))}: {level}: {printable(d.message)}"]
+    lines += excerpt(d.span)
     for r in d.related:
         place = "" if r.span == d.span else f"see {r.span}: "
         lines.append(printable(f"  {place}{r.message}"))

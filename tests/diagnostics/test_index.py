@@ -1,17 +1,25 @@
-"""The page that lists the findings."""
+"""The pages of the findings."""
 
-import re
 from pathlib import Path
+
+import pytest
 
 from fsoe_net.diag.catalogue import CATALOGUE
 
-PAGE = Path(__file__).parents[2] / "docs" / "diagnostics" / "index.md"
+PAGES = Path(__file__).parents[2] / "docs" / "diagnostics"
 
 
-def test_the_page_lists_every_finding_with_its_level_and_title():
-    text = PAGE.read_text("utf-8")
-    rows = re.findall(r"^\| \[(FSN\d+)\]\(\1\.md\) \| (\w+) \| (.*) \|$", text, re.MULTILINE)
-    assert {code: (level, title.replace("`", "")) for code, level, title in rows} == {
-        code: (row.severity, row.title) for code, row in CATALOGUE.items()
-    }
-    assert re.findall(r"^FSN\d+$", text, re.MULTILINE) == sorted(CATALOGUE)
+@pytest.mark.parametrize("code", CATALOGUE)
+def test_the_page_of_a_code_has_its_title_reason_and_fix(code: str):
+    text = (PAGES / f"{code}.md").read_text("utf-8")
+    title, _, rest = text.partition("\n")
+    assert title.replace("`", "") == f"# {code}: {CATALOGUE[code].title}".replace("`", "")
+    what, reason, rest = rest.partition("**Why it matters.** ")
+    why, fix, rest = rest.partition("**Fix.** ")
+    assert reason
+    assert fix
+    assert all(part.strip() for part in (what, why, rest))
+
+
+def test_there_is_no_page_of_another_code():
+    assert {path.stem for path in PAGES.glob("FSN*.md")} == set(CATALOGUE)

@@ -37,7 +37,7 @@ RULES = [
 ]
 TABLE: dict[str, Any] = yaml.safe_load((HERE / "messages.yaml").read_text("utf-8"))
 EDITS: dict[str, dict] = TABLE["edits"]
-# The pages of docs/diagnostics and docs/reference/runtimes.md have them, and are compared.
+# A table of texts, without arguments.
 ELSEWHERE = "effects.py"
 
 

@@ -148,3 +148,4 @@ def test_the_page_has_all_runtimes_and_their_findings():
     text = (ROOT / "docs" / "reference" / "runtimes.md").read_text("utf-8")
     assert all(f"| `{r.value}` |" in text for r in Runtime)
     assert {c for c in CATALOGUE if c.startswith("FSN46")} <= set(re.findall(r"FSN46[0-9]", text))
+    assert "<!-- effects -->" in text  # the table is made when the documentation is built

@@ -1,0 +1,79 @@
+"""The line of a file that a finding is about, with a mark below its column."""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+import stat
+import unicodedata
+
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.diag.printable import printable
+
+_MOST_BYTES = 4 << 20
+_WIDTH = 92  # columns of a line that are shown
+_BEFORE = 60  # of them at most in front of the marked column
+_TOKEN = re.compile(r'"[^"]*"|\'[^\']*\'|</?[\w:.-]+|[^\s,:#<>\[\]{}"\']+')
+# YAML ends lines at these too; XML does not. A file with one has no line that both count alike.
+_ODD_BREAKS = re.compile("[\x0b\x0c\x85\u2028\u2029]")
+
+
+def excerpt(span: Span) -> list[str]:
+    """Return the line of a place and a line of ``^`` below its text, for a terminal.
+
+    Empty where nothing can be shown: a place without a line, and a file that is gone, is not text,
+    or has more than 4 MiB.
+    """
+    if span.line < 1 or span.column < 1:
+        return []
+    lines = _lines(span.file)
+    if span.line > len(lines):
+        return []
+    text = lines[span.line - 1]
+    if span.column > len(text):
+        return []
+    start = span.column - 1
+    token = _TOKEN.match(text, start)
+    end = token.end() if token else start + 1
+    first = max(0, start - _BEFORE) if len(text) > _WIDTH else 0
+    last = first + _WIDTH
+    head = ("…" if first else "") + _shown(text[first:start])
+    marked = _shown(text[start : min(end, last)])
+    tail = _shown(text[end:last]) + ("…" if last < len(text) else "")
+    number = f"{span.line:5}"
+    return [
+        f"{number} | {head}{marked}{tail}".rstrip(),
+        f"{' ' * len(number)} | {' ' * _columns(head)}{'^' * max(1, _columns(marked))}",
+    ]
+
+
+def _shown(text: str) -> str:
+    return printable(text.replace("\t", " "))
+
+
+def _columns(text: str) -> int:
+    """Return the columns that a text takes in a terminal."""
+    wide = sum(unicodedata.east_asian_width(c) in "WF" for c in text)
+    return len(text) + wide - sum(unicodedata.combining(c) > 0 for c in text)
+
+
+def _lines(path: str) -> list[str]:
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return []
+    # A pipe would block, and a device never ends.
+    if not stat.S_ISREG(status.st_mode) or status.st_size > _MOST_BYTES:
+        return []
+    return _read(path, status.st_mtime_ns, status.st_size)
+
+
+@functools.lru_cache(maxsize=8)
+def _read(path: str, _mtime_ns: int, _size: int) -> list[str]:
+    try:
+        with open(path, "rb") as file:
+            text = file.read(_MOST_BYTES + 1).decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError):
+        return []
+    return [] if _ODD_BREAKS.search(text) else re.split(r"\r\n|\r|\n", text)
