@@ -15,7 +15,7 @@ from fsoe_net.rules.effects import effect_today
 from fsoe_net.rules.runtime import Runtime
 from fsoe_net.version import __version__
 
-_DOCS = "https://fsoe-net.readthedocs.io/diagnostics"
+_DOCS = "https://fsoe-net.github.io/fsoe-net/diagnostics"
 
 
 class Findings(Sequence[Diagnostic]):

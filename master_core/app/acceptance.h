@@ -7,9 +7,9 @@
 
 #include "app/base/options.h"
 
-/** Has `fsoe-net acceptance verify` compare a plan with `options->acceptance`, and check its signatures. It
- *  runs without a shell, from the folder of this program or from PATH, and reads the bytes that
- *  were loaded. Its output goes to the log.
+/** Has `fsoe-net acceptance verify` compare a plan with `options->acceptance`, and check its
+ * signatures. It runs without a shell, from the folder of this program or from PATH, and reads the
+ * bytes that were loaded. Its output goes to the log.
  *  @param[in,out] options  the output is kept in `acceptance_said`.
  *  @return -1 if everything matches the signatures, else the exit code, with the reason logged.
  *  Context: before the control thread runs; waits for the other program. */
