@@ -167,8 +167,8 @@ static void tell_result(struct fsn_incidents *in, const struct fsn_incident_resu
         fsn_json_null(json);
     }
     if (result->error == 0) {
-        fsn_event_send(in->events, FSN_LOG_WARNING, "incident: %.300s; fsoe-net log incident %.150s",
-                       in->text, result->path);
+        fsn_event_send(in->events, FSN_LOG_WARNING,
+                       "incident: %.300s; fsoe-net log incident %.150s", in->text, result->path);
     } else if (result->full) {
         fsn_event_send(in->events, FSN_LOG_ERROR,
                        "incident: %.200s; not kept, for the incident files in %.150s have %" PRIu64
