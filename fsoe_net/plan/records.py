@@ -130,7 +130,7 @@ _SYMBOL = """
     u8     kind            type as in *Entry*
     u8     flags           flags: bit 0 = output, bit 1 = restart relevant
     u32    reserved        reserved, 0
-    u64    stop_value      stop value: raw bits the output takes when nobody writes it
+    u64    stop_value      stop value: raw bits of the output while no client writes it
     f64    factor          factor, IEEE 754; finite, not 0
     f64    offset          offset, IEEE 754; finite
 """
@@ -179,7 +179,7 @@ _GROUP = """
     string name            name, unique
     string place           where alternatives stand; empty: it has none
     u32    first_subdevice first SubDevice, which is found by its alias
-    u32    subdevice_count number of SubDevices, one behind the other
+    u32    subdevice_count number of SubDevices, one after the other
 """
 RECORDS = (
     _record(1, "subdevice", _SUBDEVICE),

@@ -124,7 +124,7 @@ def test_text_and_drawing_follow_each_other(page: Any) -> None:
     finding.locator(".message").click()
     selected = page.evaluate("[document.activeElement.tagName, getSelection().toString()]")
     assert selected[0] == "TEXTAREA"
-    page.get_by_role("button", name="Do what the hint says").first.click()
+    page.get_by_role("button", name="Apply the hint").first.click()
     _verdict(page, "no errors")
     assert area.input_value() == text
 

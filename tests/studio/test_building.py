@@ -107,7 +107,7 @@ def test_the_example_is_taken_and_its_things_can_be_tried(page: Any) -> None:
     area = page.locator("textarea")
     page.wait_for_function("() => document.querySelector('textarea').value.includes('_ms: 100')")
     area.fill(area.input_value().replace("size: 6", "size: 5", 1))
-    page.get_by_role("button", name="Do what the hint says").first.click()
+    page.get_by_role("button", name="Apply the hint").first.click()
     page.wait_for_function("() => !document.querySelector('textarea').value.includes('size: 5')")
     page.get_by_role("button", name="Export").click()
     page.get_by_role("combobox", name="Format").select_option("eni")

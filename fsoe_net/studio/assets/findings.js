@@ -26,7 +26,7 @@ export function Findings({ findings, show, act }) {
           )}
           ${finding.hint && html`<p class="hint">${finding.hint}</p>`}
           ${finding.fixable &&
-          html`<button onClick=${() => act("fix", { finding: number })}>Do what the hint says</button>`}
+          html`<button onClick=${() => act("fix", { finding: number })}>Apply the hint</button>`}
         </li>`;
       })}
     </ol>
