@@ -14,6 +14,7 @@ from starlette.routing import Route
 
 from fsoe_net.errors import FsnError, InputError
 from fsoe_net.project.check import whole_network
+from fsoe_net.studio.document import content_of
 from fsoe_net.studio.live_control import LiveControl
 from fsoe_net.studio.live_emulated import MOST_HELD_MS, EmulatedFeed
 from fsoe_net.studio.live_feed import LiveFeed, printed
@@ -181,8 +182,8 @@ class Live:
     # -- requests of a page ------------------------------------------------------------------------
 
     def _start(self, _: Body) -> Row:
-        version, checked = self._workspace.version, self._workspace.checked
-        feed = EmulatedFeed(whole_network(checked, "nothing started"), version)
+        checked = self._workspace.checked
+        feed = EmulatedFeed(whole_network(checked, "nothing started"), content_of(checked))
         if self._emulated is not None:
             self._emulated.close()
         self._emulated = feed

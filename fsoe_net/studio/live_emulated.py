@@ -55,17 +55,17 @@ class EmulatedFeed(LiveFeed):
 
     Args:
         resolution: The network.
-        version: Of the text that it is of.
+        content: Hash of the content of its files.
 
     Raises:
         InputError: Nothing to run.
         CoreMissing: The compiled part is not there.
     """
 
-    def __init__(self, resolution: Resolution, version: int) -> None:
+    def __init__(self, resolution: Resolution, content: str) -> None:
         super().__init__("emulated")
         self._session = prepare(resolution, None, None, virtual=False)
-        self._version = version
+        self._content = content
         self._orders: queue.SimpleQueue[_Order] = queue.SimpleQueue()
         self._door = threading.Lock()  # of the orders: open while the thread serves them
         self._over = False
@@ -260,7 +260,7 @@ class EmulatedFeed(LiveFeed):
                 "ended": ended,
                 "now_ms": self._now_ns / 1e6,
                 "pace": self._pace.share(self._now_ns),
-                "version": self._version,
+                "content": self._content,
                 "notes": [
                     f"outputs of {d.name}: {'on' if d.logic.on else 'off'}"
                     for d in session.network.masters

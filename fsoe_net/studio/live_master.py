@@ -170,7 +170,7 @@ def _nobody(path: str, fault: str) -> Row:
         "ended": False,
         "now_ms": 0.0,
         "pace": None,
-        "version": None,
+        "content": None,
         "notes": [],
         "connections": [],
         "subdevices": [],
@@ -192,7 +192,7 @@ def _view(path: str, view: BusView) -> Row:
         "ended": False,
         "now_ms": round(view.now_s * 1000, 1),
         "pace": None,
-        "version": None,
+        "content": None,
         "notes": [] if status is None else list(_notes(status)),
         "connections": [
             connection_row(c.result, h, cause=c.cause, held=c.held_main + c.held_sub)

@@ -164,7 +164,7 @@ def _recorded(document: dict[str, Any]) -> Row:
         "ended": True,
         "now_ms": float(document["duration_ms"]),
         "pace": None,
-        "version": None,
+        "content": None,
         "notes": [],
         "connections": [_connection(row, subdevices) for row in document["connections"]],
         "subdevices": [subdevice_row(subdevice_health(s)) for s in subdevices],

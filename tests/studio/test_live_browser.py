@@ -102,9 +102,16 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         running(tmp_path / "estop" / "network.yaml") as studio,
         opened(chromium, studio.url) as page,
     ):
+        area = page.locator("textarea")
+        area.fill(area.input_value() + "# more\n")
+        page.wait_for_selector("text=not saved")
         page.get_by_role("link", name="Live").click()
         page.get_by_role("button", name="Start an emulated run").click()
         page.wait_for_selector("text=outputs of el1918: on")
+        page.get_by_role("button", name="Save", exact=True).click()  # the same text: the same run
+        page.get_by_text("· saved").wait_for()
+        after(page, 0.1)
+        assert page.get_by_text("earlier text").count() == 0
         strips, events = page.locator(".strips"), page.locator(".events")
         strips.get_by_text("Data · ProcessData").wait_for()
         page.get_by_role("button", name="Press the e-stop at ek1914").click()

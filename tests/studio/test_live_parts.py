@@ -112,14 +112,14 @@ def wait_for_the_end(feed: EmulatedFeed) -> None:
 
 def test_a_run_that_nobody_looks_at_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_emulated, "FORGOTTEN_S", 0.0)
-    feed = EmulatedFeed(example("estop"), 1)
+    feed = EmulatedFeed(example("estop"), "")
     feed.start()
     wait_for_the_end(feed)
     assert feed.message(0, 0, 0)[0]["events"][-1]["text"] == "ended: no page has listened for long"
 
 
 def test_a_run_that_fails_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    feed = EmulatedFeed(example("estop"), 1)
+    feed = EmulatedFeed(example("estop"), "")
 
     def fails(_now_ns: int) -> None:
         raise CoreError("the core has stopped", -1)

@@ -60,7 +60,7 @@ def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
         page.get_by_label("From").select_option(label="acceptance.yaml, an acceptance record")
         page.get_by_role("button", name="Show the difference").click()
         page.frame_locator("iframe").get_by_text("No difference").first.wait_for()
-        page.get_by_text("accept acceptance-new.yaml --sign KEY").wait_for()
+        page.get_by_text("acceptance sign acceptance-new.yaml --key KEY --as verifier").wait_for()
         accessible(page, "light", "dark")
         page.get_by_role("link", name="Network").click()
         area = page.locator("textarea")
@@ -69,6 +69,9 @@ def test_documents_are_shown_and_run_nothing(tablet: Any, path: Path) -> None:
         page.get_by_role("link", name="Records").click()
         page.get_by_role("button", name="Show the difference").click()
         page.frame_locator("iframe").get_by_text("It differs").wait_for()
+        page.get_by_role("button", name="Save", exact=True).click()  # what is shown is of this text
+        page.get_by_text("· saved").wait_for()
+        assert page.get_by_text("of an earlier text").count() == 0
     assert said == []
 
 

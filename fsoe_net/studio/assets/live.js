@@ -130,7 +130,7 @@ function Shown({ past, source, state, sources, end }) {
       ${source === "emulated" && !view.ended && html`<button onClick=${end}>End the run</button>`}
     </div>
     ${view.away && html`<p class="error" role="alert">${view.away}${view.ended ? "" : "; what is shown was seen last"}</p>`}
-    ${source === "emulated" && view.version !== state.version && html`<p class="stale">This is a run of an earlier text; start it anew to see the present one.</p>`}
+    ${source === "emulated" && view.content !== state.content && html`<p class="stale">This is a run of an earlier text. Start it again to see the present one.</p>`}
     ${!view.away && view.bus?.reasons.map((text) => html`<p class=${view.bus?.level} key=${text}>${text}</p>`)}
     ${view.notes.map((note) => html`<p class="note" key=${note}>${note}</p>`)}
     <div class="columns">

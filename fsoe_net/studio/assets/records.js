@@ -8,8 +8,8 @@ import { ask } from "./server.js";
 /** @typedef {import("./types").Listed} Listed */
 
 /**
- * What is shown: its address, title, and the version of the text it is made from; 0: of no text.
- * @typedef {{ address: string, title: string, version: number, query: string }} Shown
+ * What is shown: its address, title, and the content of the network it is made from; null: of none.
+ * @typedef {{ address: string, title: string, content: string | null, query: string }} Shown
  */
 
 /** @param {{ state: State }} props */
@@ -32,9 +32,9 @@ export function Records({ state }) {
 
   /** @type {(title: string, kind: string, query: string, ofText?: boolean) => void} */
   const show = (title, kind, query, ofText = false) => {
-    const version = ofText ? state.version : 0;
-    const address = `/records/${kind}?${query}${ofText ? `&version=${version}` : ""}`;
-    setShown({ address, title, version, query: `/records/${kind}?${query}` });
+    const content = ofText ? state.content : null;
+    const address = `/records/${kind}?${query}${ofText ? `&content=${content}` : ""}`;
+    setShown({ address, title, content, query: `/records/${kind}?${query}` });
   };
   const files = listed?.files ?? [];
   const of = (/** @type {string[]} */ ...kinds) => files.filter((f) => kinds.includes(f.kind));
@@ -67,9 +67,9 @@ export function Records({ state }) {
         ? html`<p class="help">Choose what to see.</p>`
         : html`<p class="bar">
               <b>${shown.title}</b>
-              ${shown.version > 0 && shown.version !== state.version &&
+              ${shown.content !== null && shown.content !== state.content &&
               html`<span class="old" role="status">▲ of an earlier text
-                <button onClick=${() => setShown({ ...shown, version: state.version, address: `${shown.query}&version=${state.version}` })}>
+                <button onClick=${() => setShown({ ...shown, content: state.content, address: `${shown.query}&content=${state.content}` })}>
                   Make it again
                 </button></span>`}
               <a href=${shown.address} target="_blank" rel="noopener">Open in a tab, to print</a>

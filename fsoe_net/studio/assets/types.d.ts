@@ -367,8 +367,8 @@ export interface LiveView {
   now_ms: number;
   /** How fast an emulated run goes beside the clock. */
   pace: number | null;
-  /** Of the text of which an emulated run is. */
-  version: number | null;
+  /** Of the files of an emulated run. */
+  content: string | null;
   notes: string[];
   connections: LiveConnection[];
   subdevices: LiveSubDevice[];
