@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from typing import Any
 
 import click
 
@@ -37,6 +38,13 @@ def _node_name(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
     return value
 
 
+def _namespace(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
+    parts = [part for part in value.split("/") if part]
+    if not all(map(is_node_name, parts)):
+        raise click.BadParameter(f"{value!r} is not a namespace, such as /left")
+    return "".join(f"/{part}" for part in parts)
+
+
 @click.command("ros2", epilog=_EPILOG)
 @master_options
 @click.option(
@@ -68,6 +76,16 @@ def _node_name(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
     show_default=True,
     help="Publishing rate of joints and changed values in Hz.",
 )
+@click.option(
+    "--no-joints", "joints", flag_value=False, default=True, help="Publish no joint states."
+)
+@click.option(
+    "--namespace",
+    default="",
+    callback=_namespace,
+    metavar="NAME",
+    help="Namespace of all topics except /diagnostics, such as /left.",
+)
 @click.option("--record", type=FILE, metavar="FILE.mcap", help="Record all published messages.")
 @overwrite_option
 @click.option(
@@ -85,24 +103,20 @@ def _node_name(_ctx: click.Context, _param: click.Parameter, value: str) -> str:
 def command(
     socket: str | None,
     interface: str | None,
-    domain: int,
     localhost: bool,
-    name: str,
-    rate_hz: float,
-    record: str | None,
     overwrite: bool,
     duration_ns: int | None,
-    allow_control: bool,
+    **shown: Any,
 ) -> None:
     """Publish the bus of a running fsn-master to ROS 2. No ROS installation is needed.
 
-    /diagnostics has a status for each connection, each SubDevice and the cycle; /joint_states has
-    the axes; each input and output has a topic. Only standard messages are used. Without
-    --allow-control nothing on the bus changes. With it, every node in the domain can control the
-    bus: DDS has no user accounts.
+    Topics with standard messages: /diagnostics for connections, SubDevices and the cycle;
+    /joint_states for axes whose position has a factor, unless another node publishes it; a topic
+    for each input and output. Only with --allow-control can nodes change the bus, and then every
+    node of the domain: DDS has no user accounts.
     """
     path = master_socket(socket, interface)
-    check_target(record, overwrite=overwrite)
+    check_target(shown["record"], overwrite=overwrite)
     try:
         from fsoe_net.ros2.bridge import Bridge, BridgeOptions
     except ImportError as exc:
@@ -112,18 +126,11 @@ def command(
         os.environ.get("ROS_LOCALHOST_ONLY") == "1"
         or os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
     )
-    options = BridgeOptions(
-        name=name,
-        domain=domain,
-        here_only=here_only,
-        rate_hz=rate_hz,
-        allow_control=allow_control,
-        record=record,
-    )
+    options = BridgeOptions(here_only=here_only, **shown)
     until = None if duration_ns is None else time.monotonic() + duration_ns / 1e9
     with Bridge(path, options) as bridge:
         where = "on this machine" if here_only else "in its network"
-        echo(f"domain {domain} {where}: /diagnostics, /joint_states, /{name}; Ctrl-C ends it")
+        echo(f"domain {options.domain} {where}: {', '.join(bridge.topics)}; Ctrl-C ends it")
         if bridge.control is not None:
             echo(
                 f"every node there may set outputs (role here: {bridge.control.access}); no "
@@ -132,4 +139,4 @@ def command(
         while not stop.is_set() and (until is None or time.monotonic() < until):
             bridge.look(stop)
     if bridge.recording is not None:
-        echo(f"{record}: {counted(bridge.recording.messages, 'message')}")
+        echo(f"{options.record}: {counted(bridge.recording.messages, 'message')}")

@@ -14,7 +14,7 @@ from fsoe_net.live.attachment import Attachment, BusView
 from fsoe_net.live.client import Client
 from fsoe_net.live.control_values import Value, Values
 from fsoe_net.ros2.control import NodeControl, settable
-from fsoe_net.ros2.diagnostics import RosStatus, ros_statuses
+from fsoe_net.ros2.diagnostics import RosStatus, joint_status, ros_statuses
 from fsoe_net.ros2.messages import (
     SIGNALS,
     DiagnosticArray,
@@ -41,8 +41,9 @@ _AGAIN_S = 1.0  # a value that does not change is published so often
 class BridgeOptions:
     """How a bus is shown.
 
-    ``rate_hz``: of joints; values come with it when they change. ``record``: an MCAP file that gets
-    all that is published; it is replaced.
+    ``rate_hz``: of joints; values come with it when they change. ``joints``: whether to publish
+    joints. ``namespace``: of all topics but ``/diagnostics``, such as ``/left``. ``record``: MCAP
+    file that receives all that is published; it is replaced.
     """
 
     name: str
@@ -50,6 +51,8 @@ class BridgeOptions:
     here_only: bool
     rate_hz: float
     allow_control: bool
+    joints: bool = True
+    namespace: str = ""
     record: str | None = None
 
 
@@ -70,6 +73,10 @@ class Bridge:
         self._offered: tuple[tuple[str, str], ...] = ()
         self._settable: dict[str, SignalTopic] = {}
         self._readers: list[object] = []
+        self._prefix = f"{options.namespace}/{options.name}"
+        self._joint_topic = f"{options.namespace}/joint_states"
+        self._joints: tuple[Joint, ...] = ()
+        self._yields = False
         self._attachment = Attachment(path)
         self.recording: McapFile | None = None
         try:
@@ -83,17 +90,23 @@ class Bridge:
         if self.control is not None:
             for word in ("start", "stop", "restart"):
                 self._node.serve(
-                    f"/{options.name}/{word}",
+                    f"{self._prefix}/{word}",
                     (TriggerRequest, TriggerResponse),
                     self.control.bus_request(word),
                 )
             self._node.serve(
-                f"/{options.name}/set_parameters",
+                f"{self._prefix}/set_parameters",
                 (SetParametersRequest, SetParametersResponse),
                 self._set_parameters,
             )
         self._values = threading.Thread(target=self._follow_values, name="values", daemon=True)
         self._values.start()
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Topics that are published; the last one is the prefix of values and services."""
+        joints = (self._joint_topic,) if self._options.joints else ()
+        return ("/diagnostics", *joints, self._prefix)
 
     def __enter__(self) -> Bridge:
         return self
@@ -123,6 +136,10 @@ class Bridge:
         view = self._attachment.look(LOOK_S, stop)
         self._attachment.take_events()
         found = ros_statuses(view)
+        # Two publishers of one joint make its state jump between them.
+        self._yields = self._node.has_other_publisher(self._joint_topic)
+        if self._joints and self._options.joints:
+            found.append(joint_status(self._joints, self._joint_topic, yields=self._yields))
         if self.control is not None:
             found.append(self.control.status(self._node.unreadable))
         self._node.publish("/diagnostics", self._array(found, view))
@@ -158,6 +175,7 @@ class Bridge:
         """Publish values until the bus stops or ``fsn-master`` goes: it may come with others."""
         symbols = client.symbols()
         topics, joints = signal_topics(symbols), find_joints(symbols)
+        self._joints = joints
         self._offer(settable(topics, joints) if self.control is not None else ())
         if not topics:
             self._ending.wait(_AGAIN_S)
@@ -182,15 +200,16 @@ class Bridge:
         joints: tuple[Joint, ...],
         shown: _Shown,
     ) -> None:
-        if joints:
+        joints = tuple(joint for joint in joints if not joint.is_raw)
+        if joints and self._options.joints and not self._yields:
             rows = [joint.values(values.inputs) for joint in joints]
             position, velocity, effort = (list(column) for column in zip(*rows, strict=True))
             names = [joint.name for joint in joints]
             state = JointState(header(), names, position, velocity, effort)
-            self._node.publish("/joint_states", state)
+            self._node.publish(self._joint_topic, state)
         for topic, raw in shown.due(topics, values):
             value = topic.kind.python(raw)
-            self._node.publish(f"/{self._options.name}/{topic.topic}", SIGNALS[topic.kind](value))
+            self._node.publish(f"{self._prefix}/{topic.topic}", SIGNALS[topic.kind](value))
 
     def _offer(self, topics: tuple[SignalTopic, ...]) -> None:
         """Subscribe to the current settable outputs; another plan has other outputs."""
@@ -201,7 +220,7 @@ class Bridge:
             self._node.unsubscribe(reader)
         self._readers = [
             self._node.subscribe(
-                f"/{self._options.name}/{topic.topic}/set",
+                f"{self._prefix}/{topic.topic}/set",
                 SIGNALS[topic.kind],
                 partial(self.control.set_output, topic),
             )

@@ -6,7 +6,7 @@ Levels are those of ``diagnostic_msgs/DiagnosticStatus``. Independent of DDS.
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from fsoe_net.core.snapshot import Histogram, Statistics
@@ -20,6 +20,7 @@ from fsoe_net.live.health import (
     SubDeviceHealth,
     health_texts,
 )
+from fsoe_net.ros2.values import Joint
 
 
 class RosLevel(enum.IntEnum):
@@ -47,6 +48,25 @@ class RosStatus:
     name: str
     message: str
     values: tuple[tuple[str, str], ...] = ()
+
+
+def joint_status(joints: Sequence[Joint], topic: str, *, yields: bool) -> RosStatus:
+    """Return which axes are published as joints, and why others are not.
+
+    Args:
+        joints: Axes of the plan.
+        topic: Where they are published.
+        yields: Whether another node publishes there, so that this one does not.
+    """
+    raw = [joint.name for joint in joints if joint.is_raw]
+    if yields:
+        level, message = RosLevel.WARN, f"another node publishes {topic}: not published here"
+    elif raw:
+        level = RosLevel.WARN
+        message = f"raw counts, not in {topic}: {', '.join(raw)}; give the position a factor"
+    else:
+        level, message = RosLevel.OK, f"published in {topic}"
+    return RosStatus(level=level, name="joints", message=message)
 
 
 def ros_statuses(view: BusView) -> list[RosStatus]:

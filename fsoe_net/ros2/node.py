@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from cyclonedds.core import DDSException, Listener, Policy, Qos
+from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
+from cyclonedds.core import DDSException, InstanceState, Listener, Policy, Qos
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
@@ -31,6 +32,8 @@ HERE = """<CycloneDDS><Domain Id="any">
 <Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
 _DEPTH = 10  # of rmw_qos_profile_default and rmw_qos_profile_services_default
 _FOUND_S = 1.0
+_MOST_OFFERS = 10_000  # publishers of a domain that are looked at
+_OURS = "fsoe_net"  # name of each writer
 _MOST_UNREADABLE = 1000  # one after the other; then others have their turn
 _WAIT = duration(milliseconds=100)
 
@@ -82,6 +85,7 @@ class Node:
                 f"DDS does not start in domain {domain}: {exc.msg.strip()}; is a network there, "
                 "and what does CYCLONEDDS_URI say?"
             ) from exc
+        self._offers = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
         self._writers: dict[str, DataWriter] = {}
         self._readers: dict[object, Received] = {}
         self._arrivals: queue.SimpleQueue[DataReader | None] = queue.SimpleQueue()
@@ -95,7 +99,7 @@ class Node:
         self._thread.join()
         self._readers.clear()
         self._writers.clear()
-        del self._participant, self._domain
+        del self._offers, self._participant, self._domain
 
     def publish(self, topic: str, message: IdlStruct) -> None:
         """Publish a message; a subscriber that takes none for long misses it.
@@ -113,6 +117,16 @@ class Node:
             if self._recording is not None:
                 payload = message.serialize(use_version_2=False)
                 self._recording.add(topic, message, payload, time.time_ns())
+
+    def has_other_publisher(self, topic: str) -> bool:
+        """Return whether a program other than fsoe-net publishes a topic now."""
+        rows = self._offers.read(_MOST_OFFERS)
+        return any(
+            row.topic_name == f"rt{topic}"
+            and row.sample_info.instance_state == InstanceState.Alive
+            and Policy.EntityName(_OURS) not in row.qos
+            for row in rows
+        )
 
     def subscribe(self, topic: str, message: type[IdlStruct], received: Received) -> object:
         """Have messages handled as they come, the newest of a process that sends faster."""
@@ -150,7 +164,8 @@ class Node:
         self._receive(f"rq{name}Request", asking, _qos(asking, extra=mark), received)
 
     def _writer(self, topic: str, message: type[IdlStruct], qos: Qos) -> DataWriter:
-        return DataWriter(self._participant, Topic(self._participant, topic, message), qos=qos)
+        named = qos + Qos(Policy.EntityName(_OURS))
+        return DataWriter(self._participant, Topic(self._participant, topic, message), qos=named)
 
     def _receive(
         self, topic: str, message: type[IdlStruct], qos: Qos, received: Received

@@ -21,12 +21,16 @@ _PARTS = {"position": 0x6064, "velocity": 0x606C, "effort": 0x6077}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint:
-    """An axis: its name, and the symbols of its actual values; empty if missing."""
+    """An axis: its name, and the symbols of its actual values; empty if missing.
+
+    ``is_raw``: its position is a count of the drive, without a factor to radians or metres.
+    """
 
     name: str
     position: str
     velocity: str
     effort: str
+    is_raw: bool = False
 
     def values(self, values: Mapping[str, Value]) -> tuple[float, float, float]:
         """Return position, velocity and effort; NaN if missing."""
@@ -77,9 +81,10 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
     """Return the axes: devices with an actual position, by its object or by the driver's name.
 
     Axis n of a SubDevice has its objects 0x800 * n higher. An axis has the name of its SubDevice;
-    with several axes their number, from 1, is appended.
+    with several axes their number, from 1, is appended. Velocity and effort without a factor are
+    left out: sensor_msgs/JointState has SI units only.
     """
-    found: dict[str, list[dict[str, str]]] = {}
+    found: dict[str, list[dict[str, Symbol | None]]] = {}
     inputs: dict[str, list[Symbol]] = {}
     for symbol in symbols:
         if not symbol.is_output:
@@ -87,23 +92,39 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
     for subdevice, own in inputs.items():
         for axis in range(MOST_AXES):
             parts = {part: _part(own, part, axis) for part in _PARTS}
-            if not parts["position"]:
+            if parts["position"] is None:
                 break
             found.setdefault(subdevice, []).append(parts)
     joints, names = [], Names()
     for subdevice, axes in found.items():
         for number, parts in enumerate(axes, 1):
             name = legal_token(subdevice) + (f"_{number}" if len(axes) > 1 else "")
-            joints.append(Joint(name=names.add(name), **parts))
+            joints.append(_joint(names.add(name), parts))
     return tuple(joints)
 
 
-def _part(symbols: Sequence[Symbol], part: str, axis: int) -> str:
+def _joint(name: str, parts: Mapping[str, Symbol | None]) -> Joint:
+    position, velocity, effort = (parts[part] for part in _PARTS)
+    assert position is not None  # noqa: S101 - an axis has one
+    return Joint(
+        name=name,
+        position=position.name,
+        velocity="" if velocity is None or not _has_unit(velocity) else velocity.name,
+        effort="" if effort is None or not _has_unit(effort) else effort.name,
+        is_raw=not _has_unit(position),
+    )
+
+
+def _has_unit(symbol: Symbol) -> bool:
+    return symbol.kind == "real" or (symbol.factor, symbol.offset) != (1.0, 0.0)
+
+
+def _part(symbols: Sequence[Symbol], part: str, axis: int) -> Symbol | None:
     index = _PARTS[part] + axis * AXIS_STEP
     for symbol in symbols:
         if (symbol.index, symbol.subindex) == (index, 0):
-            return symbol.name
-    return next((s.name for s in symbols if s.entry == part), "") if axis == 0 else ""
+            return symbol
+    return next((s for s in symbols if s.entry == part), None) if axis == 0 else None
 
 
 def signal_topics(symbols: Sequence[Symbol]) -> tuple[SignalTopic, ...]:
@@ -120,6 +141,6 @@ def signal_topics(symbols: Sequence[Symbol]) -> tuple[SignalTopic, ...]:
 def _kind(symbol: Symbol) -> SignalKind:
     if symbol.kind == "bool":
         return SignalKind.BOOL
-    if symbol.kind == "real" or (symbol.factor, symbol.offset) != (1.0, 0.0):
+    if _has_unit(symbol):
         return SignalKind.REAL
     return SignalKind.SIGNED if symbol.kind == "signed" else SignalKind.UNSIGNED

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import math
 import queue
+import re
+import shutil
 import subprocess
 import sys
 import threading
@@ -18,6 +20,7 @@ from typing import Any
 import pytest
 from master.rig import Client, Master
 from master.rig import running as master_running
+from networks import EXAMPLES
 from patience import PATIENCE_S
 from ros2.found import Found
 from ros2.rig import Peer, bridged, needed, own_domain, typestore
@@ -45,8 +48,15 @@ def arrays(peer: Peer) -> Iterator[dict[str, Any]]:
 
 
 @pytest.fixture(scope="module")
-def robot() -> Iterator[Master]:
-    with master_running(name="el6910") as master:
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
+    """Run the example with positions in units: counts of a drive are no joint states."""
+    folder = shutil.copytree(EXAMPLES / "el6910", tmp_path_factory.mktemp("robot") / "el6910")
+    drive = folder / "devices" / "circulo.yaml"
+    text, count = re.subn(r"(state_interface: (?:position|velocity|effort))", r"\1, factor: 0.001",
+                          drive.read_text("utf-8"))  # fmt: skip
+    assert count > 0
+    drive.write_text(text, "utf-8")
+    with master_running(network=folder / "network.yaml") as master:
         yield master
 
 
@@ -67,8 +77,9 @@ def test_another_vendor_reads_an_error_at_most_two_pictures_after_a_reset() -> N
     ):
         seen = arrays(peer)
         first = next(seen)
-        assert list(first) == ["cell: bus", "cell: SubDevice drive_1", "cell: connection c1"]
-        assert [row.level for row in first.values()] == [0, 0, 0]
+        rows = ["cell: bus", "cell: SubDevice drive_1", "cell: connection c1"]
+        assert list(first)[:3] == rows  # and of joints, once its symbols were read
+        assert [first[row].level for row in rows] == [0, 0, 0]
         assert first["cell: bus"].hardware_id == "eth1"
         while next(seen)["cell: connection c1"].level != 0:
             pass
@@ -99,6 +110,32 @@ def test_joints_and_values_reach_another_vendor(robot: Master) -> None:
         with Peer("listen", domain, LAMP_TOPIC, BOOL, 2) as peer:
             for payload in peer.payloads():
                 assert STORE.deserialize_cdr(payload, "std_msgs/msg/Bool").data is False
+
+
+def test_joints_are_left_to_another_node_that_publishes_them(robot: Master) -> None:
+    with bridged(robot.path) as domain, Peer("listen", domain, "rt/diagnostics", ARRAY, 1000) as p:
+        seen = arrays(p)
+        while (first := next(seen)).get("cell: joints") is None:
+            pass
+        assert first["cell: joints"].level == 0
+        with Peer("send", domain, "rt/joint_states", JOINTS):
+            while next(seen)["cell: joints"].level == 0:
+                pass
+            text = "another node publishes /joint_states: not published here"
+            assert next(seen)["cell: joints"].message == text
+        while next(seen)["cell: joints"].level != 0:
+            pass
+
+
+def test_topics_can_have_a_namespace_and_no_joints(robot: Master) -> None:
+    done = _command(
+        "--socket", robot.path, "--duration", "300ms", "--namespace", "left/arm", "--no-joints"
+    )
+    assert done.stdout.endswith(
+        " on this machine: /diagnostics, /left/arm/fsoe_net; Ctrl-C ends it\n"
+    )
+    wrong = _command("--socket", robot.path, "--namespace", "left/a b")
+    assert (wrong.returncode, "'left/a b' is not a namespace" in wrong.stderr) == (2, True)
 
 
 def lights(lamp: Client, again: Callable[[], object]) -> None:

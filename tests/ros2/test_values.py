@@ -42,17 +42,33 @@ def test_an_axis_is_found_by_its_objects_or_by_the_names_of_the_driver() -> None
             symbol("g.actual", index=0x6064),
         ]
     )
+    assert [(joint.name, joint.position, joint.is_raw) for joint in found] == [
+        ("a", "a.0x6064:00", True),
+        ("b", "b.position", True),
+        ("f", "f.where", True),
+        ("g", "g.actual", True),
+    ]
+
+
+def test_a_joint_has_the_parts_that_have_a_unit() -> None:
+    found = find_joints(
+        [
+            symbol("a.0x6064:00", factor=0.001),
+            symbol("a.0x606c:00", kind="real"),
+            symbol("a.0x6077:00"),  # counts
+            symbol("b.position", offset=2.0),
+            symbol("b.effort", factor=0.1),
+        ]
+    )
     assert found == (
-        Joint(name="a", position="a.0x6064:00", velocity="a.0x606c:00", effort="a.0x6077:00"),
+        Joint(name="a", position="a.0x6064:00", velocity="a.0x606c:00", effort=""),
         Joint(name="b", position="b.position", velocity="", effort="b.effort"),
-        Joint(name="f", position="f.where", velocity="", effort=""),
-        Joint(name="g", position="g.actual", velocity="", effort=""),
     )
 
 
 def test_axes_of_one_subdevice_have_numbers_and_end_at_a_gap() -> None:
     names = ("0x6064:00", "0x6864:00", "0x686c:00", "0x7864:00")
-    first, second = find_joints([symbol(f"leg 1.{name}") for name in names])
+    first, second = find_joints([symbol(f"leg 1.{name}", factor=0.1) for name in names])
     assert (first.name, first.position, first.velocity) == ("leg_1_1", "leg 1.0x6064:00", "")
     assert (second.name, second.velocity) == ("leg_1_2", "leg 1.0x686c:00")
 
