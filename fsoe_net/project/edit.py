@@ -147,4 +147,4 @@ def _root(text: str) -> Part:
     try:
         return read_text(text).root
     except ValueError:
-        return Part(None, 0, 0)
+        return Part("", 0, None, 0, 0)

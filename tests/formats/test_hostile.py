@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from fsoe_net.diag.diagnostic import Severity
 from fsoe_net.formats.own.network import load_network
-from fsoe_net.formats.shared import yaml_tree
+from fsoe_net.formats.shared import yaml_events
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
 from fsoe_net.project.check import check_files
@@ -71,7 +71,7 @@ def test_many_values_are_no_bomb(monkeypatch: pytest.MonkeyPatch):
     out = Collector()
     assert parse_yaml(data, "long.yaml", out) is not None
     assert not out.diagnostics
-    monkeypatch.setattr(yaml_tree, "MAX_PARTS", 1_000_000)
+    monkeypatch.setattr(yaml_events, "MAX_PARTS", 1_000_000)
     assert parse_yaml(data, "long.yaml", out) is None
     assert [(d.code, d.span.line) for d in out.diagnostics] == [("FSN103", 1)]
 

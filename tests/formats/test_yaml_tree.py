@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.formats.shared import yaml_tree
+from fsoe_net.formats.shared import yaml_events
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, parse_yaml
 
@@ -41,7 +41,7 @@ def read(path: Path) -> tuple[object, list[tuple[str, Span, str]]]:
 def test_both_parsers_give_the_same_tree_of_every_file(monkeypatch: pytest.MonkeyPatch):
     assert len(FILES) > 20
     with_libyaml = [read(path) for path in FILES]
-    monkeypatch.setattr(yaml_tree, "_LOADER", yaml.Loader)
+    monkeypatch.setattr(yaml_events, "_LOADER", yaml.Loader)
     for path, (tree, found) in zip(FILES, with_libyaml, strict=True):
         slow_tree, slow_found = read(path)
         assert slow_tree == tree, path
@@ -65,7 +65,7 @@ def test_places_are_those_of_keys_and_values():
 
 
 def test_what_aliases_repeat_is_counted_as_if_it_were_written(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(yaml_tree, "MAX_ALIASED", 30)
+    monkeypatch.setattr(yaml_events, "MAX_ALIASED", 30)
     text = b"a: &a {b: [1, 2, 3, 4]}\nc: [" + b"*a, " * 3 + b"]\n"
     out = Collector()
     assert parse_yaml(text, "f", out) is not None

@@ -55,7 +55,7 @@ def changed_text(read: ReadText, value: Any) -> str | None:
     changes = _Changes(read)
     root = read.root
     # Treat it as an item after a dash to the left of the first column.
-    holder = Part([], 0, 0, column=-2, is_block=True)
+    holder = Part("", 0, [], 0, 0, column=-2, is_block=True)
     try:
         changes.set(
             holder, PartRow(root, None, root.begin, root.begin, root.begin, root.stop), value

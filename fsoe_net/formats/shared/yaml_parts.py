@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import date
-from typing import Any
+from itertools import accumulate
+from typing import Any, NoReturn
 
 import yaml
 
-_NO_KEY = object()
-_LOADER = getattr(yaml, "CLoader", yaml.Loader)
-_MOST_DEPTH = 64
+from fsoe_net.diag.diagnostic import Span
+from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.yaml_events import EventReader, MarkedNode
+
 _ANCHOR_OR_TAG = re.compile(r"(?:[&!]\S*\s+)*")
 # After a key or a dash: the properties of any value that may follow.
 _HEAD = re.compile(r"\s*[:-](?:[ \t]+[&!]\S*)*")
+_COMMENT = re.compile(r"[ \t]*#")
 _INTEGER = re.compile(r"[-+]?(?:[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+)")
 _FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
 _WORDS = {
@@ -41,8 +43,8 @@ class EditedMap(dict[Any, Any]):
 
 
 @dataclass(slots=True, eq=False)
-class Part:
-    """A value of the text.
+class Part(MarkedNode):
+    """A value of the text; its place is that of its anchor or tag, if any.
 
     Attributes:
         value: A map, a list, or a scalar.
@@ -51,7 +53,6 @@ class Part:
         column: Column of its keys or dashes, if `is_block`.
         is_block: Whether each row has its own line.
         rows: Its content.
-        place: Its line and column, from 1, with an anchor or a tag.
     """
 
     value: Any
@@ -60,7 +61,6 @@ class Part:
     column: int = 0
     is_block: bool = False
     rows: list[PartRow] = field(default_factory=list)
-    place: tuple[int, int] = (1, 1)
 
 
 @dataclass(slots=True, eq=False)
@@ -141,74 +141,39 @@ def read_text(text: str) -> ReadText:
         ValueError: It is not valid YAML, is more than one document, or has a key that is not a
             scalar or is duplicate.
     """
+    lines = text.splitlines(keepends=True)
+    if lines and not lines[-1].endswith("\n"):
+        text += "\r\n" if lines[0].endswith("\r\n") else "\n"
+    reader = _PartReader(text, [0, *accumulate(len(line) for line in lines[:-1])])
     try:
-        return _Reader(text).result
+        return reader.read()
     except yaml.YAMLError as exc:
         raise ValueError(str(exc)) from exc
 
 
-class _Reader:
-    """Builds parts from events of the parser; nothing recurses."""
+class _PartReader(EventReader):
+    """Makes parts, with the text of each in the whole text."""
 
-    def __init__(self, text: str) -> None:
-        lines = text.splitlines(keepends=True)
-        if lines and not lines[-1].endswith("\n"):
-            text += "\r\n" if lines[0].endswith("\r\n") else "\n"
+    def __init__(self, text: str, starts: list[int]) -> None:
+        super().__init__("", Collector())
         self._text = text
-        self._starts = [0]
-        for line in lines[:-1]:
-            self._starts.append(self._starts[-1] + len(line))
-        self._stack: list[Part] = []
-        self._keys: list[Any] = []  # of maps in the stack that wait for a value, else `_NO_KEY`
-        self._key_marks: list[tuple[int, int]] = []
-        self._anchors: dict[str, Part] = {}
-        self._root = Part(None, 0, 0)
+        self._starts = starts
         self._columns: dict[type, int] = {}
-        parser: Any = _LOADER(text)
-        try:
-            self._read(iter(parser.get_event, None))
-        finally:
-            parser.dispose()
-        self.result = ReadText(
-            text,
-            self._root,
+
+    def read(self) -> ReadText:
+        return ReadText(
+            self._text,
+            self.build(self._text) or Part("", 0, None, 0, 0),
             dash_column=self._columns.get(list, 2),
             key_column=self._columns.get(EditedMap, 2),
             starts=self._starts,
         )
 
-    def _read(self, events: Iterator[Any]) -> None:
-        documents = 0
-        for event in events:
-            kind = type(event)
-            if kind is yaml.ScalarEvent:
-                plain = not event.style and not event.tag
-                value = plain_value(event.value) if plain else event.value
-                part = self._scalar(event, value)
-                self._take(event, part, part.begin, part.stop)
-            elif kind is yaml.MappingStartEvent:
-                self._open(event, EditedMap())
-            elif kind is yaml.SequenceStartEvent:
-                self._open(event, [])
-            elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
-                self._close(event)
-            elif kind is yaml.AliasEvent:
-                found = self._anchors.get(event.anchor)
-                if found is None or found in self._stack:
-                    raise ValueError(f"alias *{event.anchor} has no whole value before it")
-                begin, stop = self._offset(event.start_mark), self._offset(event.end_mark)
-                self._take(event, found, begin, stop)
-            elif kind is yaml.DocumentStartEvent:
-                documents += 1
-                if documents > 1:
-                    raise ValueError("there is more than one document")
+    def _refuse(self, code: str, span: Span, message: str, hint: str) -> NoReturn:
+        raise ValueError(f"line {span.line}: {message}")
 
-    def _offset(self, mark: Any) -> int:
-        at = self._starts[mark.line] if mark.line < len(self._starts) else len(self._text)
-        return int(at + mark.column)
-
-    def _scalar(self, event: Any, value: Any) -> Part:
-        begin, stop = self._offset(event.start_mark), self._offset(event.end_mark)
+    def _scalar(self, event: Any) -> None:
+        begin, stop = event.start_mark.index, event.end_mark.index
         if event.style in ("|", ">"):
             # It ends at the start of the next line: blank lines count where "+" keeps them.
             lines = self._text[begin:stop]
@@ -218,75 +183,65 @@ class _Reader:
         if event.anchor is not None or event.tag is not None:
             found = _ANCHOR_OR_TAG.match(self._text, begin, stop)
             begin = found.end() if found else begin
-        return self._made(event, value, begin, stop)
-
-    def _made(self, event: Any, value: Any, begin: int, stop: int) -> Part:
-        mark = event.start_mark
-        part = Part(value, begin, stop, place=(mark.line + 1, mark.column + 1))
+        is_plain = not event.style and not event.tag
+        value = plain_value(event.value) if is_plain else event.value
+        part = Part("", self._place_of(event), value, begin, stop)
         if event.anchor is not None:
-            self._anchors[event.anchor] = part
-        return part
+            self._anchors[event.anchor] = (part, 1)
+        self._attach(part, event)
 
-    def _open(self, event: Any, value: Any) -> None:
-        begin, stop = self._offset(event.start_mark), self._offset(event.end_mark)
+    def _node(self, event: Any, *, is_map: bool) -> Part:
+        value: Any = EditedMap() if is_map else []
+        begin, stop = event.start_mark.index, event.end_mark.index
         if event.anchor is not None or event.tag is not None:
             # It ends after a bracket or a dash below its key, else before a dash or key.
-            is_behind = event.flow_style or (value == [] and self._text[stop : stop + 1] != "-")
+            is_behind = event.flow_style or (not is_map and self._text[stop : stop + 1] != "-")
             begin = stop - bool(is_behind)
-        part = self._made(event, value, begin, stop)
-        part.is_block = not event.flow_style
-        line = bisect_right(self._starts, begin) - 1
-        part.column = begin - self._starts[line]
-        if isinstance(value, EditedMap):
-            value.place = part.place
-        if part.is_block and self._stack and self._keys[-1] is not _NO_KEY:
-            self._columns.setdefault(type(value), part.column - self._stack[-1].column)
-        self._take(event, part, begin, stop)
-        if len(self._stack) >= _MOST_DEPTH:
-            raise ValueError(f"it is nested deeper than {_MOST_DEPTH} levels")
-        self._stack.append(part)
-        self._keys.append(_NO_KEY)
-        self._key_marks.append((0, 0))
+        column = begin - self._starts[bisect_right(self._starts, begin) - 1]
+        is_block = not event.flow_style
+        part = Part("", self._place_of(event), value, begin, stop, column, is_block)
+        if is_map:
+            value.place = part.span.line, part.span.column
+        top = self._top
+        if is_block and top is not None and top.key_place:
+            self._columns.setdefault(type(value), column - top.node.column)
+        return part
 
-    def _close(self, event: Any) -> None:
-        done = self._stack.pop()
-        self._keys.pop()
-        self._key_marks.pop()
-        done.stop = done.rows[-1].stop if done.is_block else self._offset(event.end_mark)
-        if self._stack:
-            self._stack[-1].rows[-1].stop = done.stop
-
-    def _take(self, event: Any, part: Part, at: int, stop: int) -> None:
-        if not self._stack:
+    def _attach(self, part: Part, event: Any) -> None:
+        kind = type(event)
+        if kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
+            # The event of a block comes after the blank lines and comments below it.
+            part.stop = part.rows[-1].stop if part.is_block else event.end_mark.index
+        at, stop, line = part.begin, part.stop, part.span.line - 1
+        if kind is yaml.AliasEvent:
+            at, stop, line = event.start_mark.index, event.end_mark.index, event.start_mark.line
+        top = self._top
+        if top is None:
             self._root = part
             return
-        top = self._stack[-1]
-        if not isinstance(top.value, dict):
-            top.value.append(part.value)
-            begin = self._dash(top, event) if top.is_block else at
-            top.rows.append(PartRow(part, None, begin, self._head(begin, at), at, stop))
-        elif self._keys[-1] is _NO_KEY:
-            line = event.start_mark.line + 1
+        into = top.node
+        if not isinstance(into.value, dict):
+            into.value.append(part.value)
+            begin = self._dash(into, line) if into.is_block else at
+            into.rows.append(PartRow(part, None, begin, self._head(begin, at), at, stop))
+        elif not top.key_place:
             if not isinstance(part.value, str | int | float | None):
-                raise ValueError(f"line {line}: a key must be a word")
-            if part.value in top.value:
-                raise ValueError(f"line {line}: the key {part.value!r} is given twice")
-            self._keys[-1] = part.value
-            self._key_marks[-1] = self._offset(event.start_mark), stop
+                raise ValueError(f"line {line + 1}: a key must be a word")
+            if part.value in into.value:
+                raise ValueError(f"line {line + 1}: the key {part.value!r} is given twice")
+            top.key, top.key_place = part.value, (event.start_mark.index, stop)
         else:
-            top.value[self._keys[-1]] = part.value
-            begin, key_stop = self._key_marks[-1]
-            row = PartRow(part, self._keys[-1], begin, self._head(key_stop, at), at, stop)
-            top.rows.append(row)
-            self._keys[-1] = _NO_KEY
+            into.value[top.key] = part.value
+            begin, key_stop = top.key_place
+            into.rows.append(PartRow(part, top.key, begin, self._head(key_stop, at), at, stop))
+            top.key_place = None
 
     def _head(self, begin: int, at: int) -> int:
         found = _HEAD.match(self._text, begin, at)
         return found.end() if found else begin
 
-    def _dash(self, top: Part, event: Any) -> int:
+    def _dash(self, top: Part, line: int) -> int:
         """Return the position of the dash of an item, on its line or a line above it."""
-        line: int = event.start_mark.line
         while line:
             at = self._starts[line] + top.column
             if self._text.startswith("-", at) and not self._is_comment(line):
@@ -295,8 +250,7 @@ class _Reader:
         return self._starts[line] + top.column
 
     def _is_comment(self, line: int) -> bool:
-        stop = self._starts[line + 1] if line + 1 < len(self._starts) else len(self._text)
-        return self._text[self._starts[line] : stop].lstrip().startswith("#")
+        return _COMMENT.match(self._text, self._starts[line]) is not None
 
 
 def plain_value(text: str) -> Any:
@@ -348,7 +302,7 @@ def adopt(part: Part, value: Any, known: set[int] | None = None) -> None:
         return
     known.add(id(part))
     if isinstance(value, EditedMap):
-        value.place = part.place
+        value.place = part.value.place
     part.value = value
     each = value.values() if isinstance(value, dict) else value
     for row, other in zip(part.rows, each, strict=True):

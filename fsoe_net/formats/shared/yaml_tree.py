@@ -12,47 +12,28 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Any, NoReturn
+from typing import Any
 
 import yaml
 
 from fsoe_net.diag.diagnostic import Related, Severity, Span
 from fsoe_net.diag.printable import first_control
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.yaml_errors import DEEPER, FLATTER, MAX_DEPTH, add_syntax_error
+from fsoe_net.formats.shared.yaml_events import (
+    COLUMN_BITS,
+    EventReader,
+    MarkedNode,
+    OpenNode,
+    RefusedYaml,
+    add_syntax_error,
+    span_of,
+)
 
-MAX_PARTS = 4_000_000  # of about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
-MAX_ALIASED = 1_000_000
-
-_COLUMN_BITS = 26  # a line is no longer than the file
-_COLUMN_MASK = (1 << _COLUMN_BITS) - 1
 _NULLS = frozenset(("", "~", "null", "Null", "NULL"))
 
-_LOADER = getattr(yaml, "CLoader", yaml.Loader)
-
-
-def _place(line: int, column: int) -> int:
-    """Return line and column, both from 0, as one number: millions of them are kept."""
-    return line << _COLUMN_BITS | column
-
-
-def _span(file: str, place: int) -> Span:
-    return Span(file, (place >> _COLUMN_BITS) + 1, (place & _COLUMN_MASK) + 1)
-
 
 @dataclass(slots=True, eq=False)
-class _Placed:
-    file: str
-    place: int
-
-    @property
-    def span(self) -> Span:
-        """Where it starts."""
-        return _span(self.file, self.place)
-
-
-@dataclass(slots=True, eq=False)
-class ScalarNode(_Placed):
+class ScalarNode(MarkedNode):
     """A scalar as written. ``plain`` is false for quoted and block scalars."""
 
     text: str
@@ -65,14 +46,14 @@ class ScalarNode(_Placed):
 
 
 @dataclass(slots=True, eq=False)
-class SeqNode(_Placed):
+class SeqNode(MarkedNode):
     """A list."""
 
     items: list[Node] = field(default_factory=list)
 
 
 @dataclass(slots=True, eq=False)
-class MapNode(_Placed):
+class MapNode(MarkedNode):
     """A map. Keys are scalars; of a key given twice the first counts, as in yaml-cpp."""
 
     pairs: dict[str, Node] = field(default_factory=dict)
@@ -87,7 +68,7 @@ class MapNode(_Placed):
         if count:
             newest = zip(reversed(self.pairs), reversed(self.key_places), strict=True)
             for key, place in reversed(list(islice(newest, count))):
-                known[key] = _span(self.file, place)
+                known[key] = span_of(self.file, place)
         return known
 
     def texts(self, key: str) -> tuple[str, ...] | None:
@@ -151,10 +132,6 @@ class Places(Mapping[str, Span]):
         return {**self, **other}
 
 
-class _Refused(Exception):
-    """The document was refused as a whole; the finding is already recorded."""
-
-
 def load_yaml(
     path: str | os.PathLike[str], out: Collector, *, named_at: Span | None = None
 ) -> MapNode | None:
@@ -182,7 +159,7 @@ def parse_yaml(
     except yaml.YAMLError as exc:
         add_syntax_error(exc, file, text, out)
         return None
-    except _Refused:
+    except RefusedYaml:
         return None
     if root is None or (isinstance(root, ScalarNode) and root.is_null):
         out.add("FSN104", Span(file, 1, 1), "the document is empty", hint="nothing would be done")
@@ -240,104 +217,22 @@ def _place_in(file: str, text: str, offset: int) -> Span:
     return Span(file, text.count("\n", 0, offset) + 1, offset - line_start + 1)
 
 
-class _Open:
-    """A collection that is still being read, and where counting stood when it began."""
-
-    __slots__ = (
-        "aliased",
-        "anchor",
-        "continued",
-        "count",
-        "key",
-        "key_place",
-        "key_plain",
-        "node",
-        "pairs",
-    )
-
-    def __init__(self, node: SeqNode | MapNode, anchor: str | None, count: int, aliased: int):
-        self.node = node
-        self.pairs = node.pairs if isinstance(node, MapNode) else None
-        self.anchor = anchor
-        self.count = count
-        self.aliased = aliased
-        self.key: str | None = None
-        self.key_place = 0
-        self.key_plain = True
-        self.continued = False  # whether the keys of its first item come again, without a dash
-
-
-class _Builder:
-    """Turns libyaml events into nodes.
-
-    Direct content is limited by the bytes of the file; content repeated by aliases is counted
-    separately, as if written out, since a few lines can expand to billions of values.
-    """
+class _Builder(EventReader):
+    """Makes the nodes of a tree."""
 
     def __init__(self, file: str, out: Collector, *, of_devices: bool) -> None:
-        self._file = file
-        self._out = out
+        super().__init__(file, out)
         self._of_devices = of_devices
-        self._stack: list[_Open] = []
-        self._top: _Open | None = None
-        self._anchors: dict[str, tuple[Node, int]] = {}  # with the number of its parts
-        self._count = 0
-        self._aliased = 0
-        self._root: Node | None = None
-        self._documents = 0
         self._texts: dict[str, str] = {}
         self._good_keys: set[str] = set()
 
-    def build(self, text: str) -> Node | None:
-        parser: Any = _LOADER(text)
-        events: Iterator[Any] = iter(parser.get_event, None)
-        scalar = self._scalar
-        try:
-            for self._count, event in enumerate(islice(events, MAX_PARTS)):
-                kind = type(event)
-                if kind is yaml.ScalarEvent:
-                    scalar(event)
-                elif kind is yaml.MappingStartEvent or kind is yaml.SequenceStartEvent:
-                    self._open(event, is_map=kind is yaml.MappingStartEvent)
-                elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
-                    self._close()
-                elif kind is yaml.AliasEvent:
-                    self._alias(event)
-                elif kind is yaml.DocumentStartEvent:
-                    self._document(event)
-            rest = next(events, None)
-        finally:
-            parser.dispose()
-        if rest is not None:
-            self._refuse(
-                "FSN103",
-                _span(self._file, self._place_of(rest)),
-                f"more than {MAX_PARTS} keys, values and ends of lists and maps",
-                "the largest bus has 2.5 million, with 65535 SubDevices and all their transfers",
-            )
-        return self._root
-
-    def _place_of(self, event: Any) -> int:
-        mark = event.start_mark
-        return _place(mark.line, mark.column)
-
-    def _refuse(self, code: str, span: Span, message: str, hint: str) -> NoReturn:
-        self._out.add(code, span, message, hint=hint)
-        raise _Refused
-
-    def _document(self, event: Any) -> None:
-        self._documents += 1
-        if self._documents > 1:
-            self._refuse(
-                "FSN105",
-                _span(self._file, self._place_of(event)),
-                "a second document starts here; the driver reads only the first",
-                "merge the documents and delete the `---` line",
-            )
+    def _node(self, event: Any, *, is_map: bool) -> Node:
+        place = self._place_of(event)
+        return MapNode(self._file, place) if is_map else SeqNode(self._file, place)
 
     def _scalar(self, event: Any) -> None:
         mark = event.start_mark
-        place = mark.line << _COLUMN_BITS | mark.column
+        place = mark.line << COLUMN_BITS | mark.column
         # One object per spelling: the same keys, names and numbers come thousands of times.
         text = self._texts.get(event.value)
         if text is None:
@@ -351,9 +246,9 @@ class _Builder:
         if event.anchor is not None:
             self._anchors[event.anchor] = (node, 1)
         if top is not None and top.pairs is None:
-            top.node.items.append(node)  # type: ignore[union-attr]
+            top.node.items.append(node)
         else:
-            self._attach(node)
+            self._attach(node, event)
 
     def _check_characters(self, event: Any) -> None:
         """FSN102: a text that would act on a terminal, or look like two lines."""
@@ -366,67 +261,29 @@ class _Builder:
         if bad:
             self._refuse(
                 "FSN102",
-                _span(self._file, self._place_of(event)),
+                span_of(self._file, self._place_of(event)),
                 f"control character U+{ord(bad):04X} in a text",
                 "delete it, or what stands for it",
             )
 
-    def _open(self, event: Any, *, is_map: bool) -> None:
-        place = self._place_of(event)
-        if len(self._stack) >= MAX_DEPTH:
-            self._refuse("FSN103", _span(self._file, place), DEEPER, FLATTER)
-        node = MapNode(self._file, place) if is_map else SeqNode(self._file, place)
-        self._top = _Open(node, event.anchor, self._count, self._aliased)
-        self._stack.append(self._top)
-
-    def _close(self) -> None:
-        done = self._stack.pop()
-        self._top = self._stack[-1] if self._stack else None
-        if done.anchor is not None:
-            parts = self._count - done.count + self._aliased - done.aliased
-            self._anchors[done.anchor] = (done.node, parts)
-        self._attach(done.node)
-
-    def _alias(self, event: Any) -> None:
-        place = self._place_of(event)
-        node, parts = self._anchors.get(event.anchor, (None, 0))
-        if node is None:
-            inside = any(o.anchor == event.anchor for o in self._stack)
-            why = "refers to the node it stands in" if inside else "has no anchor before it"
-            self._refuse(
-                "FSN103" if inside else "FSN102",
-                _span(self._file, place),
-                f"alias *{event.anchor} {why}",
-                "write the value out",
-            )
-        self._aliased += parts
-        if self._aliased > MAX_ALIASED:
-            self._refuse(
-                "FSN103",
-                node.span,
-                f"the document holds more than {MAX_ALIASED} values that only aliases repeat",
-                "no file of this kind needs that many; aliases multiply what they refer to",
-            )
-        self._attach(node)
-
-    def _attach(self, node: Node) -> None:
+    def _attach(self, node: Node, event: Any) -> None:
         top = self._top
         if top is None:
             self._root = node
         elif top.pairs is None:
-            top.node.items.append(node)  # type: ignore[union-attr]
+            top.node.items.append(node)
         elif top.key is None:
             self._key(top, node)
         else:
             self._pair(top, top.key, node)
             top.key = None
 
-    def _key(self, top: _Open, node: Node) -> None:
+    def _key(self, top: OpenNode, node: Node) -> None:
         if not isinstance(node, ScalarNode):
             self._refuse("FSN111", node.span, "a key must be a word", "quote it or check brackets")
         top.key, top.key_place, top.key_plain = node.text, node.place, node.plain
 
-    def _pair(self, top: _Open, text: str, node: Node) -> None:
+    def _pair(self, top: OpenNode, text: str, node: Node) -> None:
         into = top.node
         assert isinstance(into, MapNode)  # noqa: S101  (only maps have keys)
         if text not in self._good_keys:
@@ -444,9 +301,9 @@ class _Builder:
         into.pairs[text] = node
         into.key_places.append(top.key_place)
 
-    def _key_twice(self, top: _Open, text: str, into: MapNode) -> None:
+    def _key_twice(self, top: OpenNode, text: str, into: MapNode) -> None:
         """FSN106; once where an item of a list begins again, which is a forgotten dash."""
-        first, here = into.keys[text], _span(self._file, top.key_place)
+        first, here = into.keys[text], span_of(self._file, top.key_place)
         in_list = len(self._stack) > 1 and isinstance(self._stack[-2].node, SeqNode)
         below = here.line > first.line and here.column == first.column
         top.continued = in_list and below and text == next(iter(into.pairs))
@@ -460,9 +317,9 @@ class _Builder:
             related=(Related(span=first, message="first given here"),),
         )
 
-    def _look_at_key(self, top: _Open, text: str) -> str | None:
+    def _look_at_key(self, top: OpenNode, text: str) -> str | None:
         """Return the key to use; ``None`` when the pair is left out."""
-        span = _span(self._file, top.key_place)
+        span = span_of(self._file, top.key_place)
         if text == "<<" and top.key_plain:
             self._out.add(
                 "FSN107",
