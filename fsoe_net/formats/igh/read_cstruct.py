@@ -88,7 +88,9 @@ _ROWS = {"pdo_entry": _ENTRY, "pdo": _PDO, "sync": _SYNC}
 def _tables(text: Pasted) -> list[_Table]:
     tables: list[_Table] = []
     head = _Head()
-    for line in text:
+
+    def take(line: Line) -> bool | None:
+        nonlocal head
         shown = line.stripped
         table = tables[-1] if tables and not tables[-1].ended else None
         if match := _HEAD.search(shown):
@@ -101,20 +103,20 @@ def _tables(text: Pasted) -> list[_Table]:
                 table.ended = True
             tables.append(_Table(match[1], match[2], line.span, head))
         elif table is not None:
-            if not _in_table(line, table, text):
-                continue
+            return _in_table(line, table, text)
         elif not _COMMENT.match(shown):
-            if shown not in ("{", "}", "};"):  # the end of something else in a header
-                text.strange(line, "`ethercat cstruct`", _STARTS)
-            continue
-        text.good(line)
+            # A bracket is the end of something else in a header.
+            return None if shown in ("{", "}", "};") else False
+        return True
+
+    text.read(take, "`ethercat cstruct`", _STARTS)
     if head.is_started and (not tables or tables[-1].head is not head):
         text.cut(text.lines[-1], "nothing follows the comment of its last SubDevice")
     return tables
 
 
-def _in_table(line: Line, table: _Table, text: Pasted) -> bool:
-    """Take a line of a table that is open; return whether it was understood."""
+def _in_table(line: Line, table: _Table, text: Pasted) -> bool | None:
+    """Take a line of a table that is open; ``None`` for one that ends the text."""
     shown = line.stripped
     if _END.match(shown):
         table.ended = True
@@ -124,9 +126,8 @@ def _in_table(line: Line, table: _Table, text: Pasted) -> bool:
         pass
     elif shown.startswith("{"):
         text.cut(line, f"{shown[:60]!r} is not a row of table {table.name}")
-        return False
+        return None
     else:
-        text.strange(line, "`ethercat cstruct`", _STARTS)
         return False
     return True
 

@@ -24,6 +24,7 @@ _AREA = re.compile(r"SII Area:$")
 _CATEGORY = re.compile(r"SII Category 0x([0-9a-f]{4}) \([^)]{0,40}\), (\d{1,5}) words?$")
 _BYTES = re.compile(r"[0-9a-f]{2}(?: [0-9a-f]{2}){0,15}$")
 _STARTS = ("SII Area:", "SII Category 0x")
+# A truncated line of bytes.
 _PART_OF_BYTES = re.compile(r"[0-9a-f]{1,2}(?: [0-9a-f]{1,2})*$")
 _HEADER_BYTES = 0x80
 _MOST_WORDS = 0xFFFF
@@ -67,11 +68,12 @@ class _Area:
 def read_sii_text(text: Pasted) -> Description:
     """Read the output of ``ethercat sii_read -v`` of one SubDevice, or of several in a row."""
     areas: list[_Area] = []
-    for line in text:
-        if not _take(areas, line, text):
-            text.strange(line, "`ethercat sii_read -v`", (*_STARTS, *_digits(line)))
-            continue
-        text.good(line)
+    text.read(
+        lambda line: _take(areas, line, text),
+        "`ethercat sii_read -v`",
+        _STARTS,
+        part=_PART_OF_BYTES,
+    )
     if areas and areas[-1].why_cut():
         text.cut(text.lines[-1], areas[-1].why_cut())
     rows = []
@@ -83,11 +85,6 @@ def read_sii_text(text: Pasted) -> Description:
             image.broken = image.broken or (text.truncated and area is areas[-1])
             rows.append(describe_sii(image, text.shown, area.span, text.out))
     return text.described("ethercat-sii", rows)
-
-
-def _digits(line: Line) -> tuple[str, ...]:
-    """A truncated line of bytes has only digits."""
-    return (line.stripped,) if _PART_OF_BYTES.match(line.stripped) else ()
 
 
 def _take(areas: list[_Area], line: Line, text: Pasted) -> bool:

@@ -7,13 +7,14 @@ line that is only the beginning of a known line, and a structure that announces 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.limits import MAX_PASTED_BYTES
 from fsoe_net.formats.shared.source import text_of
+from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
 
 _MAX_LINE = 600  # a name has at most 255 characters
@@ -53,26 +54,39 @@ class Pasted:
     taken: int = 0  # rows that tables of it referred to
     _strange: int = 0
 
-    def good(self, line: Line) -> None:
-        """Remember the last line that was understood."""
-        self.last_good = line
-
     def __iter__(self) -> Iterator[Line]:
         return iter(self.lines)
 
-    def strange(self, line: Line, what: str, starts: tuple[str, ...]) -> None:
-        """Name a line that is not understood: as a cut, or as FSN147.
+    def read(
+        self,
+        take: Callable[[Line], bool | None],
+        what: str,
+        starts: tuple[str, ...],
+        *,
+        part: re.Pattern[str] | None = None,
+    ) -> None:
+        """Take each line; one that is not understood is reported as a cut, or as FSN147.
 
         Lines before the first known one are noise of the shell and no finding; so are lines that
         are not like any known one.
 
         Args:
-            line: The line.
+            take: Whether a line is understood; ``None`` for one without content.
             what: The command whose output it should be.
             starts: How lines of that output begin.
+            part: Matches a truncated line that begins in none of these ways.
         """
+        for line in self.lines:
+            is_good = take(line)
+            if is_good:
+                self.last_good = line
+            elif is_good is not None:
+                text = line.stripped
+                known = any(text.startswith(s) or s.startswith(text) for s in starts)
+                self._strange_line(line, what, known or bool(part and part.match(text)))
+
+    def _strange_line(self, line: Line, what: str, known: bool) -> None:
         text = line.stripped
-        known = any(text.startswith(s) or s.startswith(text) for s in starts)
         if _LEFT_OUT.match(text):
             self.cut(line, f"{text[:20]!r} stands for lines that were left out")
         elif known and line.last:
@@ -114,6 +128,48 @@ class Pasted:
             path=self.shown,
             subdevices=subdevices,
             truncated=self.truncated,
+        )
+
+
+@dataclass(slots=True)
+class PrintedManager:
+    """A sync manager while its lines come.
+
+    Attributes:
+        pdos: Index, place and entries of each PDO.
+    """
+
+    span: Span
+    index: int
+    direction: Direction
+    watchdog: Watchdog = Watchdog.DEFAULT
+    start_byte: int | None = None
+    pdos: list[tuple[int, Span, list[Entry]]] = field(default_factory=list)
+
+    @property
+    def bits(self) -> int:
+        """Bits of all its entries."""
+        return sum(entry.bits for _, _, entries in self.pdos for entry in entries)
+
+    def add(self, entry: Entry) -> bool:
+        """Add an entry to the last PDO; ``False`` if there is none."""
+        if self.pdos:
+            self.pdos[-1][2].append(entry)
+        return bool(self.pdos)
+
+    def built(self) -> SyncManager:
+        """Return it with the PDOs read so far."""
+        return SyncManager(
+            span=self.span,
+            index=self.index,
+            direction=self.direction,
+            carries=None,
+            watchdog=self.watchdog,
+            pdos=tuple(
+                Pdo(span=span, index=index, entries=tuple(entries))
+                for index, span, entries in self.pdos
+            ),
+            start_byte=self.start_byte,
         )
 
 

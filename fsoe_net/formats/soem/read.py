@@ -13,7 +13,7 @@ from fsoe_net.diag.diagnostic import Span
 from fsoe_net.formats.recognise import is_format
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.source import Source, source_bytes
-from fsoe_net.formats.shared.terminal_text import Line, Pasted, pasted
+from fsoe_net.formats.shared.terminal_text import Line, Pasted, PrintedManager, pasted
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, Description
 
@@ -38,14 +38,6 @@ _UNKNOWN_SM = 255
 
 
 @dataclass(slots=True)
-class _Manager:
-    number: int
-    direction: Direction
-    span: Span
-    pdos: list[tuple[int, list[Entry]]] = field(default_factory=list)
-
-
-@dataclass(slots=True)
 class _Slave:
     number: int
     span: Span
@@ -53,12 +45,11 @@ class _Slave:
     sizes: dict[str, int] = field(default_factory=dict)
     identity: tuple[int, int, int] | None = None
     starts: dict[int, tuple[int, int]] = field(default_factory=dict)
-    managers: list[_Manager] = field(default_factory=list)
+    managers: list[PrintedManager] = field(default_factory=list)
 
     def bits(self, direction: Direction) -> int:
         """Bits of the map in one direction."""
-        managers = [m for m in self.managers if m.direction is direction]
-        return sum(e.bits for m in managers for _, entries in m.pdos for e in entries)
+        return sum(m.bits for m in self.managers if m.direction is direction)
 
 
 def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> Description | None:
@@ -74,15 +65,10 @@ def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> D
         return None
     text = pasted(data, shown, out)
     slaves: list[_Slave] = []
-    mapped = False
-    for line in text:
-        mapped = (
-            mapped or line.stripped.startswith("PDO mapping") or bool(_ENTRY.match(line.stripped))
-        )
-        if _take(slaves, line):
-            text.good(line)
-        elif not _OTHER.match(line.stripped):
-            text.strange(line, "`slaveinfo -map`", _STARTS)
+    text.read(lambda line: _take(slaves, line), "`slaveinfo -map`", _STARTS)
+    mapped = any(
+        line.stripped.startswith("PDO mapping") or _ENTRY.match(line.stripped) for line in text
+    )
     if not slaves:
         out.add(
             "FSN140",
@@ -96,8 +82,12 @@ def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> D
     return text.described("soem-slaveinfo", rows)
 
 
-def _take(slaves: list[_Slave], line: Line) -> bool:
-    """Take one line; false when it is not known."""
+def _take(slaves: list[_Slave], line: Line) -> bool | None:
+    """Take one line; ``None`` for one without facts, false when it is not known."""
+    return _take_known(slaves, line) or (None if _OTHER.match(line.stripped) else False)
+
+
+def _take_known(slaves: list[_Slave], line: Line) -> bool:
     shown = line.stripped
     if match := _SLAVE.match(shown):
         slaves.append(_Slave(int(match[1]), line.span))
@@ -111,7 +101,8 @@ def _take(slaves: list[_Slave], line: Line) -> bool:
         return _take_entry(slave, match, line)
     if match := _MAP_SM.match(shown):
         direction = Direction.OUTPUT if match[2] == "outputs" else Direction.INPUT
-        slave.managers.append(_Manager(int(match[1]), direction, line.span, [(0, [])]))
+        slave.managers.append(PrintedManager(line.span, int(match[1]), direction))
+        slave.managers[-1].pdos.append((0, line.span, []))
     elif match := _MAP_PDO.match(shown):
         _take_pdo(slave, match, line)
     else:
@@ -120,8 +111,6 @@ def _take(slaves: list[_Slave], line: Line) -> bool:
 
 
 def _take_entry(slave: _Slave, match: re.Match[str], line: Line) -> bool:
-    if not slave.managers or not slave.managers[-1].pdos:
-        return False
     index = int(match[3], 16)
     entry = Entry(
         span=line.span,
@@ -131,20 +120,19 @@ def _take_entry(slave: _Slave, match: re.Match[str], line: Line) -> bool:
         type_name=match[6] or "",
         name=(match[7] or "").strip() if index else "",
     )
-    slave.managers[-1].pdos[-1][1].append(entry)
-    return True
+    return bool(slave.managers) and slave.managers[-1].add(entry)
 
 
 def _take_pdo(slave: _Slave, match: re.Match[str], line: Line) -> None:
     number = int(match[1])
-    manager = next((m for m in slave.managers if m.number == number), None)
+    manager = next((m for m in slave.managers if m.index == number), None)
     if manager is None:
         direction = Direction.OUTPUT if match[2] == "R" else Direction.INPUT
-        manager = _Manager(number, direction, line.span)
+        manager = PrintedManager(line.span, number, direction)
     else:
         slave.managers.remove(manager)
     slave.managers.append(manager)
-    manager.pdos.append((int(match[3], 16), []))
+    manager.pdos.append((int(match[3], 16), manager.span, []))
 
 
 def _take_fact(slave: _Slave, shown: str) -> bool:
@@ -177,8 +165,8 @@ def _complete(slaves: list[_Slave], text: Pasted, *, mapped: bool) -> None:
     for slave in slaves:
         _compare_sizes(slave, text, is_last=slave is slaves[-1])
     last = slaves[-1]
-    if last.managers and not last.sizes and not last.managers[-1].pdos[-1][1]:
-        text.cut(text.lines[-1], f"nothing follows SM{last.managers[-1].number}")
+    if last.managers and not last.sizes and not last.managers[-1].pdos[-1][2]:
+        text.cut(text.lines[-1], f"nothing follows SM{last.managers[-1].index}")
     elif not last.managers and len(slaves) > 1 and not last.sizes:
         text.cut(text.lines[-1], "nothing follows its last SubDevice")
 
@@ -205,28 +193,14 @@ def _described(slave: _Slave, shown: str, *, truncated: bool) -> DescribedSubDev
     available: list[Pdo] = []
     notes = []
     for manager in slave.managers:
-        pdos = tuple(
-            Pdo(span=manager.span, index=index, entries=tuple(entries))
-            for index, entries in manager.pdos
-        )
-        if manager.number == _UNKNOWN_SM:
-            available += pdos
+        if manager.index == _UNKNOWN_SM:
+            available += manager.built().pdos or ()
             continue
-        start, flags = slave.starts.get(manager.number, (None, None))
-        watchdog = Watchdog.DEFAULT
+        manager.start_byte, flags = slave.starts.get(manager.index, (None, None))
         if flags is not None:
-            watchdog = Watchdog.ENABLE if flags & 0x40 else Watchdog.DISABLE
-        managers.append(
-            SyncManager(
-                span=manager.span,
-                index=manager.number,
-                direction=manager.direction,
-                carries=None,
-                watchdog=watchdog,
-                pdos=tuple(p for p in pdos if p.entries),
-                start_byte=start,
-            )
-        )
+            manager.watchdog = Watchdog.ENABLE if flags & 0x40 else Watchdog.DISABLE
+        manager.pdos = [pdo for pdo in manager.pdos if pdo[2]]
+        managers.append(manager.built())
     if any(p.index == 0 for m in managers for p in m.pdos or ()):
         notes.append("this text has no PDO numbers: each sync manager is one PDO here")
     vendor, product, revision = slave.identity or (0, 0, None)

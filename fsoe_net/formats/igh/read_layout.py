@@ -1,4 +1,7 @@
-"""``ethercat config -v`` and ``ethercat domains -v``: configuration of a running master."""
+"""``ethercat pdos``, ``config -v`` and ``domains -v``: the layout of sync managers.
+
+Nothing is taken from indentation, which pastes lose.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,149 @@ import re
 from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import Span
-from fsoe_net.formats.shared.terminal_text import Line, Pasted
-from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
-from fsoe_net.model.description import DescribedSubDevice, Description
+from fsoe_net.formats.shared.terminal_text import Line, Pasted, PrintedManager
+from fsoe_net.model.bus import Device, Direction, Entry, Sdo, Watchdog
+from fsoe_net.model.description import DescribedSubDevice, Description, TypeFacts
+
+HEADER = re.compile(r"=== Master (\d{1,3}), Slave (\d{1,5}) ===$")
+
+# -- pdos -----------------------------------------------------------------------------------------
+
+_PDOS_SM = re.compile(
+    r"SM(\d{1,2}): PhysAddr 0x([0-9a-f]{4}), DefaultSize +(\d{1,5}), "
+    r"ControlRegister 0x([0-9a-f]{2}), Enable (\d{1,3})$"
+)
+_PDOS_PDO = re.compile(r'([RT])xPDO 0x([0-9a-f]{4}) "(.*)"$')
+_PDOS_ENTRY = re.compile(r'PDO entry 0x([0-9a-f]{4}):([0-9a-f]{2}), +(\d{1,3}) bit, "(.*)"$')
+_PDOS_STARTS = ("=== Master", "SM", "RxPDO 0x", "TxPDO 0x", "PDO entry 0x")
+_FIRST_PROCESS_SM = 2
+
+
+@dataclass(slots=True)
+class _Manager(PrintedManager):
+    """A sync manager of ``ethercat pdos``."""
+
+    control: int = 0
+    default_size: int = 0
+
+    @property
+    def is_mailbox(self) -> bool:
+        return self.control & 3 == 2
+
+
+@dataclass(slots=True)
+class _SubDevice:
+    """A SubDevice of ``ethercat pdos`` while its lines come."""
+
+    span: Span
+    position: int | None = None
+    managers: list[_Manager] = field(default_factory=list)
+    doubt: str = ""  # about its last sync manager
+
+    def described(self, path: str, *, truncated: bool) -> DescribedSubDevice:
+        """Return what was built; mailboxes, which carry no PDOs, are left out."""
+        used = [m for m in self.managers if m.pdos or not m.is_mailbox]
+        notes = []
+        for manager in used:
+            if self.doubt and manager is self.managers[-1]:
+                notes.append(self.doubt)
+            if manager.pdos and (manager.bits + 7) // 8 != manager.default_size:
+                notes.append(
+                    f"SM{manager.index}: DefaultSize {manager.default_size}, its PDOs "
+                    f"{manager.bits} bits"
+                )
+        managers = tuple(m.built() for m in used)
+        return DescribedSubDevice(
+            span=self.span,
+            position=self.position,
+            device=Device(path=path, vendor_id=0, product_code=0, sync_managers=managers),
+            truncated=truncated,
+            notes=(*notes, "this text has no identity"),
+            facts=TypeFacts(
+                default_bytes={m.index: m.default_size for m in used if m.default_size}
+            ),
+        )
+
+
+def read_pdos(text: Pasted) -> Description:
+    """Read ``ethercat pdos``: the sync managers of each SubDevice with their PDOs."""
+    subs: list[_SubDevice] = []
+    text.read(lambda line: _take_pdos(subs, line), "`ethercat pdos`", _PDOS_STARTS)
+    if subs and (why := _why_cut(subs)):
+        text.cut(text.lines[-1], why)
+    rows = [sub.described(text.shown, truncated=text.truncated and sub is subs[-1]) for sub in subs]
+    return text.described("ethercat-pdos", rows)
+
+
+def _take_pdos(subs: list[_SubDevice], line: Line) -> bool:
+    shown = line.stripped
+    if match := HEADER.search(shown):
+        subs.append(_SubDevice(line.span, position=int(match[2])))
+        return True
+    if match := _PDOS_SM.search(shown):
+        if not subs:
+            subs.append(_SubDevice(line.span))
+        subs[-1].managers.append(_manager(match, subs[-1].span))
+        return True
+    manager = subs[-1].managers[-1] if subs and subs[-1].managers else None
+    if manager is None:
+        return False
+    if match := _PDOS_PDO.search(shown):
+        manager.direction = Direction.OUTPUT if match[1] == "R" else Direction.INPUT
+        manager.pdos.append((int(match[2], 16), line.span, []))
+        return True
+    match = _PDOS_ENTRY.search(shown)
+    return match is not None and manager.add(_entry(match, line, match[4]))
+
+
+def _manager(match: re.Match[str], span: Span) -> _Manager:
+    control = int(match[4], 16)
+    return _Manager(
+        span=span,
+        index=int(match[1]),
+        direction=Direction.OUTPUT if control & 4 else Direction.INPUT,
+        watchdog=Watchdog.ENABLE if control & 0x40 else Watchdog.DISABLE,
+        start_byte=int(match[2], 16),
+        control=control,
+        default_size=int(match[3]),
+    )
+
+
+def _entry(match: re.Match[str], line: Line, name: str = "") -> Entry:
+    index = int(match[1], 16)
+    return Entry(
+        span=line.span,
+        index=index,
+        subindex=int(match[2], 16),
+        bits=int(match[3]),
+        name=name if index else "",
+    )
+
+
+def _why_cut(subs: list[_SubDevice]) -> str:
+    """Return what the end of the text lacks, for certain; a doubt is noted at the SubDevice.
+
+    A final PDO without entries, where others have some, was cut off after its name.
+    """
+    sub = subs[-1]
+    if not sub.managers:
+        return "nothing follows the header"
+    last = sub.managers[-1]
+    entries = [pdo[2] for s in subs for m in s.managers for pdo in m.pdos]
+    if last.pdos and not entries[-1] and any(entries):
+        return "the last PDO has no entries"
+    if last.index < _FIRST_PROCESS_SM and last.control & 2:
+        return f"nothing follows the mailbox SM{last.index}"
+    if last.default_size and not last.pdos:
+        return f"SM{last.index} has data but no PDOs"
+    if last.index == _FIRST_PROCESS_SM and any(m.is_mailbox for m in sub.managers):
+        return "a SubDevice with mailboxes has more than SM2"
+    if 8 * last.default_size > last.bits:
+        sub.doubt = "the text may be cut off: fewer bits than DefaultSize at its end"
+    return ""
+
+
+# -- config ---------------------------------------------------------------------------------------
 
 _DIRECTIONS = {"Input": Direction.INPUT, "Output": Direction.OUTPUT}
 _WATCHDOGS = {
@@ -45,9 +188,7 @@ class _Config:
     position: int = 0
     ring: int | None = None
     identity: dict[str, int] = field(default_factory=dict)
-    managers: list[tuple[re.Match[str], Span, list[tuple[int, Span, list[Entry]]]]] = field(
-        default_factory=list
-    )
+    managers: list[PrintedManager] = field(default_factory=list)
     sdos: list[Sdo] = field(default_factory=list)
     open_sdo: tuple[re.Match[str], Span] | None = None
     data: list[str] = field(default_factory=list)
@@ -60,15 +201,7 @@ class _Config:
 def read_config(text: Pasted) -> Description:
     """Read ``ethercat config -v``: the layout a running master uses."""
     configs: list[_Config] = []
-    for line in text:
-        shown = line.stripped
-        if match := _ALIAS.match(shown):
-            _end_sdo(configs)
-            configs.append(_Config(line.span, alias=int(match[1])))
-        elif not configs or not _take(configs[-1], shown, line):
-            text.strange(line, "`ethercat config -v`", _STARTS)
-            continue
-        text.good(line)
+    text.read(lambda line: _take(configs, line), "`ethercat config -v`", _STARTS)
     _end_sdo(configs)
     if configs and not configs[-1].ended:
         text.cut(text.lines[-1], "its last configuration has no `IDN configuration:`")
@@ -78,18 +211,32 @@ def read_config(text: Pasted) -> Description:
     return text.described("ethercat-config", rows)
 
 
-def _take(config: _Config, shown: str, line: Line) -> bool:
+def _take(configs: list[_Config], line: Line) -> bool:
     """Take one line; false when it is not known."""
+    shown = line.stripped
+    if match := _ALIAS.match(shown):
+        _end_sdo(configs)
+        configs.append(_Config(line.span, alias=int(match[1])))
+        return True
+    if not configs:
+        return False
+    managers = configs[-1].managers
     if match := _ENTRY.match(shown):
-        return _take_entry(config, match, line)
+        return bool(managers) and managers[-1].add(_entry(match, line))
     if match := _SM.match(shown):
-        config.managers.append((match, line.span, []))
+        managers.append(_config_manager(match[1], match[2], line.span, _WATCHDOGS[match[3]]))
     elif match := _PDO.match(shown):
-        if config.managers:
-            config.managers[-1][2].append((int(match[1], 16), line.span, []))
+        if managers:
+            managers[-1].pdos.append((int(match[1], 16), line.span, []))
     else:
-        return _take_fact(config, shown, line)
+        return _take_fact(configs[-1], shown, line)
     return True
+
+
+def _config_manager(
+    index: str, direction: str, span: Span, watchdog: Watchdog = Watchdog.DEFAULT
+) -> PrintedManager:
+    return PrintedManager(span, int(index), _DIRECTIONS[direction], watchdog)
 
 
 def _take_fact(config: _Config, shown: str, line: Line) -> bool:
@@ -112,19 +259,6 @@ def _take_fact(config: _Config, shown: str, line: Line) -> bool:
             config.ended = config.idn = True
     else:
         return False
-    return True
-
-
-def _take_entry(config: _Config, match: re.Match[str], line: Line) -> bool:
-    if not config.managers or not config.managers[-1][2]:
-        return False
-    entry = Entry(
-        span=line.span,
-        index=int(match[1], 16),
-        subindex=int(match[2], 16),
-        bits=int(match[3]),
-    )
-    config.managers[-1][2][-1][2].append(entry)
     return True
 
 
@@ -154,20 +288,6 @@ def _end_sdo(configs: list[_Config]) -> None:
 
 
 def _described(config: _Config, text: Pasted, *, last: bool) -> DescribedSubDevice:
-    managers = tuple(
-        SyncManager(
-            span=span,
-            index=int(match[1]),
-            direction=_DIRECTIONS[match[2]],
-            carries=None,
-            watchdog=_WATCHDOGS[match[3]],
-            pdos=tuple(
-                Pdo(span=place, index=index, entries=tuple(entries))
-                for index, place, entries in pdos
-            ),
-        )
-        for match, span, pdos in config.managers
-    )
     notes = list(config.notes)
     if config.ring is None:
         notes.append("no SubDevice was attached to this configuration")
@@ -176,7 +296,7 @@ def _described(config: _Config, text: Pasted, *, last: bool) -> DescribedSubDevi
         vendor_id=config.identity.get("Vendor Id", 0),
         product_code=config.identity.get("Product code", 0),
         assign_activate=config.activate,
-        sync_managers=managers,
+        sync_managers=tuple(m.built() for m in config.managers),
         sdos=tuple(config.sdos),
     )
     ring = config.ring
@@ -216,19 +336,22 @@ class _Fmmu:
 def read_domains(text: Pasted) -> Description:
     """Read ``ethercat domains -v``: sync managers with their sizes, no entries."""
     fmmus: list[_Fmmu] = []
-    base, size = 0, None
-    for line in text:
+    domain: list[tuple[int, int]] = []  # begin and size, of each
+
+    def take(line: Line) -> bool:
         shown = line.stripped
         if match := _DOMAIN.match(shown):
-            base, size = int(match[2], 16), int(match[3])
+            domain.append((int(match[2], 16), int(match[3])))
         elif match := _FMMU.match(shown):
             fmmus.append(_Fmmu(match, line.span))
         elif fmmus and _BYTES.match(shown):
             fmmus[-1].got += len(shown.split())
         else:
-            text.strange(line, "`ethercat domains -v`", _DOMAIN_STARTS)
-            continue
-        text.good(line)
+            return False
+        return True
+
+    text.read(take, "`ethercat domains -v`", _DOMAIN_STARTS)
+    base, size = domain[-1] if domain else (0, 0)
     if fmmus and fmmus[-1].got < fmmus[-1].size:
         got, want = fmmus[-1].got, fmmus[-1].size
         text.cut(text.lines[-1], f"{got} of {want} bytes of its last sync manager are there")
@@ -246,16 +369,7 @@ def _grouped(fmmus: list[_Fmmu], text: Pasted) -> list[DescribedSubDevice]:
         groups.setdefault(key, []).append(fmmu)
     rows = []
     for (alias, position), members in groups.items():
-        managers = tuple(
-            SyncManager(
-                span=f.span,
-                index=int(f.match[3]),
-                direction=_DIRECTIONS[f.match[4]],
-                carries=None,
-                pdos=(_opaque(f),),
-            )
-            for f in members
-        )
+        managers = tuple(_opaque(f).built() for f in members)
         rows.append(
             DescribedSubDevice(
                 span=members[0].span,
@@ -269,7 +383,9 @@ def _grouped(fmmus: list[_Fmmu], text: Pasted) -> list[DescribedSubDevice]:
     return rows
 
 
-def _opaque(fmmu: _Fmmu) -> Pdo:
+def _opaque(fmmu: _Fmmu) -> PrintedManager:
     """Bytes of which nothing but their number is known: a PDO of padding."""
+    manager = _config_manager(fmmu.match[3], fmmu.match[4], fmmu.span)
     padding = Entry(span=fmmu.span, index=0, subindex=0, bits=8 * fmmu.size)
-    return Pdo(span=fmmu.span, index=0, entries=(padding,) if fmmu.size else ())
+    manager.pdos.append((0, fmmu.span, [padding] if fmmu.size else []))
+    return manager
