@@ -1,6 +1,6 @@
-"""Frames recorded by other programs: decoded, found in hex, written, dissected.
+"""Frames recorded by other programs: decoded, found in hex, written, dissected; start-ups read.
 
-Add here: names for the content of a frame, a writer of captures, fields of the dissector. Do not
-add: readers of captures as descriptions of a bus (`formats/capture`), CRC and layout of a safety
-frame (`fsoe`).
+Add here: names for the content of a frame, a writer of captures, fields of the dissector, what a
+start-up shows of a bus. Do not add: the content of packets (`formats/capture`), CRC and layout of a
+safety frame (`fsoe`).
 """

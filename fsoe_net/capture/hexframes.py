@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from fsoe_net.core.monitor import Monitor
 from fsoe_net.errors import InputError
 from fsoe_net.fsoe.chain import before, is_whole
-from fsoe_net.fsoe.monitor import Monitor
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.pdu import (
     Command,

@@ -28,7 +28,7 @@ def lua_dissector(resolution: Resolution, plan: Plan) -> str:
     """Return the Lua source of a postdissector.
 
     It finds the frames at the logical addresses that the IgH MainDevice gives them; a preference
-    shifts all of them. CRCs are judged along the chain as `fsoe_net.fsoe.monitor.Monitor` does.
+    shifts all of them. CRCs are judged along the chain as `fsoe_net.core.monitor.Monitor` does.
 
     Args:
         resolution: A network without errors.

@@ -1,4 +1,4 @@
-"""The passive monitor of the C core: `fsoe_net.fsoe.monitor.Monitor`, only faster."""
+"""The passive monitor of the C core."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import Any
 
 from fsoe_net.core.module import compiled
 from fsoe_net.errors import PduSizeError
-from fsoe_net.fsoe.monitor import DirectionCounts
-from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict, DirectionCounts
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import frame_length
 
@@ -16,7 +15,7 @@ _VERDICTS = tuple(CrcVerdict)
 _STATES = tuple(ConnectionState)
 
 
-class CoreMonitor:
+class Monitor:
     """Follows both directions of one connection; index 0 is main to sub, 1 is sub to main.
 
     Args:
@@ -59,7 +58,12 @@ class CoreMonitor:
         return int(self._monitor.followed[direction].sequence)
 
     def frame(self, direction: int, data: bytes, now_ns: int) -> CrcVerdict:
-        """Look at what lies in the image of one direction; see `fsoe_net.fsoe.Monitor.frame`.
+        """Check the image of one direction.
+
+        Args:
+            direction: 0 main to sub, 1 sub to main.
+            data: The bytes, as long as the frames of this direction.
+            now_ns: Time of the observation.
 
         Raises:
             PduSizeError: No FSoE frame of this direction has this length.

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Protocol
-
-from fsoe_net.fsoe.pdu import Command
 
 STATED_PARAMETERS = ("connection_id", "address", "watchdog_ms", "app_parameters")
 """Those that a plan states; their order is that of the bits in the C core."""
@@ -19,9 +16,6 @@ _TEXTS = {
 }
 MOST_APP_BYTES = 4096
 """Application parameters that a plan can state; proving a hostile one takes no longer for them."""
-_CONNECTION_BYTES = 4
-_HEAD_BYTES = 6
-_COMMUNICATION_BYTES = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,82 +72,6 @@ def differences(
             there = "not known now, another than planned at an earlier start-up"
         rows.append(f"{_TEXTS[name]} {there}{planned}")
     return tuple(rows)
-
-
-class ParameterList:
-    """Puts the parameters of a start-up together, from chunks of the shorter safe data.
-
-    Only frames count that fit the chain, from the Session on; a Reset leaves what is known.
-    """
-
-    def __init__(self, chunk_bytes: int) -> None:
-        self.parameters = NOT_OBSERVED
-        self._chunk = chunk_bytes
-        self._command = 0  # of the frames of the list; 0: the start-up is not followed
-        self._sent = bytearray()
-
-    def frame(self, command: int, safe_data: bytes, *, right: bool) -> None:
-        """Take a new frame of the main.
-
-        Args:
-            command: First byte of the frame.
-            safe_data: Its data.
-            right: Whether its CRCs fit the chain.
-        """
-        if command == Command.RESET:
-            self._command = 0
-        elif command == Command.SESSION:
-            self.parameters = NOT_OBSERVED
-            self._command = command if right else 0
-        elif command in (Command.CONNECTION, Command.PARAMETER):
-            if right and self._is_next(command):
-                self._take(command, safe_data)
-            else:
-                self._forget()
-        elif self._command in (Command.PARAMETER, Command.PROCESS_DATA):
-            self._command = Command.PROCESS_DATA  # Data, independent of what follows
-        else:
-            self._forget()
-
-    def _forget(self) -> None:
-        self._command = 0
-        self.parameters = NOT_OBSERVED
-
-    def _is_next(self, command: int) -> bool:
-        """Whether the frame is one of the same list, or the first one of the next."""
-        if command == self._command:
-            return True
-        if command == Command.CONNECTION:
-            return self._command == Command.SESSION
-        return self._command == Command.CONNECTION and len(self._sent) >= _CONNECTION_BYTES
-
-    def _take(self, command: int, safe_data: bytes) -> None:
-        if command != self._command:
-            self._command, self._sent = command, bytearray()
-        sent = self._sent
-        if len(sent) < _HEAD_BYTES or len(sent) < _HEAD_BYTES + _word(sent, 4):
-            sent += safe_data[: self._chunk]  # bytes after the list are padding
-        if command == Command.CONNECTION:
-            if len(sent) >= _CONNECTION_BYTES:
-                self.parameters = FsoeParameters(
-                    connection_id=_word(sent, 0), address=_word(sent, 2)
-                )
-            return
-        if len(sent) < _HEAD_BYTES or len(sent) - _HEAD_BYTES < _word(sent, 4):
-            return
-        if _word(sent, 0) == _COMMUNICATION_BYTES:
-            app = bytes(sent[_HEAD_BYTES : _HEAD_BYTES + _word(sent, 4)])
-            self.parameters = FsoeParameters(
-                connection_id=self.parameters.connection_id,
-                address=self.parameters.address,
-                watchdog_ms=_word(sent, 2),
-                app_bytes=len(app),
-                app_crc=zlib.crc32(app),
-            )
-
-
-def _word(data: bytearray, at: int) -> int:
-    return int.from_bytes(data[at : at + 2], "little")
 
 
 class SeenParameters(Protocol):

@@ -6,8 +6,8 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 
 from fsoe_net.core.bus_documents import LayoutCopy, PlannedConnection
+from fsoe_net.core.monitor import Monitor
 from fsoe_net.fsoe.chain import fits_start
-from fsoe_net.fsoe.monitor import Monitor
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import NOT_OBSERVED
 from fsoe_net.fsoe.pdu import Command, decode_pdu, is_frame_length, safe_data_length

@@ -45,10 +45,10 @@ def _recorded() -> list[_Frame]:
 
 
 def _followers() -> tuple[_Follower, _Follower]:
-    from fsoe_net.core.monitor import CoreMonitor
-    from fsoe_net.fsoe.monitor import Monitor
+    from fsoe_net.core.monitor import Monitor
+    from fsoe_net.self_test.monitor import PythonMonitor
 
-    return Monitor(1, 1), CoreMonitor(1, 1)
+    return PythonMonitor(1, 1), Monitor(1, 1)
 
 
 def _seen(monitor: _Follower, frames: Sequence[_Frame]) -> list[str]:

@@ -18,10 +18,10 @@ from fsoe_net.capture.names import Naming
 from fsoe_net.capture.wire import LogicalImage
 from fsoe_net.core.scan import Scanner
 from fsoe_net.formats.capture.packets import read_capture
-from fsoe_net.fsoe.monitor import Monitor
 from fsoe_net.fsoe.observed import CrcVerdict
 from fsoe_net.fsoe.pdu import Command, safe_data_of
 from fsoe_net.plan.compile import compile_plan
+from fsoe_net.self_test.monitor import PythonMonitor
 from fsoe_net.simulate.session import run_virtual
 
 pytestmark = needs_core
@@ -143,7 +143,7 @@ def by_monitor(made: Made) -> list[tuple]:
     found = []
     for names, where in zip(made.naming.connections, made.watched(), strict=True):
         sizes = names.frame_bytes
-        monitor = Monitor(*(len(safe_data_of(bytes(n))) for n in sizes))
+        monitor = PythonMonitor(*(len(safe_data_of(bytes(n))) for n in sizes))
         for number, packet in enumerate(made.packets(), start=1):
             if packet[6] == 0:  # on its way out
                 continue

@@ -9,13 +9,13 @@ from fsoe.pair import Bench, make_main, make_sub
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.core.monitor import CoreMonitor, frame_fits, frame_sequence
+from fsoe_net.core.monitor import Monitor, frame_fits, frame_sequence
 from fsoe_net.errors import PduSizeError
 from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
-from fsoe_net.fsoe.monitor import Monitor
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.pdu import SAFE_SIZES, decode_pdu, frame_length
+from fsoe_net.self_test.monitor import PythonMonitor
 
 sizes = st.sampled_from([1, 2, 4, 6, 14, 126])
 words = st.integers(0, 0xFFFF)
@@ -197,7 +197,7 @@ def test_counts_resets_and_their_codes():
 
 
 def test_length_of_the_other_direction_is_refused():
-    for monitor in (Monitor(2, 4), CoreMonitor(2, 4)):
+    for monitor in (PythonMonitor(2, 4), Monitor(2, 4)):
         with pytest.raises(PduSizeError, match="11 bytes; frames here have 7"):
             monitor.frame(TO_SUB, bytes(10) + b"\1", 0)
 

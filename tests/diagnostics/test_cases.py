@@ -51,7 +51,7 @@ def _seed(folder: Path, case: dict) -> None:
 def findings(case: dict) -> list[Diagnostic]:
     """Return what is found in the files of a case, in the current folder.
 
-    `reader: module.function` reads them with one of `fsoe_net.formats`, and `choice` with that
+    `reader: module.function` reads them with a function of `fsoe_net`, and `choice` with that
     choice of a device; `init: [files]` proposes a network from them, with `answers` if there are;
     all others are checked, and compared with the bus if there is a `scan` and with all files in
     `check` that are not of the network itself.
@@ -66,7 +66,7 @@ def findings(case: dict) -> list[Diagnostic]:
         runtime = Runtime(case.get("runtime", "fsn"))
         return check_files(case["check"], runtime=runtime, scan=scan, compared=True).diagnostics
     module, _, name = case["reader"].rpartition(".")
-    read = getattr(import_module(f"fsoe_net.formats.{module}"), name)
+    read = getattr(import_module(f"fsoe_net.{module}"), name)
     options = {"choice": EsiChoice(**case["choice"])} if "choice" in case else {}
     out = Collector()
     for file in case["check"]:
@@ -142,8 +142,8 @@ def test_clean_files_raise_nothing_but_notes(files: list[str], monkeypatch: pyte
 READERS = {
     case["reader"]: case["check"] for case in CASES.values() if {"reader", "edit"} <= set(case)
 }
-READERS["sii.read.load_sii"] = ["gate.sii"]
-READERS["capture.read.load_capture"] = ["start-up.pcap"]
+READERS["formats.sii.read.load_sii"] = ["gate.sii"]
+READERS["capture.start_up.load_capture"] = ["start-up.pcap"]
 
 
 @pytest.mark.parametrize("reader", sorted(READERS))

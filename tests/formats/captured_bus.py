@@ -6,8 +6,8 @@ from formats.startup import (
     FRAMES,
 )
 
+from fsoe_net.capture.start_up import load_capture
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.shared.files import Collector
 
 

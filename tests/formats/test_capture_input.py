@@ -22,9 +22,9 @@ from formats.startup import (
     startup,
 )
 
+from fsoe_net.capture import start_up as capture
+from fsoe_net.capture.start_up import load_capture
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.capture import read as capture
-from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.recognise import find_format
 from fsoe_net.formats.shared.files import Collector
 

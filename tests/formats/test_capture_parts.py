@@ -12,10 +12,10 @@ from capture.traffic import datagram, packet
 from formats.captured_bus import described, expected, layout, read
 from formats.startup import BRD, FPRD, FPWR, LOGIC, TERMINAL, Startup, sii
 
-from fsoe_net.formats.capture import read as capture
+from fsoe_net.capture import start_up as capture
+from fsoe_net.capture.start_up import load_capture
 from fsoe_net.formats.capture import ring as capture_ring
 from fsoe_net.formats.capture.datagrams import datagrams
-from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.capture.sdo import CapturedSdo, SdoAbort, SdoFollower
 from fsoe_net.formats.capture.sii import SiiReads
 from fsoe_net.formats.shared.files import Collector

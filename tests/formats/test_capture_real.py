@@ -13,8 +13,8 @@ from capture.tshark import tshark
 from data_files import need
 from wires import missing, run_program
 
+from fsoe_net.capture.start_up import load_capture
 from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.resolve import resolve

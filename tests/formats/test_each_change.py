@@ -13,7 +13,7 @@ from formats.good_answers import GOOD as ANSWERS
 from formats.kinds import KINDS
 from formats.texts import DOMAINS, SLAVES_V
 
-from fsoe_net.formats.capture.read import load_capture
+from fsoe_net.capture.start_up import load_capture
 from fsoe_net.formats.igh.read import load_igh_text
 from fsoe_net.formats.own.acceptance import load_acceptance
 from fsoe_net.formats.own.answers import load_answers

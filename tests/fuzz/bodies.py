@@ -30,12 +30,12 @@ from fsoe_net.campaign.recording.replay import replay
 from fsoe_net.campaign.recording.rows import file_lines
 from fsoe_net.capture.capture import CaptureWriter
 from fsoe_net.capture.hexframes import follow_frames, parse_frames
+from fsoe_net.capture.start_up import load_capture
 from fsoe_net.core.core import CorePlan
 from fsoe_net.core.scan import Scanner
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError, PlanFormatError, RecordingError
 from fsoe_net.formats.capture.packets import read_capture
-from fsoe_net.formats.capture.read import load_capture
 from fsoe_net.formats.eni.read import load_eni, load_eni_images
 from fsoe_net.formats.eni.write import write_eni
 from fsoe_net.formats.eni.write_copies import replace_copies

@@ -213,8 +213,8 @@ BROKEN = {
     "polynomial": ("CRCs of FSoE", "fsoe/crc.py", "0x139B7", "0x139B5"),
     "table of CRCs": ("CRCs of FSoE", "fsoe/crc.py", "_HEAD_TWO.pack", "_HEAD_ONE.pack"),
     "SRA polynomial": ("CRCs of FSoE", "fsoe/crc.py", "0x1814141AB", "0x1814141AF"),
-    "monitor": ("C core and Python", "fsoe/monitor.py", "crcs != pdu.crcs", "False"),
-    "decoder": ("recorded run", "fsoe/monitor.py", "State.DATA_PROCESS\n", "State.RESET\n"),
+    "monitor": ("C core and Python", "self_test/monitor.py", "crcs != pdu.crcs", "False"),
+    "decoder": ("recorded run", "core/monitor.py", "tuple(CrcVerdict)", "tuple(CrcVerdict)[::-1]"),
     "rule": ("broken networks", "rules/transfer_ends.py", '"FSN203"', '"FSN205"'),
     "compiler": ("reference networks", "plan/codec.py", "zlib.crc32(", "1 ^ zlib.crc32("),
     "fingerprint": (

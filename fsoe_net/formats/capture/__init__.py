@@ -12,7 +12,7 @@ FORMAT = Format(
     expects="the first bytes of a pcap or pcapng file, packed with gzip or not",
     yields=Yields.BUS,
     is_streamed=True,
-    read="fsoe_net.formats.capture.read:load_capture",
+    read="fsoe_net.capture.start_up:load_capture",
     signatures=(
         Signature(words="a packet capture (pcapng)", begins=rb"\x0a\x0d\x0d\x0a"),
         Signature(

@@ -1,5 +1,5 @@
-/** The passive monitor of one connection: fsoe_net/fsoe/monitor.py line by line, which a test holds
- *  against it. */
+/** The passive monitor of one connection: fsoe_net/self_test/monitor.py line by line, which a test
+ *  compares with it. */
 #include "fsn/monitor.h"
 
 #include <string.h>

@@ -2,7 +2,7 @@
 
 A copy is believed when three things come together: the process data of both ends have the shape of
 an FSoE frame, every new frame at the destination stood at exactly one source a few cycles before,
-and both directions together form a conversation whose CRCs fit the chain (`fsoe.Monitor`). What
+and both directions together form a conversation whose CRCs fit the chain (`core.monitor`). What
 lies in memory for that is a few frames of each place, however long the capture is.
 """
 
@@ -12,8 +12,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from fsoe_net.core.monitor import Monitor
 from fsoe_net.formats.capture.datagrams import Datagram, DatagramCommand
-from fsoe_net.fsoe.monitor import Monitor
 from fsoe_net.fsoe.pdu import Command, safe_data_length
 
 ENOUGH_FRAMES = 20

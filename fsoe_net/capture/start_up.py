@@ -13,10 +13,10 @@ import os
 from collections.abc import Iterator
 from typing import BinaryIO
 
+from fsoe_net.capture.cycles import Cycles, FramePlace
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
-from fsoe_net.formats.capture.cycles import Cycles, FramePlace
 from fsoe_net.formats.capture.datagrams import LOGICAL, DatagramCommand, datagrams, joined
 from fsoe_net.formats.capture.device import describe_station
 from fsoe_net.formats.capture.packets import CaptureReader

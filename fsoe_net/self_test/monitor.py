@@ -1,20 +1,22 @@
-"""Follows a connection from outside, from any point in time; never sends.
+"""The second opinion on `fsn_monitor`: follows a connection from outside.
 
-The C core does the same for the live bus (`fsn_monitor`); a test holds the two together. Verdicts
-rest on the chain (§3): once old CRC and sequence number are known, every CRC of every frame can be
-recomputed. They are known after a Reset or Session, or found: for a given old CRC exactly one
-number makes CRC_0 right, so two successive numbers of one direction show that the chain was found.
+Written in Python without the C core, so that the self-test and the tests can compare both on each
+frame; for nothing else.
+
+Verdicts rest on the chain (§3): once old CRC and sequence number are known, every CRC of every
+frame can be recomputed. They are known after a Reset or Session, or found: for a given old CRC
+exactly one number makes CRC_0 right, so two successive numbers of one direction show that the chain
+was found.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from fsoe_net.errors import PduSizeError
 from fsoe_net.fsoe.chain import advance, fits_start
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
-from fsoe_net.fsoe.parameters import FsoeParameters, ParameterList
 from fsoe_net.fsoe.pdu import Command, Pdu, decode_pdu, frame_length
 
 _DATA = (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)
@@ -45,33 +47,6 @@ def observed_state(to_sub: int, to_main: int) -> ConnectionState:
     return ConnectionState.UNKNOWN
 
 
-@dataclass(slots=True, kw_only=True)
-class DirectionCounts:
-    """One direction of a connection, observed.
-
-    Attributes:
-        frames: New frames: any byte differs from the one before.
-        right: Of these, frames whose CRCs fit the chain.
-        wrong: Of these, frames with a CRC that does not fit.
-        unchecked: Of these, frames seen while the chain was not known.
-        resets: Times a Reset began: Reset after another command.
-        command: First byte of the last frame.
-        connection_id: Last two bytes of the last frame.
-        reset_code: Code in the last Reset.
-        last_new_ns: Time of the last new frame.
-    """
-
-    frames: int = 0
-    right: int = 0
-    wrong: int = 0
-    unchecked: int = 0
-    resets: int = 0
-    command: int = 0
-    connection_id: int = 0
-    reset_code: int = 0
-    last_new_ns: int = 0
-
-
 @dataclass(slots=True)
 class _Side:
     """What is known of the chain in one direction; 0 is "not known" for both numbers."""
@@ -80,10 +55,10 @@ class _Side:
     own: int | None = None  # CRC_0 of its last frame, for the collision rule
     sequence: int = 0  # number of its next frame
     guess: int = 0  # number of its next frame, if the solved one was right
-    counts: DirectionCounts = field(default_factory=DirectionCounts)
+    command: int = 0  # first byte of its last frame
 
 
-class Monitor:
+class PythonMonitor:
     """Follows both directions of one connection; index 0 is main to sub, 1 is sub to main.
 
     Args:
@@ -101,7 +76,6 @@ class Monitor:
             _Side(bytes(frame_length(safe_out_bytes))),
             _Side(bytes(frame_length(safe_in_bytes))),
         )
-        self._list = ParameterList(min(safe_out_bytes, safe_in_bytes))
         self._last_crc = 0  # CRC_0 of the last frame of either direction
         self._last_direction: int | None = None  # direction of the last frame
         self._lost = False  # the chain was known, and no Reset has come since
@@ -109,16 +83,7 @@ class Monitor:
     @property
     def state(self) -> ConnectionState:
         """State of the connection as seen from outside."""
-        return observed_state(*(side.counts.command for side in self._sides))
-
-    @property
-    def parameters(self) -> FsoeParameters:
-        """What the main has sent in its last start-up."""
-        return self._list.parameters
-
-    def counts(self, direction: int) -> DirectionCounts:
-        """Return the counters of a direction; they continue counting."""
-        return self._sides[direction].counts
+        return observed_state(*(side.command for side in self._sides))
 
     def sequence(self, direction: int) -> int:
         """Return the number of the next frame of a direction, 0 while it is not known."""
@@ -130,7 +95,7 @@ class Monitor:
         Args:
             direction: 0 main to sub, 1 sub to main.
             data: The bytes, as long as the frames of this direction.
-            now_ns: Time of the observation.
+            now_ns: Time of the observation, for the monitor of the C core only.
 
         Raises:
             PduSizeError: No FSoE frame of this direction has this length.
@@ -142,16 +107,8 @@ class Monitor:
             raise PduSizeError(f"{len(data)} bytes; frames here have {len(side.last)}")
         side.last = bytes(data)
         pdu = decode_pdu(side.last)
-        counts = side.counts
-        _count(counts, pdu, now_ns)
-        verdict = self._judge(direction, pdu)
-        counts.right += verdict is CrcVerdict.RIGHT
-        counts.wrong += verdict is CrcVerdict.WRONG
-        counts.unchecked += verdict is CrcVerdict.UNCHECKED
-        if direction == 0:
-            right = verdict is CrcVerdict.RIGHT
-            self._list.frame(pdu.command, pdu.safe_data, right=right)
-        return verdict
+        side.command = pdu.command
+        return self._judge(direction, pdu)
 
     def _judge(self, direction: int, pdu: Pdu) -> CrcVerdict:
         if pdu.command == Command.RESET:
@@ -253,14 +210,3 @@ class Monitor:
             return side.guess != 0
         collides = self._crcs(pdu, side.guess)[0] == side.own
         return collides and sequence == advance(side.guess)
-
-
-def _count(counts: DirectionCounts, pdu: Pdu, now_ns: int) -> None:
-    counts.frames += 1
-    counts.last_new_ns = now_ns
-    if pdu.command == Command.RESET:
-        # One Reset may be several frames in a row; only its begin counts.
-        counts.resets += counts.command != Command.RESET
-        counts.reset_code = pdu.safe_data[0]
-    counts.command = pdu.command
-    counts.connection_id = pdu.connection_id
