@@ -44,12 +44,8 @@ def device(vendor: int, product: int, blocks: int, sdos: tuple[Sdo, ...] = ()) -
         vendor_id=vendor,
         product_code=product,
         sync_managers=(
-            SyncManager(
-                index=2, direction=Direction.OUTPUT, carries=None, pdos=outputs, start_byte=0x1200
-            ),
-            SyncManager(
-                index=3, direction=Direction.INPUT, carries=None, pdos=inputs, start_byte=0x1D00
-            ),
+            SyncManager(index=2, direction=Direction.OUTPUT, pdos=outputs, start_byte=0x1200),
+            SyncManager(index=3, direction=Direction.INPUT, pdos=inputs, start_byte=0x1D00),
         ),
         sdos=sdos,
     )
@@ -113,7 +109,6 @@ def described_devices(draw, *, most_bits: int = 255, sdos: bool = True):
         SyncManager(
             index=n,
             direction=draw(st.sampled_from(Direction)),
-            carries=None,
             pdos=tuple(pdos.pop() for _ in range(draw(st.integers(0, 1)))),
             start_byte=draw(st.integers(0x1000, 0xFFFF)),
         )

@@ -377,9 +377,7 @@ def _scanned_manager(sub: ScannedSubDevice, sm: ScannedSm) -> SideManager:
         )
         for p in sm.pdos or ()
     ]
-    entries, frames, bits = _placed(
-        pdos, SyncManager(index=sm.index, direction=direction, carries=None)
-    )
+    entries, frames, bits = _placed(pdos, SyncManager(index=sm.index, direction=direction))
     return SideManager(
         index=sm.index,
         direction=direction.value,

@@ -137,7 +137,7 @@ class SyncManager(Located):
 
     index: int
     direction: Direction
-    carries: str | None
+    carries: str | None = None
     watchdog: Watchdog = Watchdog.DEFAULT
     declared: bool = True
     pdos: tuple[Pdo, ...] | None = None

@@ -71,9 +71,7 @@ class FsoeNearMiss:
 
 def guess_pdo(pdo: Pdo, direction: Direction) -> tuple[FsoeGuess, ...]:
     """Score a PDO alone, such as one that a device offers but that is not assigned."""
-    manager = SyncManager(
-        index=2 if direction is Direction.OUTPUT else 3, direction=direction, carries=None
-    )
+    manager = SyncManager(index=2 if direction is Direction.OUTPUT else 3, direction=direction)
     return detect_fsoe(place_entries((pdo,)), manager)
 
 

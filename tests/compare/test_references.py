@@ -244,7 +244,7 @@ def test_two_sync_managers_for_outputs_are_one_finding():
 
     def move(sub: DescribedSubDevice) -> DescribedSubDevice:
         bare = pdos(2)(sub)
-        six = SyncManager(index=6, direction=Direction.OUTPUT, carries=None, pdos=(out_pdo(),))
+        six = SyncManager(index=6, direction=Direction.OUTPUT, pdos=(out_pdo(),))
         managers = (*bare.device.sync_managers, six)
         return replace(bare, device=replace(bare.device, sync_managers=managers))
 

@@ -190,7 +190,7 @@ HOSTILE = 'a */ int x; /* ??/ \\ " %s ü \n#error'
 @pytest.mark.parametrize("compiler", COMPILERS)
 def test_names_cannot_leave_their_place(compiler: str, tmp_path: Path):
     pdo = Pdo(index=0x1600, entries=(entry(0x7000, 1, 8, HOSTILE),), name=HOSTILE)
-    sm = SyncManager(index=2, direction=Direction.OUTPUT, carries=None, pdos=(pdo,))
+    sm = SyncManager(index=2, direction=Direction.OUTPUT, pdos=(pdo,))
     made = Device(path="", vendor_id=1, product_code=2, sync_managers=(sm,))
     sub = DescribedSubDevice(name=HOSTILE, order=HOSTILE, position=0, device=made)
     text = header(Description(format="t", path="", subdevices=(sub,)), igh=False)

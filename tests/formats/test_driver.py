@@ -190,12 +190,12 @@ def described(*managers: SyncManager, copies=()) -> Description:
 
 def output(index: int, *entries) -> SyncManager:
     pdo = Pdo(index=0x1600 + index, entries=entries)
-    return SyncManager(index=index, direction=Direction.OUTPUT, carries=None, pdos=(pdo,))
+    return SyncManager(index=index, direction=Direction.OUTPUT, pdos=(pdo,))
 
 
 def source(index: int, *entries) -> SyncManager:
     pdo = Pdo(index=0x1A00 + index, entries=entries)
-    return SyncManager(index=index, direction=Direction.INPUT, carries=None, pdos=(pdo,))
+    return SyncManager(index=index, direction=Direction.INPUT, pdos=(pdo,))
 
 
 def test_a_second_output_sync_manager_is_told():

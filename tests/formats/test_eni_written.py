@@ -63,7 +63,6 @@ def managers(draw: st.DrawFn, number: int, direction: Direction, base: int) -> S
     return SyncManager(
         index=number,
         direction=direction,
-        carries=None,
         pdos=pdos,
         start_byte=draw(st.integers(0, 0xFFFF)),
         watchdog=draw(st.sampled_from(Watchdog)),

@@ -116,7 +116,6 @@ def test_hal_pins_are_named_once():
     sm = SyncManager(
         index=2,
         direction=Direction.OUTPUT,
-        carries=None,
         pdos=(Pdo(index=0x1600, entries=rows),),
     )
     made = Device(path="", vendor_id=1, product_code=2, sync_managers=(sm,))

@@ -13,7 +13,7 @@ from fsoe_net.model.bus import Direction, SyncManager
 from fsoe_net.model.detect import detect_fsoe, guess_pdo, near_misses
 from fsoe_net.model.layout import place_entries
 
-SM3 = SyncManager(index=3, direction=Direction.INPUT, carries=None)
+SM3 = SyncManager(index=3, direction=Direction.INPUT)
 TABLE = rows()
 
 

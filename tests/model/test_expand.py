@@ -104,12 +104,9 @@ def device(*slots: tuple[int, int], distance: int = 0x1000) -> Device:
             SyncManager(
                 index=2,
                 direction=Direction.OUTPUT,
-                carries=None,
                 pdos=pdos(0x1600, 0x6000 + distance, 0),
             ),
-            SyncManager(
-                index=3, direction=Direction.INPUT, carries=None, pdos=pdos(0x1A00, 0x6000, 1)
-            ),
+            SyncManager(index=3, direction=Direction.INPUT, pdos=pdos(0x1A00, 0x6000, 1)),
         ),
     )
 

@@ -20,7 +20,7 @@ from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
 def _layout(*entries) -> SmLayout:
     pdos = (Pdo(index=0x1A00, entries=entries),)
-    sm = SyncManager(index=3, direction=Direction.INPUT, carries=None, pdos=pdos)
+    sm = SyncManager(index=3, direction=Direction.INPUT, pdos=pdos)
     device = Device(path="", vendor_id=2, product_code=1, sync_managers=(sm,))
     (made,) = device.layout.managers
     return made

@@ -23,7 +23,7 @@ def device(product: int, *lengths: tuple[int, int]) -> Device:
             Pdo(index=0x1600 + n, entries=words(base + 16 * n, 8 * (pair[column] - 5)))
             for n, pair in enumerate(lengths)
         )
-        managers.append(SyncManager(index=sm, direction=Direction(way), carries=None, pdos=pdos))
+        managers.append(SyncManager(index=sm, direction=Direction(way), pdos=pdos))
     return Device(path="", vendor_id=2, product_code=product, sync_managers=tuple(managers))
 
 

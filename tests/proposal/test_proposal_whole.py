@@ -37,7 +37,6 @@ def unusual(name: str, frame: str) -> DescribedSubDevice:
         SyncManager(
             index=index,
             direction=way,
-            carries=None,
             pdos=tuple(pdo(text, index=0x1A00 + n) for n, text in enumerate(texts)),
         )
         for index, way, texts in (

@@ -149,7 +149,6 @@ def _managers(
         manager = SyncManager(
             index=number,
             direction=direction,
-            carries=None,
             watchdog=_watchdog(row, direction),
             pdos=pdos,
             start_byte=_start(row, sii),

@@ -294,7 +294,6 @@ def _manager(
         span=sm.span,
         index=number,
         direction=direction,
-        carries=None,
         watchdog=watchdog,
         pdos=tuple(p for p in pdos if p.entries),
         start_byte=xml_number(sm.first("StartAddress"), out, high=0xFFFF),

@@ -289,7 +289,6 @@ class _DeviceReader:
                 SyncManager(
                     index=index,
                     direction=direction,
-                    carries=None,
                     declared=own is not None,
                     pdos=tuple(p.pdo for p in carried),
                     start_byte=own.start if own is not None else None,

@@ -171,7 +171,6 @@ def _described(
                 span=span,
                 index=int(match[1]),
                 direction=_DIRECTIONS[match[2]],
-                carries=None,
                 watchdog=_WATCHDOGS[match[6] or "DEFAULT"],
                 pdos=tuple(_pdo(m, s, entries, text) for m, s in rows),
             )

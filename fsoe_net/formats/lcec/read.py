@@ -261,7 +261,6 @@ class _Master:
             span=element.span,
             index=index,
             direction=direction,
-            carries=None,
             pdos=tuple(p for p in pdos if p is not None),
         )
 

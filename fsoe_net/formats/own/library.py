@@ -191,7 +191,6 @@ def _manager(node: MapNode, out: Collector) -> SyncManager:
         fields=node.places(),
         index=own_int(node, "sm", 15, out) or 0,
         direction=Direction(node.text("direction") or "output"),
-        carries=None,
         pdos=(unknown if front else ())
         + tuple(
             Pdo(

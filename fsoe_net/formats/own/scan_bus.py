@@ -68,7 +68,6 @@ def _manager(sm: ScannedSm) -> SyncManager:
         span=sm.span,
         index=sm.index,
         direction=Direction.OUTPUT if out else Direction.INPUT,
-        carries=None,
         pdos=tuple(_pdo(p) for p in sm.pdos or ()) if sm.is_process_data else (),
         start_byte=sm.start_byte,
     )

@@ -163,7 +163,6 @@ class PrintedManager:
             span=self.span,
             index=self.index,
             direction=self.direction,
-            carries=None,
             watchdog=self.watchdog,
             pdos=tuple(
                 Pdo(span=span, index=index, entries=tuple(entries))

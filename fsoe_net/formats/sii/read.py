@@ -380,7 +380,6 @@ def _manager(index: int, image: SiiImage, pdos: tuple[Pdo, ...], span: Span) -> 
     return SyncManager(
         index=index,
         direction=direction,
-        carries=None,
         declared=row is not None,
         pdos=pdos,
         start_byte=row.start if row is not None else None,

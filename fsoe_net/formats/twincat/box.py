@@ -216,7 +216,6 @@ class _BoxReader:
                     span=self._own.span,
                     index=index,
                     direction=direction,
-                    carries=None,
                     watchdog=Watchdog.ENABLE if control & _WATCHDOG_BIT else Watchdog.DISABLE,
                     pdos=tuple(carried),
                     start_byte=start or None,
