@@ -70,24 +70,20 @@ _XML_BEGIN = re.compile(rb"(\xef\xbb\xbf)?\s*<|\xff\xfe|\xfe\xff|\0<")
 
 @dataclass(frozen=True, slots=True)
 class Recognised:
-    """Type of a file.
-
-    Attributes:
-        format: Its format; ``None`` if no reader supports it.
-        words: Its description, with an article.
-        signature: The matching signature; ``None`` if only its root element is known.
-        root: Its XML root element.
-    """
+    """Type of a file: its format, ``None`` if no reader supports it, and the matching signature."""
 
     format: Format | None
-    words: str
-    signature: Signature | None = None
-    root: str = ""
+    signature: Signature
+
+    @property
+    def words(self) -> str:
+        """Its description, with an article."""
+        return self.signature.words
 
     @property
     def next_step(self) -> str:
         """The next step, if no reader supports it."""
-        return "" if self.signature is None else self.signature.next_step
+        return self.signature.next_step
 
     @property
     def kind(self) -> str:
@@ -96,21 +92,15 @@ class Recognised:
 
 
 @functools.cache
-def _signatures() -> tuple[tuple[Format | None, Signature], ...]:
-    known = [(f, s) for f in all_formats().values() for s in f.signatures]
-    return (*known, *((None, s) for s in UNSUPPORTED))
+def _table() -> tuple[Recognised, ...]:
+    """Return each way to recognise a file; rows that need a root and a text come first."""
+    rows = [Recognised(f, s) for f in all_formats().values() for s in f.signatures]
+    rows += [Recognised(None, s) for s in UNSUPPORTED]
+    return tuple(sorted(rows, key=lambda r: not (r.signature.root and r.signature.text)))
 
 
-@functools.cache
-def _roots() -> dict[str, list[tuple[Format | None, Signature]]]:
-    """Return the signatures by XML root, those that need a text too before the others."""
-    found: dict[str, list[tuple[Format | None, Signature]]] = {}
-    for row in _signatures():
-        if row[1].root:
-            found.setdefault(row[1].root, []).append(row)
-    for rows in found.values():
-        rows.sort(key=lambda row: not row[1].text)
-    return found
+def _of_root(root: str) -> list[Recognised]:
+    return [row for row in _table() if root and row.signature.root == root]
 
 
 def recognise(data: bytes) -> Recognised | None:
@@ -125,18 +115,19 @@ def recognise(data: bytes) -> Recognised | None:
 def beginning(data: bytes) -> Recognised | None:
     """Return what a file is whose first bytes show it."""
     head = data[:_BEGINNING_BYTES]
-    for owner, signature in _signatures():
-        if not signature.begins or not re.match(signature.begins, head):
+    for row in _table():
+        sign = row.signature
+        if not sign.begins or not re.match(sign.begins, head):
             continue
-        if not signature.confirm or function_of(signature.confirm)(data[:_HEAD_BYTES]):
-            return Recognised(owner, signature.words, signature)
+        if not sign.confirm or function_of(sign.confirm)(data[:_HEAD_BYTES]):
+            return row
     return None
 
 
 def words_of_root(root: str) -> str:
     """Return the type of XML with this root element; empty if unknown."""
-    rows = _roots().get(root)
-    return rows[-1][1].words if rows else ""
+    rows = _of_root(root)
+    return rows[-1].words if rows else ""
 
 
 def _xml(head: bytes) -> Recognised | None:
@@ -144,12 +135,13 @@ def _xml(head: bytes) -> Recognised | None:
     if not elements:
         return None
     root = elements[0][0]
-    for owner, signature in _roots().get(root, ()):
-        if not signature.text or re.search(signature.text, head):
-            return Recognised(owner, signature.words, signature, root)
+    for row in _of_root(root):
+        if re.search(row.signature.text, head):
+            return row
+    words = f"XML with the root <{root[:60]}>"
     if any(name == "Slave" and "PhysAddr" in given for name, given in elements):
-        return Recognised(None, f"<{root}>, {BUILDER_PROJECT}", root=root)
-    return Recognised(None, f"XML with the root <{root[:60]}>", root=root)
+        words = f"<{root}>, {BUILDER_PROJECT}"
+    return Recognised(None, Signature(words=words, root=root))
 
 
 class _Enough(Exception):
@@ -162,7 +154,7 @@ def _first_elements(head: bytes) -> list[tuple[str, dict[str, str]]]:
 
     def start(name: str, given: dict[str, str]) -> None:
         elements.append((name, given))
-        if elements[0][0] in _roots() or len(elements) >= _MOST_ELEMENTS:
+        if _of_root(elements[0][0]) or len(elements) >= _MOST_ELEMENTS:
             raise _Enough
 
     for encoding in (None, "iso-8859-1"):  # the second for text that is not what it claims
@@ -178,12 +170,12 @@ def _first_elements(head: bytes) -> list[tuple[str, dict[str, str]]]:
 def _text(head: bytes) -> Recognised | None:
     """Return the format whose mark comes first; in each format its first signature counts."""
     found: dict[str, tuple[int, Recognised]] = {}
-    for owner, signature in _signatures():
-        if owner is None or owner.kind in found or signature.root or not signature.text:
+    for row in _table():
+        sign = row.signature
+        if row.kind in found or not sign.text or sign.root:
             continue
-        match = re.search(signature.text, head, re.MULTILINE)
-        if match:
-            found[owner.kind] = (match.start(), Recognised(owner, signature.words, signature))
+        if match := re.search(sign.text, head, re.MULTILINE):
+            found[row.kind] = (match.start(), row)
     return min(found.values(), key=lambda row: row[0])[1] if found else None
 
 
@@ -206,7 +198,11 @@ def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Form
         except InputError as exc:
             out.diagnostics += exc.diagnostics
             return None
-    found = _probably(head, path) if head.strip() else Recognised(None, "an empty file")
+    found = (
+        _probably(head, path)
+        if head.strip()
+        else Recognised(None, Signature(words="an empty file"))
+    )
     if found is not None and found.format is not None:
         return found.format
     _refuse(found, path, out)
@@ -215,8 +211,12 @@ def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Form
 
 def _probably(head: bytes, path: str) -> Recognised | None:
     """Return the type of a file, by content and only then by suffix."""
-    guesses = (Recognised(f, f"probably {f.title}") for f in _guesses(head, path.lower()))
-    return recognise(head) or next(guesses, None)
+    if found := recognise(head):
+        return found
+    guess = next(_guesses(head, path.lower()), None)
+    if guess is None:
+        return None
+    return Recognised(guess, Signature(words=f"probably {guess.title}"))
 
 
 def _guesses(head: bytes, path: str) -> Iterator[Format]:

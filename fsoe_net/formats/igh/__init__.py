@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fsoe_net.formats.registry import Format, Signature, Target, Yields
 
-__all__ = ["CSTRUCT", "FORMAT"]
-
 CSTRUCT = Signature(
     words="the output of `ethercat cstruct`", text=rb"\b(?:ec|fsn)_(?:pdo_entry|sync)_info_t\b"
 )

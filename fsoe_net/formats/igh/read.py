@@ -44,7 +44,7 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
     if found is not None and found.signature is CSTRUCT:
         _one_master(text)
         return read_cstruct(text)
-    is_xml = found is not None and (found.kind == "esi" or found.root in _ROOTS)
+    is_xml = found is not None and (found.kind == "esi" or found.signature.root in _ROOTS)
     if is_xml or any("<EtherCATInfo" in line.text for line in text):
         return read_xml(data, shown, out)
     _one_master(text)

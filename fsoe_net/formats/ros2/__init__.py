@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fsoe_net.formats.registry import Format, Signature, Target, Yields
 
-__all__ = ["FORMAT"]
-
 _WRITE = "fsoe_net.formats.ros2.write:write_driver"
 
 FORMAT = Format(

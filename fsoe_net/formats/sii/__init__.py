@@ -5,8 +5,6 @@ from __future__ import annotations
 from fsoe_net.formats.registry import Format, Yields
 from fsoe_net.formats.sii.hex_text import HEX_TEXT
 
-__all__ = ["FORMAT"]
-
 FORMAT = Format(
     kind="sii",
     title="an SII image",

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from fsoe_net.formats.registry import Format, Signature, Yields
 
-__all__ = ["FORMAT"]
-
 FORMAT = Format(
     kind="twincat",
     title="a TwinCAT project",
