@@ -16,7 +16,7 @@ FORMAT = Format(
             name="eni",
             write="fsoe_net.formats.eni.write:write_eni_file",
             suffixes=(".eni.xml", ".eni"),
-            renew="fsoe_net.formats.eni.renew:renewed_eni",
+            renew="fsoe_net.formats.eni.write_copies:renewed_eni",
             needs_start=True,
         ),
     ),

@@ -13,8 +13,12 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostic
 from fsoe_net.diag.guesses import guesses
 from fsoe_net.diag.pause import without_collector
 from fsoe_net.diag.words import listed
-from fsoe_net.formats.own.buses import buses_from_yaml, check_subdevices, cycle_from_yaml
-from fsoe_net.formats.own.groups import groups_from_yaml
+from fsoe_net.formats.own.buses import (
+    buses_from_yaml,
+    check_subdevices,
+    cycle_from_yaml,
+    groups_from_yaml,
+)
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import (

@@ -1,4 +1,4 @@
-"""Scenario YAML: steps and expectations of a run, every one with its place."""
+"""Scenario YAML: steps, expectations and emulated drives, every one with its place."""
 
 from __future__ import annotations
 
@@ -7,13 +7,23 @@ import re
 from dataclasses import replace
 
 from fsoe_net.diag.diagnostic import Diagnostic, Related, Severity, Span, sort_diagnostics
-from fsoe_net.formats.own.scenario_drives import read_drives
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.numbers import Reader, own_int, read_float, read_int
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, load_yaml
+from fsoe_net.model.drives import DriveSetup
 from fsoe_net.model.scenario import Action, Expectation, LogicChoice, Scenario, ScenarioStep
 
+_MOST = 1e9
+_POSITIVE = frozenset(
+    {"counts_per_rev", "rated_torque_nm", "max_torque_nm", "inertia_kgm2", "max_rpm", "sls_rpm"}
+    | {"acceleration_rev_s2", "quick_stop_rev_s2"}
+)
+_FROM_ZERO = frozenset(
+    {"friction_nm", "damping_nms", "following_error_rev", "following_error_ms"}
+    | {"ss1_ms", "sls_delay_ms"}
+)
+_NUMBERS = (_POSITIVE | _FROM_ZERO | {"position_rev"}) - {"sls_rpm"}
 _WORD = 0xFFFFFFFF
 _HOUR_MS = 3_600_000
 _COUNTS = {
@@ -269,3 +279,74 @@ def _during(during: Node | None, out: Collector) -> tuple[int, int] | None:
         out.add("FSN113", during.span, "during_ms must rise", hint="write [first, last]")
         return None
     return round(first * 1e6), round(last * 1e6)
+
+
+def read_drives(node: Node | None, out: Collector) -> dict[str, DriveSetup]:
+    """Read the section ``drives`` of a scenario: axes by name.
+
+    Args:
+        node: Its value.
+        out: Takes FSN111 and FSN113.
+    """
+    if not isinstance(node, MapNode):
+        return {}  # the schema has spoken, here and below
+    return {
+        name: _setup(item, out) for name, item in node.pairs.items() if isinstance(item, MapNode)
+    }
+
+
+def _setup(node: MapNode, out: Collector) -> DriveSetup:
+    default = DriveSetup()
+    limits, switch = (_pair(node, key, out) for key in ("limits_rev", "home_switch_rev"))
+
+    def number(key: str) -> float:
+        value = _number(key, node.get(key), out)
+        return float(getattr(default, key)) if value is None else value
+
+    return DriveSetup(
+        span=node.span,
+        fields=node.places(),
+        **{key: number(key) for key in _NUMBERS},
+        limits_rev=limits or default.limits_rev,
+        home_switch_rev=switch or default.home_switch_rev,
+        sls_rpm=_speeds(node.get("sls_rpm"), out) or default.sls_rpm,
+        sto=node.text("sto"),
+        ss1=node.text("ss1"),
+        sls=node.texts("sls"),
+        sto_is_fault=node.truth("sto_is_fault"),
+    )
+
+
+def _number(key: str, item: Node | None, out: Collector) -> float | None:
+    value = read_float(item, out, what=key)
+    if value is None or item is None:
+        return None
+    if key in _POSITIVE:
+        good, wanted = 0 < value <= _MOST, "more than 0, at most 1e9"
+    elif key in _FROM_ZERO:
+        good, wanted = 0 <= value <= _MOST, "0 … 1e9"
+    else:
+        good, wanted = -_MOST <= value <= _MOST, "a number within ±1e9"
+    if good:
+        return value
+    out.add("FSN113", item.span, f"{key} cannot be {value:g}", hint=f"write {wanted}")
+    return None
+
+
+def _pair(node: MapNode, key: str, out: Collector) -> tuple[float, float] | None:
+    item = node.get(key)
+    if not isinstance(item, SeqNode) or len(item.items) != 2:
+        return None
+    values = [_number(key, part, out) for part in item.items]
+    if values[0] is None or values[1] is None:
+        return None
+    if values[0] >= values[1]:
+        out.add("FSN113", item.span, f"{key} must rise", hint="write [lower, upper]")
+        return None
+    return values[0], values[1]
+
+
+def _speeds(item: Node | None, out: Collector) -> tuple[float, ...]:
+    parts = item.items if isinstance(item, SeqNode) else ()
+    found = [_number("sls_rpm", part, out) for part in parts]
+    return tuple(value for value in found if value is not None)
