@@ -8,12 +8,11 @@ from dataclasses import fields
 from typing import Any
 
 from fsoe_net.core.module import compiled, fault_text, raise_status
-from fsoe_net.core.monitor import parameters_of
+from fsoe_net.core.monitor import direction_snapshot, parameters_of
 from fsoe_net.core.snapshot import (
     ConnectionSnapshot,
     CoreEvent,
     CycleImage,
-    DirectionSnapshot,
     Histogram,
     Snapshot,
     Statistics,
@@ -436,11 +435,6 @@ def _histogram(ffi: Any, lib: Any, h: Any) -> Histogram:
         max_ns=h.max_ns,
         buckets=tuple((int(lib.fsn_histogram_floor(n)), k) for n, k in enumerate(times) if k),
     )
-
-
-def direction_snapshot(d: Any) -> DirectionSnapshot:
-    """Return the values of a `struct fsn_direction`."""
-    return DirectionSnapshot(**{f.name: getattr(d, f.name) for f in fields(DirectionSnapshot)})
 
 
 def _connection(c: Any) -> ConnectionSnapshot:

@@ -6,8 +6,9 @@ from dataclasses import fields
 from typing import Any
 
 from fsoe_net.core.module import compiled
+from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.errors import PduSizeError
-from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict, DirectionCounts
+from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.parameters import FsoeParameters
 from fsoe_net.fsoe.pdu import frame_length
 
@@ -48,10 +49,9 @@ class Monitor:
         """What the main has sent in its last start-up."""
         return parameters_of(self._monitor.status.parameters)
 
-    def counts(self, direction: int) -> DirectionCounts:
+    def counts(self, direction: int) -> DirectionSnapshot:
         """Return the counters of a direction as they are now."""
-        d = self._monitor.status.direction[direction]
-        return DirectionCounts(**{f.name: getattr(d, f.name) for f in fields(DirectionCounts)})
+        return direction_snapshot(self._monitor.status.direction[direction])
 
     def sequence(self, direction: int) -> int:
         """Return the number of the next frame of a direction, 0 while it is not known."""
@@ -72,6 +72,11 @@ class Monitor:
             raise PduSizeError(f"{len(data)} bytes; frames here have {self._sizes[direction]}")
         verdict: int = self._lib.fsn_monitor_frame(self._monitor, direction, data, now_ns)
         return _VERDICTS[verdict]
+
+
+def direction_snapshot(d: Any) -> DirectionSnapshot:
+    """Return the values of a `struct fsn_direction`."""
+    return DirectionSnapshot(**{f.name: getattr(d, f.name) for f in fields(DirectionSnapshot)})
 
 
 def parameters_of(c: Any) -> FsoeParameters:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
-from fsoe_net.core.core import direction_snapshot
 from fsoe_net.core.module import compiled, raise_status
+from fsoe_net.core.monitor import direction_snapshot
 from fsoe_net.core.snapshot import DirectionSnapshot
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 

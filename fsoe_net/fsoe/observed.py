@@ -6,7 +6,6 @@ The members of each enum are in the order of the numbers of the C core, from 0.
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
 
 class CrcVerdict(enum.StrEnum):
@@ -20,33 +19,6 @@ class CrcVerdict(enum.StrEnum):
     """A CRC does not fit."""
     UNCHECKED = "unchecked"
     """The chain is not known yet, or frames were missed."""
-
-
-@dataclass(slots=True, kw_only=True)
-class DirectionCounts:
-    """One direction of a connection, observed.
-
-    Attributes:
-        frames: New frames: any byte differs from the one before.
-        right: Of these, frames whose CRCs fit the chain.
-        wrong: Of these, frames with a CRC that does not fit.
-        unchecked: Of these, frames seen while the chain was not known.
-        resets: Times a Reset began: Reset after another command.
-        command: First byte of the last frame.
-        connection_id: Last two bytes of the last frame.
-        reset_code: Code in the last Reset.
-        last_new_ns: Time of the last new frame.
-    """
-
-    frames: int = 0
-    right: int = 0
-    wrong: int = 0
-    unchecked: int = 0
-    resets: int = 0
-    command: int = 0
-    connection_id: int = 0
-    reset_code: int = 0
-    last_new_ns: int = 0
 
 
 class FrameDirection(enum.IntEnum):
