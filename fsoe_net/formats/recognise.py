@@ -179,6 +179,16 @@ def _text(head: bytes) -> Recognised | None:
     return min(found.values(), key=lambda row: row[0])[1] if found else None
 
 
+def head_of(path: str, out: Collector) -> bytes | None:
+    """Return the part of a file that shows its type, or ``None`` with FSN101."""
+    try:
+        with open_file(path) as stream:
+            return stream.read(_HEAD_BYTES)
+    except InputError as exc:
+        out.diagnostics += exc.diagnostics
+        return None
+
+
 def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Format | None:
     """Return the format of a file, by content and only then by suffix.
 
@@ -188,24 +198,16 @@ def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Form
             supported formats.
         name: Name shown when ``source`` is bytes.
     """
-    if isinstance(source, bytes):
-        head, path = source[:_HEAD_BYTES], name
-    else:
+    if not isinstance(source, bytes):
         path = os.fspath(source)
-        try:
-            with open_file(path) as stream:
-                head = stream.read(_HEAD_BYTES)
-        except InputError as exc:
-            out.diagnostics += exc.diagnostics
-            return None
-    found = (
-        _probably(head, path)
-        if head.strip()
-        else Recognised(None, Signature(words="an empty file"))
-    )
+        head = head_of(path, out)
+        return None if head is None else find_format(head, out, name=path)
+    found: Recognised | None = Recognised(None, Signature(words="an empty file"))
+    if source[:_HEAD_BYTES].strip():
+        found = _probably(source[:_HEAD_BYTES], name)
     if found is not None and found.format is not None:
         return found.format
-    _refuse(found, path, out)
+    _refuse(found, name, out)
     return None
 
 

@@ -8,13 +8,11 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import is_acceptance
-from fsoe_net.formats.recognise import recognise
-from fsoe_net.formats.shared.files import open_file
+from fsoe_net.formats.recognise import head_of, recognise
+from fsoe_net.formats.shared.files import Collector
 from fsoe_net.plan.codec import MAGIC
 
-_HEAD_BYTES = 65_536
 _MOST_FILES = 2000
 _PROTOCOL = re.compile(rb"^plan_sha256\s*:", re.MULTILINE)
 _NETWORK = re.compile(rb"^(nets|subdevices|buses)\s*:", re.MULTILINE)
@@ -110,9 +108,10 @@ def _is_folder(entry: os.DirEntry[str]) -> bool:
 
 def _known(path: str) -> tuple[CompanionKind, str] | None:
     try:
-        with open_file(path) as stream:
-            head = stream.read(_HEAD_BYTES)
-    except (InputError, OSError):
+        head = head_of(path, Collector())
+    except OSError:
+        head = None
+    if head is None:
         return None
     if head.startswith(MAGIC):
         return CompanionKind.OTHER, "a plan"

@@ -14,7 +14,7 @@ from fsoe_net.formats.own.network import load_network
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.own.scan import load_scan
 from fsoe_net.formats.own.scan_bus import describe_scan
-from fsoe_net.formats.recognise import find_format
+from fsoe_net.formats.recognise import find_format, head_of
 from fsoe_net.formats.registry import Format, Yields, all_formats, read_foreign
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.answers import Answers
@@ -25,7 +25,7 @@ from fsoe_net.model.scan import Scan
 
 _MOST_FILES = 2000
 _DEEPEST = 5
-_HEAD_BYTES = 4096
+_SCAN = re.compile(rb'\s*\{\s*"scan"\s*:')
 # An incomplete network is not an error here: this command completes it.
 _LACKING = {"FSN125", "FSN223"}
 # A driver stops there; the SubDevice is known nevertheless.
@@ -92,10 +92,11 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
     yaml_files: list[tuple[str, bool]] = []
     for path, in_folder in named:
         mine = Collector()
-        if _is_scan(path):
+        head = head_of(path, mine)
+        if head is not None and _SCAN.match(head):
             _keep(found, path, mine, in_folder, _scan(path, mine, found))
             continue
-        known = find_format(path, mine)
+        known = None if head is None else find_format(head, mine, name=path)
         if known is None:
             _keep(found, path, mine, in_folder, False)
         elif known.yields is Yields.NETWORK:
@@ -162,15 +163,6 @@ def _left_out(found: Gathered, path: str, error: Diagnostic) -> None:
         f"left out: {error.message}{place}",
         hint="name the file itself if it belongs to the bus",
     )
-
-
-def _is_scan(path: str) -> bool:
-    try:
-        with open(path, "rb") as stream:
-            head = stream.read(_HEAD_BYTES)
-    except (OSError, ValueError):
-        return False
-    return re.match(rb'\s*\{\s*"scan"\s*:', head) is not None
 
 
 def _scan(path: str, mine: Collector, found: Gathered) -> bool:
