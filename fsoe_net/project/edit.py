@@ -18,7 +18,7 @@ from fsoe_net.formats.shared.files import (
     replaced_files,
 )
 from fsoe_net.formats.shared.write_files import write_whole
-from fsoe_net.formats.shared.yaml_parts import Part, adopt, is_same, read_text
+from fsoe_net.formats.shared.yaml_parts import Part, ReadText, adopt, is_same
 from fsoe_net.formats.shared.yaml_tree import parse_yaml
 from fsoe_net.project.findings import Findings
 
@@ -103,7 +103,7 @@ class EditedText:
     def __init__(self, text: str, path: str) -> None:
         self._path = path
         try:
-            self._read = read_text(text)
+            self._read = ReadText(text)
         except ValueError as exc:
             raise InputError(f"{path} cannot be edited: {exc}") from exc
         self.before, self.document = text, self._read.root.value
@@ -139,12 +139,12 @@ class EditedText:
     def settle(self) -> None:
         """Count further changes from the text as it is now."""
         self.before = self.text
-        self._read = read_text(self.before)
+        self._read = ReadText(self.before)
         adopt(self._read.root, self.document)
 
 
 def _root(text: str) -> Part:
     try:
-        return read_text(text).root
+        return ReadText(text).root
     except ValueError:
         return Part("", 0, None, 0, 0)

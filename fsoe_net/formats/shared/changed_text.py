@@ -169,7 +169,6 @@ class _Changes:
 
     def __init__(self, read: ReadText) -> None:
         self._read = read
-        self._under_key: dict[type, int] = {dict: read.key_column, list: read.dash_column}
         self._line_end = "\r\n" if read.text[read.line_end(0) :].startswith("\r\n") else "\n"
         self._changes: list[tuple[int, int, str]] = []
         self._done: set[int] = set()
@@ -223,7 +222,7 @@ class _Changes:
             return
         if self._is_below(row):
             self._put(row.head, row.head, f" {words}")
-            self._put(read.starts[read.line_of(row.at)], read.line_behind(row.stop), "")
+            self._put(read.line_begin(row.at), read.line_behind(row.stop), "")
             return
         stop = self._stop_of(row)
         comment = _ALIGNED_COMMENT.match(read.text, stop)
@@ -249,13 +248,13 @@ class _Changes:
         if row.is_lines and isinstance(old.value, kind):
             column = old.column
         elif is_map or is_below:
-            column = holder.column + (self._under_key[kind] if is_map else 2)
+            column = holder.column + (self._read.under_key[kind] if is_map else 2)
         else:
-            column = read.column_of(row.at) + len(row.space)
-        lines = in_lines(value, column, self._under_key)
+            column = row.at - read.line_begin(row.at) + len(row.space)
+        lines = in_lines(value, column, self._read.under_key)
         behind = read.line_behind(row.stop)
         if is_below:
-            self._put_lines(read.starts[read.line_of(row.at)], behind, lines)
+            self._put_lines(read.line_begin(row.at), behind, lines)
         elif is_map:
             self._put(row.head, row.stop, "")
             self._put_lines(behind, behind, lines)
@@ -285,7 +284,7 @@ class _Changes:
         lines = [line for now in new for line in self._new_lines(part, now, row)]
         gone = [now.row for now in before if now.row is not None]
         top = gone[0] if gone else row
-        line_begin = read.starts[read.line_of(top.begin)]
+        line_begin = read.line_begin(top.begin)
         head = read.text[line_begin : top.begin]
         if not head.strip(" "):
             for each in gone:
@@ -308,7 +307,7 @@ class _Changes:
 
     def _begin_of_line(self, row: PartRow) -> int:
         """Return where the line begins that a row has for itself."""
-        begin = self._read.starts[self._read.line_of(row.begin)]
+        begin = self._read.line_begin(row.begin)
         if self._read.text[begin : row.begin].strip(" "):
             raise _OddLayoutError
         return begin
@@ -316,11 +315,11 @@ class _Changes:
     def _new_lines(self, part: Part, now: _Now, beside: PartRow) -> list[str]:
         """Return the lines of a new row; in a list, laid out like its neighbour."""
         if isinstance(part.value, dict):
-            return in_lines({now.key: now.value}, part.column, self._under_key)
+            return in_lines({now.key: now.value}, part.column, self._read.under_key)
         is_block = bool(beside.part.rows) and beside.part.is_block
         if beside.part.rows and not is_block and isinstance(now.value, dict | list | tuple):
             return [f"{' ' * part.column}- {in_brackets(now.value)}"]
-        return in_lines([now.value], part.column, self._under_key, has_short=not is_block)
+        return in_lines([now.value], part.column, self._read.under_key, has_short=not is_block)
 
     def _place_below(self, part: Part, row: PartRow) -> int:
         """Return the start of lines below a row: after comments that are indented more than it."""
@@ -336,10 +335,10 @@ class _Changes:
         Those at the begin of the text are about all of it.
         """
         read = self._read
-        place = read.starts[read.line_of(row.begin)]
+        place = read.line_begin(row.begin)
         top = place
-        while top and self._is_comment(read.starts[read.line_of(top - 1)], part.column):
-            top = read.starts[read.line_of(top - 1)]
+        while top and self._is_comment(read.line_begin(top - 1), part.column):
+            top = read.line_begin(top - 1)
         return top or place
 
     def _is_comment(self, begin: int, column: int) -> bool:
@@ -398,7 +397,7 @@ class _Changes:
         text = self._read.text
         found = _COMMA_BEHIND.match(text, row.stop)
         begin, stop = row.begin, found.end() if found else row.stop
-        line_begin = self._read.starts[self._read.line_of(begin)]
+        line_begin = self._read.line_begin(begin)
         line_end = self._read.line_end(stop)
         if stop == line_end and not text[line_begin:begin].strip():
             begin, stop = line_begin, self._read.line_behind(stop)

@@ -94,80 +94,52 @@ class PartRow:
         return " " if self.begin < self.head == self.at else ""
 
 
-@dataclass(frozen=True, slots=True)
-class ReadText:
+class ReadText(EventReader):
     """A text that was read.
 
     Attributes:
         text: Itself; its last line has an end.
         root: All of it.
-        dash_column: Of the first list in lines, counted from the key that it stands under.
-        key_column: Of the first map in lines under a key, in the same way.
         starts: Where its lines begin.
+        under_key: Columns that the first `dict` and the first `list` in lines are indented below
+            their key.
+
+    Raises:
+        ValueError: It is not valid YAML, is more than one document, or has a key that is not a
+            scalar or is duplicate.
     """
 
-    text: str
-    root: Part
-    dash_column: int
-    key_column: int
-    starts: list[int]
+    def __init__(self, text: str) -> None:
+        super().__init__("", Collector())
+        lines = text.splitlines(keepends=True)
+        if lines and not lines[-1].endswith("\n"):
+            text += "\r\n" if lines[0].endswith("\r\n") else "\n"
+        self.text = text
+        self.starts = [0, *accumulate(len(line) for line in lines[:-1])]
+        self._columns: dict[type, int] = {}
+        try:
+            self.root: Part = self.build(text) or Part("", 0, None, 0, 0)
+        except yaml.YAMLError as exc:
+            raise ValueError(str(exc)) from exc
+        self.under_key = {dict: 2, list: 2} | self._columns
 
     def line_of(self, at: int) -> int:
         """Return the line that a place is in, from 0."""
         return bisect_right(self.starts, at) - 1
 
-    def column_of(self, at: int) -> int:
-        """Return the column of a place, from 0."""
-        return at - self.starts[self.line_of(at)]
+    def line_begin(self, at: int) -> int:
+        """Return the start of the line of a place."""
+        return self.starts[self.line_of(at)]
 
     def line_end(self, at: int) -> int:
         """Return where the line of a place ends, before its line end."""
-        begin, stop = self.starts[self.line_of(at)], self.line_behind(at)
+        begin, stop = self.line_begin(at), self.line_behind(at)
         return begin + len(self.text[begin:stop].rstrip("\r\n"))
 
     def line_behind(self, at: int) -> int:
         """Return the start of the line after that of a place."""
         line = self.line_of(at) + 1
         return self.starts[line] if line < len(self.starts) else len(self.text)
-
-
-def read_text(text: str) -> ReadText:
-    """Read a text.
-
-    Args:
-        text: The text.
-
-    Raises:
-        ValueError: It is not valid YAML, is more than one document, or has a key that is not a
-            scalar or is duplicate.
-    """
-    lines = text.splitlines(keepends=True)
-    if lines and not lines[-1].endswith("\n"):
-        text += "\r\n" if lines[0].endswith("\r\n") else "\n"
-    reader = _PartReader(text, [0, *accumulate(len(line) for line in lines[:-1])])
-    try:
-        return reader.read()
-    except yaml.YAMLError as exc:
-        raise ValueError(str(exc)) from exc
-
-
-class _PartReader(EventReader):
-    """Makes parts, with the text of each in the whole text."""
-
-    def __init__(self, text: str, starts: list[int]) -> None:
-        super().__init__("", Collector())
-        self._text = text
-        self._starts = starts
-        self._columns: dict[type, int] = {}
-
-    def read(self) -> ReadText:
-        return ReadText(
-            self._text,
-            self.build(self._text) or Part("", 0, None, 0, 0),
-            dash_column=self._columns.get(list, 2),
-            key_column=self._columns.get(EditedMap, 2),
-            starts=self._starts,
-        )
 
     def _refuse(self, code: str, span: Span, message: str, hint: str) -> NoReturn:
         raise ValueError(f"line {span.line}: {message}")
@@ -176,12 +148,12 @@ class _PartReader(EventReader):
         begin, stop = event.start_mark.index, event.end_mark.index
         if event.style in ("|", ">"):
             # It ends at the start of the next line: blank lines count where "+" keeps them.
-            lines = self._text[begin:stop]
+            lines = self.text[begin:stop]
             is_kept = "+" in lines.partition("\n")[0].partition("#")[0]
             lines = lines.removesuffix("\n").removesuffix("\r") if is_kept else lines.rstrip()
             stop = begin + len(lines)
         if event.anchor is not None or event.tag is not None:
-            found = _ANCHOR_OR_TAG.match(self._text, begin, stop)
+            found = _ANCHOR_OR_TAG.match(self.text, begin, stop)
             begin = found.end() if found else begin
         is_plain = not event.style and not event.tag
         value = plain_value(event.value) if is_plain else event.value
@@ -195,16 +167,16 @@ class _PartReader(EventReader):
         begin, stop = event.start_mark.index, event.end_mark.index
         if event.anchor is not None or event.tag is not None:
             # It ends after a bracket or a dash below its key, else before a dash or key.
-            is_behind = event.flow_style or (not is_map and self._text[stop : stop + 1] != "-")
+            is_behind = event.flow_style or (not is_map and self.text[stop : stop + 1] != "-")
             begin = stop - bool(is_behind)
-        column = begin - self._starts[bisect_right(self._starts, begin) - 1]
+        column = begin - self.line_begin(begin)
         is_block = not event.flow_style
         part = Part("", self._place_of(event), value, begin, stop, column, is_block)
         if is_map:
             value.place = part.span.line, part.span.column
         top = self._top
         if is_block and top is not None and top.key_place:
-            self._columns.setdefault(type(value), column - top.node.column)
+            self._columns.setdefault(dict if is_map else list, column - top.node.column)
         return part
 
     def _attach(self, part: Part, event: Any) -> None:
@@ -237,20 +209,17 @@ class _PartReader(EventReader):
             top.key_place = None
 
     def _head(self, begin: int, at: int) -> int:
-        found = _HEAD.match(self._text, begin, at)
+        found = _HEAD.match(self.text, begin, at)
         return found.end() if found else begin
 
     def _dash(self, top: Part, line: int) -> int:
         """Return the position of the dash of an item, on its line or a line above it."""
         while line:
-            at = self._starts[line] + top.column
-            if self._text.startswith("-", at) and not self._is_comment(line):
+            at = self.starts[line] + top.column
+            if self.text.startswith("-", at) and not _COMMENT.match(self.text, self.starts[line]):
                 break
             line -= 1
-        return self._starts[line] + top.column
-
-    def _is_comment(self, line: int) -> bool:
-        return _COMMENT.match(self._text, self._starts[line]) is not None
+        return self.starts[line] + top.column
 
 
 def plain_value(text: str) -> Any:
