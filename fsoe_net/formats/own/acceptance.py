@@ -14,7 +14,7 @@ from fsoe_net.formats.own.safety_functions import safety_functions_from_yaml
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
 from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES, MAX_RECORD_BYTES
-from fsoe_net.formats.shared.numbers import own_int
+from fsoe_net.formats.shared.numbers import own_int, record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, parse_yaml
 from fsoe_net.model.acceptance import (
     Acceptance,
@@ -87,28 +87,24 @@ def _record(root: MapNode, out: Collector) -> Acceptance:
     replaced = root.get("replaces")
     sections = _map(root, "sections")
     test_record = _map(root, "test_record")
-    return Acceptance(
-        span=root.span,
-        fields=root.places(),
-        network=_text(root, "network"),
-        project=_text(root, "project"),
-        made_with=_text(root, "made_with"),
+    return record_of(
+        Acceptance,
+        root,
+        out,
+        {"open_points": _MANY, "assumptions": _MANY},
         whole=_hash(root, "fingerprint", out),
         sections={name: _hash(sections, name, out) for name in sections.pairs},
         plan=_plan(root, out),
         safety_functions=safety_functions_from_yaml(root, out),
         inputs=tuple(_file(n, out) for n in root.maps("inputs")),
         reports=tuple(_file(n, out) for n in root.maps("reports")),
-        open_points=_count(root, "open_points", out),
-        assumptions=_count(root, "assumptions", out),
         test_record=_file(test_record, out),
-        steps=_count(test_record, "steps", out),
+        steps=own_int(test_record, "steps", _MANY, out) or 0,
         author=_person(_map(root, "author"), out),
         verifier=_person(_map(root, "verifier"), out),
         findings=tuple(_finding(n, out) for n in root.maps("justified_findings")),
         steps_left_out=tuple(_step(n, out) for n in root.maps("steps_left_out")),
         equipment=root.texts("equipment") or (),
-        environment=_text(root, "environment"),
         attachments=tuple(_file(n, out) for n in root.maps("attachments")),
         interventions=tuple(_intervention(n, out) for n in root.maps("interventions")),
         replaces=_replaced(replaced, out) if isinstance(replaced, MapNode) else None,
@@ -128,10 +124,6 @@ def _stated(node: MapNode, key: str, out: Collector) -> str:
 
 def _map(node: MapNode, key: str) -> MapNode:
     return cast(MapNode, node.pairs[key])  # the schema has seen to it
-
-
-def _count(node: MapNode, key: str, out: Collector) -> int:
-    return own_int(node, key, _MANY, out) or 0
 
 
 def _hash(node: MapNode, key: str, out: Collector) -> str:
@@ -163,54 +155,29 @@ def _date(node: MapNode, out: Collector) -> str:
 
 
 def _person(node: MapNode, out: Collector) -> SignedBy:
-    return SignedBy(
-        span=node.span,
-        fields=node.places(),
-        name=_stated(node, "name", out),
-        date=_date(node, out),
-        competence=_text(node, "competence"),
-    )
+    return record_of(SignedBy, node, out, name=_stated(node, "name", out), date=_date(node, out))
 
 
 def _finding(node: MapNode, out: Collector) -> JustifiedFinding:
-    return JustifiedFinding(
-        span=node.span,
-        fields=node.places(),
-        code=_text(node, "code"),
-        place=_text(node, "place"),
-        message=_text(node, "message"),
-        reason=_stated(node, "reason", out),
-        by=_stated(node, "by", out),
-    )
+    return record_of(JustifiedFinding, node, out, **_reason(node, out))
 
 
 def _step(node: MapNode, out: Collector) -> JustifiedStep:
-    return JustifiedStep(
-        span=node.span,
-        fields=node.places(),
-        step=_text(node, "step"),
-        reason=_stated(node, "reason", out),
-        by=_stated(node, "by", out),
-    )
+    return record_of(JustifiedStep, node, out, **_reason(node, out))
+
+
+def _reason(node: MapNode, out: Collector) -> dict[str, str]:
+    return {key: _stated(node, key, out) for key in ("reason", "by")}
 
 
 def _intervention(node: MapNode, out: Collector) -> Intervention:
-    return Intervention(
-        span=node.span,
-        fields=node.places(),
-        what=_stated(node, "what", out),
-        by=_stated(node, "by", out),
-        date=_date(node, out),
-    )
+    stated = {key: _stated(node, key, out) for key in ("what", "by")}
+    return record_of(Intervention, node, out, **stated, date=_date(node, out))
 
 
 def _replaced(node: MapNode, out: Collector) -> Replaced:
-    return Replaced(
-        span=node.span,
-        fields=node.places(),
-        source=_file(node, out),
-        whole=_hash(node, "fingerprint", out),
-    )
+    whole = _hash(node, "fingerprint", out)
+    return record_of(Replaced, node, out, source=_file(node, out), whole=whole)
 
 
 def _plan(root: MapNode, out: Collector) -> bytes:

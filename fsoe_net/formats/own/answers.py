@@ -6,7 +6,7 @@ import os
 
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.numbers import own_int
+from fsoe_net.formats.shared.numbers import own_int, record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, SeqNode, parse_yaml
 from fsoe_net.model.answers import AnsweredDevice, AnsweredWord, Answers
 from fsoe_net.model.network import ConnectionFacts
@@ -40,10 +40,10 @@ def parse_answers(data: bytes, file: str, out: Collector) -> Answers | None:
     if len(out.diagnostics) > before:
         return None
     main = root.get("main")
-    return Answers(
-        span=root.span,
-        fields=root.places(),
-        name=root.text("name") or "",
+    return record_of(
+        Answers,
+        root,
+        out,
         cycle_us=own_int(root, "cycle_us", 4_000_000, out, low=1),
         subdevices=tuple(_device(n, out) for n in root.maps("subdevices")),
         main=None if main is None else tuple(_words(main)),
@@ -54,29 +54,20 @@ def parse_answers(data: bytes, file: str, out: Collector) -> Answers | None:
 
 
 def _device(node: MapNode, out: Collector) -> AnsweredDevice:
-    return AnsweredDevice(
-        span=node.span,
-        fields=node.places(),
+    return record_of(
+        AnsweredDevice,
+        node,
+        out,
+        {"position": _U16, "revision": _U32},
         type=(node.text("type") or "").strip(),
         name=(node.text("name") or "").strip(),
         count=own_int(node, "count", _MOST, out, low=1) or 1,
-        position=own_int(node, "position", _U16, out),
-        revision=own_int(node, "revision", _U32, out),
     )
 
 
 def _connection(node: MapNode, out: Collector) -> ConnectionFacts:
-    return ConnectionFacts(
-        span=node.span,
-        fields=node.places(),
-        sub=node.text("sub") or "",
-        main=node.text("main") or "",
-        slot=own_int(node, "slot", 255, out),
-        sub_slot=own_int(node, "sub_slot", 255, out),
-        address=own_int(node, "address", _U16, out),
-        connection_id=own_int(node, "connection_id", _U16, out),
-        watchdog_ms=own_int(node, "watchdog_ms", _U16, out),
-    )
+    highs = {"address": _U16, "connection_id": _U16, "watchdog_ms": _U16}
+    return record_of(ConnectionFacts, node, out, {"slot": 255, "sub_slot": 255} | highs)
 
 
 def _words(node: Node) -> list[AnsweredWord]:

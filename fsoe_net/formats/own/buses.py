@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.formats.own.schema import MOST_UNKNOWN, nearest_keys
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.numbers import read_float
+from fsoe_net.formats.shared.numbers import read_float, record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode
 from fsoe_net.model.network import Bus, Group
 
@@ -82,13 +82,7 @@ def buses_from_yaml(root: MapNode, out: Collector) -> list[BusRows]:
             )
     return [
         BusRows(
-            bus=Bus(
-                span=node.span,
-                fields=node.places(),
-                name=node.text("name") or "",
-                interface=node.text("interface") or "",
-                cycle_ns=cycle_from_yaml(node, out),
-            ),
+            bus=record_of(Bus, node, out, cycle_ns=cycle_from_yaml(node, out)),
             subdevices=tuple(node.maps("subdevices")),
         )
         for node in root.maps("buses")
@@ -110,18 +104,17 @@ def groups_from_yaml(root: MapNode, out: Collector) -> tuple[Group, ...]:
             hint="leave groups out, or write a network file for the bus that has them",
         )
         return ()
-    return tuple(map(_group, root.maps("groups")))
+    return tuple(_group(node, out) for node in root.maps("groups"))
 
 
-def _group(node: MapNode) -> Group:
+def _group(node: MapNode, out: Collector) -> Group:
     names = node.get("subdevices")
     items = names.items if isinstance(names, SeqNode) else ()
     members = [item for item in items if isinstance(item, ScalarNode)]
-    return Group(
-        span=node.span,
-        fields=node.places(),
-        name=node.text("name") or "",
-        place=node.text("place") or "",
+    return record_of(
+        Group,
+        node,
+        out,
         subdevices=tuple(item.text for item in members),
         places=tuple(item.span for item in members),
     )

@@ -12,7 +12,7 @@ from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.numbers import own_int, read_float
+from fsoe_net.formats.shared.numbers import own_int, read_float, record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, ScalarNode, SeqNode, parse_yaml
 from fsoe_net.model.bus import Direction, Entry, Pdo, SyncManager
 from fsoe_net.model.library import (
@@ -127,13 +127,7 @@ def _damaged(out: Collector) -> bool:
 
 def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
     identities = tuple(
-        LibraryIdentity(
-            span=row.span,
-            fields=row.places(),
-            order=row.text("order") or "",
-            vendor_id=own_int(row, "vendor_id", _U32, out) or 0,
-            product_code=own_int(row, "product_code", _U32, out) or 0,
-        )
+        record_of(LibraryIdentity, row, out, {"vendor_id": _U32, "product_code": _U32})
         for row in root.maps("identities")
     )
     if not identities:
@@ -141,12 +135,10 @@ def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
         return None
     sources = root.get("sources")
     pairs = sources.pairs if isinstance(sources, MapNode) else {}
-    return LibraryDevice(
-        span=root.span,
-        fields=root.places(),
-        name=root.text("name") or "",
-        about=root.text("about") or "",
-        role=root.text("role") or "",
+    return record_of(
+        LibraryDevice,
+        root,
+        out,
         identities=identities,
         sources={k: n.text.strip() for k, n in pairs.items() if isinstance(n, ScalarNode)},
         mappings=tuple(_mapping(row, out) for row in root.maps("mappings")),
@@ -156,28 +148,24 @@ def _device(root: MapNode, out: Collector) -> LibraryDevice | None:
 
 
 def _mapping(node: MapNode, out: Collector) -> LibraryMapping:
-    return LibraryMapping(
-        span=node.span,
-        fields=node.places(),
-        name=node.text("name") or "",
-        role=node.text("role") or "",
-        source=node.text("source") or "",
+    return record_of(
+        LibraryMapping,
+        node,
+        out,
+        {"revision_from": _U32, "revision_to": _U32, "module_ident": _U32},
         sync_managers=tuple(_manager(row, out) for row in node.maps("sync_managers")),
         frames=tuple(
-            LibraryFrame(
-                span=row.span,
-                fields=row.places(),
+            record_of(
+                LibraryFrame,
+                row,
+                out,
+                {"frame_bytes": _U8, "safe_bytes": _U8},
                 sm_index=own_int(row, "sm", 15, out) or 0,
                 byte_offset=own_int(row, "byte", _U16, out) or 0,
-                frame_bytes=own_int(row, "frame_bytes", _U8, out) or 0,
-                safe_bytes=own_int(row, "safe_bytes", _U8, out) or 0,
             )
             for row in node.maps("frames")
         ),
         restart_relevant=_addresses(node, out),
-        revision_from=own_int(node, "revision_from", _U32, out),
-        revision_to=own_int(node, "revision_to", _U32, out),
-        module_ident=own_int(node, "module_ident", _U32, out),
         notes=_notes(node),
     )
 
@@ -244,13 +232,8 @@ def _figure(node: MapNode, out: Collector) -> LibraryFigure:
             "a figure of the library is never verified here",
             hint="write unverified: true",
         )
-    return LibraryFigure(
-        span=node.span,
-        fields=node.places(),
-        name=node.text("name") or "",
-        value=read_float(node.get("value"), out, what="value") or 0.0,
-        source=node.text("source") or "",
-    )
+    value = read_float(node.get("value"), out, what="value") or 0.0
+    return record_of(LibraryFigure, node, out, value=value)
 
 
 def _notes(node: MapNode) -> tuple[str, ...]:

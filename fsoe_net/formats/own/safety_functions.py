@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from fsoe_net.formats.shared.files import Collector
-from fsoe_net.formats.shared.numbers import own_int, read_float
+from fsoe_net.formats.shared.numbers import own_int, read_float, record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node
 from fsoe_net.fsoe.pdu import SAFE_SIZES
 from fsoe_net.model.safety import ElementKind, SafeBit, SafetyElement, SafetyFunction
@@ -40,14 +40,10 @@ def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
     reaction_ms = _positive(node, "required_reaction_ms", _MOST_MS, "ms", out)
     if name is None:
         return None
-    return SafetyFunction(
-        span=node.span,
-        fields=node.places(),
-        name=name,
-        trigger=node.text("trigger") or "",
-        reaction=node.text("reaction") or "",
-        reset=node.text("reset") or "",
-        modes=node.text("modes") or "",
+    return record_of(
+        SafetyFunction,
+        node,
+        out,
         elements=elements,
         required_reaction_ms=reaction_ms or None,
         pl=level,
@@ -81,21 +77,18 @@ def _element(node: MapNode, out: Collector) -> SafetyElement | None:
     sub = node.text("sub") or ""
     if kind is None:
         return None  # reported by the schema
-    return SafetyElement(
-        span=node.span,
-        fields=node.places(),
+    return record_of(
+        SafetyElement,
+        node,
+        out,
         kind=kind,
-        sub=sub,
         name=node.text("name") or sub or kind.value,
         time_ms=time_ms,
         pfh_per_hour=pfh,
-        zero_because=node.text("zero_because") or "",
         pl=level,
         sil=sil,
         category=_category(node, out),
         mission_years=years or None,
-        source=node.text("source") or "",
-        manual=node.text("manual") or "",
         bits=_bits(node, out),
     )
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 import re
-from typing import NoReturn, TypeVar
+from dataclasses import fields, replace
+from typing import Any, NoReturn, TypeVar
 
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
 from fsoe_net.diag.printable import printable
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector, read_bytes
-from fsoe_net.formats.shared.numbers import Reader, own_int, read_int
+from fsoe_net.formats.shared.numbers import Reader, own_int, read_int, record_of
 from fsoe_net.formats.shared.ring import fits_on_bus
 from fsoe_net.formats.shared.yaml_tree import MapNode, SeqNode, parse_yaml
 from fsoe_net.model.scan import (
@@ -28,6 +29,7 @@ from fsoe_net.model.scan import (
 _U8, _U16, _U32 = 0xFF, 0xFFFF, 0xFFFFFFFF
 _MAX_DEPTH = 64
 _T = TypeVar("_T")
+_Row = TypeVar("_Row", Scan, ScannedSubDevice, ScannedSm, ScannedPdo)
 _ESCAPE = re.compile(r"\\(?:u([dD][89abAB]\w\w)\\u([dD][c-fC-F]\w\w)|u([dD][89a-fA-F]\w\w)|.)")
 _BREAKS = re.compile("[\x7f-\x9f\u2028\u2029\ufeff\ufffe\uffff]")
 _AGAIN = "scan the bus again: fsoe-net scan --interface IF -o DIR"
@@ -116,15 +118,18 @@ def _character(match: re.Match[str]) -> str:
 
 
 def _scan(root: MapNode, out: Collector) -> Scan:
-    return Scan(
-        span=root.span,
-        fields=root.places(),
-        interface=_text(root, "interface"),
-        backend=_text(root, "backend"),
-        utc=_text(root, "utc"),
-        states_changed=root.truth("states_changed"),
-        subdevices=tuple(_subdevice(node, out) for node in root.maps("subdevices")),
-    )
+    subdevices = tuple(_subdevice(node, out) for node in root.maps("subdevices"))
+    changed = root.truth("states_changed")
+    return _printable(record_of(Scan, root, out, states_changed=changed, subdevices=subdevices))
+
+
+def _printable(row: _Row) -> _Row:
+    """Return a record whose texts, which come from devices, can be printed."""
+    texts: dict[str, str] = {f.name: getattr(row, f.name) for f in fields(row) if f.type == "str"}
+    odd: dict[str, Any] = {
+        key: printable(text) for key, text in texts.items() if not text.isprintable()
+    }
+    return replace(row, **odd) if odd else row
 
 
 def _check_positions(scan: Scan, out: Collector) -> None:
@@ -145,73 +150,48 @@ def _check_positions(scan: Scan, out: Collector) -> None:
 
 def _subdevice(node: MapNode, out: Collector) -> ScannedSubDevice:
     fsoe = node.get("fsoe")
-    return ScannedSubDevice(
-        span=node.span,
-        fields=node.places(),
-        position=own_int(node, "position", _U16, out) or 0,
-        alias=own_int(node, "alias", _U16, out) or 0,
-        vendor_id=own_int(node, "vendor_id", _U32, out),
-        product_code=own_int(node, "product_code", _U32, out),
-        revision=own_int(node, "revision", _U32, out),
-        serial=own_int(node, "serial", _U32, out),
-        name=_text(node, "name"),
-        al_status=own_int(node, "al_status", _U16, out),
-        al=_text(node, "al"),
-        al_code=own_int(node, "al_code", _U16, out),
-        al_code_text=_text(node, "al_code_text"),
+    numbers = {"position": _U16, "alias": _U16, "al_status": _U16, "al_code": _U16}
+    words = dict.fromkeys(("vendor_id", "product_code", "revision", "serial"), _U32)
+    row = record_of(
+        ScannedSubDevice,
+        node,
+        out,
+        numbers | words,
         mailbox=tuple(map(printable, node.texts("mailbox") or ())),
         dc=_truth(node, "dc"),
         ports=tuple(_port(p, out) for p in node.maps("ports")),
         sms=_list(node, "sms", tuple(_sm(s, out) for s in node.maps("sms"))),
         fsoe=_fsoe(fsoe, out) if isinstance(fsoe, MapNode) else None,
-        planned=_text(node, "planned") or None,
+        planned=printable(node.text("planned") or "") or None,
         problems=tuple(map(printable, node.texts("problems") or ())),
     )
+    return _printable(row)
 
 
 def _port(node: MapNode, out: Collector) -> ScannedPort:
-    return ScannedPort(
-        span=node.span,
-        fields=node.places(),
-        port=own_int(node, "port", 3, out) or 0,
-        link=_truth(node, "link"),
-        link_lost=own_int(node, "link_lost", _U32, out) or 0,
-        rx_errors=own_int(node, "rx_errors", _U32, out) or 0,
-    )
+    highs = {"port": 3, "link_lost": _U32, "rx_errors": _U32}
+    return record_of(ScannedPort, node, out, highs, link=_truth(node, "link"))
 
 
 def _sm(node: MapNode, out: Collector) -> ScannedSm:
-    return ScannedSm(
-        span=node.span,
-        fields=node.places(),
+    row = record_of(
+        ScannedSm,
+        node,
+        out,
         index=own_int(node, "sm", _U8, out) or 0,
-        kind=_text(node, "kind"),
         start_byte=own_int(node, "start", _U16, out),
         size_bytes=own_int(node, "bytes", _U16, out),
-        source=_text(node, "source"),
         complete=_truth(node, "complete") is not False,
         pdos=_list(node, "pdos", tuple(_pdo(p, out) for p in node.maps("pdos"))),
     )
+    return _printable(row)
 
 
 def _pdo(node: MapNode, out: Collector) -> ScannedPdo:
-    entries = tuple(
-        ScannedEntry(
-            span=item.span,
-            fields=item.places(),
-            index=own_int(item, "index", _U16, out) or 0,
-            subindex=own_int(item, "subindex", _U8, out) or 0,
-            bits=own_int(item, "bits", _U16, out) or 0,
-        )
-        for item in node.maps("entries")
-    )
-    return ScannedPdo(
-        span=node.span,
-        fields=node.places(),
-        index=own_int(node, "index", _U16, out) or 0,
-        name=_text(node, "name"),
-        entries=_list(node, "entries", entries),
-    )
+    highs = {"index": _U16, "subindex": _U8, "bits": _U16}
+    rows = tuple(record_of(ScannedEntry, item, out, highs) for item in node.maps("entries"))
+    entries = _list(node, "entries", rows)
+    return _printable(record_of(ScannedPdo, node, out, {"index": _U16}, entries=entries))
 
 
 def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:
@@ -222,9 +202,10 @@ def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:
         for i in (items.items if isinstance(items, SeqNode) else ())
     ]
     addresses = dict.fromkeys(a for a in (address, *reported) if a is not None)
-    return ScannedFsoe(
-        span=node.span,
-        fields=node.places(),
+    return record_of(
+        ScannedFsoe,
+        node,
+        out,
         address=address,
         addresses=tuple(addresses),
         connections=_connections(node, "connections", out),
@@ -233,15 +214,10 @@ def _fsoe(node: MapNode, out: Collector) -> ScannedFsoe:
 
 
 def _connections(node: MapNode, key: str, out: Collector) -> tuple[ScannedConnection, ...]:
+    highs = dict.fromkeys(("address", "connection_id", "watchdog_ms", "state"), _U16)
     return tuple(
-        ScannedConnection(
-            span=row.span,
-            fields=row.places(),
-            object_index=own_int(row, "object", _U16, out) or 0,
-            address=own_int(row, "address", _U16, out),
-            connection_id=own_int(row, "connection_id", _U16, out),
-            watchdog_ms=own_int(row, "watchdog_ms", _U16, out),
-            state=own_int(row, "state", _U16, out),
+        record_of(
+            ScannedConnection, row, out, highs, object_index=own_int(row, "object", _U16, out) or 0
         )
         for row in node.maps(key)
     )
@@ -254,7 +230,3 @@ def _list(node: MapNode, key: str, rows: tuple[_T, ...]) -> tuple[_T, ...] | Non
 
 def _truth(node: MapNode, key: str) -> bool | None:
     return node.truth(key) if key in node.pairs else None
-
-
-def _text(node: MapNode, key: str) -> str:
-    return printable(node.text(key) or "")

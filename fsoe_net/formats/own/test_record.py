@@ -9,6 +9,7 @@ from datetime import date
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.own.schema import check_structure
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.formats.shared.numbers import record_of
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, load_yaml
 from fsoe_net.model.test_record import (
     AtMachine,
@@ -117,29 +118,19 @@ def load_test_record(path: str | os.PathLike[str], out: Collector) -> TestRecord
     check_date("made", made, root.at("made"), out)
     if any(d.level is Severity.ERROR for d in out.diagnostics[before:]):
         return None
-    return TestRecord(
-        span=root.span,
-        fields=root.places(),
-        network=_text(root, "network"),
-        project=_text(root, "project"),
-        plan_sha256=_text(root, "plan_sha256"),
-        fingerprint=_text(root, "fingerprint"),
-        made=made,
-        devices=tuple(_device(node) for node in root.maps("devices")),
+    return record_of(
+        TestRecord,
+        root,
+        out,
+        devices=tuple(_device(node, out) for node in root.maps("devices")),
         steps=steps,
     )
 
 
-def _device(node: MapNode) -> DeviceEntry:
+def _device(node: MapNode, out: Collector) -> DeviceEntry:
     has_project = "safety_project_crc" in node.pairs
-    return DeviceEntry(
-        span=node.span,
-        fields=node.places(),
-        subdevice=_text(node, "subdevice"),
-        firmware=_text(node, "firmware"),
-        serial=_text(node, "serial"),
-        safety_project_crc=_text(node, "safety_project_crc") if has_project else None,
-    )
+    crc = _text(node, "safety_project_crc") if has_project else None
+    return record_of(DeviceEntry, node, out, safety_project_crc=crc)
 
 
 def _text(node: MapNode, key: str) -> str:
@@ -148,16 +139,14 @@ def _text(node: MapNode, key: str) -> str:
 
 def _step(node: MapNode, out: Collector) -> TestStep:
     machine = node.get("machine")
-    return TestStep(
-        span=node.span,
-        fields=node.places(),
-        id=_text(node, "id"),
+    return record_of(
+        TestStep,
+        node,
+        out,
         kind=StepKind(_text(node, "kind")),
-        subject=_text(node, "subject"),
         what=_text(node, "do"),
         expected=_text(node, "expect"),
         limit_ms=_ms(node, "limit_ms", out),
-        limit_source=_text(node, "limit_source"),
         emulated=_seen(node.get("emulated"), out),
         live=_seen(node.get("live"), out),
         machine=_machine(machine, out) if isinstance(machine, MapNode) else AtMachine(),
@@ -167,27 +156,16 @@ def _step(node: MapNode, out: Collector) -> TestStep:
 def _seen(node: Node | None, out: Collector) -> StepResult | None:
     if not isinstance(node, MapNode):
         return None
-    return StepResult(
-        span=node.span,
-        fields=node.places(),
-        outcome=StepOutcome(_text(node, "result")),
-        measured_ms=_ms(node, "measured_ms", out),
-        time_is=_text(node, "time_is"),
-        remark=_text(node, "remark"),
-    )
+    outcome = StepOutcome(_text(node, "result"))
+    measured_ms = _ms(node, "measured_ms", out)
+    return record_of(StepResult, node, out, outcome=outcome, measured_ms=measured_ms)
 
 
 def _machine(node: MapNode, out: Collector) -> AtMachine:
     result = _text(node, "result")
-    return AtMachine(
-        span=node.span,
-        fields=node.places(),
-        outcome=StepOutcome(result) if result else None,
-        measured_ms=_ms(node, "measured_ms", out),
-        remark=_text(node, "remark"),
-        by=_text(node, "by"),
-        date=_text(node, "date"),
-    )
+    outcome = StepOutcome(result) if result else None
+    measured_ms = _ms(node, "measured_ms", out)
+    return record_of(AtMachine, node, out, outcome=outcome, measured_ms=measured_ms)
 
 
 def _ms(node: MapNode, key: str, out: Collector) -> float | None:

@@ -12,10 +12,15 @@ import enum
 import functools
 import math
 import re
+from collections.abc import Mapping
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.formats.shared.files import Collector
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode
+from fsoe_net.model.bus import Located
 
 
 class Reader(enum.Enum):
@@ -90,6 +95,38 @@ def read_int(
 def own_int(node: MapNode, key: str, high: int, out: Collector, *, low: int = 0) -> int | None:
     """Return the number under a key of a file of our own; see `read_int`."""
     return read_int(node.get(key), out, what=key, low=low, high=high, reader=Reader.OWN)
+
+
+_Record = TypeVar("_Record", bound=Located)
+
+
+def record_of(
+    kind: type[_Record],
+    node: MapNode,
+    out: Collector,
+    highs: Mapping[str, int] = MappingProxyType({}),
+    /,
+    **values: Any,
+) -> _Record:
+    """Return the record of a map of our own file, whose keys are the names of its fields.
+
+    Args:
+        kind: Its class; fields that are texts are empty where there is none.
+        node: The map.
+        out: Takes the findings of `own_int`.
+        highs: Largest value of each number; a missing one is ``None``, or 0 where the class has no
+            ``None`` for it.
+        values: Fields of other types, and those whose key or rule is another one.
+    """
+    found: dict[str, Any] = {}
+    for field in fields(kind):
+        key = field.name
+        if key in highs:
+            number = own_int(node, key, highs[key], out)
+            found[key] = 0 if number is None and field.type == "int" else number
+        elif field.type == "str" and key not in values:
+            found[key] = node.text(key) or ""
+    return kind(span=node.span, fields=node.places(), **found, **values)
 
 
 def _disputed(
