@@ -23,6 +23,9 @@ from fsoe_net.fsoe.observed import ConnectionState
 from fsoe_net.fsoe.parameters import NOT_OBSERVED, STATED_PARAMETERS, FsoeParameters
 from fsoe_net.fsoe.pdu import is_frame_length
 
+_Record = TypeVar(
+    "_Record", Statistics, DirectionSnapshot, Histogram, "SubDeviceSnapshot", "LayoutSm"
+)
 _STATES = tuple(ConnectionState)
 
 
@@ -255,17 +258,20 @@ def _state(row: JsonObject) -> ConnectionState:
     return _STATES[number]
 
 
-_T = TypeVar("_T", Statistics, DirectionSnapshot)
-
-
-def _filled(kind: type[_T], row: JsonObject) -> _T:
-    """Return a record whose fields have the names of the keys."""
+def _filled(kind: type[_Record], row: JsonObject, **values: Any) -> _Record:
+    """Return a record whose fields have the names of the keys, except those that are given."""
     read: dict[str, Callable[[str], Any]] = {
         "int": row.count,
+        "int | None": row.optional,
         "bool": row.flag,
+        "str": row.label,
+        "tuple[int, ...]": row.numbers,
         "Histogram": lambda key: _histogram(row.child(key)),
     }
-    return kind(**{f.name: read[str(f.type)](f.name) for f in fields(kind)})
+    return kind(
+        **{f.name: read[str(f.type)](f.name) for f in fields(kind) if f.name not in values},
+        **values,
+    )
 
 
 def _histogram(row: JsonObject) -> Histogram:
@@ -274,23 +280,17 @@ def _histogram(row: JsonObject) -> Histogram:
     floors = [floor for floor, _ in buckets]
     if floors != sorted(set(floors)) or any(times == 0 for _, times in buckets):
         raise row.bad("buckets", "do not rise")
-    return Histogram(
-        count=row.count("count"),
-        min_ns=row.count("min_ns"),
-        sum_ns=row.count("sum_ns"),
-        p50_ns=percentiles.count("p50"),
-        p99_ns=percentiles.count("p99"),
-        p999_ns=percentiles.count("p999"),
-        max_ns=row.count("max_ns"),
-        buckets=buckets,
-    )
+    shares = {f"{key}_ns": percentiles.count(key) for key in ("p50", "p99", "p999")}
+    return _filled(Histogram, row, buckets=buckets, **shares)
 
 
 def read_subdevice(row: JsonObject) -> SubDeviceSnapshot:
     """Return the values of one SubDevice; raises as `read_snapshot`."""
     known = row.flag("known")
     facts = row if known else row.empty()
-    return SubDeviceSnapshot(
+    return _filled(
+        SubDeviceSnapshot,
+        facts,
         name=row.label("name"),
         bus=row.optional("bus") or 0,
         alias=row.count("alias"),
@@ -299,17 +299,7 @@ def read_subdevice(row: JsonObject) -> SubDeviceSnapshot:
         al=facts.label("al") or "none",
         al_code=facts.optional("al_code") if known else 0,
         found=Found.of(facts.optional("found")),
-        detail=facts.label("detail"),
-        vendor_id=facts.count("vendor_id"),
-        product_code=facts.count("product_code"),
-        revision=facts.count("revision"),
-        returns=facts.count("returns"),
         stale_cycles=row.count("stale_cycles"),
-        link=facts.numbers("link"),
-        link_lost=facts.numbers("link_lost"),
-        rx_errors=facts.numbers("rx_errors"),
-        fsoe_address=facts.count("fsoe_address"),
-        link_down=facts.flag("link_down"),
     )
 
 
@@ -329,9 +319,9 @@ def read_layout(reply: JsonObject) -> Layout:
 
 
 def _sm(row: JsonObject) -> LayoutSm:
-    return LayoutSm(
-        subdevice=row.label("subdevice"),
-        sm=row.count("sm"),
+    return _filled(
+        LayoutSm,
+        row,
         is_output=row.label("direction") == "output",
         offset_bytes=row.whole("byte"),
         size_bytes=row.whole("bytes"),
