@@ -11,7 +11,7 @@ import yaml
 
 from fsoe_net.model.acceptance import Acceptance, SignedBy
 from fsoe_net.model.network import SourceFile
-from fsoe_net.model.safety import SafeBit, SafetyElement, SafetyFunction
+from fsoe_net.model.safety import SafetyElement, SafetyFunction
 
 _HEAD = """\
 # Acceptance record of the copies of an FSoE network, written by fsoe-net. Keep it under
@@ -38,15 +38,10 @@ def write_acceptance(record: Acceptance) -> str:
         "assumptions": record.assumptions,
         "test_record": {**_file(record.test_record), "steps": record.steps},
         "justified_findings": [
-            {"code": f.code, "place": f.place, "message": f.message, "reason": f.reason, "by": f.by}
-            for f in record.findings
+            values_of(row, "code", "place", "message", "reason", "by") for row in record.findings
         ],
-        "steps_left_out": [
-            {"step": s.step, "reason": s.reason, "by": s.by} for s in record.steps_left_out
-        ],
-        "interventions": [
-            {"what": i.what, "by": i.by, "date": i.date} for i in record.interventions
-        ],
+        "steps_left_out": [values_of(row, "step", "reason", "by") for row in record.steps_left_out],
+        "interventions": [values_of(row, "what", "by", "date") for row in record.interventions],
     }
     if record.equipment:
         document["equipment"] = list(record.equipment)
@@ -71,52 +66,36 @@ def _file(source: SourceFile) -> dict[str, Any]:
     return {"file": source.path, "sha256": source.sha256}
 
 
+def values_of(row: object, *keys: str) -> dict[str, Any]:
+    """Return attributes by name."""
+    return {key: getattr(row, key) for key in keys}
+
+
+def _stated(values: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in values.items() if value is not None and value != ""}
+
+
 def _person(person: SignedBy) -> dict[str, Any]:
-    row = {"name": person.name, "date": person.date}
-    return row | ({"competence": person.competence} if person.competence else {})
+    return values_of(person, "name", "date") | _stated(values_of(person, "competence"))
 
 
 def _function(f: SafetyFunction) -> dict[str, Any]:
-    return _stated(
-        {
-            "name": f.name,
-            "trigger": f.trigger or None,
-            "reaction": f.reaction or None,
-            "reset": f.reset or None,
-            "modes": f.modes or None,
-            "required_reaction_ms": f.required_reaction_ms,
-            "required": _level(f.pl, f.sil),
-            "elements": [_element(e) for e in f.elements],
-        }
-    )
+    texts = values_of(f, "name", "trigger", "reaction", "reset", "modes", "required_reaction_ms")
+    elements = [_element(e) for e in f.elements]
+    return _stated(texts | {"required": _level(f), "elements": elements})
 
 
-def _level(pl: str, sil: int | None) -> dict[str, Any] | None:
-    return _stated({"pl": pl or None, "sil": sil}) or None
+def _level(row: SafetyFunction | SafetyElement) -> dict[str, Any] | None:
+    return _stated(values_of(row, "pl", "sil")) or None
 
 
 def _element(e: SafetyElement) -> dict[str, Any]:
     return _stated(
         {
             "kind": e.kind.value,
-            "sub": e.sub or None,
-            "name": e.name,
-            "time_ms": e.time_ms,
-            "pfh_per_hour": e.pfh_per_hour,
-            "zero_because": e.zero_because or None,
-            "claim": _level(e.pl, e.sil),
-            "category": e.category or None,
-            "mission_years": e.mission_years,
-            "source": e.source or None,
-            "manual": e.manual or None,
-            "bits": [_bit(b) for b in e.bits] or None,
+            **values_of(e, "sub", "name", "time_ms", "pfh_per_hour", "zero_because"),
+            "claim": _level(e),
+            **values_of(e, "category", "mission_years", "source", "manual"),
+            "bits": [_stated(values_of(b, "slot", "bit", "name")) for b in e.bits] or None,
         }
     )
-
-
-def _bit(b: SafeBit) -> dict[str, Any]:
-    return _stated({"slot": b.slot, "bit": b.bit, "name": b.name})
-
-
-def _stated(pairs: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in pairs.items() if value is not None}

@@ -6,6 +6,7 @@ from typing import Any
 
 import yaml
 
+from fsoe_net.formats.own.write_acceptance import values_of
 from fsoe_net.model.test_record import (
     EMULATED_NOTE,
     DeviceEntry,
@@ -28,11 +29,7 @@ def write_test_record(test_record: TestRecord) -> str:
     """Return the text of a test record; the same test record gives the same text."""
     document: dict[str, Any] = {
         "version": 1,
-        "network": test_record.network,
-        "project": test_record.project,
-        "plan_sha256": test_record.plan_sha256,
-        "fingerprint": test_record.fingerprint,
-        "made": test_record.made,
+        **values_of(test_record, "network", "project", "plan_sha256", "fingerprint", "made"),
         "emulated_note": EMULATED_NOTE,
         "devices": [_device(device) for device in test_record.devices],
         "steps": [_step(step) for step in test_record.steps],
@@ -42,12 +39,7 @@ def write_test_record(test_record: TestRecord) -> str:
 
 
 def _device(device: DeviceEntry) -> dict[str, Any]:
-    row = {
-        "subdevice": device.subdevice,
-        "firmware": device.firmware,
-        "serial": device.serial,
-        "safety_project_crc": device.safety_project_crc,
-    }
+    row = values_of(device, "subdevice", "firmware", "serial", "safety_project_crc")
     return {key: value for key, value in row.items() if value is not None}
 
 
@@ -58,8 +50,7 @@ def _step(step: TestStep) -> dict[str, Any]:
         "subject": step.subject,
         "do": step.what,
         "expect": step.expected,
-        "limit_ms": step.limit_ms,
-        "limit_source": step.limit_source,
+        **values_of(step, "limit_ms", "limit_source"),
         "emulated": _seen(step.emulated),
         "live": _seen(step.live),
     }
@@ -68,9 +59,7 @@ def _step(step: TestStep) -> dict[str, Any]:
         row["machine"] = {
             "result": machine.outcome.value if machine.outcome else "",
             "measured_ms": "" if machine.measured_ms is None else machine.measured_ms,
-            "remark": machine.remark,
-            "by": machine.by,
-            "date": machine.date,
+            **values_of(machine, "remark", "by", "date"),
         }
     return row
 
@@ -80,7 +69,5 @@ def _seen(seen: StepResult | None) -> dict[str, Any] | None:
         return None
     return {
         "result": seen.outcome.value,
-        "measured_ms": seen.measured_ms,
-        "time_is": seen.time_is,
-        "remark": seen.remark,
+        **values_of(seen, "measured_ms", "time_is", "remark"),
     }
