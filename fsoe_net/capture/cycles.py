@@ -77,12 +77,10 @@ class Cycles:
 
     Attributes:
         windows: Data seen, by command, logical address and length.
-        overflow: Whether there were more different datagrams than can be kept.
     """
 
     def __init__(self) -> None:
         self.windows: dict[tuple[int, int, int], CyclicWindow] = {}
-        self.overflow = False
         self._sources: dict[FramePlace, _Source] = {}
         self._destinations: dict[FramePlace, _Destination] = {}
         self._inside: dict[tuple[int, int, int], tuple[FramePlace, ...]] = {}
@@ -114,7 +112,6 @@ class Cycles:
         window = self.windows.get(key)
         if window is None:
             if len(self.windows) >= _MOST_WINDOWS:
-                self.overflow = True
                 return
             window = self.windows[key] = CyclicWindow(*key, packet)
         window.seen += 1

@@ -88,27 +88,3 @@ def parameters_of(c: Any) -> FsoeParameters:
         app_bytes=c.app_bytes if c.known & 8 else None,
         app_crc=c.app_crc if c.known & 8 else None,
     )
-
-
-def frame_fits(data: bytes, old: int, sequence: int) -> bool:
-    """Whether all CRCs of a frame are right for this old CRC and sequence number.
-
-    Raises:
-        CoreMissing: The compiled part is not there.
-    """
-    _, lib = compiled()
-    return bool(lib.fsn_fsoe_check(data, len(data), old, sequence))
-
-
-def frame_sequence(data: bytes, old: int) -> int:
-    """Return the one sequence number for which CRC_0 of a frame is right.
-
-    Args:
-        data: A frame of a length FSoE has.
-        old: CRC_0 of the frame before.
-
-    Raises:
-        CoreMissing: The compiled part is not there.
-    """
-    _, lib = compiled()
-    return int(lib.fsn_fsoe_solve_sequence(data, len(data), old))

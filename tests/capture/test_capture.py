@@ -7,12 +7,13 @@ import random
 import struct
 
 import pytest
+from capture_file import read_capture
 from hypothesis import given
 from hypothesis import strategies as st
 
 from fsoe_net.capture.capture import CaptureWriter
 from fsoe_net.errors import InputError
-from fsoe_net.formats.capture.packets import CaptureReader, read_capture
+from fsoe_net.formats.capture.packets import CaptureReader
 
 T_S = 1_763_719_200
 TIMES_NS = [T_S * 10**9 + n * 2_000_000 for n in range(4)]

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from capture.traffic import cut
 from capture.tshark import items, run, tshark
+from capture_file import read_capture
 from data_files import listed, need
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,7 +18,6 @@ from fsoe_net.capture.lua import _quoted, lua_dissector
 from fsoe_net.capture.names import Naming
 from fsoe_net.capture.wire import LogicalImage
 from fsoe_net.core.scan import Scanner
-from fsoe_net.formats.capture.packets import read_capture
 from fsoe_net.fsoe.observed import CrcVerdict
 from fsoe_net.fsoe.pdu import Command, safe_data_of
 from fsoe_net.plan.compile import compile_plan

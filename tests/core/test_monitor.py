@@ -9,7 +9,8 @@ from fsoe.pair import Bench, make_main, make_sub
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fsoe_net.core.monitor import Monitor, frame_fits, frame_sequence
+from fsoe_net.core.module import compiled
+from fsoe_net.core.monitor import Monitor
 from fsoe_net.errors import PduSizeError
 from fsoe_net.fsoe.chain import Chain
 from fsoe_net.fsoe.crc import frame_crcs, solve_sequence
@@ -19,6 +20,18 @@ from fsoe_net.self_test.monitor import PythonMonitor
 
 sizes = st.sampled_from([1, 2, 4, 6, 14, 126])
 words = st.integers(0, 0xFFFF)
+
+
+def frame_fits(data: bytes, old: int, sequence: int) -> bool:
+    """Whether all CRCs of a frame are right for this old CRC and sequence number."""
+    _, lib = compiled()
+    return bool(lib.fsn_fsoe_check(data, len(data), old, sequence))
+
+
+def frame_sequence(data: bytes, old: int) -> int:
+    """Return the one sequence number for which CRC_0 of a frame is right."""
+    _, lib = compiled()
+    return int(lib.fsn_fsoe_solve_sequence(data, len(data), old))
 
 
 @given(st.sampled_from(sorted(SAFE_SIZES)), words, words, st.data())

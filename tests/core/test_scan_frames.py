@@ -4,12 +4,12 @@ import random
 
 import pytest
 from capture.traffic import FPRD, LRD, LRW, LWR, MAC, Bus, datagram, packet
+from capture_file import read_capture
 from data_files import listed, need
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fsoe_net.core.scan import Scanner
-from fsoe_net.formats.capture.packets import read_capture
 from fsoe_net.fsoe.observed import ConnectionState, CrcVerdict
 from fsoe_net.fsoe.pdu import Command, frame_length
 

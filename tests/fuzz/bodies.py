@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
 
+from capture_file import read_capture
 from formats import texts, twincat_text
 from formats.sii_image import category, image, strings
 from formats.startup import startup
@@ -35,7 +36,6 @@ from fsoe_net.core.core import CorePlan
 from fsoe_net.core.scan import Scanner
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.errors import InputError, PlanFormatError, RecordingError
-from fsoe_net.formats.capture.packets import read_capture
 from fsoe_net.formats.eni.read import load_eni, load_eni_images
 from fsoe_net.formats.eni.write import write_eni
 from fsoe_net.formats.eni.write_copies import replace_copies

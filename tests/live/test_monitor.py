@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from capture.tshark import tshark
+from capture_file import read_capture
 from cli.tool import fsn
 from live.on_the_wire import ESTOP, on_the_wire
 from live.support import EXAMPLES, ROOT, needs_core
@@ -20,7 +21,6 @@ from tied import tied
 
 from fsoe_net.capture.wire import RebuiltFrames
 from fsoe_net.errors import EnvironmentFault
-from fsoe_net.formats.capture.packets import read_capture
 from fsoe_net.live.attachment import Attachment
 from fsoe_net.live.live_capture import LiveCapture
 from fsoe_net.live.packet_socket import PacketSocket

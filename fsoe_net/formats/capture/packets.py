@@ -13,7 +13,6 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import BinaryIO, cast
 
 from fsoe_net.errors import InputError
@@ -281,15 +280,3 @@ def _no_ethernet(name: str, links: set[int]) -> str:
         f"{name}: captured with link type {', '.join(map(str, sorted(links)))}, not Ethernet (1); "
         "capture on the Ethernet interface itself, not on `any`"
     )
-
-
-def read_capture(path: str | Path) -> Iterator[tuple[int, bytes]]:
-    """Yield the packets of a capture: time in nanoseconds since 1970, bytes from the MAC on.
-
-    Raises:
-        InputError: As `CaptureReader`.
-        OSError: The file cannot be read.
-    """
-    with open(path, "rb") as file:
-        for time_ns, _, data in CaptureReader(str(path), file):
-            yield time_ns, data
