@@ -184,6 +184,7 @@ class Cycles:
                 ends = (back[1].owner, back[0].owner)
                 if there[0] != source or ends != (there[0].owner, there[1].owner):
                     continue
+                # Either end may be the main: one of the two orders will have CRCs that fit.
                 for pair in ((there, back), (back, there)):
                     if pair not in self._monitors and len(self._monitors) < _MOST_MONITORS:
                         sizes = [safe_data_length(c[0].size) for c in pair]

@@ -94,6 +94,7 @@ class Recognised:
 @functools.cache
 def _table() -> tuple[Recognised, ...]:
     """Return each way to recognise a file; rows that need a root and a text come first."""
+    # The output of `ethercat xml` has the root of an ESI: its comment decides before the root.
     rows = [Recognised(f, s) for f in all_formats().values() for s in f.signatures]
     rows += [Recognised(None, s) for s in UNSUPPORTED]
     return tuple(sorted(rows, key=lambda r: not (r.signature.root and r.signature.text)))

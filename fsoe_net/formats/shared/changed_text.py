@@ -134,6 +134,7 @@ def _longest_rising(numbers: list[int | None]) -> list[int]:
         at_ends[length : length + 1] = [at]
         if length:
             before[at] = at_ends[length - 1]
+    # Backwards from the end of the longest run, over the place that each one was put behind.
     run: list[int] = []
     at_last = at_ends[-1] if at_ends else None
     while at_last is not None:
@@ -191,6 +192,7 @@ class _Changes:
         if is_same(old, value):
             return
         rows = []
+        # Only the map or list that was read has rows in the text; another one replaces it whole.
         if value is old.value:
             if id(old) in self._done:  # an alias shows it in a second place
                 return

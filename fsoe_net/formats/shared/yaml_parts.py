@@ -214,6 +214,7 @@ class ReadText(EventReader):
 
     def _dash(self, top: Part, line: int) -> int:
         """Return the position of the dash of an item, on its line or a line above it."""
+        # libyaml has no event for a dash, and comments may be between it and its value.
         while line:
             at = self.starts[line] + top.column
             if self.text.startswith("-", at) and not _COMMENT.match(self.text, self.starts[line]):
