@@ -6,6 +6,7 @@ Nesting and alias expansion are bounded with a stack, so that nothing recurses.
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
@@ -83,7 +84,7 @@ class OpenNode:
         self.continued = False  # whether the keys of its first item come again, without a dash
 
 
-class EventReader:
+class EventReader(ABC):
     """Reads the events of libyaml; a subclass makes the nodes.
 
     Direct content is limited by the bytes of the file; content repeated by aliases is counted
@@ -101,16 +102,17 @@ class EventReader:
         self._root: Any = None
         self._documents = 0
 
+    @abstractmethod
     def _scalar(self, event: Any) -> None:
-        raise NotImplementedError
+        """Take a scalar."""
 
+    @abstractmethod
     def _node(self, event: Any, *, is_map: bool) -> Any:
         """Return a map or list that begins."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _attach(self, node: Any, event: Any) -> None:
         """Put a node into the one that is open; ``event`` ends it, or is the alias."""
-        raise NotImplementedError
 
     def build(self, text: str) -> Any:
         """Return the root; ``None`` where there is none."""
