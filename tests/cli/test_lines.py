@@ -173,9 +173,9 @@ def test_long_sections_differ_in_a_few_lines():
     many = told([f"line {n}" for n in range(100)])
     assert many[0] == "copies - row 0"
     left = 200 - verify._SHOWN_LINES
-    assert many[-1] == f"copies: {left} more lines; `fingerprint --text` prints them"
+    assert many[-1] == f"copies: {left} more lines; `fsoe-net plan --canonical` prints them"
     assert told([f"x {n}" for n in range(20_000)]) == [
-        "copies: 100 lines became 20000; `fingerprint --text copies` prints them"
+        "copies: 100 lines became 20000; `fsoe-net plan --canonical copies` prints them"
     ]
 
 

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 from networks import EXAMPLES
 
-from fsoe_net.cli.incident import command as incident
+from fsoe_net.cli.incident import incident
 from fsoe_net.cli.run import command as run
 from fsoe_net.errors import EnvironmentFault, IncidentError
 

@@ -91,10 +91,10 @@ def test_the_page_on_signatures_runs_as_it_stands(tmp_path: Path):
         done = fsn(*given, cwd=folder)
         assert (program, done.returncode) == ("fsoe-net", 0), done.stderr
         shown.append(done.stdout)
-    assert len(shown) == 3
-    assert f"signed as author by {ANNA}" in shown[0]
-    assert f"signed as verifier by {BERT}" in shown[1]
-    assert "timed.yaml: the same" in shown[2]
+    assert len(shown) == 4
+    assert f"signed as author by {ANNA}" in shown[1]
+    assert f"signed as verifier by {BERT}" in shown[2]
+    assert "timed.yaml: the same" in shown[3]
 
 
 @pytest.mark.parametrize("name", ["estop", "el6910"])
