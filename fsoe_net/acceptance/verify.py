@@ -129,6 +129,6 @@ def _changed_lines(name: str, before: str, after: str) -> Iterator[str]:
         yield f"{name} {line[0]} {line[2:]}"
     if len(changed) > _SHOWN_LINES:
         yield (
-            f"{name}: {counted(len(changed) - _SHOWN_LINES, 'more line')}; `fingerprint "
-            f"--text` prints them"
+            f"{name}: {counted(len(changed) - _SHOWN_LINES, 'more line')}; `fsoe-net "
+            "plan --canonical` prints them"
         )
