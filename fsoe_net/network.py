@@ -204,12 +204,7 @@ class Network:
             return compare(mine, side_of_plan(other, "plan"))
         from fsoe_net.compare.read import read_side
 
-        name = os.fspath(other)
-        side, found = read_side(name, self._options)
-        if side is None:
-            errors = [d for d in found if d.level is Severity.ERROR]
-            raise InputError(f"{name} cannot be compared", errors)
-        return compare(mine, side)
+        return compare(mine, read_side(os.fspath(other), self._options))
 
     def report(
         self,

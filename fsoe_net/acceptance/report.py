@@ -282,10 +282,7 @@ def since(found: AcceptedRecord, resolution: Resolution, now: Plan | None) -> Ag
 
 def _against(path: str, resolution: Resolution, now: Plan | None, options: LoadOptions) -> Against:
     source, data = read_source(path, most=MAX_LARGE_BYTES)
-    before, found = read_side(path, options)
-    if before is None:
-        errors = [d for d in found if d.level is Severity.ERROR]
-        raise InputError(f"{path} cannot be compared", errors)
+    before = read_side(path, options)
     plan = decode_plan(data) if data.startswith(MAGIC) else None
     return _compared(source, before, resolution, plan, now)
 

@@ -14,8 +14,6 @@ from fsoe_net.compare.diff import Difference, compare
 from fsoe_net.compare.diff_document import diff_document
 from fsoe_net.compare.diff_side import Side
 from fsoe_net.compare.read import read_side
-from fsoe_net.diag.diagnostic import Severity
-from fsoe_net.errors import InputError
 from fsoe_net.formats.own.options import LoadOptions
 
 _EPILOG = """\b
@@ -53,19 +51,12 @@ def command(
     Comments, key order and names that do not affect the bus are ignored. Offsets, devices, sizes,
     addresses and watchdogs are compared.
     """
-    sides = []
-    for path in (a, b):
-        side, found = read_side(path, loading)
-        if side is None:
-            errors = [d for d in found if d.level is Severity.ERROR]
-            raise InputError(f"{path} cannot be compared", errors)
-        sides.append(side)
-    difference = compare(sides[0], sides[1])
-    if not quiet:
-        if fmt == "json":
-            _print_json(sides[0], sides[1], difference)
-        else:
-            show(diff_document(sides[0], sides[1], difference))
+    left, right = read_side(a, loading), read_side(b, loading)
+    difference = compare(left, right)
+    if fmt == "json" and not quiet:
+        _print_json(left, right, difference)
+    elif not quiet:
+        show(diff_document(left, right, difference))
     ctx.exit(0 if difference.same else 1)
 
 

@@ -16,6 +16,7 @@ from fsoe_net.diag.diagnostic import (
     Span,
     sort_diagnostics,
 )
+from fsoe_net.diag.words import identity_text
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
@@ -154,7 +155,7 @@ def _other(out: FindingList, match: Match) -> None:
     for sub, found in match.other:
         device = sub.device
         expected = (
-            f"vendor 0x{device.vendor_id:08x}, product 0x{device.product_code:08x}"
+            identity_text(device.vendor_id, device.product_code)
             if device is not None
             else "another"
         )

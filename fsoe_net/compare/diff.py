@@ -9,24 +9,24 @@ said so.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 from fsoe_net.compare.diff_process_data import compare_managers
 from fsoe_net.compare.diff_safety import compare_functions
-from fsoe_net.compare.diff_side import (
-    Side,
-    SideCopy,
-    SideEnd,
-    SideSubDevice,
+from fsoe_net.compare.diff_side import Sdos, Side, SideCopy, SideEnd, SideSubDevice
+from fsoe_net.compare.diff_types import (
+    Change,
+    ChangeArea,
+    ChangeKind,
+    changed_facts,
+    changed_part,
+    size_text,
 )
-from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind, Fact
+from fsoe_net.compare.pairing import pair_by
 from fsoe_net.model.description import DescribedConnection
 
-_FACTS = ("address", "connection_id", "watchdog_ms")
-_T = TypeVar("_T")
-_K = TypeVar("_K", bound=Hashable)
+_Pairs = list[tuple[int | None, int | None]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,432 +45,281 @@ class Difference:
 def compare(a: Side, b: Side) -> Difference:
     """Compare two sides; a pure function, linear in their size."""
     pairs = _pair_subdevices(a.subdevices, b.subdevices)
-    changes: list[Change] = []
-    if a.cycle_ns != b.cycle_ns and _told(a.cycle_ns, b.cycle_ns, a, b):
-        changes.append(_changed(ChangeArea.NETWORK, "", "cycle_ns", a.cycle_ns, b.cycle_ns))
-    for left, right in pairs:
-        changes += _subdevice(a, b, left, right)
-    # From here on, SubDevices of B have the numbers of their partners in A.
-    renumber = {right: left for left, right in pairs if left is not None and right is not None}
-    for left, right in pairs:
-        if left is None and right is not None:
-            renumber[right] = len(a.subdevices) + right
-    label = _Labels(a, b, renumber)
-    if a.copies is not None and b.copies is not None:
-        moved = [_renumbered(c, renumber) for c in b.copies]
-        changes += _copies(a.copies, moved, label)
-    if a.connections is not None and b.connections is not None:
-        changes += _connections(a, b, renumber, label)
-    changes += _functions(a, b)
-    return Difference(changes=tuple(changes), not_compared=tuple(_silence(a, b, pairs)))
-
-
-_Pairs = list[tuple[int | None, int | None]]
-
-
-def _functions(a: Side, b: Side) -> list[Change]:
-    if a.functions is not None and b.functions is not None:
-        return compare_functions(a.functions, b.functions)
-    before, after = a.functions_sha256, b.functions_sha256
-    if before is None or after is None or before == after:
-        return []
-    return [
-        _changed(ChangeArea.SAFETY_FUNCTION, "", "SHA-256 of all", before or None, after or None)
-    ]
+    found = _Comparison(a, b, pairs)
+    return Difference(changes=tuple(found.changes()), not_compared=tuple(found.not_compared()))
 
 
 def _pair_subdevices(a: tuple[SideSubDevice, ...], b: tuple[SideSubDevice, ...]) -> _Pairs:
-    left = dict(enumerate(a))
-    right = dict(enumerate(b))
-    pairs: list[tuple[int, int]] = []
-
-    def by(key: Callable[[SideSubDevice], Hashable | None], *, unique: bool) -> None:
-        waiting: dict[Hashable, list[int]] = {}
-        for n, sub in right.items():
-            if (k := key(sub)) is not None:
-                waiting.setdefault(k, []).append(n)
-        counts = Counter(key(sub) for sub in left.values())
-        taken: dict[Hashable, int] = {}
-        for n, sub in list(left.items()):
-            k = key(sub)
-            row = waiting.get(k, []) if k is not None else []
-            used = taken.get(k, 0)
-            if used >= len(row) or (unique and (len(row) > 1 or counts[k] > 1)):
-                continue
-            taken[k] = used + 1
-            pairs.append((n, row[used]))
-            del left[n], right[row[used]]
-
-    by(lambda s: s.name or None, unique=True)
-    by(lambda s: None if s.identity is None else (_place(s), s.identity), unique=True)
-    by(lambda s: s.identity, unique=False)
-    by(_place, unique=True)
-    by(lambda s: _place(s) is s.identity is None or None, unique=False)  # nothing known: in order
+    left, right = dict(enumerate(a)), dict(enumerate(b))
+    pairs = pair_by(lambda s: s.name or None, left, right, unique=True)
+    pairs += pair_by(
+        lambda s: None if s.identity is None else (s.place, s.identity), left, right, unique=True
+    )
+    pairs += pair_by(lambda s: s.identity, left, right)
+    pairs += pair_by(lambda s: s.place, left, right, unique=True)
+    # Nothing is known of these: their order decides.
+    pairs += pair_by(lambda s: s.place is s.identity is None or None, left, right)
     if len(left) == len(right) == 1:  # one device type against one device
-        one, two = next(iter(left)), next(iter(right))
-        subs = a[one], b[two]
-        if any(s.identity is None or _place(s) is None for s in subs):
+        (one, old), (two, new) = *left.items(), *right.items()
+        if any(s.identity is None or s.place is None for s in (old, new)):
             pairs.append((one, two))
             left, right = {}, {}
-    known: _Pairs = [*pairs, *((n, None) for n in left)]
-    known.sort(key=lambda pair: pair[0] or 0)
-    return known + [(None, n) for n in right]
+    in_a: _Pairs = [*pairs, *((n, None) for n in left)]
+    in_a.sort(key=lambda pair: pair[0] or 0)
+    return in_a + [(None, n) for n in right]
 
 
-def _place(sub: SideSubDevice) -> tuple[int, int] | None:
-    return None if sub.position is None else (sub.alias or 0, sub.position)
+class _Comparison:
+    """Two sides whose SubDevices are paired.
 
+    Those of B have the number of their partner in A, others one after all of A.
+    """
 
-def _title(sub: SideSubDevice) -> str:
-    if sub.name:
-        return sub.name
-    return f"position {sub.position}" if sub.position is not None else "unnamed SubDevice"
+    def __init__(self, a: Side, b: Side, pairs: _Pairs) -> None:
+        self.a, self.b, self.pairs = a, b, pairs
+        self.whole = a.whole and b.whole
+        self.subdevices = (*a.subdevices, *b.subdevices)
+        first = len(a.subdevices)
+        self.numbers = {
+            right: first + right if left is None else left
+            for left, right in pairs
+            if right is not None
+        }
 
+    def changes(self) -> Iterator[Change]:
+        """Yield all differences: the network, SubDevices, copies, connections, functions."""
+        a, b = self.a, self.b
+        cycle = ("cycle_ns", a.cycle_ns, b.cycle_ns)
+        yield from changed_facts(ChangeArea.NETWORK, "", cycle, whole=self.whole)
+        for left, right in self.pairs:
+            old = None if left is None else a.subdevices[left]
+            new = None if right is None else b.subdevices[right]
+            if old is not None and new is not None:
+                names = tuple(dict.fromkeys((old.name, new.name)))
+                for change in self._subdevice(old, new):
+                    yield replace(change, subdevices=names)
+            elif (alone := old or new) is not None:
+                yield changed_part(
+                    ChangeArea.SUBDEVICE,
+                    alone.title,
+                    old,
+                    new,
+                    lambda s: s.identity_text,
+                    subdevices=(alone.name,),
+                )
+        if a.copies is not None and b.copies is not None:
+            yield from self._copies(a.copies, [self._renumbered(c) for c in b.copies])
+        if a.connections is not None and b.connections is not None:
+            yield from self._connections(a.connections, b.connections)
+        yield from self._functions()
 
-def _identity(sub: SideSubDevice) -> str | None:
-    if sub.identity is None:
-        return None
-    return f"vendor 0x{sub.identity[0]:08x}, product 0x{sub.identity[1]:08x}"
+    # -- SubDevices -------------------------------------------------------------------------------
 
-
-def _changed(area: ChangeArea, where: str, what: str, before: Fact, after: Fact) -> Change:
-    return Change(
-        kind=ChangeKind.CHANGED, area=area, where=where, what=what, before=before, after=after
-    )
-
-
-def _differ(before: object, after: object) -> bool:
-    """Whether both sides state a value, and the values differ."""
-    return before is not None and after is not None and before != after
-
-
-def _told(before: object, after: object, a: Side, b: Side) -> bool:
-    """Whether both sides speak about a fact; in two whole ones ``None`` means *not set*."""
-    return (before is not None and after is not None) or (a.whole and b.whole)
-
-
-def _about(changes: Iterable[Change], names: Iterable[str]) -> list[Change]:
-    """Return the changes with the names of the SubDevices that they are about."""
-    subdevices = tuple(dict.fromkeys(names))
-    return [replace(change, subdevices=subdevices) for change in changes]
-
-
-def _subdevice(a: Side, b: Side, left: int | None, right: int | None) -> list[Change]:
-    if left is None or right is None:
-        return [_lone(a, b, left, right)]
-    old, new = a.subdevices[left], b.subdevices[right]
-    return _about(_both(a, b, old, new), (old.name, new.name))
-
-
-def _both(a: Side, b: Side, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
-    where = _title(old)
-    changes: list[Change] = []
-    if _differ(old.identity, new.identity):
-        changes.append(
-            Change(
-                kind=ChangeKind.EXCHANGED,
-                area=ChangeArea.SUBDEVICE,
-                where=where,
-                before=_identity(old),
-                after=_identity(new),
-            )
+    def _subdevice(self, old: SideSubDevice, new: SideSubDevice) -> Iterator[Change]:
+        area, where = ChangeArea.SUBDEVICE, old.title
+        if None not in (old.identity, new.identity) and old.identity != new.identity:
+            words = old.identity_text, new.identity_text
+            yield Change(ChangeKind.EXCHANGED, area, where, "", *words)
+        if self.whole:
+            yield from changed_facts(area, where, ("name", old.name, new.name))
+        yield from changed_facts(
+            area,
+            where,
+            ("revision", old.revision, new.revision),
+            ("alias", old.alias, new.alias),
+            whole=self.whole,
         )
-    if old.name != new.name and a.whole and b.whole:
-        changes.append(_changed(ChangeArea.SUBDEVICE, where, "name", old.name, new.name))
-    if old.revision != new.revision and _told(old.revision, new.revision, a, b):
-        changes.append(
-            _changed(ChangeArea.SUBDEVICE, where, "revision", old.revision, new.revision)
+        both_placed = None not in (old.position, new.position)
+        if both_placed and (old.alias or 0) == (new.alias or 0) and old.position != new.position:
+            places = old.position, new.position
+            yield Change(ChangeKind.MOVED, area, where, "position", *places)
+        if old.managers is not None and new.managers is not None:
+            stated = self.a.whole, self.b.whole
+            yield from compare_managers(where, old.managers, new.managers, stated)
+        if old.sdos is not None and new.sdos is not None:
+            yield from _sdos(where, old.sdos, new.sdos)
+        if self.a.connections is None or self.b.connections is None:
+            before, after = _sorted_text(old.fsoe_addresses), _sorted_text(new.fsoe_addresses)
+            yield from changed_facts(area, where, ("fsoe_addresses", before, after))
+
+    # -- copies -----------------------------------------------------------------------------------
+
+    def _renumbered(self, copy: SideCopy) -> SideCopy:
+        source, destination = (
+            end if end.subdevice is None else replace(end, subdevice=self.numbers[end.subdevice])
+            for end in (copy.source, copy.destination)
         )
-    changes += _moved(where, old, new)
-    if old.managers is not None and new.managers is not None:
-        changes += compare_managers(where, old.managers, new.managers)
-    changes += _sdos(where, old, new)
-    if a.connections is None or b.connections is None:
-        changes += _addresses(where, old.fsoe_addresses, new.fsoe_addresses)
-    return changes
+        return replace(copy, source=source, destination=destination)
 
+    def _copies(self, a: Iterable[SideCopy], b: Iterable[SideCopy]) -> Iterator[Change]:
+        destinations: dict[SideEnd, tuple[list[SideCopy], list[SideCopy]]] = {}
+        for side, copies in enumerate((a, b)):
+            for copy in copies:
+                destinations.setdefault(copy.destination, ([], []))[side].append(copy)
+        for olds, news in destinations.values():
+            left, right = dict(enumerate(olds)), dict(enumerate(news))
+            pairs = pair_by(lambda c: c.source, left, right)
+            pairs += pair_by(lambda _: True, left, right, unique=True)  # from another source
+            for one, two in sorted(pairs):
+                yield from self._copy(olds[one], news[two])
+            for copy in left.values():
+                yield self._lone_copy(copy, copy, None)
+            for copy in right.values():
+                yield self._lone_copy(copy, None, copy)
 
-def _lone(a: Side, b: Side, left: int | None, right: int | None) -> Change:
-    """Return the change of a SubDevice that one side has alone."""
-    if left is not None:
-        sub = a.subdevices[left]
-        return Change(
-            kind=ChangeKind.REMOVED,
-            area=ChangeArea.SUBDEVICE,
-            where=_title(sub),
-            before=_identity(sub),
-            subdevices=(sub.name,),
+    def _copy(self, old: SideCopy, new: SideCopy) -> Iterator[Change]:
+        area, where, names = ChangeArea.COPY, self._arrow(old), self._ends(old, new)
+        if old.source != new.source:  # two SubDevices may have one title
+            texts = self._end(old.source), self._end(new.source)
+            yield Change(ChangeKind.CHANGED, area, where, "source", *texts, (), names)
+        yield from changed_facts(
+            area,
+            where,
+            ("size", size_text(old.bits), size_text(new.bits)),
+            ("kind", old.kind, new.kind),
+            ("net", old.net, new.net),
+            subdevices=names,
         )
-    sub = b.subdevices[right or 0]
-    return Change(
-        kind=ChangeKind.ADDED,
-        area=ChangeArea.SUBDEVICE,
-        where=_title(sub),
-        after=_identity(sub),
-        subdevices=(sub.name,),
-    )
 
-
-def _addresses(
-    where: str, old: tuple[int, ...] | None, new: tuple[int, ...] | None
-) -> list[Change]:
-    if old is None or new is None or set(old) == set(new):
-        return []
-    before, after = (", ".join(map(str, sorted(numbers))) for numbers in (old, new))
-    return [_changed(ChangeArea.SUBDEVICE, where, "fsoe_addresses", before, after)]
-
-
-def _moved(where: str, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
-    changes = []
-    if _differ(old.alias, new.alias):
-        changes.append(_changed(ChangeArea.SUBDEVICE, where, "alias", old.alias, new.alias))
-    comparable = (old.alias or 0) == (new.alias or 0)
-    if comparable and _differ(old.position, new.position):
-        changes.append(
-            Change(
-                kind=ChangeKind.MOVED,
-                area=ChangeArea.SUBDEVICE,
-                where=where,
-                what="position",
-                before=old.position,
-                after=new.position,
-            )
+    def _lone_copy(self, copy: SideCopy, old: SideCopy | None, new: SideCopy | None) -> Change:
+        where, names = self._arrow(copy), self._ends(copy)
+        return changed_part(
+            ChangeArea.COPY, where, old, new, lambda c: size_text(c.bits), subdevices=names
         )
-    return changes
 
+    def _ends(self, *copies: SideCopy) -> tuple[str, ...]:
+        ends = (end for copy in copies for end in (copy.source, copy.destination))
+        return self._names(*(end.subdevice for end in ends))
 
-def _sdos(where: str, old: SideSubDevice, new: SideSubDevice) -> list[Change]:
-    if old.sdos is None or new.sdos is None:
-        return []
-    changes = []
-    for key in sorted(old.sdos.keys() | new.sdos.keys()):
-        before, after = old.sdos.get(key), new.sdos.get(key)
-        if before == after:
-            continue
-        kind = ChangeKind.CHANGED
-        if before is None:
-            kind = ChangeKind.ADDED
-        elif after is None:
-            kind = ChangeKind.REMOVED
-        texts = [None if v is None else f"{v[1]} ({v[0]} bytes)" for v in (before, after)]
-        changes.append(
-            Change(
-                kind=kind,
-                area=ChangeArea.SDO,
-                where=where,
-                what=f"0x{key[0]:04x}:{key[1]:02x}",
-                before=texts[0],
-                after=texts[1],
-            )
+    def _end(self, end: SideEnd) -> str:
+        place = "" if end.subdevice is None else f"{self._title(end.subdevice)} "
+        return f"{place}{end.address}"
+
+    def _arrow(self, copy: SideCopy) -> str:
+        return f"{self._end(copy.source)} -> {self._end(copy.destination)}"
+
+    # -- connections ------------------------------------------------------------------------------
+
+    def _connections(
+        self, a: Iterable[DescribedConnection], b: Iterable[DescribedConnection]
+    ) -> Iterator[Change]:
+        left = dict(enumerate(a))
+        right = {
+            number: replace(c, main=self._number(c.main), sub=self._number(c.sub))
+            for number, c in enumerate(b)
+        }
+        olds, news = dict(left), dict(right)
+        single = _single(left.values()) & _single(right.values())
+        for key in (
+            lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
+            lambda c: (c.name, c.slot) if c.name and c.main is c.sub is None else None,
+            lambda c: None if None in (c.sub, c.address) else (c.sub, c.address),
+            lambda c: None if None in (c.main, c.connection_id) else (c.main, c.connection_id),
+            lambda c: c.connection_id,
+            lambda c: (c.main, c.sub) if (c.main, c.sub) in single else None,
+        ):
+            for one, two in pair_by(key, left, right):
+                yield from self._connection(olds[one], news[two])
+        for kind, rows in ((ChangeKind.REMOVED, left), (ChangeKind.ADDED, right)):
+            for c in rows.values():
+                where, names = self._connection_name(c), self._names(c.main, c.sub)
+                yield Change(kind, ChangeArea.CONNECTION, where, subdevices=names)
+
+    def _number(self, number: int | None) -> int | None:
+        return None if number is None else self.numbers.get(number)
+
+    def _connection(self, old: DescribedConnection, new: DescribedConnection) -> Iterator[Change]:
+        where = self._connection_name(old)
+        names = self._names(old.main, old.sub, new.main, new.sub)
+        for role, before, after in (("main", old.main, new.main), ("sub", old.sub, new.sub)):
+            if None not in (before, after) and before != after:
+                kind, area = ChangeKind.CHANGED, ChangeArea.CONNECTION
+                titles = self._title(before), self._title(after)
+                yield Change(kind, area, where, role, *titles, (), names)
+        facts = [
+            (key, getattr(old, key), getattr(new, key))
+            for key in ("address", "connection_id", "watchdog_ms")
+        ]
+        if "plan" not in (self.a.format, self.b.format):  # which has no parameters
+            parameters = _parameters(self.a, old), _parameters(self.b, new)
+            facts.append(("app_parameters", *parameters))
+        yield from changed_facts(
+            ChangeArea.CONNECTION, where, *facts, whole=self.whole, subdevices=names
         )
-    return changes
 
+    def _connection_name(self, c: DescribedConnection) -> str:
+        slot = f" slot {c.slot}" if c.slot else ""
+        if c.main is None and c.sub is None and c.name:
+            return f"{c.name}{slot}"
+        return f"{self._title(c.main)} - {self._title(c.sub)}{slot}"
 
-class _Labels:
-    """Names of SubDevices by number of A; those only in B follow."""
+    # -- the rest ---------------------------------------------------------------------------------
 
-    def __init__(self, a: Side, b: Side, renumber: dict[int, int]) -> None:
-        self._rows = dict(enumerate(a.subdevices))
-        for right, number in renumber.items():
-            self._rows.setdefault(number, b.subdevices[right])
+    def _functions(self) -> Iterable[Change]:
+        a, b = self.a, self.b
+        if a.functions is not None and b.functions is not None:
+            return compare_functions(a.functions, b.functions)
+        if a.functions_sha256 is None or b.functions_sha256 is None:
+            return ()
+        hashes = ("SHA-256 of all", a.functions_sha256 or None, b.functions_sha256 or None)
+        return changed_facts(ChangeArea.SAFETY_FUNCTION, "", hashes, whole=True)
 
-    def of(self, number: int | None) -> str:
-        return _title(self._rows[number]) if number in self._rows else "?"
+    def _title(self, number: int | None) -> str:
+        return "?" if number is None else self.subdevices[number].title
 
-    def names(self, *numbers: int | None) -> list[str]:
-        return [self._rows[n].name if n in self._rows else "" for n in numbers]
+    def _names(self, *numbers: int | None) -> tuple[str, ...]:
+        names = ("" if n is None else self.subdevices[n].name for n in numbers)
+        return tuple(dict.fromkeys(names))
 
-    def of_copies(self, *copies: SideCopy) -> list[str]:
-        ends = [end for copy in copies for end in (copy.source, copy.destination)]
-        return self.names(*(end.subdevice for end in ends))
-
-    def end(self, end: SideEnd) -> str:
-        if end.subdevice is None:
-            return end.address
-        return f"{self.of(end.subdevice)} {end.place[1]}"
-
-
-def _renumbered(copy: SideCopy, numbers: dict[int, int]) -> SideCopy:
-    source, destination = (
-        e if e.subdevice is None else replace(e, subdevice=numbers[e.subdevice])
-        for e in (copy.source, copy.destination)
-    )
-    return replace(copy, source=source, destination=destination)
-
-
-def _groups(rows: Iterable[_T], key: Callable[[_T], _K]) -> dict[_K, list[_T]]:
-    groups: dict[_K, list[_T]] = {}
-    for row in rows:
-        groups.setdefault(key(row), []).append(row)
-    return groups
-
-
-def _copies(a: Iterable[SideCopy], b: Iterable[SideCopy], label: _Labels) -> list[Change]:
-    changes: list[Change] = []
-    left = _groups(a, lambda c: c.destination.place)
-    right = _groups(b, lambda c: c.destination.place)
-    for place in dict.fromkeys([*left, *right]):
-        old, new = left.get(place, []), right.get(place, [])
-        for before in list(old):
-            after = next((c for c in new if c.source.place == before.source.place), None)
-            if after is None and len(old) == len(new) == 1:
-                after = new[0]
-            if after is not None:
-                changes += _about(_copy(before, after, label), label.of_copies(before, after))
-                old.remove(before)
-                new.remove(after)
-        changes += [_copy_row(ChangeKind.REMOVED, c, label) for c in old]
-        changes += [_copy_row(ChangeKind.ADDED, c, label) for c in new]
-    return changes
-
-
-def _copy_row(kind: ChangeKind, copy: SideCopy, label: _Labels) -> Change:
-    size = _size(copy.bits)
-    before, after = (size, None) if kind is ChangeKind.REMOVED else (None, size)
-    return Change(
-        kind=kind,
-        area=ChangeArea.COPY,
-        where=_arrow(copy, label),
-        before=before,
-        after=after,
-        subdevices=tuple(dict.fromkeys(label.of_copies(copy))),
-    )
-
-
-def _arrow(copy: SideCopy, label: _Labels) -> str:
-    return f"{label.end(copy.source)} -> {label.end(copy.destination)}"
-
-
-def _size(bits: int) -> str:
-    return f"{bits // 8} bytes" if bits % 8 == 0 else f"{bits} bits"
-
-
-def _copy(old: SideCopy, new: SideCopy, label: _Labels) -> list[Change]:
-    where = _arrow(old, label)
-    changes = []
-    if old.source.place != new.source.place:
-        texts = label.end(old.source), label.end(new.source)
-        changes.append(_changed(ChangeArea.COPY, where, "source", *texts))
-    if old.bits != new.bits:
-        changes.append(_changed(ChangeArea.COPY, where, "size", _size(old.bits), _size(new.bits)))
-    if _differ(old.kind, new.kind):
-        changes.append(_changed(ChangeArea.COPY, where, "kind", old.kind, new.kind))
-    if _differ(old.net, new.net):
-        changes.append(_changed(ChangeArea.COPY, where, "net", old.net, new.net))
-    return changes
-
-
-def _connections(a: Side, b: Side, numbers: dict[int, int], label: _Labels) -> list[Change]:
-    left = dict(enumerate(a.connections or ()))
-    right = {
-        n: replace(
-            c,
-            main=None if c.main is None else numbers.get(c.main),
-            sub=None if c.sub is None else numbers.get(c.sub),
+    def not_compared(self) -> Iterator[str]:
+        """Yield the facts that only one side states, in words."""
+        a, b = self.a, self.b
+        for what, left, right in (
+            ("copies", a.copies, b.copies),
+            ("FSoE connections", a.connections, b.connections),
+            ("the bus cycle", a.cycle_ns, b.cycle_ns),
+        ):
+            if (left is None) != (right is None) and not self.whole:
+                yield _silent(what, a if left is None else b)
+        for side, other in ((a, b), (b, a)):
+            if side.functions_sha256 is None and other.functions_sha256:
+                yield _silent("safety functions", side)
+        unread = sum(
+            left is not None
+            and right is not None
+            and None in (a.subdevices[left].managers, b.subdevices[right].managers)
+            for left, right in self.pairs
         )
-        for n, c in enumerate(b.connections or ())
-    }
-    alone = _lone_pairs(left.values()) & _lone_pairs(right.values())
-    changes: list[Change] = []
-    for key in _ways_to_match(alone):
-        waiting = {k: n for n, c in right.items() if (k := key(c)) is not None}
-        for n, old in list(left.items()):
-            k = key(old)
-            partner = waiting.pop(k, None) if k is not None else None
-            if partner is None:
-                continue
-            new = right.pop(partner)
-            del left[n]
-            names = label.names(old.main, old.sub, new.main, new.sub)
-            changes += _about(_connection(a, b, old, new, label), names)
-    changes += [_connection_row(ChangeKind.REMOVED, c, label) for c in left.values()]
-    changes += [_connection_row(ChangeKind.ADDED, c, label) for c in right.values()]
-    return changes
+        if unread:
+            yield f"process data of SubDevices that one side does not know: {unread}"
 
 
-def _ways_to_match(
-    alone: set[tuple[int | None, int | None]],
-) -> tuple[Callable[[DescribedConnection], Hashable | None], ...]:
-    """Return the keys that match connections of both sides, the most reliable first."""
-    return (
-        lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
-        lambda c: (c.name, c.slot) if c.name and c.main is c.sub is None else None,
-        lambda c: _pair_key(c.sub, c.address),
-        lambda c: _pair_key(c.main, c.connection_id),
-        lambda c: c.connection_id,
-        lambda c: (c.main, c.sub) if (c.main, c.sub) in alone else None,
-    )
+def _silent(what: str, side: Side) -> str:
+    return f"{what}: {side.path} ({side.format}) does not contain them"
 
 
-def _lone_pairs(rows: Iterable[DescribedConnection]) -> set[tuple[int | None, int | None]]:
+def _sdos(where: str, old: Sdos, new: Sdos) -> Iterator[Change]:
+    for key in sorted(old.keys() | new.keys()):
+        before, after = old.get(key), new.get(key)
+        if before != after:
+            address = f"0x{key[0]:04x}:{key[1]:02x}"
+            yield changed_part(ChangeArea.SDO, where, before, after, _sdo_text, address)
+
+
+def _sdo_text(sdo: tuple[int, int]) -> str:
+    return f"{sdo[1]} ({sdo[0]} bytes)"
+
+
+def _sorted_text(numbers: tuple[int, ...] | None) -> str | None:
+    return None if numbers is None else ", ".join(map(str, sorted(set(numbers))))
+
+
+def _single(rows: Iterable[DescribedConnection]) -> set[tuple[int | None, int | None]]:
     """Return the SubDevices with one connection between them, whatever its slot."""
     counts = Counter((c.main, c.sub) for c in rows if None not in (c.main, c.sub))
     return {pair for pair, count in counts.items() if count == 1}
 
 
-def _pair_key(number: int | None, fact: Fact) -> Hashable | None:
-    return None if number is None or fact is None else (number, fact)
-
-
-def _connection_name(c: DescribedConnection, label: _Labels) -> str:
-    slot = f" slot {c.slot}" if c.slot else ""
-    if c.main is None and c.sub is None and c.name:
-        return f"{c.name}{slot}"
-    return f"{label.of(c.main)} - {label.of(c.sub)}{slot}"
-
-
-def _connection_row(kind: ChangeKind, c: DescribedConnection, label: _Labels) -> Change:
-    return Change(
-        kind=kind,
-        area=ChangeArea.CONNECTION,
-        where=_connection_name(c, label),
-        subdevices=tuple(dict.fromkeys(label.names(c.main, c.sub))),
-    )
-
-
-def _connection(
-    a: Side, b: Side, old: DescribedConnection, new: DescribedConnection, label: _Labels
-) -> list[Change]:
-    where = _connection_name(old, label)
-    changes = []
-    for role in ("main", "sub"):
-        before, after = getattr(old, role), getattr(new, role)
-        if None not in (before, after) and before != after:
-            texts = label.of(before), label.of(after)
-            changes.append(_changed(ChangeArea.CONNECTION, where, role, *texts))
-    facts = [(key, getattr(old, key), getattr(new, key)) for key in _FACTS]
-    if "plan" not in (a.format, b.format):  # which has no parameters
-        facts.append(("app_parameters", _parameters(a, old), _parameters(b, new)))
-    for fact, first, second in facts:
-        if first != second and _told(first, second, a, b):
-            changes.append(_changed(ChangeArea.CONNECTION, where, fact, first, second))
-    return changes
-
-
 def _parameters(side: Side, connection: DescribedConnection) -> str | None:
     """Return the parameters; without any ``None`` when the side may only be silent about them."""
     return connection.app_parameters.hex() or ("" if side.whole else None)
-
-
-def _silence(a: Side, b: Side, pairs: _Pairs) -> list[str]:
-    """Return facts that only one side states."""
-    words = []
-    for what, left, right in (
-        ("copies", a.copies, b.copies),
-        ("FSoE connections", a.connections, b.connections),
-        ("the bus cycle", a.cycle_ns, b.cycle_ns),
-    ):
-        if (left is None) != (right is None) and not (a.whole and b.whole):
-            silent = a if left is None else b
-            words.append(f"{what}: {silent.path} ({silent.format}) does not contain them")
-    for side, other in ((a, b), (b, a)):
-        if side.functions_sha256 is None and other.functions_sha256:
-            words.append(f"safety functions: {side.path} ({side.format}) does not contain them")
-    unread = 0
-    for left_number, right_number in pairs:
-        if left_number is not None and right_number is not None:
-            old, new = a.subdevices[left_number], b.subdevices[right_number]
-            unread += (old.managers is None) or (new.managers is None)
-    if unread:
-        words.append(f"process data of SubDevices that one side does not know: {unread}")
-    return words

@@ -2,191 +2,142 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
-from fsoe_net.compare.diff_side import SideEntry, SideFrame, SideManager
-from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind, Fact
-
-_Key = tuple[str, int]
+from fsoe_net.compare.diff_side import Managers
+from fsoe_net.compare.diff_types import (
+    Change,
+    ChangeArea,
+    ChangeKind,
+    changed_facts,
+    changed_part,
+    size_text,
+)
+from fsoe_net.model.bus import Watchdog
+from fsoe_net.model.layout import FsoeBlock, Placed, SmLayout
 
 
 def compare_managers(
-    where: str, a: Mapping[int, SideManager], b: Mapping[int, SideManager]
-) -> list[Change]:
+    where: str, a: Managers, b: Managers, whole: tuple[bool, bool]
+) -> Iterator[Change]:
     """Compare all sync managers of a SubDevice.
 
     Args:
         where: Name of the SubDevice.
         a: Its sync managers with process data in A, by number.
         b: The same in B.
+        whole: Whether A, and B, state all facts (`Side.whole`).
     """
-    changes: list[Change] = []
     for index in sorted(a.keys() | b.keys()):
         name = f"{where} SM{index}"
         old, new = a.get(index), b.get(index)
         if old is None or new is None:
-            kind = ChangeKind.ADDED if old is None else ChangeKind.REMOVED
-            sizes = [None if m is None or m.bits is None else _size(m.bits) for m in (old, new)]
-            changes.append(
-                Change(
-                    kind=kind,
-                    area=ChangeArea.SYNC_MANAGER,
-                    where=name,
-                    before=sizes[0],
-                    after=sizes[1],
-                )
-            )
+            yield changed_part(ChangeArea.SYNC_MANAGER, name, old, new, _size)
         else:
-            changes += _manager(name, old, new)
-    return changes
+            yield from _manager(name, old, new, whole)
 
 
-def _size(bits: int) -> str:
-    return f"{bits // 8} bytes" if bits % 8 == 0 else f"{bits} bits"
+def _size(sm: SmLayout) -> str | None:
+    return size_text(sm.bits) if sm.complete else None
 
 
-def _manager(where: str, old: SideManager, new: SideManager) -> list[Change]:
-    changes: list[Change] = []
-
-    def changed(what: str, before: Fact, after: Fact) -> None:
-        changes.append(
-            Change(
-                kind=ChangeKind.CHANGED,
-                area=ChangeArea.SYNC_MANAGER,
-                where=where,
-                what=what,
-                before=before,
-                after=after,
-            )
-        )
-
-    if old.direction != new.direction:
-        changed("direction", old.direction, new.direction)
-    if None not in (old.watchdog, new.watchdog) and old.watchdog != new.watchdog:
-        changed("watchdog", old.watchdog, new.watchdog)
-    if old.bits is not None and new.bits is not None and old.bits != new.bits:
-        changed("size", _size(old.bits), _size(new.bits))
-    if old.entries is None or new.entries is None:
-        return changes
-    frames, kept = _frames(where, old.frames, new.frames)
-    return changes + frames + _entries(where, old.entries, new.entries, kept)
+def _watchdog(sm: SmLayout, whole: bool) -> str | None:
+    """Return the watchdog; a file of another tool that has the default does not state one."""
+    stated = whole or sm.sm.watchdog is not Watchdog.DEFAULT
+    return sm.sm.watchdog.value if stated else None
 
 
-def _frames(
-    where: str, a: Iterable[SideFrame], b: Iterable[SideFrame]
-) -> tuple[list[Change], list[tuple[SideFrame, SideFrame]]]:
-    """Return changes, and the frames both sides have."""
-    left, right = {f.address: f for f in a}, {f.address: f for f in b}
-    changes: list[Change] = []
-    kept = []
+def _manager(
+    where: str, old: SmLayout, new: SmLayout, whole: tuple[bool, bool]
+) -> Iterator[Change]:
+    yield from changed_facts(
+        ChangeArea.SYNC_MANAGER,
+        where,
+        ("direction", old.sm.direction.value, new.sm.direction.value),
+        ("watchdog", _watchdog(old, whole[0]), _watchdog(new, whole[1])),
+        ("size", _size(old), _size(new)),
+    )
+    if old.complete and new.complete:
+        yield from _frames(where, old.blocks, new.blocks)
+        yield from _entries(where, old, new, with_restart=all(whole))
+
+
+def _frames(where: str, a: Iterable[FsoeBlock], b: Iterable[FsoeBlock]) -> Iterator[Change]:
+    left, right = _by_address(a), _by_address(b)
     for address in dict.fromkeys([*left, *right]):
         old, new = left.get(address), right.get(address)
         name = f"{where} {address}"
         if old is None or new is None:
-            kind = ChangeKind.ADDED if old is None else ChangeKind.REMOVED
-            sizes = [None if f is None else f"{f.size_bytes} bytes" for f in (old, new)]
-            changes.append(
-                Change(
-                    kind=kind, area=ChangeArea.FRAME, where=name, before=sizes[0], after=sizes[1]
-                )
-            )
+            yield changed_part(ChangeArea.FRAME, name, old, new, lambda f: f"{f.frame_bytes} bytes")
             continue
-        kept.append((old, new))
-        for kind, what, before, after in (
-            (ChangeKind.MOVED, "byte", old.byte, new.byte),
-            (ChangeKind.CHANGED, "frame_bytes", old.size_bytes, new.size_bytes),
-        ):
-            if before != after:
-                changes.append(
-                    Change(
-                        kind=kind,
-                        area=ChangeArea.FRAME,
-                        where=name,
-                        what=what,
-                        before=before,
-                        after=after,
-                    )
-                )
-    return changes, kept
+        places = old.byte_offset, new.byte_offset
+        if places[0] != places[1]:
+            yield Change(ChangeKind.MOVED, ChangeArea.FRAME, name, "byte", *places)
+        sizes_now = ("frame_bytes", old.frame_bytes, new.frame_bytes)
+        yield from changed_facts(ChangeArea.FRAME, name, sizes_now)
 
 
-def _keyed(entries: Iterable[SideEntry]) -> dict[_Key, SideEntry]:
-    """Entries by address; the same address a second time is one of its own."""
-    seen: dict[str, int] = {}
-    rows: dict[_Key, SideEntry] = {}
-    for entry in entries:
-        number = seen.get(entry.address, 0)
-        seen[entry.address] = number + 1
-        rows[entry.address, number] = entry
-    return rows
+def _by_address(blocks: Iterable[FsoeBlock]) -> dict[str, FsoeBlock]:
+    return {_frame_name(block): block for block in blocks}
 
 
-def _entries(
-    where: str,
-    a: Iterable[SideEntry],
-    b: Iterable[SideEntry],
-    frames: list[tuple[SideFrame, SideFrame]],
-) -> list[Change]:
-    left, right = _keyed(a), _keyed(b)
-    follows = _followed(frames)
+def _frame_name(block: FsoeBlock) -> str:
+    """Return the address of the command; a plan of another tool may have no entry there."""
+    command = block.command
+    return f"byte {block.byte_offset}" if command.is_gap else command.address
+
+
+def _entries(where: str, a: SmLayout, b: SmLayout, *, with_restart: bool) -> Iterator[Change]:
+    left, right = _keyed(a.placed), _keyed(b.placed)
+    follows = _followed(a.blocks, b.blocks)
     moved: dict[int, list[str]] = {}
-    changes: list[Change] = []
-
-    def changed(address: str, what: str, before: Fact, after: Fact) -> None:
-        changes.append(
-            Change(
-                kind=ChangeKind.CHANGED,
-                area=ChangeArea.ENTRIES,
-                where=where,
-                what=what,
-                before=before,
-                after=after,
-                entries=(address,),
-            )
-        )
-
     for key, old in left.items():
         new = right.get(key)
         if new is None:
             continue
-        distance = new.bit - old.bit
-        if distance and follows.get(old.bit // 8) != distance:
-            moved.setdefault(distance, []).append(old.address)
-        if old.bits != new.bits:
-            changed(old.address, "bits", old.bits, new.bits)
-        if None not in (old.restart, new.restart) and old.restart != new.restart:
-            words = ["no", "yes"]
-            changed(
-                old.address,
-                "restart_relevant",
-                words[bool(old.restart)],
-                words[bool(new.restart)],
-            )
+        distance = new.bit_offset - old.bit_offset
+        if distance and follows.get(old.bit_offset // 8) != distance:
+            moved.setdefault(distance, []).append(old.entry.address)
+        facts: list[tuple[str, int | str, int | str]] = [("bits", old.entry.bits, new.entry.bits)]
+        if with_restart:
+            facts.append(("restart_relevant", _restart(old), _restart(new)))
+        for change in changed_facts(ChangeArea.ENTRIES, where, *facts):
+            yield replace(change, entries=(old.entry.address,))
     for distance, addresses in moved.items():
-        changes.append(
-            Change(
-                kind=ChangeKind.MOVED,
-                area=ChangeArea.ENTRIES,
-                where=where,
-                what="bit",
-                after=f"{distance:+d} bits",
-                entries=tuple(addresses),
-            )
-        )
+        words = "bit", None, f"{distance:+d} bits", tuple(addresses)
+        yield Change(ChangeKind.MOVED, ChangeArea.ENTRIES, where, *words)
     for kind, order, other in (
         (ChangeKind.REMOVED, left, right),
         (ChangeKind.ADDED, right, left),
     ):
-        if found := tuple(key[0] for key in order if key not in other):
-            changes.append(Change(kind=kind, area=ChangeArea.ENTRIES, where=where, entries=found))
-    return changes
+        if alone := tuple(key[0] for key in order if key not in other):
+            yield Change(kind, ChangeArea.ENTRIES, where, entries=alone)
 
 
-def _followed(frames: list[tuple[SideFrame, SideFrame]]) -> dict[int, int]:
-    """Return by how many bits each byte of a frame moved with it: said once, at the frame."""
+def _restart(placed: Placed) -> str:
+    return "yes" if placed.entry.restart_relevant else "no"
+
+
+def _keyed(rows: Iterable[Placed]) -> dict[tuple[str, int], Placed]:
+    """Return the entries without padding by address; a repeated address gets its number."""
+    counts: Counter[str] = Counter()
+    keyed = {}
+    for row in rows:
+        if not row.entry.is_gap:
+            address = row.entry.address
+            keyed[address, counts[address]] = row
+            counts[address] += 1
+    return keyed
+
+
+def _followed(a: Iterable[FsoeBlock], b: Iterable[FsoeBlock]) -> dict[int, int]:
+    """Return by how many bits each byte of a frame moved with it, which the frame reports."""
+    right = _by_address(b)
     return {
-        byte: 8 * (new.byte - old.byte)
-        for old, new in frames
-        if new.byte != old.byte
-        for byte in range(old.byte, old.byte + old.size_bytes)
+        byte: 8 * (new.byte_offset - old.byte_offset)
+        for address, old in _by_address(a).items()
+        if (new := right.get(address)) is not None
+        for byte in range(old.byte_offset, old.end_byte)
     }

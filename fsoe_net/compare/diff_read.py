@@ -3,77 +3,62 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import replace
 
-from fsoe_net.compare.diff_side import (
-    Side,
-    SideCopy,
-    SideEnd,
-    SideEntry,
-    SideFrame,
-    SideManager,
-    SideSubDevice,
+from fsoe_net.compare.diff_side import Managers, Sdos, Side, SideCopy, SideEnd, SideSubDevice
+from fsoe_net.formats.own.scan_bus import described_manager
+from fsoe_net.model.bus import (
+    Device,
+    Direction,
+    Entry,
+    Pdo,
+    Sdo,
+    SubDevice,
+    SyncManager,
+    Watchdog,
 )
-from fsoe_net.model.bus import Direction, Entry, Pdo, SubDevice, SyncManager, Watchdog
 from fsoe_net.model.described_network import described_connections, described_facts
-from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, Description
-from fsoe_net.model.layout import DeviceLayout, SmLayout, find_blocks, place_entries
+from fsoe_net.model.description import (
+    DescribedConnection,
+    DescribedEnd,
+    DescribedSubDevice,
+    Description,
+)
+from fsoe_net.model.layout import FsoeBlock, Placed, SmLayout
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
 from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
 from fsoe_net.model.transfer_ends import ResolvedEnd
 from fsoe_net.plan.fingerprint import safety_sha256
-from fsoe_net.plan.model import NONE, Plan, PlanSubDevice
+from fsoe_net.plan.model import NONE, Plan, PlanBlock, PlanEntry, PlanSdo, PlanSubDevice
 
-_WATCHDOGS = ("default", "enable", "disable")
-
-
-def _placed(
-    pdos: Iterable[Pdo], sm: SyncManager
-) -> tuple[tuple[SideEntry, ...], tuple[SideFrame, ...], int]:
-    placed = place_entries(pdos)
-    entries = tuple(
-        SideEntry(p.entry.index, p.entry.subindex, p.bit_offset, p.entry.bits)
-        for p in placed
-        if not p.entry.is_gap
-    )
-    frames = tuple(
-        SideFrame(b.command.address, b.byte_offset, b.frame_bytes) for b in find_blocks(placed, sm)
-    )
-    return entries, frames, placed[-1].end_bit if placed else 0
+_WATCHDOGS = (Watchdog.DEFAULT, Watchdog.ENABLE, Watchdog.DISABLE)
+_NO_ENTRY = Entry(index=0, subindex=0, bits=8)
+_NO_PDO = Pdo(index=0, entries=())  # PDOs are not compared
 
 
-def _of_layout(layout: DeviceLayout, *, restart: bool, watchdogs: bool) -> dict[int, SideManager]:
-    return {
-        sm.sm.index: _manager(sm, restart=restart, watchdogs=watchdogs)
-        for sm in layout.managers
-        if sm.bits or sm.placed or not sm.complete
-    }
+def _managers(device: Device) -> Managers:
+    rows = device.layout.managers
+    return {sm.sm.index: sm for sm in rows if sm.bits or sm.placed or not sm.complete}
 
 
-def _manager(sm: SmLayout, *, restart: bool, watchdogs: bool) -> SideManager:
-    entries = tuple(
-        SideEntry(
-            p.entry.index,
-            p.entry.subindex,
-            p.bit_offset,
-            p.entry.bits,
-            p.entry.restart_relevant if restart else None,
-        )
-        for p in sm.placed
-        if not p.entry.is_gap
-    )
-    frames = tuple(SideFrame(b.command.address, b.byte_offset, b.frame_bytes) for b in sm.blocks)
-    is_stated = watchdogs or sm.sm.watchdog is not Watchdog.DEFAULT
-    return SideManager(
-        index=sm.sm.index,
-        direction=sm.sm.direction.value,
-        bits=sm.bits if sm.complete else None,
-        entries=entries if sm.complete else None,
-        frames=frames,
-        watchdog=sm.sm.watchdog.value if is_stated else None,
-    )
+def _sdos(rows: Iterable[Sdo | PlanSdo]) -> Sdos:
+    return {(s.index, s.subindex): (s.size_bytes, s.value) for s in rows}
+
+
+def _end(number: int, managers: Managers | None, sm_index: int, bit: int) -> SideEnd:
+    """Return an end of a copy by its entry, which keeps its address when it moves."""
+    manager = (managers or {}).get(sm_index)
+    if manager is not None and manager.complete:
+        for placed in manager.placed:
+            if placed.bit_offset == bit and not placed.entry.is_gap:
+                return SideEnd(number, placed.entry.address)
+    return SideEnd(number, f"SM{sm_index} bit {bit}")
+
+
+# -- networks -------------------------------------------------------------------------------------
 
 
 def side_of_network(resolution: Resolution, path: str) -> Side:
@@ -105,7 +90,7 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
         whole=True,
         cycle_ns=network.cycle_ns,
         subdevices=tuple(
-            _network_subdevice(s, addresses.get(n, ())) for n, s in enumerate(network.subdevices)
+            _network_subdevice(s, addresses.get(n)) for n, s in enumerate(network.subdevices)
         ),
         copies=tuple(copies),
         connections=tuple(connections),
@@ -116,81 +101,51 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
 
 def _resolved_end(end: ResolvedEnd, numbers: Mapping[str, int]) -> SideEnd:
     if end.subdevice is None:
-        return SideEnd(None, -1, -1, str(end.endpoint))
-    number = numbers[end.subdevice.name]
-    if end.sm is None or end.placed is None:
-        address = f"0x{end.endpoint.index:04x}:{end.endpoint.subindex:02x}"
-        return SideEnd(number, -1, -1, address)
-    return SideEnd(number, end.sm.sm.index, end.placed.bit_offset, end.placed.entry.address)
+        return SideEnd(None, str(end.endpoint))
+    address = f"0x{end.endpoint.index:04x}:{end.endpoint.subindex:02x}"
+    return SideEnd(numbers[end.subdevice.name], address)
 
 
 def _addresses(connections: Iterable[DescribedConnection]) -> dict[int, tuple[int, ...]]:
-    found: dict[int, tuple[int, ...]] = {}
+    addresses: dict[int, tuple[int, ...]] = {}
     for c in connections:
         if c.sub is not None and c.address is not None:
-            found[c.sub] = (*found.get(c.sub, ()), c.address)
-    return found
+            addresses[c.sub] = (*addresses.get(c.sub, ()), c.address)
+    return addresses
 
 
-def _network_subdevice(sub: SubDevice, addresses: tuple[int, ...]) -> SideSubDevice:
-    device = sub.device
-    managers = None if device is None else _of_layout(device.layout, restart=True, watchdogs=True)
-    return SideSubDevice(
+def _network_subdevice(sub: SubDevice, addresses: tuple[int, ...] | None) -> SideSubDevice:
+    side = SideSubDevice(
         name=sub.name,
         alias=sub.alias,
         position=sub.position,
-        identity=None if device is None else (device.vendor_id, device.product_code),
         revision=sub.revision,
-        managers=managers,
-        sdos=None
-        if device is None
-        else {(s.index, s.subindex): (s.size_bytes, s.value) for s in device.sdos},
-        fsoe_addresses=addresses or None,
+        fsoe_addresses=addresses,
     )
+    if sub.device is None:
+        return side
+    return replace(
+        side,
+        identity=(sub.device.vendor_id, sub.device.product_code),
+        managers=_managers(sub.device),
+        sdos=_sdos(sub.device.sdos),
+    )
+
+
+# -- plans ----------------------------------------------------------------------------------------
 
 
 def side_of_plan(
     plan: Plan, path: str, functions: tuple[SafetyFunction, ...] | None = None
 ) -> Side:
     """Return the side of a plan, with its safety functions if they were kept."""
-    per_device: dict[int, dict[int, SideManager]] = {}
-    ends: dict[int, dict[int, str]] = {}
-    restart = _restart_bits(plan)
-    frames: dict[int, list[tuple[int, int]]] = {}
-    for block in plan.blocks:
-        frames.setdefault(block.sm, []).append((block.byte_offset, block.frame_bytes))
-    for number, sm in enumerate(plan.sync_managers):
-        entries = tuple(
-            SideEntry(
-                e.index,
-                e.subindex,
-                e.bit_offset,
-                e.bits,
-                any((number, b) in restart for b in range(e.bit_offset, e.bit_offset + e.bits)),
-            )
-            for p in plan.pdos[sm.first_pdo : sm.first_pdo + sm.pdo_count]
-            for e in plan.entries[p.first_entry : p.first_entry + p.entry_count]
-            if e.index
-        )
-        at = ends[number] = {e.bit: e.address for e in reversed(entries)}
-        if sm.bits or entries:
-            per_device.setdefault(sm.subdevice, {})[sm.index] = SideManager(
-                index=sm.index,
-                direction="output" if sm.is_output else "input",
-                bits=sm.bits,
-                entries=entries,
-                frames=tuple(
-                    SideFrame(at.get(8 * byte, f"byte {byte}"), byte, size)
-                    for byte, size in frames.get(number, ())
-                ),
-                watchdog=_WATCHDOGS[sm.watchdog],
-            )
+    managers = _plan_managers(plan)
     connections = _plan_connections(plan)
     addresses = _addresses(connections)
 
     def end(sm_number: int, bit: int) -> SideEnd:
         sm = plan.sync_managers[sm_number]
-        return SideEnd(sm.subdevice, sm.index, bit, ends[sm_number].get(bit, ""))
+        return _end(sm.subdevice, managers[sm.subdevice], sm.index, bit)
 
     return Side(
         format="plan",
@@ -198,8 +153,8 @@ def side_of_plan(
         whole=True,
         cycle_ns=plan.cycle_ns or None,
         subdevices=tuple(
-            _plan_subdevice(plan, s, per_device.get(n, {}), addresses.get(n))
-            for n, s in enumerate(plan.subdevices)
+            _plan_subdevice(plan, sub, managers[n], addresses.get(n))
+            for n, sub in enumerate(plan.subdevices)
         ),
         copies=tuple(
             SideCopy(
@@ -217,19 +172,74 @@ def side_of_plan(
     )
 
 
-def _restart_bits(plan: Plan) -> set[tuple[int, int]]:
-    return {
+def _plan_managers(plan: Plan) -> list[dict[int, SmLayout]]:
+    """Return the sync managers of each SubDevice; their frames are those that the plan lists."""
+    restart = {
         (s.sm, bit)
         for s in plan.symbols
         if s.restart_relevant
         for bit in range(s.bit_offset, s.bit_offset + s.bits)
     }
+    frames: dict[int, list[PlanBlock]] = {}
+    for block in plan.blocks:
+        frames.setdefault(block.sm, []).append(block)
+    managers: list[dict[int, SmLayout]] = [{} for _ in plan.subdevices]
+    for number, sm in enumerate(plan.sync_managers):
+        layout = _plan_manager(plan, number, restart, frames.get(number, ()))
+        if layout.bits or layout.placed:
+            managers[sm.subdevice][sm.index] = layout
+    return managers
+
+
+def _plan_manager(
+    plan: Plan, number: int, restart: Set[tuple[int, int]], frames: Iterable[PlanBlock]
+) -> SmLayout:
+    sm = plan.sync_managers[number]
+    direction = Direction.OUTPUT if sm.is_output else Direction.INPUT
+    placed = tuple(
+        _plan_entry(number, row, restart)
+        for pdo in plan.pdos[sm.first_pdo : sm.first_pdo + sm.pdo_count]
+        for row in plan.entries[pdo.first_entry : pdo.first_entry + pdo.entry_count]
+    )
+    starts = {row.bit_offset: row.entry for row in reversed(placed)}
+    blocks = tuple(
+        FsoeBlock(
+            byte_offset=block.byte_offset,
+            frame_bytes=block.frame_bytes,
+            command=starts.get(8 * block.byte_offset, _NO_ENTRY),
+            direction=direction,
+            sm_index=sm.index,
+        )
+        for block in frames
+    )
+    return SmLayout(
+        number=number,
+        sm=SyncManager(
+            index=sm.index, direction=direction, carries=None, watchdog=_WATCHDOGS[sm.watchdog]
+        ),
+        placed=placed,
+        bits=sm.bits,
+        known_bits=sm.bits,
+        complete=True,
+        blocks=blocks,
+    )
+
+
+def _plan_entry(sm: int, row: PlanEntry, restart: Set[tuple[int, int]]) -> Placed:
+    bits = range(row.bit_offset, row.bit_offset + row.bits)
+    entry = Entry(
+        index=row.index,
+        subindex=row.subindex,
+        bits=row.bits,
+        restart_relevant=any((sm, bit) in restart for bit in bits),
+    )
+    return Placed(entry=entry, pdo=_NO_PDO, pdo_number=0, bit_offset=row.bit_offset)
 
 
 def _plan_subdevice(
     plan: Plan,
     sub: PlanSubDevice,
-    managers: dict[int, SideManager],
+    managers: Managers,
     addresses: tuple[int, ...] | None,
 ) -> SideSubDevice:
     one = sub.revision_low == sub.revision_high
@@ -240,10 +250,7 @@ def _plan_subdevice(
         identity=(sub.vendor_id, sub.product_code),
         revision=sub.revision_low if one else None,
         managers=managers,
-        sdos={
-            (s.index, s.subindex): (s.size_bytes, s.value)
-            for s in plan.sdos[sub.first_sdo : sub.first_sdo + sub.sdo_count]
-        },
+        sdos=_sdos(plan.sdos[sub.first_sdo : sub.first_sdo + sub.sdo_count]),
         fsoe_addresses=addresses,
     )
 
@@ -274,31 +281,34 @@ def _plan_connections(plan: Plan) -> list[DescribedConnection]:
 
 def _plan_slots(plan: Plan) -> dict[tuple[int, int], int]:
     """Return the number of each frame among those of its device and direction."""
-    seen: Counter[tuple[int, bool]] = Counter()
-    found = {}
+    counts: Counter[tuple[int, bool]] = Counter()
+    slots = {}
     order = sorted(plan.blocks, key=lambda b: (plan.sync_managers[b.sm].index, b.byte_offset))
     for block in order:
         sm = plan.sync_managers[block.sm]
         key = (sm.subdevice, sm.is_output)
-        found[block.sm, block.byte_offset] = seen[key]
-        seen[key] += 1
-    return found
+        slots[block.sm, block.byte_offset] = counts[key]
+        counts[key] += 1
+    return slots
+
+
+# -- descriptions of other tools ------------------------------------------------------------------
 
 
 def side_of_description(description: Description) -> Side:
     """Return the side for the content of another tool's file."""
     subdevices = tuple(_described(s) for s in description.subdevices)
+
+    def end(row: DescribedEnd) -> SideEnd:
+        managers = subdevices[row.subdevice].managers
+        return _end(row.subdevice, managers, row.sm_index, row.bit_offset)
+
     copies = None
     if description.copies or description.format == "eni":
         copies = tuple(
             SideCopy(
-                source=_end(subdevices, c.source.subdevice, c.source.sm_index, c.source.bit_offset),
-                destination=_end(
-                    subdevices,
-                    c.destination.subdevice,
-                    c.destination.sm_index,
-                    c.destination.bit_offset,
-                ),
+                source=end(c.source),
+                destination=end(c.destination),
                 bits=c.bits,
                 kind=None if c.fsoe is None else ("fsoe" if c.fsoe else "standard"),
             )
@@ -318,70 +328,45 @@ def side_of_description(description: Description) -> Side:
 
 def _described(sub: DescribedSubDevice) -> SideSubDevice:
     device = sub.device
-    known = bool(device.vendor_id or device.product_code)
-    managers = _of_layout(device.layout, restart=False, watchdogs=False)
+    has_identity = bool(device.vendor_id or device.product_code)
+    managers = None if sub.truncated else _managers(device)
     return SideSubDevice(
         name=sub.name or sub.order,
         alias=sub.alias or None,
         position=sub.position,
-        identity=(device.vendor_id, device.product_code) if known else None,
+        identity=(device.vendor_id, device.product_code) if has_identity else None,
         revision=sub.revision,
-        managers=managers if managers and not sub.truncated else None,
-        sdos=None,
+        managers=managers or None,
     )
 
 
-def _end(subdevices: tuple[SideSubDevice, ...], number: int, sm_index: int, bit: int) -> SideEnd:
-    managers = subdevices[number].managers or {}
-    manager = managers.get(sm_index)
-    rows = (manager.entries or ()) if manager is not None else ()
-    address = next((e.address for e in rows if e.bit == bit), "")
-    return SideEnd(number, sm_index, bit, address)
+# -- scans ----------------------------------------------------------------------------------------
 
 
 def side_of_scan(scan: Scan, path: str) -> Side:
     """Return the side of a bus as it was read."""
-    return Side(
-        format="scan",
-        path=path,
-        whole=False,
-        subdevices=tuple(_scanned(s) for s in scan.subdevices),
-    )
+    subdevices = tuple(_scanned(s) for s in scan.subdevices)
+    return Side(format="scan", path=path, whole=False, subdevices=subdevices)
 
 
 def _scanned(sub: ScannedSubDevice) -> SideSubDevice:
     identity = None
     if sub.vendor_id is not None and sub.product_code is not None:
         identity = (sub.vendor_id, sub.product_code)
+    managers = None
+    if sub.sms is not None:
+        managers = {sm.index: _scanned_manager(sm) for sm in sub.process_data}
     return SideSubDevice(
         name=sub.name,
         position=sub.position,
         identity=identity,
         revision=sub.revision,
-        managers=None
-        if sub.sms is None
-        else {s.index: _scanned_manager(sub, s) for s in sub.process_data},
-        fsoe_addresses=sub.fsoe.addresses or None if sub.fsoe is not None else None,
+        managers=managers,
+        fsoe_addresses=None if sub.fsoe is None else sub.fsoe.addresses or None,
     )
 
 
-def _scanned_manager(sub: ScannedSubDevice, sm: ScannedSm) -> SideManager:
-    direction = Direction.OUTPUT if sm.kind == "outputs" else Direction.INPUT
-    unread = sm.pdos is None or any(p.entries is None for p in sm.pdos) or not sm.complete
-    pdos = [
-        Pdo(
-            index=p.index,
-            entries=tuple(
-                Entry(index=e.index, subindex=e.subindex, bits=e.bits) for e in p.entries or ()
-            ),
-        )
-        for p in sm.pdos or ()
-    ]
-    entries, frames, bits = _placed(pdos, SyncManager(index=sm.index, direction=direction))
-    return SideManager(
-        index=sm.index,
-        direction=direction.value,
-        bits=None if unread else bits,
-        entries=None if unread else entries,
-        frames=frames,
-    )
+def _scanned_manager(sm: ScannedSm) -> SmLayout:
+    is_read = sm.complete and sm.pdos is not None and all(p.entries is not None for p in sm.pdos)
+    device = Device(path="", vendor_id=0, product_code=0, sync_managers=(described_manager(sm),))
+    return replace(device.layout.managers[0], complete=is_read)

@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind, Fact
+from fsoe_net.compare.diff_types import (
+    Change,
+    ChangeArea,
+    ChangeKind,
+    Fact,
+    changed_facts,
+)
 from fsoe_net.model.names import Names
-from fsoe_net.model.safety import SafetyElement, SafetyFunction
+from fsoe_net.model.safety import SafeBit, SafetyElement, SafetyFunction
+
+# Name of each fact, and its attribute.
+_FUNCTION = {key: key for key in ("trigger", "reaction", "reset", "modes", "required_reaction_ms")}
+_FUNCTION |= {"required pl": "pl", "required sil": "sil"}
+_ELEMENT = {key: key for key in ("name", "time_ms", "pfh_per_hour", "zero_because")}
+_ELEMENT |= {"claimed pl": "pl", "claimed sil": "sil"}
+_ELEMENT |= {key: key for key in ("category", "mission_years", "source", "manual")}
+_ELEMENT |= {"safe bits": "bits"}
+_EMPTY_IS_NONE = frozenset({"pl", "category", "bits"})
 
 
 def compare_functions(a: Sequence[SafetyFunction], b: Sequence[SafetyFunction]) -> list[Change]:
     """Compare safety functions by name, and their elements in the order of the signal."""
-    left = {f.name: f for f in a}
-    right = {f.name: f for f in b}
+    left, right = ({f.name: f for f in side} for side in (a, b))
     changes = [
-        Change(kind=kind, area=ChangeArea.SAFETY_FUNCTION, where=name)
+        Change(kind, ChangeArea.SAFETY_FUNCTION, name)
         for kind, names, others in (
             (ChangeKind.REMOVED, left, right),
             (ChangeKind.ADDED, right, left),
@@ -29,24 +44,14 @@ def compare_functions(a: Sequence[SafetyFunction], b: Sequence[SafetyFunction]) 
 
 
 def _function(a: SafetyFunction, b: SafetyFunction) -> Iterator[Change]:
-    facts: dict[str, tuple[Fact | float, Fact | float]] = {
-        "trigger": (a.trigger, b.trigger),
-        "reaction": (a.reaction, b.reaction),
-        "reset": (a.reset, b.reset),
-        "modes": (a.modes, b.modes),
-        "required_reaction_ms": (a.required_reaction_ms, b.required_reaction_ms),
-        "required pl": (a.pl or None, b.pl or None),
-        "required sil": (a.sil, b.sil),
-    }
-    for what, (before, after) in facts.items():
-        if before != after:
-            yield _changed(a.name, what, before, after)
+    yield from _changed(a.name, "", _FUNCTION, a, b)
     old, new = _elements(a), _elements(b)
     if list(old) != list(new):
-        yield _changed(a.name, "elements", ", ".join(old), ", ".join(new))
+        names = ", ".join(old), ", ".join(new)
+        yield from changed_facts(ChangeArea.SAFETY_FUNCTION, a.name, ("elements", *names))
     for name, one in old.items():
         if name in new:
-            yield from _element(a.name, name, one, new[name])
+            yield from _changed(a.name, f"{name}: ", _ELEMENT, one, new[name])
 
 
 def _elements(function: SafetyFunction) -> dict[str, SafetyElement]:
@@ -55,42 +60,25 @@ def _elements(function: SafetyFunction) -> dict[str, SafetyElement]:
     return {names.add(f"{e.kind.value} {e.sub or e.name}"): e for e in elements}
 
 
-def _element(function: str, name: str, a: SafetyElement, b: SafetyElement) -> Iterator[Change]:
-    for what, before, after in (
-        ("name", a.name, b.name),
-        ("time_ms", a.time_ms, b.time_ms),
-        ("pfh_per_hour", a.pfh_per_hour, b.pfh_per_hour),
-        ("zero_because", a.zero_because, b.zero_because),
-        ("claimed pl", a.pl or None, b.pl or None),
-        ("claimed sil", a.sil, b.sil),
-        ("category", a.category or None, b.category or None),
-        ("mission_years", a.mission_years, b.mission_years),
-        ("source", a.source, b.source),
-        ("manual", a.manual, b.manual),
-        ("safe bits", _bits(a), _bits(b)),
-    ):
-        if before != after:
-            yield _changed(function, f"{name}: {what}", before, after)
+def _changed(
+    where: str, prefix: str, attributes: Mapping[str, str], a: object, b: object
+) -> Iterator[Change]:
+    for what, key in attributes.items():
+        before, after = getattr(a, key), getattr(b, key)
+        if before != after:  # compared before two numbers get the same text
+            kind, area = ChangeKind.CHANGED, ChangeArea.SAFETY_FUNCTION
+            facts = _fact(key, before), _fact(key, after)
+            yield Change(kind, area, where, prefix + what, *facts)
 
 
-def _bits(element: SafetyElement) -> Fact:
-    """Return the safe bits of an element in words, ``None`` when none is stated."""
-    words = (
-        f"{'' if b.slot is None else f'slot {b.slot} '}bit {b.bit} {b.name}" for b in element.bits
-    )
-    return ", ".join(words) or None
-
-
-def _changed(where: str, what: str, before: Fact | float, after: Fact | float) -> Change:
-    return Change(
-        kind=ChangeKind.CHANGED,
-        area=ChangeArea.SAFETY_FUNCTION,
-        where=where,
-        what=what,
-        before=_fact(before),
-        after=_fact(after),
-    )
-
-
-def _fact(value: Fact | float) -> Fact:
+def _fact(key: str, value: Any) -> Fact:
+    if not value and key in _EMPTY_IS_NONE:
+        return None
+    if key == "bits":
+        return ", ".join(_safe_bit(bit) for bit in value)
     return f"{value:g}" if isinstance(value, float) else value
+
+
+def _safe_bit(bit: SafeBit) -> str:
+    slot = "" if bit.slot is None else f"slot {bit.slot} "
+    return f"{slot}bit {bit.bit} {bit.name}"

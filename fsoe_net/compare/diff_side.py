@@ -5,47 +5,18 @@ A fact is ``None`` where the source is silent, and is then not compared.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from fsoe_net.diag.words import identity_text
 from fsoe_net.model.description import DescribedConnection
+from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.safety import SafetyFunction
 
-
-@dataclass(frozen=True, slots=True)
-class SideEntry:
-    """An entry at its bit in the process data. ``restart``: restart relevant, where known."""
-
-    index: int
-    subindex: int
-    bit: int
-    bits: int
-    restart: bool | None = None
-
-    @property
-    def address(self) -> str:
-        """``0x6000:01``."""
-        return f"0x{self.index:04x}:{self.subindex:02x}"
-
-
-@dataclass(frozen=True, slots=True)
-class SideFrame:
-    """An FSoE frame; ``address`` is the entry of its command."""
-
-    address: str
-    byte: int
-    size_bytes: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SideManager:
-    """One sync manager with process data; entries without padding."""
-
-    index: int
-    direction: str
-    bits: int | None
-    entries: tuple[SideEntry, ...] | None = None
-    frames: tuple[SideFrame, ...] = ()
-    watchdog: str | None = None
+Managers = Mapping[int, SmLayout]
+"""The sync managers with process data by number."""
+Sdos = dict[tuple[int, int], tuple[int, int]]
+"""Size and value of start-up SDOs by index and subindex."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,27 +28,40 @@ class SideSubDevice:
     position: int | None = None
     identity: tuple[int, int] | None = None
     revision: int | None = None
-    managers: dict[int, SideManager] | None = None
-    sdos: dict[tuple[int, int], tuple[int, int]] | None = None
+    managers: Managers | None = None
+    sdos: Sdos | None = None
     fsoe_addresses: tuple[int, ...] | None = None
+
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """Its alias and position, where it has a place in a ring."""
+        return None if self.position is None else (self.alias or 0, self.position)
+
+    @property
+    def title(self) -> str:
+        """Its name, else its position."""
+        if self.name:
+            return self.name
+        return "unnamed SubDevice" if self.position is None else f"position {self.position}"
+
+    @property
+    def identity_text(self) -> str | None:
+        """``vendor 0x00000002, product 0x07703052``."""
+        if self.identity is None:
+            return None
+        return identity_text(*self.identity)
 
 
 @dataclass(frozen=True, slots=True)
 class SideEnd:
-    """An end of a copy: number of the SubDevice, sync manager, bit, and the entry there.
+    """An end of a copy: number of the SubDevice, and the entry there.
 
     ``subdevice`` is ``None`` when it is in a file that was not given; ``address`` then names it.
+    Without an entry, ``address`` is the sync manager and the bit.
     """
 
     subdevice: int | None
-    sm_index: int
-    bit: int
     address: str
-
-    @property
-    def place(self) -> tuple[int | None, str]:
-        """What stays when data in front change: the SubDevice, and the entry if there is one."""
-        return self.subdevice, self.address or f"SM{self.sm_index} bit {self.bit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

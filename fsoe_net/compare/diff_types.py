@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 Fact = int | str | None
+_T = TypeVar("_T")
 
 _SHOWN_ENTRIES = 6
 
@@ -37,7 +40,7 @@ class ChangeArea(enum.StrEnum):
 _MARK = {ChangeKind.ADDED: "+", ChangeKind.REMOVED: "-"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Change:
     """One difference.
 
@@ -90,3 +93,52 @@ def _fact_text(fact: Fact) -> str:
     if fact is None:
         return "not stated"
     return "empty" if fact == "" else str(fact)
+
+
+def changed_part(
+    area: ChangeArea,
+    where: str,
+    old: _T | None,
+    new: _T | None,
+    text: Callable[[_T], Fact],
+    what: str = "",
+    subdevices: tuple[str, ...] = (),
+) -> Change:
+    """Return the change of a part that is ``None`` where a side does not have it.
+
+    ``text`` returns the value of the part in words.
+    """
+    before = None if old is None else text(old)
+    after = None if new is None else text(new)
+    kind = ChangeKind.CHANGED
+    if old is None or new is None:
+        kind = ChangeKind.ADDED if old is None else ChangeKind.REMOVED
+    return Change(kind, area, where, what, before, after, (), subdevices)
+
+
+def changed_facts(
+    area: ChangeArea,
+    where: str,
+    *facts: tuple[str, Fact, Fact],
+    whole: bool = False,
+    subdevices: tuple[str, ...] = (),
+) -> Iterator[Change]:
+    """Yield a change for each fact whose values differ.
+
+    Args:
+        area: Area of the changes.
+        where: Part that has these facts.
+        facts: Name of each fact, its value in A and in B.
+        whole: ``None`` means *not set*; otherwise it means *not stated* and is not compared.
+        subdevices: Names of the SubDevices concerned.
+    """
+    for what, before, after in facts:
+        if before != after and (whole or None not in (before, after)):
+            yield Change(ChangeKind.CHANGED, area, where, what, before, after, (), subdevices)
+
+
+def size_text(bits: int | None) -> str | None:
+    """Return a length in bytes, or in bits where it is not a multiple of 8."""
+    if bits is None:
+        return None
+    return f"{bits} bits" if bits % 8 else f"{bits // 8} bytes"

@@ -11,7 +11,7 @@ from fsoe_net.compare.diff_read import (
     side_of_scan,
 )
 from fsoe_net.compare.diff_side import Side
-from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span, sort_diagnostics
+from fsoe_net.diag.diagnostic import Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import is_acceptance, parse_acceptance
 from fsoe_net.formats.own.network import load_network
@@ -28,35 +28,49 @@ from fsoe_net.plan.codec import MAGIC, decode_plan
 _NO_NET = "FSN125"
 
 
-def read_side(path: str, options: LoadOptions) -> tuple[Side | None, list[Diagnostic]]:
-    """Read one side; ``None`` when a part of it could not be read."""
+def read_side(path: str, options: LoadOptions) -> Side:
+    """Read one side.
+
+    Raises:
+        InputError: It cannot be compared; the exception carries its errors.
+    """
     out = Collector()
+    side = _read(path, options, out)
+    # A network without confirmed copies can also be compared.
+    errors = [d for d in out.diagnostics if d.level is Severity.ERROR and d.code != _NO_NET]
+    if side is None or errors:
+        raise InputError(f"{path} cannot be compared", sort_diagnostics(errors))
+    return side
+
+
+def _read(path: str, options: LoadOptions, out: Collector) -> Side | None:
     known = find_format(path, Collector()) if os.path.isfile(path) else None
     if known is not None and known.is_streamed:
         return _side_of_description(path, known, out, path, "")  # of any size
     data = read_bytes(path, out, most=MAX_LARGE_BYTES)
     if data is None:
-        return None, out.diagnostics
+        return None
     if data.startswith(MAGIC):
         try:
-            return side_of_plan(decode_plan(data), path), []
+            return side_of_plan(decode_plan(data), path)
         except InputError as exc:
             out.add("FSN101", Span(path), f"damaged plan: {exc}", hint="compile it again")
-            return None, out.diagnostics
+            return None
     if is_acceptance(data):
-        return _side_of_record(data, path, out), out.diagnostics
+        return _side_of_record(data, path, out)
     if data.lstrip()[:1] == b"{":
         scan, found = parse_scan(data, path)
-        return (None if scan is None else side_of_scan(scan, path)), found
+        out.diagnostics += found
+        return None if scan is None else side_of_scan(scan, path)
     known = find_format(data, out, name=path)
     if known is None:
-        return None, out.diagnostics
+        return None
     if known.yields is not Yields.NETWORK:
         return _side_of_description(data, known, out, path, options.master)
     loaded = load_network([os.fspath(path)], options)
     out.diagnostics += loaded.diagnostics
     network = loaded.network
-    return _judged(None if network is None else side_of_network(resolve(network), path), out)
+    return None if network is None else side_of_network(resolve(network), path)
 
 
 def _side_of_record(data: bytes, path: str, out: Collector) -> Side | None:
@@ -69,13 +83,7 @@ def _side_of_record(data: bytes, path: str, out: Collector) -> Side | None:
 
 def _side_of_description(
     source: str | bytes, known: Format, out: Collector, path: str, master: str
-) -> tuple[Side | None, list[Diagnostic]]:
+) -> Side | None:
     description = read_foreign(source, known, out, name=path, master=master)
-    whole = description is not None and not description.truncated
-    return _judged(side_of_description(description) if description and whole else None, out)
-
-
-def _judged(side: Side | None, out: Collector) -> tuple[Side | None, list[Diagnostic]]:
-    # A network without confirmed copies can also be compared.
-    found = sort_diagnostics([d for d in out.diagnostics if d.code != _NO_NET])
-    return (None if any(d.level is Severity.ERROR for d in found) else side), found
+    is_whole = description is not None and not description.truncated
+    return side_of_description(description) if description and is_whole else None

@@ -22,7 +22,7 @@ from fsoe_net.diag.diagnostic import (
     Span,
     sort_diagnostics,
 )
-from fsoe_net.diag.words import counted
+from fsoe_net.diag.words import counted, identity_text
 from fsoe_net.model.bus import Device, SubDevice
 from fsoe_net.model.description import DescribedSubDevice, Description
 from fsoe_net.model.joined_descriptions import has_layout
@@ -320,8 +320,8 @@ class _Check:
         self.out.add(
             "FSN431",
             _place(sub),
-            f"{sub.name} at {place} is {_words(*own)}, {f'{name[:60]}, ' if name else ''}"
-            f"{_words(*there)} in {self.file.path}",
+            f"{sub.name} at {place} is {identity_text(*own)}, {f'{name[:60]}, ' if name else ''}"
+            f"{identity_text(*there)} in {self.file.path}",
             hint="one of the two files is of another machine or an older state; compare with the "
             "label of the device",
             related=(Related(span=row.span, message="the device there"),),
@@ -439,7 +439,3 @@ def _same(sub: SubDevice, identity: tuple[int, int] | None) -> bool:
 
 def _place(sub: SubDevice) -> Span:
     return sub.at("alias") if sub.alias else sub.at("position")
-
-
-def _words(vendor: int, product: int) -> str:
-    return f"vendor 0x{vendor:08x}, product 0x{product:08x}"

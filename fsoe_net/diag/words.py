@@ -39,3 +39,8 @@ def summary(diagnostics: Sequence[Diagnostic]) -> str:
         if count:
             parts.append(counted(count, word))
     return ", ".join(parts)
+
+
+def identity_text(vendor_id: int, product_code: int) -> str:
+    """Return ``vendor 0x00000002, product 0x07703052``."""
+    return f"vendor 0x{vendor_id:08x}, product 0x{product_code:08x}"

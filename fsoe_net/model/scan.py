@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from fsoe_net.diag.words import identity_text
 from fsoe_net.model.bus import Located
 
 _ERROR_FLAG = 0x10
@@ -162,7 +163,7 @@ class ScannedSubDevice(Located):
         """``vendor 0x00000002, product 0x07703052``."""
         if self.vendor_id is None or self.product_code is None:
             return "an identity that could not be read"
-        return f"vendor 0x{self.vendor_id:08x}, product 0x{self.product_code:08x}"
+        return identity_text(self.vendor_id, self.product_code)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -127,10 +127,7 @@ class Records:
         path = self._workspace.path
         kinds = (CompanionKind.RECORD, CompanionKind.OTHER)
         other = self._of(query, "file", *kinds)  # without one: the network file as it is saved
-        before, found = read_side(path if other is None else other.path, self._workspace.loading)
-        if before is None:
-            name = path if other is None else other.name
-            raise InputError(f"{name} cannot be compared", found)
+        before = read_side(path if other is None else other.path, self._workspace.loading)
         now = side_of_network(resolution, f"{path}, as it is in the page")
         difference = compare(before, now)
         sections: list[Section] = []

@@ -24,6 +24,7 @@ from fsoe_net.formats.eni.read import load_eni
 from fsoe_net.formats.eni.write import write_eni
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.shared.files import Collector
+from fsoe_net.model.bus import Direction, Watchdog
 from fsoe_net.model.description import Description
 from fsoe_net.plan.compile import compile_plan
 
@@ -164,24 +165,27 @@ def manager(side: Side, name: str, index: int, **values: object) -> Side:
 def test_facts_of_a_sync_manager():
     side = side_of_network(example("estop"), "a")
     ek = side.subdevices[0].managers[3]
-    first, *rest = ek.entries
-    frame = ek.frames[0]
+    first, *rest = ek.placed
+    frame = ek.blocks[0]
+    shorter = replace(first, entry=replace(first.entry, bits=4))
+    relevant = replace(first, entry=replace(first.entry, restart_relevant=True))
     for values, expected in (
-        ({"direction": "output"}, ("changed", "sync_manager", "direction")),
-        ({"watchdog": "enable"}, ("changed", "sync_manager", "watchdog")),
+        ({"sm": replace(ek.sm, direction=Direction.OUTPUT)},
+         ("changed", "sync_manager", "direction")),
+        ({"sm": replace(ek.sm, watchdog=Watchdog.ENABLE)},
+         ("changed", "sync_manager", "watchdog")),
         ({"bits": ek.bits + 3}, ("changed", "sync_manager", "size")),
-        ({"frames": ()}, ("removed", "frame", "")),
-        ({"frames": (replace(frame, size_bytes=7),)}, ("changed", "frame", "frame_bytes")),
-        ({"frames": (replace(frame, byte=1),)}, ("moved", "frame", "byte")),
-        ({"entries": (replace(first, bits=4), *rest)}, ("changed", "entries", "bits")),
-        ({"entries": (replace(first, restart=True), *rest)},
-         ("changed", "entries", "restart_relevant")),
-        ({"entries": tuple(rest)}, ("removed", "entries", "")),
-        ({"entries": (*ek.entries, replace(first, bit=200))}, ("added", "entries", "")),
+        ({"blocks": ()}, ("removed", "frame", "")),
+        ({"blocks": (replace(frame, frame_bytes=7),)}, ("changed", "frame", "frame_bytes")),
+        ({"blocks": (replace(frame, byte_offset=1),)}, ("moved", "frame", "byte")),
+        ({"placed": (shorter, *rest)}, ("changed", "entries", "bits")),
+        ({"placed": (relevant, *rest)}, ("changed", "entries", "restart_relevant")),
+        ({"placed": tuple(rest)}, ("removed", "entries", "")),
+        ({"placed": (*ek.placed, replace(first, bit_offset=200))}, ("added", "entries", "")),
     ):  # fmt: skip
         other = manager(side, "ek1914", 3, **values)
         found = rows(compare(side, other))
-        if "frames" in values and expected[0] == "moved":
+        if "blocks" in values and expected[0] == "moved":
             assert found[0] == expected
         else:
             assert found == [expected]

@@ -55,7 +55,7 @@ def test_entries_that_were_not_read_are_not_compared():
     side = side_of_network(example("estop"), "a")
     sub = side.subdevices[0]
     assert sub.managers is not None
-    unread = {n: replace(m, entries=None, bits=None) for n, m in sub.managers.items()}
+    unread = {n: replace(m, complete=False) for n, m in sub.managers.items()}
     other = replace(side, subdevices=(replace(sub, managers=unread), *side.subdevices[1:]))
     assert said(side, other) == []
 

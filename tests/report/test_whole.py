@@ -41,13 +41,11 @@ from fsoe_net.compare.diff_read import (
     side_of_description,
     side_of_network,
     side_of_plan,
-    side_of_scan,
 )
 from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.core.snapshot import Histogram
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.formats.own.library import builtin_library
-from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.formats.own.scenario import load_scenario
 from fsoe_net.incident.evidence_cycles import SlowCycle
 from fsoe_net.incident.incident_facts import facts_json, facts_of
@@ -331,20 +329,6 @@ def filled_page(_: Path) -> str:
     )
 
 
-def sides(_: Path) -> str:
-    """What is known of networks, plans, descriptions and scans before they are compared."""
-    network = example("estop")
-    scan, found = parse_scan(json.dumps(scan_of(network)).encode(), "scan.json")
-    assert scan is not None, found
-    each = (
-        side_of_network(network, "network.yaml"),
-        side_of_plan(compile_plan(network), "a.fsnplan"),
-        side_of_description(bus(1)),
-        side_of_scan(scan, "scan.json"),
-    )
-    return told(*(repr(side).replace("), ", "),\n") for side in each))
-
-
 def differences(folder: Path) -> str:
     """What two of them differ in, as lines and as the change log has it."""
     text = TIMED.read_text("utf-8").replace("devices/", f"{BASE}/devices/")
@@ -469,7 +453,6 @@ TOLD: dict[str, Callable[[Path], str]] = {
     "another configuration": of_another_configuration,
     "incident": incident,
     "incidents": incidents,
-    "sides": sides,
     "differences": differences,
     "pictures": pictures,
     "budget": lambda _: budget(TIMED),

@@ -48,7 +48,7 @@ def _subdevice(sub: ScannedSubDevice, path: str) -> DescribedSubDevice:
             path=path,
             vendor_id=sub.vendor_id or 0,
             product_code=sub.product_code or 0,
-            sync_managers=tuple(_manager(s) for s in managers),
+            sync_managers=tuple(described_manager(s) for s in managers),
         ),
         revision=sub.revision,
         serial=sub.serial,
@@ -62,7 +62,8 @@ def _is_whole(sm: ScannedSm) -> bool:
     return bool(sm.pdos) and known and sm.complete
 
 
-def _manager(sm: ScannedSm) -> SyncManager:
+def described_manager(sm: ScannedSm) -> SyncManager:
+    """Return a sync manager with the PDOs that were read of it."""
     out = sm.kind in ("outputs", "mailbox_out")
     return SyncManager(
         span=sm.span,

@@ -1,0 +1,47 @@
+"""Pairs the rows of two sides by keys, the most reliable key first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
+
+_A = TypeVar("_A")
+_B = TypeVar("_B")
+
+
+def pair_by(
+    key: Callable[[Any], Hashable | None],
+    left: dict[int, _A],
+    right: dict[int, _B],
+    *,
+    unique: bool = False,
+    fits: Callable[[_A, _B], bool] = lambda _a, _b: True,
+) -> list[tuple[int, int]]:
+    """Pair rows that have the same key, in their order, and take them out of both sides.
+
+    Args:
+        key: Returns the key of a row; a row whose key is ``None`` has no partner.
+        left: Rows of the first side by number.
+        right: Rows of the second side by number.
+        unique: Pair only rows whose key is unique on both sides.
+        fits: Whether two rows with the same key can be partners.
+    """
+    waiting: dict[Hashable, list[int]] = {}
+    for other, partner in right.items():
+        waiting.setdefault(key(partner), []).append(other)
+    counts = Counter(key(row) for row in left.values())
+    pairs = []
+    for number, row in list(left.items()):
+        known = key(row)
+        if known is None or known not in waiting:
+            continue
+        free = waiting[known]
+        if unique and (len(free) > 1 or counts[known] > 1):
+            continue
+        taken = next((n for n in free if fits(row, right[n])), None)
+        if taken is not None:
+            free.remove(taken)
+            pairs.append((number, taken))
+            del left[number], right[taken]
+    return pairs
