@@ -23,7 +23,7 @@ from fsoe_net.compare.diff_types import (
     changed_part,
     size_text,
 )
-from fsoe_net.compare.pairing import pair_by
+from fsoe_net.compare.pairing import attributes, pair_by
 from fsoe_net.model.description import DescribedConnection
 
 _Pairs = list[tuple[int | None, int | None]]
@@ -213,8 +213,8 @@ class _Comparison:
         for key in (
             lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
             lambda c: (c.name, c.slot) if c.name and c.main is c.sub is None else None,
-            lambda c: None if None in (c.sub, c.address) else (c.sub, c.address),
-            lambda c: None if None in (c.main, c.connection_id) else (c.main, c.connection_id),
+            attributes("sub", "address"),
+            attributes("main", "connection_id"),
             lambda c: c.connection_id,
             lambda c: (c.main, c.sub) if (c.main, c.sub) in single else None,
         ):

@@ -16,7 +16,7 @@ def pair_by(
     right: dict[int, _B],
     *,
     unique: bool = False,
-    fits: Callable[[_A, _B], bool] = lambda _a, _b: True,
+    fits: Callable[[_A, _B], bool] | None = None,
 ) -> list[tuple[int, int]]:
     """Pair rows that have the same key, in their order, and take them out of both sides.
 
@@ -25,7 +25,7 @@ def pair_by(
         left: Rows of the first side by number.
         right: Rows of the second side by number.
         unique: Pair only rows whose key is unique on both sides.
-        fits: Whether two rows with the same key can be partners.
+        fits: Whether two rows with the same key can be partners; default: all.
     """
     waiting: dict[Hashable, list[int]] = {}
     for other, partner in right.items():
@@ -39,9 +39,19 @@ def pair_by(
         free = waiting[known]
         if unique and (len(free) > 1 or counts[known] > 1):
             continue
-        taken = next((n for n in free if fits(row, right[n])), None)
+        taken = next((n for n in free if fits is None or fits(row, right[n])), None)
         if taken is not None:
             free.remove(taken)
             pairs.append((number, taken))
             del left[number], right[taken]
     return pairs
+
+
+def attributes(*names: str) -> Callable[[Any], Hashable | None]:
+    """Return a key of these attributes, ``None`` for a row that does not state all of them."""
+
+    def key(row: Any) -> Hashable | None:
+        values = tuple(getattr(row, name) for name in names)
+        return None if None in values else values
+
+    return key

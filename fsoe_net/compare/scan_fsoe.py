@@ -2,47 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from fsoe_net.compare.connection_values import VALUES, Value, differing, pair_connections
 from fsoe_net.diag.diagnostic import FindingList, Related
 from fsoe_net.diag.words import counted
 from fsoe_net.model.network import ConnectionFacts, NetworkConfig
 from fsoe_net.model.scan import ScannedConnection, ScannedSubDevice
 from fsoe_net.rules.context import ACCEPTED, SECURED, few
 
-
-@dataclass(frozen=True, slots=True)
-class _Value:
-    """One kind of value that a MainInstance reports of a connection."""
-
-    code: str
-    key: str
-    what: str
-    unit: str
-    planned: Callable[[ConnectionFacts], int | None]
-    found: Callable[[ScannedConnection], int | None]
-
-
-_VALUES = (
-    _Value("FSN508", "address", "FSoE address", "", lambda c: c.address, lambda r: r.address),
-    _Value(
-        "FSN509",
-        "connection_id",
-        "connection ID",
-        "",
-        lambda c: c.connection_id,
-        lambda r: r.connection_id,
-    ),
-    _Value(
-        "FSN510",
-        "watchdog_ms",
-        "FSoE watchdog",
-        " ms",
-        lambda c: c.watchdog_ms,
-        lambda r: r.watchdog_ms,
-    ),
-)
+_Pair = tuple[ConnectionFacts, ScannedConnection]
 
 
 def check_fsoe_values(
@@ -57,16 +27,18 @@ def check_fsoe_values(
     """
     stated = [fact for net in network.nets for fact in net.connections]
     mains = dict.fromkeys(f.main for f in stated)
+    # Not every device reports on which side of a connection it is; the network states it.
     given = {
-        name: _given(there, is_main=name in mains)
+        name: [*there.fsoe.given, *(() if name in mains else there.fsoe.connections)]
         for name, there in found.items()
         if there.fsoe is not None
     }
-    unread = _addresses(out, stated, found, given)
+    bus = _Bus(out, found, given)
+    unread = bus.check_addresses(stated)
     for main in mains:
         facts = [f for f in stated if f.main == main and f.main in found]
         if facts:
-            unread += _connections(out, main, facts, found[main], given)
+            unread += bus.check_connections(main, facts)
     for fact in dict.fromkeys(unread):
         out.add(
             "FSN513",
@@ -77,201 +49,136 @@ def check_fsoe_values(
         )
 
 
-def _given(there: ScannedSubDevice, *, is_main: bool) -> list[ScannedConnection]:
-    """Return what a device reports of its SubInstances.
+@dataclass(frozen=True, slots=True)
+class _Bus:
+    """SubDevices on the bus by name, and what each reports of its SubInstances."""
 
-    Not every device reports on which side of a connection it is; the network does.
-    """
-    assert there.fsoe is not None  # noqa: S101  (checked by the caller)
-    return [*there.fsoe.given, *(() if is_main else there.fsoe.connections)]
+    out: FindingList
+    found: Mapping[str, ScannedSubDevice]
+    given: Mapping[str, list[ScannedConnection]]
 
+    def _addresses_of(self, name: str) -> list[int]:
+        """Return the FSoE addresses of a SubDevice, else those that its MainInstance names."""
+        fsoe = self.found[name].fsoe
+        if fsoe is not None and fsoe.addresses:
+            return list(fsoe.addresses)
+        return [row.address for row in self.given.get(name, ()) if row.address]  # 0: not known
 
-def _addresses(
-    out: FindingList,
-    stated: list[ConnectionFacts],
-    found: Mapping[str, ScannedSubDevice],
-    given: Mapping[str, list[ScannedConnection]],
-) -> list[ConnectionFacts]:
-    """Compare the FSoE address of each SubInstance; return whose cannot be read."""
-    facts: dict[str, ConnectionFacts] = {}
-    for fact in stated:
-        if fact.address is not None and fact.sub in found:
-            facts.setdefault(fact.sub, fact)
-    read: dict[str, int] = {}
-    for name, fact in facts.items():
-        own = _own_addresses(found[name], given.get(name, ()))
-        if own:
-            read[name] = fact.address if fact.address in own else own[0]
-    owners: dict[int | None, str] = {}
-    for name, fact in facts.items():
-        owners.setdefault(fact.address, name)
-    done: set[str] = set()
-    for name, address in read.items():
-        fact = facts[name]
-        if address == fact.address or name in done:
-            continue
-        owner = owners.get(address, "")
-        if owner and read.get(owner) == fact.address:
-            done |= {name, owner}
-            _exchanged(out, fact, facts[owner], found)
-            continue
-        whose = f", the address of {owner}" if owner else ""
-        out.add(
+    def check_addresses(self, stated: Iterable[ConnectionFacts]) -> list[ConnectionFacts]:
+        """Compare the FSoE address of each SubInstance; return those that cannot be read."""
+        facts: dict[str, ConnectionFacts] = {}
+        for fact in stated:
+            if fact.address is not None and fact.sub in self.found:
+                facts.setdefault(fact.sub, fact)
+        read: dict[str, int] = {}
+        owners: dict[int | None, str] = {}
+        for name, fact in facts.items():
+            owners.setdefault(fact.address, name)
+            if own := self._addresses_of(name):
+                read[name] = fact.address if fact.address in own else own[0]
+        done: set[str] = set()
+        for name, address in read.items():
+            fact = facts[name]
+            if address == fact.address or name in done:
+                continue
+            owner = owners.get(address, "")
+            if owner and read.get(owner) == fact.address:
+                done |= {name, owner}
+                self._exchanged(fact, facts[owner])
+                continue
+            whose = f", the address of {owner}" if owner else ""
+            self.out.add(
+                "FSN508",
+                fact.at("address"),
+                f"{name} (position {self.found[name].position}) has FSoE address {address}{whose}; "
+                f"the network states {fact.address}",
+                hint="find out which one the safety project has, and correct the other one; the "
+                f"connection is refused (error 6) while they differ{ACCEPTED}",
+            )
+        return [fact for name, fact in facts.items() if name not in read]
+
+    def _exchanged(self, one: ConnectionFacts, two: ConnectionFacts) -> None:
+        places = self.found[one.sub].position, self.found[two.sub].position
+        self.out.add(
             "FSN508",
-            fact.at("address"),
-            f"{name} (position {found[name].position}) has FSoE address {address}{whose}; the "
-            f"network states {fact.address}",
-            hint="find out which one the safety project has, and correct the other one; the "
-            f"connection is refused (error 6) while they differ{ACCEPTED}",
+            one.at("address"),
+            f"{one.sub} and {two.sub} are exchanged: position {places[0]} has FSoE address "
+            f"{two.address}, position {places[1]} has {one.address}",
+            hint=f"{SECURED}were the two devices, or their cables, put in each other's place?",
+            related=(Related(span=two.at("address"), message=f"{two.sub} is expected here"),),
         )
-    return [fact for name, fact in facts.items() if name not in read]
 
+    def check_connections(self, main: str, facts: list[ConnectionFacts]) -> list[ConnectionFacts]:
+        """Compare the connections a MainInstance reports with what is stated.
 
-def _own_addresses(there: ScannedSubDevice, given: Sequence[ScannedConnection]) -> list[int]:
-    """Return the FSoE addresses of a SubDevice; without its own those its MainInstance names."""
-    if there.fsoe is not None and there.fsoe.addresses:
-        return list(there.fsoe.addresses)
-    return [row.address for row in given if row.address]  # 0: not known so far
+        Of one that reports nothing, compare what its SubInstances were given.
 
+        Returns:
+            Those of which nothing can be read.
+        """
+        fsoe = self.found[main].fsoe
+        rows = () if fsoe is None else fsoe.connections
+        if not rows:
+            return self._check_given(main, facts)
+        left, right = dict(enumerate(facts)), dict(enumerate(rows))
+        numbers = pair_connections(left, right)
+        numbers += list(zip(left, right, strict=False))  # nothing else is known of these
+        pairs = [(facts[one], rows[two]) for one, two in numbers]
+        for value in VALUES:
+            self._compare(main, value, pairs)
+        paired = {one for one, _ in numbers}
+        unpaired = [f.sub for n, f in enumerate(facts) if n not in paired]
+        if unpaired:
+            self.out.add(
+                "FSN513",
+                facts[-1].at("main"),
+                f"{main} reports {counted(len(rows), 'connection')}; nothing of {few(unpaired)}",
+                hint="does the safety project in the device have these connections?",
+            )
+        return []
 
-def _exchanged(
-    out: FindingList,
-    one: ConnectionFacts,
-    two: ConnectionFacts,
-    found: Mapping[str, ScannedSubDevice],
-) -> None:
-    out.add(
-        "FSN508",
-        one.at("address"),
-        f"{one.sub} and {two.sub} are exchanged: position {found[one.sub].position} has FSoE "
-        f"address {two.address}, position {found[two.sub].position} has {one.address}",
-        hint=f"{SECURED}were the two devices, or their cables, put in each other's place?",
-        related=(Related(span=two.at("address"), message=f"{two.sub} is expected here"),),
-    )
-
-
-def _connections(
-    out: FindingList,
-    main: str,
-    facts: list[ConnectionFacts],
-    there: ScannedSubDevice,
-    given: Mapping[str, list[ScannedConnection]],
-) -> list[ConnectionFacts]:
-    """Compare the connections a MainInstance reports with what is stated.
-
-    Of one that reports nothing, compare what its SubInstances were given.
-
-    Returns:
-        Those of which nothing can be read.
-    """
-    rows = list(there.fsoe.connections) if there.fsoe is not None else []
-    if not rows:
-        return _as_given(out, main, [f for f in facts if _is_stated(f)], given)
-    pairs = _paired(facts, rows)
-    for value in _VALUES:
-        _compare(out, main, value, pairs)
-    unpaired = [f.sub for f in facts if not any(f is p for p, _ in pairs)]
-    if unpaired:
-        out.add(
-            "FSN513",
-            facts[-1].at("main"),
-            f"{main} reports {counted(len(rows), 'connection')}; nothing of {few(unpaired)}",
-            hint="does the safety project in the device have these connections?",
-        )
-    return []
-
-
-def _as_given(
-    out: FindingList,
-    main: str,
-    facts: list[ConnectionFacts],
-    given: Mapping[str, list[ScannedConnection]],
-) -> list[ConnectionFacts]:
-    """Compare what SubInstances report of a connection that has been up; return the others."""
-    pairs: list[tuple[ConnectionFacts, ScannedConnection]] = []
-    for fact in facts:
-        rows = given.get(fact.sub, [])
-        row = next((r for r in rows if r.address == fact.address), rows[0] if rows else None)
-        if row is not None and row.connection_id and row.watchdog_ms:  # 0: nothing given so far
-            pairs.append((fact, row))
-    for value in _VALUES[1:]:  # the address has been compared
-        _compare(out, main, value, pairs, by_sub=True)
-    return [f for f in facts if not any(f is p for p, _ in pairs)]
-
-
-def _is_stated(fact: ConnectionFacts) -> bool:
-    return fact.connection_id is not None or fact.watchdog_ms is not None
-
-
-def _paired(
-    facts: list[ConnectionFacts], rows: list[ScannedConnection]
-) -> list[tuple[ConnectionFacts, ScannedConnection]]:
-    """Pair by address and connection ID, then by one of them, then by order."""
-    pairs: list[tuple[ConnectionFacts, ScannedConnection]] = []
-    free_facts, free_rows = list(facts), list(rows)
-
-    def take(agree: Callable[[ConnectionFacts, ScannedConnection], bool]) -> None:
-        for fact in list(free_facts):
-            row = next((r for r in free_rows if agree(fact, r)), None)
-            if row is not None:
+    def _check_given(self, main: str, facts: list[ConnectionFacts]) -> list[ConnectionFacts]:
+        """Compare what SubInstances report of a connection that has been up; return the others."""
+        pairs: list[_Pair] = []
+        unread = []
+        for fact in facts:
+            if fact.connection_id is None and fact.watchdog_ms is None:
+                continue
+            rows = self.given.get(fact.sub, [])
+            row = next((r for r in rows if r.address == fact.address), rows[0] if rows else None)
+            if row is not None and row.connection_id and row.watchdog_ms:  # 0: nothing given
                 pairs.append((fact, row))
-                free_facts.remove(fact)
-                free_rows.remove(row)
+            else:
+                unread.append(fact)
+        for value in VALUES[1:]:  # the address has been compared
+            self._compare(main, value, pairs, by_sub=True)
+        return unread
 
-    def same(one: int | None, two: int | None) -> bool:
-        return one is not None and one == two
-
-    take(lambda f, r: same(f.address, r.address) and same(f.connection_id, r.connection_id))
-    take(lambda f, r: same(f.address, r.address))
-    take(lambda f, r: same(f.connection_id, r.connection_id))
-    pairs.extend(zip(free_facts, free_rows, strict=False))
-    return pairs
-
-
-def _compare(
-    out: FindingList,
-    main: str,
-    value: _Value,
-    pairs: list[tuple[ConnectionFacts, ScannedConnection]],
-    *,
-    by_sub: bool = False,
-) -> None:
-    wrong = [
-        (fact, planned, found)
-        for fact, row in pairs
-        if (planned := value.planned(fact)) is not None
-        and (found := value.found(row)) is not None
-        and planned != found
-    ]
-    done: set[int] = set()
-    for number, (fact, planned, found) in enumerate(wrong):
-        if number in done:
-            continue
-        crossed = next(
-            (
-                n
-                for n in range(number + 1, len(wrong))
-                if value.key != "watchdog_ms" and wrong[n][1:] == (found, planned)
-            ),
-            None,
-        )
-        if crossed is not None:
-            done.add(crossed)
-            other = wrong[crossed][0]
-            out.add(
+    def _compare(
+        self, main: str, value: Value, pairs: list[_Pair], *, by_sub: bool = False
+    ) -> None:
+        wrong = [(fact, *both) for fact, row in pairs if (both := differing(value, fact, row))]
+        while wrong:
+            fact, planned, found = wrong.pop(0)
+            number = next((n for n, row in enumerate(wrong) if row[1:] == (found, planned)), None)
+            if number is not None and value.key != "watchdog_ms":
+                other = wrong.pop(number)[0]
+                self.out.add(
+                    value.code,
+                    fact.at(value.key),
+                    f"{main}: the {value.what}s of {fact.sub} and {other.sub} are exchanged, "
+                    f"{found} and {planned}; the network states {planned} and {found}",
+                    hint=f"correct them here or in the safety project{ACCEPTED}",
+                    related=(Related(span=other.at(value.key), message=other.sub),),
+                )
+                continue
+            has = f"has {value.what} {found}{value.unit}"
+            whose = f"{main} {has} for {fact.sub}"
+            if by_sub:
+                whose = f"{fact.sub} {has}, given by {main}"
+            self.out.add(
                 value.code,
                 fact.at(value.key),
-                f"{main}: the {value.what}s of {fact.sub} and {other.sub} are exchanged, {found} "
-                f"and {planned}; the network states {planned} and {found}",
-                hint=f"correct them here or in the safety project{ACCEPTED}",
-                related=(Related(span=other.at(value.key), message=f"{other.sub}"),),
+                f"{whose}; the network states {planned}{value.unit}",
+                hint=f"the safety project in the device counts: correct it there or here{ACCEPTED}",
             )
-            continue
-        has = f"has {value.what} {found}{value.unit}"
-        whose = f"{fact.sub} {has}, given by {main}" if by_sub else f"{main} {has} for {fact.sub}"
-        out.add(
-            value.code,
-            fact.at(value.key),
-            f"{whose}; the network states {planned}{value.unit}",
-            hint=f"the safety project in the device counts: correct it there or here{ACCEPTED}",
-        )
