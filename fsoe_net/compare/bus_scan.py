@@ -7,13 +7,12 @@ from dataclasses import replace
 
 from fsoe_net.compare.scan_devices import check_health, check_layout, check_revision
 from fsoe_net.compare.scan_fsoe import check_fsoe_values
-from fsoe_net.compare.scan_match import Match, match_scan
+from fsoe_net.compare.scan_match import Match, first_master, match_subdevices, place_of
 from fsoe_net.diag.diagnostic import (
     Diagnostic,
     FindingList,
     Related,
     Severity,
-    Span,
     sort_diagnostics,
 )
 from fsoe_net.diag.words import identity_text
@@ -39,9 +38,9 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
         for fact in net.connections
         if fact.address is not None
     }
-    match = match_scan(network, scan, addresses)
+    match = match_subdevices(first_master(network), scan.subdevices, addresses)
     _aliases(out, network, scan)
-    _same_place(out, match)
+    _sameplace_of(out, match)
     _missing(out, network, scan, match)
     _order(out, match)
     _other(out, match)
@@ -77,10 +76,6 @@ def _present(network: NetworkConfig, scan: Scan) -> tuple[NetworkConfig, Scan]:
     return replace(network, subdevices=left), replace(scan, subdevices=rows)
 
 
-def _place(sub: SubDevice) -> Span:
-    return sub.at("alias") if sub.alias else sub.at("position")
-
-
 def _title(found: ScannedSubDevice) -> str:
     return f"{found.name} ({found.identity})" if found.name else found.identity
 
@@ -88,7 +83,7 @@ def _title(found: ScannedSubDevice) -> str:
 def _silent(out: FindingList, sub: SubDevice, there: ScannedSubDevice) -> None:
     out.add(
         "FSN501",
-        _place(sub),
+        place_of(sub),
         f"{sub.name} is missing: it was at position {there.position} and no longer answers",
         hint=f"{SECURED}look at its power and at the cable before it; the first silent one is "
         "where it broke",
@@ -115,7 +110,7 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
             hint += f"or take it out here{ACCEPTED}"
         out.add(
             "FSN501",
-            _place(sub),
+            place_of(sub),
             f"{sub.name} is missing: nothing on the bus is it, expected at {where}",
             hint=hint,
             severity=None if sub.required else Severity.INFO,
@@ -124,7 +119,7 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
         behind = next((s for s in network.subdevices if not s.alias and s.position > place), None)
         out.add(
             "FSN501",
-            _place(behind) if behind is not None else network.span,
+            place_of(behind) if behind is not None else network.span,
             f"position {place}, which the network leaves free, is missing: all following moved "
             "one place forward",
             hint=f"{SECURED}put the coupler or terminal back, or correct the positions here"
@@ -136,16 +131,16 @@ def _order(out: FindingList, match: Match) -> None:
     for one, found_one, two, found_two in match.swapped:
         out.add(
             "FSN503",
-            _place(one),
+            place_of(one),
             f"{one.name} and {two.name} are exchanged: {one.name} is at position "
             f"{found_one.position}, {two.name} at position {found_two.position}",
             hint=f"{SECURED}change their places or cables back, or the positions here{ACCEPTED}",
-            related=(Related(span=_place(two), message=f"{two.name} is expected here"),),
+            related=(Related(span=place_of(two), message=f"{two.name} is expected here"),),
         )
     for sub, place, found in match.moved:
         out.add(
             "FSN503",
-            _place(sub),
+            place_of(sub),
             f"{sub.name} is at position {found.position}, expected at position {place}",
             hint=f"{SECURED}put it in its place, or correct the positions here{ACCEPTED}",
         )
@@ -161,7 +156,7 @@ def _other(out: FindingList, match: Match) -> None:
         )
         out.add(
             "FSN504",
-            _place(sub),
+            place_of(sub),
             f"position {found.position} is {_title(found)}; {sub.name} is {expected}",
             hint=f"{SECURED}put the right device there, or name the file of this one as its config"
             f"{ACCEPTED}",
@@ -214,7 +209,7 @@ def _aliases(out: FindingList, network: NetworkConfig, scan: Scan) -> None:
             )
 
 
-def _same_place(out: FindingList, match: Match) -> None:
+def _sameplace_of(out: FindingList, match: Match) -> None:
     """FSN414 that only the bus shows: one SubDevice named by its alias and by its position."""
     first: dict[int, SubDevice] = {}
     for sub, found in sorted((*match.pairs, *match.other), key=lambda row: row[0].alias):
@@ -223,12 +218,12 @@ def _same_place(out: FindingList, match: Match) -> None:
             continue
         out.add(
             "FSN414",
-            _place(sub),
+            place_of(sub),
             f"{sub.name} (alias {sub.alias}, position {sub.position}) and {there.name} are the "
             f"same SubDevice, at position {found.position} of this bus; it would be configured "
             "twice",
             hint="keep one of them",
-            related=(Related(span=_place(there), message=f"{there.name} is found here too"),),
+            related=(Related(span=place_of(there), message=f"{there.name} is found here too"),),
         )
 
 
@@ -239,5 +234,5 @@ def _health(
     places = {s.name: s for s in reversed(network.subdevices)}
     for there in scan.subdevices:
         name = by_position.get(there.position)
-        span = _place(places[name]) if name is not None else network.span
+        span = place_of(places[name]) if name is not None else network.span
         check_health(out, span, name or there.name or "a SubDevice", there)

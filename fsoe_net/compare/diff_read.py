@@ -350,16 +350,13 @@ def side_of_scan(scan: Scan, path: str) -> Side:
 
 
 def _scanned(sub: ScannedSubDevice) -> SideSubDevice:
-    identity = None
-    if sub.vendor_id is not None and sub.product_code is not None:
-        identity = (sub.vendor_id, sub.product_code)
     managers = None
     if sub.sms is not None:
         managers = {sm.index: _scanned_manager(sm) for sm in sub.process_data}
     return SideSubDevice(
         name=sub.name,
         position=sub.position,
-        identity=identity,
+        identity=sub.numbers,
         revision=sub.revision,
         managers=managers,
         fsoe_addresses=None if sub.fsoe is None else sub.fsoe.addresses or None,

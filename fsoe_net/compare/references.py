@@ -7,13 +7,20 @@ again for copies and connections. A fact missing in a file is not a difference.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import cast
+from dataclasses import dataclass, field
 
 from fsoe_net.compare.reference_copies import check_copies, check_slots
 from fsoe_net.compare.reference_layout import Remark, compare_layout
 from fsoe_net.compare.reference_twinsafe import check_twinsafe
-from fsoe_net.compare.scan_match import Match, match_scan
+from fsoe_net.compare.scan_match import (
+    Identity,
+    Match,
+    first_master,
+    identity_of,
+    is_same,
+    match_subdevices,
+    place_of,
+)
 from fsoe_net.diag.diagnostic import (
     Diagnostic,
     FindingList,
@@ -29,7 +36,7 @@ from fsoe_net.model.joined_descriptions import has_layout
 from fsoe_net.model.library import Library
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
-from fsoe_net.model.scan import Scan, ScannedSm, ScannedSubDevice
+from fsoe_net.model.scan import ScannedSm, ScannedSubDevice
 from fsoe_net.proposal.safety_project import projects_of
 from fsoe_net.rules.context import few
 
@@ -83,6 +90,10 @@ class _Check:
     # By the content of both sides: a hundred equal terminals are compared once.
     compared: dict[tuple[object, ...], list[Remark]] = field(default_factory=dict)
     remarks: dict[tuple[str, Span, str], tuple[Remark, list[str]]] = field(default_factory=dict)
+    identities: list[Identity | None] = field(init=False)  # of the rows of the file
+
+    def __post_init__(self) -> None:
+        self.identities = [self._identity(row) for row in self.file.subdevices]
 
     def run(self) -> None:
         """Add all findings."""
@@ -122,8 +133,8 @@ class _Check:
         """Whether the file describes device types."""
         return self.file.format in _TYPES
 
-    def identity(self, row: DescribedSubDevice) -> tuple[int, int] | None:
-        """Vendor and product of a row, from its order number where the file has nothing else."""
+    def _identity(self, row: DescribedSubDevice) -> Identity | None:
+        """Return vendor and product of a row, by its order number if the file has nothing else."""
         device = row.device
         if device.vendor_id and device.product_code:
             return device.vendor_id, device.product_code
@@ -146,75 +157,61 @@ class _Check:
 
     def _types(self) -> list[_Pair] | None:
         """Pair by identity; the exact revision first, as `convert` chooses."""
-        rows: dict[tuple[int, int], list[int]] = {}
-        for number, row in enumerate(self.file.subdevices):
-            identity = self.identity(row)
-            if identity is not None:
-                rows.setdefault(identity, []).append(number)
+        rows: dict[Identity | None, list[int]] = {}
+        for number, identity in enumerate(self.identities):
+            rows.setdefault(identity, []).append(number)
         pairs = []
         for sub in self.network.subdevices:
-            if sub.device is None:
-                continue
-            same = rows.get((sub.device.vendor_id, sub.device.product_code), [])
+            identity = identity_of(sub)
+            same = rows.get(identity, []) if identity is not None else []
             exact = [n for n in same if self.file.subdevices[n].revision == sub.revision]
             if same:
                 pairs.append((sub, (exact or same)[0]))
+        pairs = pairs or self._lone()
         if pairs:
             return pairs
-        lone = self._lone()
-        if lone is not None:
-            return lone
         if self.is_type:
             hint = "nothing of it was compared; leave it out, or give the file of these devices"
             self._nothing("", hint, Severity.INFO)
-        elif rows:
+        elif any(self.identities):
             self._nothing("", "is this the output of another machine?")
         else:
             hint = "it names no device: `ethercat cstruct` and `ethercat xml` say which one it is"
             self._nothing(" as far as it states", hint)
         return None
 
-    def _lone(self) -> list[_Pair] | None:
+    def _lone(self) -> list[_Pair]:
         """Pair a text without any identity with the one device type that has its PDOs.
 
         Where there is only one device type, it is that one.
         """
-        rows = self.file.subdevices
+        if self.identities != [None]:
+            return []
         first = enumerate(self.resolution.device_numbers)
         subs = [self.network.subdevices[n] for n, number in first if n == number]
         devices = [(s, s.device) for s in subs if s.device is not None]
-        if len(rows) != 1 or self.identity(rows[0]) is not None:
-            return None
         if len(devices) > 1:
-            wanted = _numbers(rows[0].device)
-            devices = [row for row in devices if _numbers(row[1]) == wanted]
+            numbers = _numbers(self.file.subdevices[0].device)
+            devices = [row for row in devices if _numbers(row[1]) == numbers]
             self.guessed = " (which names no device; its PDO numbers are those of this one)"
-        return [(devices[0][0], 0)] if len(devices) == 1 else None
+        return [(devices[0][0], 0)] if len(devices) == 1 else []
 
     def _bus(self) -> list[_Pair] | None:
-        known = [self.identity(r) for r in self.file.subdevices]
-        ours = {
-            (s.device.vendor_id, s.device.product_code)
-            for s in self.network.subdevices
-            if s.device is not None
-        }
-        if any(known) and ours.isdisjoint(k for k in known if k is not None):
-            what = counted(len(known), "SubDevice")
+        known = set(self.identities) - {None}
+        if known.isdisjoint(map(identity_of, self.network.subdevices)) and known:
+            what = counted(len(self.identities), "SubDevice")
             self._nothing(f", which has {what}", "is this the file of another machine?")
             return None
         if self.network.partial:
-            first = {k: n for n, k in reversed([*enumerate(known)])}
-            return [
-                (s, first[k])
-                for s in self.network.subdevices
-                if s.device is not None
-                and (k := (s.device.vendor_id, s.device.product_code)) in first
-            ]
+            first: dict[Identity | None, int] = {}
+            first |= {k: n for n, k in reversed([*enumerate(self.identities)]) if k is not None}
+            pairs = ((s, first.get(identity_of(s))) for s in self.network.subdevices)
+            return [(sub, number) for sub, number in pairs if number is not None]
         if self.file.format in _WHOLE and not self.file.truncated:
-            return self._whole(known)
-        return self._by_place(known)
+            return self._whole()
+        return self._by_place()
 
-    def _by_place(self, known: list[tuple[int, int] | None]) -> list[_Pair]:
+    def _by_place(self) -> list[_Pair]:
         """Pair by place, for files that name only some SubDevices."""
         places: dict[tuple[int, int], int] = {}
         for number, row in enumerate(self.file.subdevices):
@@ -223,48 +220,54 @@ class _Check:
             if row.position is not None:
                 places.setdefault((0, row.position), number)
         pairs = []
-        for sub in self._first_master():
-            found = places.get((sub.alias, sub.position))
-            if found is None:
-                continue
-            if _same(sub, known[found]):
-                pairs.append((sub, found))
-            else:
-                self._other(sub, found, known[found])
+        for sub in first_master(self.network):
+            at = places.get((sub.alias, sub.position))
+            if at is not None and is_same(identity_of(sub), self.identities[at]):
+                pairs.append((sub, at))
+            elif at is not None:
+                self._other(sub, at)
         return pairs
 
-    def _first_master(self) -> list[SubDevice]:
-        subs = self.network.subdevices
-        master = min((s.master_id for s in subs), default=0)
-        return [s for s in subs if s.master_id == master]
-
-    def _whole(self, known: list[tuple[int, int] | None]) -> list[_Pair]:
+    def _whole(self) -> list[_Pair]:
         """Pair all SubDevices of a bus, and report missing, moved and different devices."""
         rows = self.file.subdevices
         numbers: dict[int, int] = {}
         for number, row in enumerate(rows):
             if row.position is not None and row.position < _MOST_PLACES:
                 numbers.setdefault(row.position, number)
-        scan = Scan(
-            interface="",
-            subdevices=tuple(
-                _as_scanned(place, rows, known, numbers.get(place))
-                for place in range(max(numbers, default=-1) + 1)
-            ),
-        )
-        subs = self._first_master()
+        subs = first_master(self.network)
         if not any(r.alias for r in rows):
-            subs = [s for s in subs if not s.alias]  # the file does not speak about aliases
-        match = match_scan(replace(self.network, subdevices=tuple(subs)), scan, {})
+            subs = [s for s in subs if not s.alias]  # the file does not state aliases
+        bus = [
+            self._as_scanned(place, numbers.get(place))
+            for place in range(max(numbers, default=-1) + 1)
+        ]
+        match = match_subdevices(subs, bus, {})
         for sub, there in match.other:
-            number = numbers[there.position]
-            self._other(sub, number, known[number])
+            self._other(sub, numbers[there.position])
         self._places(match, numbers)
         return [
             (sub, numbers[there.position])
             for sub, there in match.pairs
             if there.position in numbers
         ]
+
+    def _as_scanned(self, place: int, number: int | None) -> ScannedSubDevice:
+        """Return a row as a bus shows it; a place the file leaves out is unknown."""
+        if number is None:
+            return ScannedSubDevice(position=place)
+        row, identity = self.file.subdevices[number], self.identities[number]
+        vendor_id, product_code = identity or (None, None)
+        return ScannedSubDevice(
+            position=place,
+            alias=row.alias,
+            vendor_id=vendor_id,
+            product_code=product_code,
+            name=row.name or row.order,
+            sms=tuple(
+                ScannedSm(index=sm, kind="outputs", size_bytes=1) for sm in _numbers(row.device)
+            ),
+        )
 
     def _places(self, match: Match, numbers: dict[int, int]) -> None:
         for one, at_one, two, at_two in match.swapped:
@@ -281,9 +284,10 @@ class _Check:
                 f"{sub.name} is at position {at}, at position {found.position} in {self.file.path}",
                 numbers.get(found.position),
             )
-        free = {self.identity(r) for r in self.file.subdevices if r.position is None} - {None}
+        rows = zip(self.identities, self.file.subdevices, strict=True)
+        free = {identity for identity, row in rows if row.position is None} - {None}
         for sub, _ in match.missing:
-            if _identity(sub) in free:
+            if identity_of(sub) in free:
                 continue  # in a group that comes and goes
             self._moved(sub, f"{sub.name} is not in {self.file.path}", None)
         extra = [s.name or s.identity for s in match.extra if s.position in numbers]
@@ -303,7 +307,7 @@ class _Check:
         there = self.file.span if number is None else self.file.subdevices[number].span
         self.out.add(
             "FSN442",
-            _place(sub),
+            place_of(sub),
             text,
             hint="correct the place here, or make the other file again; `ethercat slaves` and "
             "`fsoe-net scan` report what is there",
@@ -311,17 +315,20 @@ class _Check:
             related=(Related(span=there, message="the other file"),),
         )
 
-    def _other(self, sub: SubDevice, number: int, identity: tuple[int, int] | None) -> None:
+    def _other(self, sub: SubDevice, number: int) -> None:
         self.blamed.add(sub.name)
         row = self.file.subdevices[number]
-        own, there = (cast("tuple[int, int]", known) for known in (_identity(sub), identity))
-        name = row.name or row.order
+        own, there = (
+            "" if known is None else identity_text(*known)
+            for known in (identity_of(sub), self.identities[number])
+        )
+        name = (row.name or row.order)[:60]
         place = f"alias {sub.alias}" if sub.alias else f"position {sub.position}"
         self.out.add(
             "FSN431",
-            _place(sub),
-            f"{sub.name} at {place} is {identity_text(*own)}, {f'{name[:60]}, ' if name else ''}"
-            f"{identity_text(*there)} in {self.file.path}",
+            place_of(sub),
+            f"{sub.name} at {place} is {own}, {name}{', ' if name else ''}{there} in "
+            f"{self.file.path}",
             hint="one of the two files is of another machine or an older state; compare with the "
             "label of the device",
             related=(Related(span=row.span, message="the device there"),),
@@ -402,40 +409,3 @@ def _numbers(device: Device) -> dict[int, list[int]]:
     """Return the PDO numbers by sync manager."""
     rows = {sm.index: [p.index for p in device.pdos_of(sm)] for sm in device.sync_managers}
     return {sm: numbers for sm, numbers in rows.items() if numbers}
-
-
-def _as_scanned(
-    place: int,
-    rows: Sequence[DescribedSubDevice],
-    known: list[tuple[int, int] | None],
-    number: int | None,
-) -> ScannedSubDevice:
-    """Return a row as a bus shows it; a place the file leaves out is unknown."""
-    if number is None:
-        return ScannedSubDevice(position=place)
-    row, identity = rows[number], known[number]
-    managers = tuple(
-        ScannedSm(index=sm.index, kind="outputs", size_bytes=1)
-        for sm in row.device.sync_managers
-        if row.device.pdos_of(sm)
-    )
-    return ScannedSubDevice(
-        position=place,
-        alias=row.alias,
-        vendor_id=None if identity is None else identity[0],
-        product_code=None if identity is None else identity[1],
-        name=row.name or row.order,
-        sms=managers,
-    )
-
-
-def _identity(sub: SubDevice) -> tuple[int, int] | None:
-    return None if sub.device is None else (sub.device.vendor_id, sub.device.product_code)
-
-
-def _same(sub: SubDevice, identity: tuple[int, int] | None) -> bool:
-    return None in (_identity(sub), identity) or _identity(sub) == identity
-
-
-def _place(sub: SubDevice) -> Span:
-    return sub.at("alias") if sub.alias else sub.at("position")

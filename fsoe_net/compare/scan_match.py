@@ -7,12 +7,15 @@ once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import SubDevice
 from fsoe_net.model.network import NetworkConfig
-from fsoe_net.model.scan import Scan, ScannedSubDevice
+from fsoe_net.model.scan import ScannedSubDevice
+
+Identity = tuple[int, int]
 
 _MOST_CELLS = 4_000_000
 _ADDRESS, _FREE_TAKEN, _SMALL, _GONE, _SWAPPED, _OTHER = 1, 6, 3, 8, 9, 10
@@ -57,14 +60,11 @@ class _Rows:
     addresses: Mapping[str, int]
     by_alias: frozenset[int]
 
-    def same(self, sub: SubDevice, found: ScannedSubDevice) -> bool:
-        return same_identity(sub, found)
-
     def cost(self, sub: SubDevice | None, found: ScannedSubDevice) -> int:
         """Return what it costs to take one for the other."""
         if sub is None:
             return 0 if self.is_plain(found) else _FREE_TAKEN
-        if not self.same(sub, found):
+        if not is_same(identity_of(sub), found.numbers):
             return _OTHER
         stated = self.addresses.get(sub.name)
         read = found.fsoe.addresses if found.fsoe is not None else ()
@@ -75,33 +75,45 @@ class _Rows:
         return found.position in self.by_alias or not found.process_data
 
 
-def same_identity(sub: SubDevice, found: ScannedSubDevice) -> bool:
-    """Whether vendor and product agree; unknown values do not count."""
-    if sub.device is None or found.vendor_id is None or found.product_code is None:
-        return True
-    return (sub.device.vendor_id, sub.device.product_code) == (found.vendor_id, found.product_code)
+def identity_of(sub: SubDevice) -> Identity | None:
+    """Return vendor and product of a SubDevice, where they are known."""
+    return None if sub.device is None else (sub.device.vendor_id, sub.device.product_code)
 
 
-def match_scan(network: NetworkConfig, scan: Scan, addresses: Mapping[str, int]) -> Match:
+def is_same(one: Identity | None, two: Identity | None) -> bool:
+    """Whether two identities agree; an unknown one agrees with all."""
+    return None in (one, two) or one == two
+
+
+def place_of(sub: SubDevice) -> Span:
+    """Return where the file of the user states the place of a SubDevice."""
+    return sub.at("alias") if sub.alias else sub.at("position")
+
+
+def first_master(network: NetworkConfig) -> list[SubDevice]:
+    """Return the SubDevices of the EtherCAT master with the lowest number."""
+    master = min((s.master_id for s in network.subdevices), default=0)
+    return [s for s in network.subdevices if s.master_id == master]
+
+
+def match_subdevices(
+    subs: Sequence[SubDevice], bus: Sequence[ScannedSubDevice], addresses: Mapping[str, int]
+) -> Match:
     """Match each SubDevice of a network with a bus.
 
     Args:
-        network: The expected devices; of several masters, the one with the lowest number.
-        scan: The devices found.
+        subs: The expected SubDevices, of one master.
+        bus: The SubDevices found, in ring order.
         addresses: Stated FSoE addresses by name: they distinguish devices of the same type.
     """
-    master = min((s.master_id for s in network.subdevices), default=0)
-    subs = [s for s in network.subdevices if s.master_id == master]
     match = Match()
-    by_alias = _find_aliases([s for s in subs if s.alias], scan, match)
+    by_alias = _find_aliases([s for s in subs if s.alias], bus, match)
     places: dict[int, SubDevice] = {}
     for sub in subs:
         if not sub.alias:
             places.setdefault(sub.position, sub)
     size = max(places, default=-1) + 1
-    rows = _Rows(
-        [places.get(n) for n in range(size)], list(scan.subdevices), addresses, frozenset(by_alias)
-    )
+    rows = _Rows([places.get(n) for n in range(size)], list(bus), addresses, frozenset(by_alias))
     best = _in_place(rows)
     if best.cost and len(rows.planned) * len(rows.found) <= _MOST_CELLS:
         best = min(best, _aligned(rows), key=lambda m: m.cost)
@@ -111,21 +123,22 @@ def match_scan(network: NetworkConfig, scan: Scan, addresses: Mapping[str, int])
     return match
 
 
-def _find_aliases(subs: list[SubDevice], scan: Scan, match: Match) -> set[int]:
+def _find_aliases(subs: list[SubDevice], bus: Sequence[ScannedSubDevice], match: Match) -> set[int]:
     """Look up SubDevices by alias; return the positions they were found at."""
     first: dict[int, int] = {}
-    for found in scan.subdevices:
+    for found in bus:
         if found.alias:
             first.setdefault(found.alias, found.position)
     taken: set[int] = set()
     for sub in subs:
         base = first.get(sub.alias)
-        if base is None or base + sub.position >= len(scan.subdevices):
+        if base is None or base + sub.position >= len(bus):
             match.missing.append((sub, None if base is None else base + sub.position))
             continue
-        found = scan.subdevices[base + sub.position]
+        found = bus[base + sub.position]
         taken.add(found.position)
-        (match.pairs if same_identity(sub, found) else match.other).append((sub, found))
+        is_it = is_same(identity_of(sub), found.numbers)
+        (match.pairs if is_it else match.other).append((sub, found))
     return taken
 
 
@@ -134,14 +147,15 @@ def _in_place(rows: _Rows) -> Match:
     match = Match()
     wrong: list[int] = []
     for place, (sub, found) in enumerate(zip(rows.planned, rows.found, strict=False)):
-        if sub is not None and not rows.same(sub, found):
+        if rows.cost(sub, found) == _OTHER:
             wrong.append(place)
         else:
             _take(rows, match, sub, found)
-    crossed: dict[tuple[tuple[int, int], tuple[int | None, int | None]], list[int]] = {}
+    crossed: dict[object, list[int]] = {}
     for place in wrong:
-        own, there = _planned_identity(rows, place), _found_identity(rows, place)
-        partners = crossed.get((there, own))  # type: ignore[arg-type]
+        sub = rows.planned[place]
+        own, there = sub and identity_of(sub), rows.found[place].numbers
+        partners = crossed.get((there, own))
         if partners:
             _swap(rows, match, partners.pop(0), place)
         else:
@@ -158,16 +172,6 @@ def _in_place(rows: _Rows) -> Match:
     return match
 
 
-def _planned_identity(rows: _Rows, place: int) -> tuple[int, int]:
-    sub = rows.planned[place]
-    device = sub.device if sub is not None else None
-    return (device.vendor_id, device.product_code) if device is not None else (0, 0)
-
-
-def _found_identity(rows: _Rows, place: int) -> tuple[int | None, int | None]:
-    return rows.found[place].vendor_id, rows.found[place].product_code
-
-
 def _swap(rows: _Rows, match: Match, one: int, two: int) -> None:
     a, b = rows.planned[one], rows.planned[two]
     if a is not None and b is not None:
@@ -181,10 +185,9 @@ def _take(rows: _Rows, match: Match, sub: SubDevice | None, found: ScannedSubDev
     if sub is None:
         if not rows.is_plain(found):
             match.extra.append(found)
-    elif rows.same(sub, found):
-        match.pairs.append((sub, found))
     else:
-        match.other.append((sub, found))
+        is_it = is_same(identity_of(sub), found.numbers)
+        (match.pairs if is_it else match.other).append((sub, found))
 
 
 def _leave(match: Match, sub: SubDevice | None, place: int) -> None:
@@ -228,7 +231,7 @@ def _aligned(rows: _Rows) -> Match:
         elif place is not None and number is not None:
             _take(rows, match, rows.planned[place], rows.found[number])
     for sub, place in gone:
-        there = next((f for f in added if sub is not None and rows.same(sub, f)), None)
+        there = next((f for f in added if sub and is_same(identity_of(sub), f.numbers)), None)
         if sub is None or there is None:
             _leave(match, sub, place)
             continue

@@ -159,11 +159,17 @@ class ScannedSubDevice(Located):
         return tuple(s for s in self.sms or () if s.is_process_data and (s.size_bytes or s.pdos))
 
     @property
+    def numbers(self) -> tuple[int, int] | None:
+        """Vendor and product, ``None`` unless both were read."""
+        if self.vendor_id is None or self.product_code is None:
+            return None
+        return self.vendor_id, self.product_code
+
+    @property
     def identity(self) -> str:
         """``vendor 0x00000002, product 0x07703052``."""
-        if self.vendor_id is None or self.product_code is None:
-            return "an identity that could not be read"
-        return identity_text(self.vendor_id, self.product_code)
+        numbers = self.numbers
+        return "an identity that could not be read" if numbers is None else identity_text(*numbers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ import hashlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 
-from fsoe_net.compare.scan_match import match_scan
+from fsoe_net.compare.scan_match import first_master, match_subdevices
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.diag.printable import printable
 from fsoe_net.document.model import outward
@@ -34,7 +34,7 @@ def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, object]:
         network: Its SubDevices are found in the scan as ``fsoe-net check --scan`` finds them.
         scan: The bus; of several in the network, the first.
     """
-    match = match_scan(network, scan, {})
+    match = match_subdevices(first_master(network), scan.subdevices, {})
     names = {there.position: sub.name for sub, there in (*match.other, *match.pairs)}
     names |= {there.position: sub.name for sub, _, there in match.moved}
     for one, there, two, where in match.swapped:
