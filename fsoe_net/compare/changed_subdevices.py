@@ -22,12 +22,12 @@ def changed_subdevices(before: Plan, now: Plan) -> frozenset[str] | None:
         now: The current plan.
 
     Returns:
-        Their names; ``None`` when all may be affected: the bus cycle differs, or SubDevices were
-        reordered, removed, or have no unique name.
+        Their names; ``None`` when all may be affected: the cycle of a bus or a group differs, or
+        SubDevices were reordered, removed, or have no unique name.
     """
     old, new = ([s.name for s in plan.subdevices] for plan in (before, now))
     staying = set(new)
-    if before.cycle_ns != now.cycle_ns or len(set(old)) != len(old) or len(staying) != len(new):
+    if _of_all(before) != _of_all(now) or len(set(old)) != len(old) or len(staying) != len(new):
         return None
     if old != [name for name in new if name in set(old)]:
         return None
@@ -38,22 +38,32 @@ def changed_subdevices(before: Plan, now: Plan) -> frozenset[str] | None:
     return frozenset(touched & staying)
 
 
-def _own(plan: Plan) -> dict[str, list[str]]:
-    """Return the lines of each SubDevice, without its number."""
+def _of_all(plan: Plan) -> tuple[object, ...]:
+    """Return the facts of the plan that are not about one SubDevice."""
+    return (
+        plan.cycle_ns,
+        [(bus.name, bus.cycle_ns) for bus in plan.buses],
+        [(group.name, group.place) for group in plan.groups],
+    )
+
+
+def _own(plan: Plan) -> dict[str, list[_Row]]:
+    """Return its bus, its group and the lines of each SubDevice, without its number."""
     names = [s.name for s in plan.subdevices]
-    found: dict[str, list[str]] = {name: [] for name in names}
+    own: dict[str, list[_Row]] = {
+        name: [(plan.bus_number(n), plan.group_number(n))] for n, name in enumerate(names)
+    }
     at = 0
     for section in ("devices", "process_data"):
         for line in canonical_section(plan, section).splitlines()[1:]:
             kind, _, rest = line.partition(" ")
-            if kind == "device":
-                number, _, rest = rest.partition(" ")
+            if kind in ("bus", "group"):
+                continue
+            if kind in ("device", "sm", "frame", "symbol"):
+                number, _, rest = rest.partition(" " if kind == "device" else ".")
                 at = int(number)
-            elif kind in ("sm", "frame", "symbol"):
-                number, _, rest = rest.partition(".")
-                at = int(number)
-            found[names[at]].append(f"{kind} {rest}")
-    return found
+            own[names[at]].append((kind, rest))
+    return own
 
 
 def _shared(plan: Plan) -> Iterator[_Row]:

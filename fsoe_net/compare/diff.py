@@ -91,6 +91,10 @@ class _Comparison:
         a, b = self.a, self.b
         cycle = ("cycle_ns", a.cycle_ns, b.cycle_ns)
         yield from changed_facts(ChangeArea.NETWORK, "", cycle, whole=self.whole)
+        for name, cycle_ns in a.bus_cycles.items():
+            if name in b.bus_cycles:
+                cycle = ("cycle_ns", cycle_ns, b.bus_cycles[name])
+                yield from changed_facts(ChangeArea.NETWORK, f"bus {name}", cycle, whole=True)
         for left, right in self.pairs:
             old = None if left is None else a.subdevices[left]
             new = None if right is None else b.subdevices[right]

@@ -89,6 +89,7 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
         path=path,
         whole=True,
         cycle_ns=network.cycle_ns,
+        bus_cycles={bus.name: bus.cycle_ns for bus in network.buses[1:]},
         subdevices=tuple(
             _network_subdevice(s, addresses.get(n)) for n, s in enumerate(network.subdevices)
         ),
@@ -152,6 +153,7 @@ def side_of_plan(
         path=path,
         whole=True,
         cycle_ns=plan.cycle_ns or None,
+        bus_cycles={bus.name: bus.cycle_ns or None for bus in plan.buses[1:]},
         subdevices=tuple(
             _plan_subdevice(plan, sub, managers[n], addresses.get(n))
             for n, sub in enumerate(plan.subdevices)

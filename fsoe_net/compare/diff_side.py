@@ -6,7 +6,7 @@ A fact is ``None`` where the source is silent, and is then not compared.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fsoe_net.diag.words import identity_text
 from fsoe_net.model.description import DescribedConnection
@@ -83,6 +83,8 @@ class Side:
         format: ``network``, ``plan``, ``scan``, ``eni`` and so on.
         path: Path of the source.
         whole: ``None`` inside it means *not set*, which differs from a value on the other side.
+        cycle_ns: Cycle of the bus; of several, that of the first.
+        bus_cycles: Cycles of all buses but the first by name.
         copies: ``None`` when the source has no copies, as an ESI or a scan.
         connections: ``None`` likewise.
         functions: ``None`` likewise, and for a plan, which holds only
@@ -93,6 +95,7 @@ class Side:
     path: str
     whole: bool
     cycle_ns: int | None = None
+    bus_cycles: Mapping[str, int | None] = field(default_factory=dict)
     subdevices: tuple[SideSubDevice, ...] = ()
     copies: tuple[SideCopy, ...] | None = None
     connections: tuple[DescribedConnection, ...] | None = None

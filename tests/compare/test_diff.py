@@ -125,6 +125,20 @@ def test_one_change_of_a_network_is_one_difference(copied, file, old, new, expec
     assert rows(back) == [(MIRROR.get(k, k), a, w) for k, a, w in expected]
 
 
+@pytest.mark.parametrize("as_plan", [False, True])
+def test_the_cycle_of_the_second_bus_is_compared(tmp_path: Path, as_plan: bool):
+    shutil.copytree(PLAIN, tmp_path, dirs_exist_ok=True)
+    file = tmp_path / "two-buses" / "network.yaml"
+    file.write_text(file.read_text("utf-8").replace("cycle_us: 2000", "cycle_us: 4000"), "utf-8")
+    sides = []
+    for resolution in (example("two-buses"), resolved(file)):
+        side = side_of_network(resolution, "n")
+        sides.append(side_of_plan(compile_plan(resolution), "p") if as_plan else side)
+    (change,) = compare(*sides).changes
+    assert (change.area, change.where, change.what) == ("network", "bus drives", "cycle_ns")
+    assert (change.before, change.after) == (2_000_000, 4_000_000)
+
+
 TRANSFERS = (PLAIN / "estop" / "transfers.yaml").read_text("utf-8")
 
 
