@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from fsoe_net.diag.diagnostic import FindingList, Related, Span
 from fsoe_net.diag.words import counted
@@ -18,14 +18,6 @@ from fsoe_net.model.resolve import Connection, Resolution
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 
 _Byte = tuple[str, int, int]  # SubDevice, sync manager, byte
-
-
-@dataclass(frozen=True, slots=True)
-class _Copied:
-    """Where a byte comes from by the other file, and by which of its copies."""
-
-    source: _Byte
-    number: int
 
 
 def check_copies(
@@ -44,136 +36,123 @@ def check_copies(
         subs: SubDevice of the network by its number in the file.
         blamed: Names of SubDevices that have a finding.
     """
-    if not file.copies:
-        return
-    copied = _bytes_of(file, subs)
-    names = {s.name for s in subs.values()} - blamed
-    seen = _Seen({}, set(), set())
-    for row in resolution.transfers:
-        if not row.usable:
-            continue
-        size = row.transfer.size_bytes
-        seen.covered.update(_own(row.destination, n) for n in range(size))
-        if {row.transfer.source.module, row.transfer.destination.module} <= names:
-            _transfer(out, row, file, copied, seen)
-    for number, copy in enumerate(file.copies):
-        source, destination = subs.get(copy.source.subdevice), subs.get(copy.destination.subdevice)
-        if source is None or destination is None or not {source.name, destination.name} <= names:
-            continue
-        if number in seen.used:
-            _longer(out, seen.used[number], file, number, subs, seen)
-        elif not copy.source.bit_offset % 8 and not copy.destination.bit_offset % 8:
-            _unknown(out, resolution, file, copy, source, destination)
+    if file.copies:
+        _Copies(out, file, subs).check(resolution, {s.name for s in subs.values()} - blamed)
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """Copies of the file by their first transfer, transfers with a finding, bytes written here."""
+class _Copies:
+    """Copies of the file, and what is known of them after the transfers were looked up.
 
-    used: dict[int, ResolvedTransfer]
-    reported: set[int]
-    covered: set[_Byte]
+    ``used``: the first transfer of a copy by its number. ``reported``: transfers with a finding.
+    ``covered``: bytes that a transfer writes.
+    """
+
+    out: FindingList
+    file: Description
+    subs: Mapping[int, SubDevice]
+    used: dict[int, ResolvedTransfer] = field(default_factory=dict)
+    reported: set[int] = field(default_factory=set)
+    covered: set[_Byte] = field(default_factory=set)
+
+    def check(self, resolution: Resolution, names: set[str]) -> None:
+        """Compare the transfers and copies between SubDevices with these names."""
+        sources = self._sources()
+        for row in resolution.transfers:
+            if row.usable:
+                self.covered.update(_own(row.destination, row.transfer.size_bytes))
+                if {row.transfer.source.module, row.transfer.destination.module} <= names:
+                    self._check_transfer(row, sources)
+        nets = resolution.network.nets
+        for number, copy in enumerate(self.file.copies):
+            ends = self.subs.get(copy.source.subdevice), self.subs.get(copy.destination.subdevice)
+            if not {None if sub is None else sub.name for sub in ends} <= names:
+                continue
+            if number in self.used:
+                self._check_longer(copy, self.used[number])
+            elif _is_aligned(copy):
+                self._add_unknown(copy, nets[0].span if nets else None)
+
+    def _bytes(self, end: DescribedEnd, size: int) -> list[_Byte]:
+        name, first = self.subs[end.subdevice].name, end.bit_offset // 8
+        return [(name, end.sm_index, first + n) for n in range(size)]
+
+    def _sources(self) -> dict[_Byte, tuple[_Byte, int]]:
+        """Return for each byte that the file writes its source and the number of the copy."""
+        sources: dict[_Byte, tuple[_Byte, int]] = {}
+        for number, copy in enumerate(self.file.copies):
+            known = {copy.source.subdevice, copy.destination.subdevice} <= self.subs.keys()
+            if known and _is_aligned(copy):
+                ends = (self._bytes(e, _size(copy)) for e in (copy.destination, copy.source))
+                sources |= {to: (byte, number) for to, byte in zip(*ends, strict=True)}
+        return sources
+
+    def _check_transfer(
+        self, row: ResolvedTransfer, sources: Mapping[_Byte, tuple[_Byte, int]]
+    ) -> None:
+        size = row.transfer.size_bytes
+        found = [sources.get(byte) for byte in _own(row.destination, size)]
+        for known in found:
+            if known is not None:
+                self.used.setdefault(known[1], row)
+        for n, (known, own) in enumerate(zip(found, _own(row.source, size), strict=True)):
+            if known is not None and known[0] != own:
+                module, sm, byte = known[0]
+                text = f"byte {n} of it comes from {module} SM{sm} byte {byte}"
+                self._add(row, text, self.file.copies[known[1]].span)
+                return
+        copied = size - found.count(None)
+        if not copied:
+            self._add(row, "it is not copied", self.file.span)
+        elif copied < size:
+            self._add(row, f"only {counted(copied, 'byte')} of it are copied", self.file.span)
+
+    def _check_longer(self, copy: DescribedCopy, row: ResolvedTransfer) -> None:
+        """Name a copy that writes bytes which no transfer writes; two transfers may be one copy."""
+        size = _size(copy)
+        more = sum(byte not in self.covered for byte in self._bytes(copy.destination, size))
+        if more and row.number not in self.reported:
+            self._add(row, f"{counted(size, 'byte')} are copied", copy.span, more)
+
+    def _add(self, row: ResolvedTransfer, text: str, there: Span, more: int = 0) -> None:
+        self.reported.add(row.number)
+        end = f", {more} of them by no transfer" if more else ""
+        self.out.add(
+            "FSN444",
+            row.transfer.span,
+            f"{counted(row.transfer.size_bytes, 'byte')} from {row.transfer.source} to "
+            f"{row.transfer.destination}: {text} in {self.file.path}{end}",
+            hint="one of the two connects other frames; compare both with the safety project",
+            related=(Related(span=there, message="the other file"),),
+        )
+
+    def _add_unknown(self, copy: DescribedCopy, net: Span | None) -> None:
+        ends = [
+            f"{self.subs[end.subdevice].name} SM{end.sm_index} byte {end.bit_offset // 8}"
+            for end in (copy.source, copy.destination)
+        ]
+        self.out.add(
+            "FSN444",
+            net or self.subs[copy.destination.subdevice].span,
+            f"{self.file.path} copies {counted(_size(copy), 'byte')} from {ends[0]} to {ends[1]}; "
+            "no transfer does",
+            hint="add the transfer here, or take the copy out there",
+            related=(Related(span=copy.span, message="the copy"),),
+        )
 
 
-def _bytes_of(file: Description, subs: Mapping[int, SubDevice]) -> dict[_Byte, _Copied]:
-    found: dict[_Byte, _Copied] = {}
-    for number, copy in enumerate(file.copies):
-        source, destination = copy.source, copy.destination
-        if source.subdevice not in subs or destination.subdevice not in subs:
-            continue
-        if source.bit_offset % 8 or destination.bit_offset % 8:
-            continue  # single bits: no frame
-        for byte in range((copy.bits + 7) // 8):
-            found[_byte(subs, destination, byte)] = _Copied(_byte(subs, source, byte), number)
-    return found
+def _size(copy: DescribedCopy) -> int:
+    return (copy.bits + 7) // 8
 
 
-def _byte(subs: Mapping[int, SubDevice], end: DescribedEnd, byte: int) -> _Byte:
-    return (subs[end.subdevice].name, end.sm_index, end.bit_offset // 8 + byte)
+def _is_aligned(copy: DescribedCopy) -> bool:
+    """Whether it copies whole bytes; single bits are no frame."""
+    return not copy.source.bit_offset % 8 and not copy.destination.bit_offset % 8
 
 
-def _own(end: ResolvedEnd, byte: int) -> _Byte:
-    index = end.sm.sm.index if end.sm is not None else 0
-    return (end.endpoint.module, index, end.byte_offset + byte)
-
-
-def _transfer(
-    out: FindingList,
-    row: ResolvedTransfer,
-    file: Description,
-    copied: dict[_Byte, _Copied],
-    seen: _Seen,
-) -> None:
-    size = row.transfer.size_bytes
-    rows = [copied.get(_own(row.destination, n)) for n in range(size)]
-    for found in rows:
-        if found is not None:
-            seen.used.setdefault(found.number, row)
-    missing = sum(c is None for c in rows)
-    there = file.span
-    text = ""
-    for n, found in enumerate(rows):
-        if found is not None and found.source != _own(row.source, n):
-            there = file.copies[found.number].span
-            module, sm, byte = found.source
-            text = f"byte {n} of it comes from {module} SM{sm} byte {byte}"
-            break
-    else:
-        if missing == size:
-            text = "it is not copied"
-        elif missing:
-            text = f"only {counted(size - missing, 'byte')} of it are copied"
-    if text:
-        seen.reported.add(row.number)
-        _other(out, row, f"{text} in {file.path}", there)
-
-
-def _other(out: FindingList, row: ResolvedTransfer, text: str, there: Span) -> None:
-    out.add(
-        "FSN444",
-        row.transfer.span,
-        f"{counted(row.transfer.size_bytes, 'byte')} from {row.transfer.source} to "
-        f"{row.transfer.destination}: {text}",
-        hint="one of the two connects other frames; compare both with the safety project",
-        related=(Related(span=there, message="the other file"),),
-    )
-
-
-def _longer(
-    out: FindingList,
-    row: ResolvedTransfer,
-    file: Description,
-    number: int,
-    subs: Mapping[int, SubDevice],
-    seen: _Seen,
-) -> None:
-    """Name a copy that writes bytes which no transfer writes; two transfers may be one copy."""
-    copy = file.copies[number]
-    size = (copy.bits + 7) // 8
-    more = sum(_byte(subs, copy.destination, n) not in seen.covered for n in range(size))
-    if more and row.number not in seen.reported:
-        text = f"{counted(size, 'byte')} are copied in {file.path}, {more} of them by no transfer"
-        _other(out, row, text, copy.span)
-
-
-def _unknown(
-    out: FindingList,
-    resolution: Resolution,
-    file: Description,
-    copy: DescribedCopy,
-    source: SubDevice,
-    destination: SubDevice,
-) -> None:
-    nets = resolution.network.nets
-    out.add(
-        "FSN444",
-        nets[0].span if nets else destination.span,
-        f"{file.path} copies {counted((copy.bits + 7) // 8, 'byte')} from {source.name} "
-        f"SM{copy.source.sm_index} byte {copy.source.bit_offset // 8} to {destination.name} "
-        f"SM{copy.destination.sm_index} byte {copy.destination.bit_offset // 8}; no transfer does",
-        hint="add the transfer here, or take the copy out there",
-        related=(Related(span=copy.span, message="the copy"),),
-    )
+def _own(end: ResolvedEnd, size: int) -> list[_Byte]:
+    sm = end.sm.sm.index if end.sm is not None else 0
+    return [(end.endpoint.module, sm, end.byte_offset + n) for n in range(size)]
 
 
 def check_slots(
@@ -184,25 +163,25 @@ def check_slots(
     blamed: set[str],
 ) -> None:
     """Compare the connections of a file that gives each slot a partner: ``fsoeSlaveIdx``."""
-    wanted = _partners(file, subs)
-    wrong: dict[tuple[str, int], tuple[Connection, str, DescribedConnection]] = {}
+    partners: dict[tuple[str, int | None], tuple[str, DescribedConnection]] = {}
+    for row in file.connections:
+        if row.main is None or row.sub is None or row.slot is None:
+            continue
+        if row.main in subs and row.sub in subs:
+            partners.setdefault((subs[row.main].name, row.slot), (subs[row.sub].name, row))
+    wrong: list[tuple[Connection, str, DescribedConnection]] = []
     for connection in resolution.connections:
-        slot = connection.slot
-        if slot is None or {connection.main.name, connection.sub.name} & blamed:
+        if {connection.main.name, connection.sub.name} & blamed:
             continue
-        place = (connection.main.name, slot)
-        partner, row = wanted.get(place, (connection.sub.name, None))
-        if row is not None and partner != connection.sub.name:
-            wrong[place] = (connection, partner, row)
+        known = partners.get((connection.main.name, connection.slot))
+        if known is not None and known[0] != connection.sub.name:
+            wrong.append((connection, *known))
     reported: set[str] = set()
-    for (main, slot), (connection, partner, row) in wrong.items():
-        if connection.sub.name in reported:
+    for connection, partner, row in wrong:
+        main, sub = connection.main.name, connection.sub.name
+        if sub in reported:
             continue
-        back = [
-            c.sub.name
-            for (m, _), (c, name, _) in wrong.items()
-            if m == main and name == connection.sub.name
-        ]
+        back = [c.sub.name for c, name, _ in wrong if c.main.name == main and name == sub]
         more = ""
         if back == [partner]:
             reported.add(partner)
@@ -210,21 +189,8 @@ def check_slots(
         out.add(
             "FSN444",
             connection.to_sub.transfer.span,
-            f"slot {slot} of {main} is connected to {connection.sub.name}, to {partner} in "
+            f"slot {connection.slot} of {main} is connected to {sub}, to {partner} in "
             f"{file.path}{more}",
             hint="the order in the safety project decides; compare both with it",
             related=(Related(span=row.span, message="the connection there"),),
         )
-
-
-def _partners(
-    file: Description, subs: Mapping[int, SubDevice]
-) -> dict[tuple[str, int], tuple[str, DescribedConnection]]:
-    """Return the SubInstance, and the row, for each MainInstance and slot of the file."""
-    found: dict[tuple[str, int], tuple[str, DescribedConnection]] = {}
-    for row in file.connections:
-        if row.main is None or row.sub is None or row.slot is None:
-            continue
-        if row.main in subs and row.sub in subs:
-            found.setdefault((subs[row.main].name, row.slot), (subs[row.sub].name, row))
-    return found
