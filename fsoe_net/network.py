@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fsoe_net.acceptance.report import Report
     from fsoe_net.capture.decode import DecodedFrame
     from fsoe_net.compare.diff import Difference
-    from fsoe_net.compare.diff_side import Side
+    from fsoe_net.compare.sides import Side
     from fsoe_net.live.client import Client
     from fsoe_net.live.result import Run
     from fsoe_net.model.resolve import Resolution
@@ -195,7 +195,7 @@ class Network:
             InputError: One side cannot be compared; the exception carries the errors.
         """
         from fsoe_net.compare.diff import compare
-        from fsoe_net.compare.diff_read import side_of_plan
+        from fsoe_net.compare.sides import side_of_plan
 
         mine = self._side()
         if isinstance(other, Network):
@@ -271,7 +271,7 @@ class Network:
         return whole_network(self._checked, refusal)
 
     def _side(self) -> Side:
-        from fsoe_net.compare.diff_read import side_of_network
+        from fsoe_net.compare.sides import side_of_network
 
         if self._checked.resolution is None:
             raise InputError(f"{self.name} cannot be compared", self.check().errors)

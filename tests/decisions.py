@@ -179,7 +179,7 @@ def steps() -> Any:
     from report.made import BASE, TIMED, inputs_of
 
     from fsoe_net.compare.diff import compare
-    from fsoe_net.compare.diff_read import side_of_network
+    from fsoe_net.compare.sides import side_of_network
     from fsoe_net.report.steps_to_repeat import steps_to_repeat
     from fsoe_net.test_record.steps import make_test_record
 

@@ -13,9 +13,8 @@ from fsoe_net.acceptance.signatures import check_signatures
 from fsoe_net.acceptance.ssh_signatures import SshSigners
 from fsoe_net.compare.bus_scan import check_scan
 from fsoe_net.compare.diff import compare
-from fsoe_net.compare.diff_read import side_of_network, side_of_plan
-from fsoe_net.compare.diff_side import Side
 from fsoe_net.compare.read import read_side
+from fsoe_net.compare.sides import Side, side_of_network, side_of_plan
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, sort_diagnostics
 from fsoe_net.document.write_pdf import document_pdf
 from fsoe_net.errors import InputError

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from fsoe_net.compare.diff import compare
-from fsoe_net.compare.diff_read import side_of_plan
-from fsoe_net.compare.diff_side import Side
+from fsoe_net.compare.sides import Side, side_of_plan
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import ControlRefused, EnvironmentFault
 from fsoe_net.fsoe.parameters import differences

@@ -10,10 +10,9 @@ import click
 from fsoe_net.cli.inputs import master_option, reference_options
 from fsoe_net.cli.options import NETWORK_FILE, format_option
 from fsoe_net.cli.terminal import echo, show
-from fsoe_net.compare.diff import Difference, compare
-from fsoe_net.compare.diff_document import diff_document
-from fsoe_net.compare.diff_side import Side
+from fsoe_net.compare.diff import Difference, compare, diff_document
 from fsoe_net.compare.read import read_side
+from fsoe_net.compare.sides import Side
 from fsoe_net.formats.own.options import LoadOptions
 
 _EPILOG = """\b

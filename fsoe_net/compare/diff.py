@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 
 from fsoe_net.compare.diff_process_data import compare_managers
 from fsoe_net.compare.diff_safety import compare_functions
-from fsoe_net.compare.diff_side import Sdos, Side, SideCopy, SideEnd, SideSubDevice
 from fsoe_net.compare.diff_types import (
     Change,
     ChangeArea,
@@ -24,8 +23,12 @@ from fsoe_net.compare.diff_types import (
     size_text,
 )
 from fsoe_net.compare.pairing import attributes, pair_by
+from fsoe_net.compare.sides import Sdos, Side, SideCopy, SideEnd, SideSubDevice
+from fsoe_net.diag.words import counted
+from fsoe_net.document.model import Document, Level, Verdict, words
 from fsoe_net.model.description import DescribedConnection
 
+_LEVELS = {ChangeKind.ADDED: Level.CLEAR, ChangeKind.REMOVED: Level.ERROR}
 _Pairs = list[tuple[int | None, int | None]]
 
 
@@ -327,3 +330,16 @@ def _single(rows: Iterable[DescribedConnection]) -> set[tuple[int | None, int | 
 def _parameters(side: Side, connection: DescribedConnection) -> str | None:
     """Return the parameters; without any ``None`` when the side may only be silent about them."""
     return connection.app_parameters.hex() or ("" if side.whole else None)
+
+
+def diff_document(a: Side, b: Side, difference: Difference) -> Document:
+    """Return the result of `fsoe-net diff` for two sides."""
+    rows: list[str | Verdict] = [
+        f"{name}: {side.path} ({side.format}), {counted(len(side.subdevices), 'SubDevice')}"
+        for name, side in (("A", a), ("B", b))
+    ]
+    rows += [Verdict(str(c), _LEVELS.get(c.kind, Level.WARNING)) for c in difference.changes]
+    rows += [f"not compared: {text}" for text in difference.not_compared]
+    count = len(difference.changes)
+    rows.append(counted(count, "difference") if count else "no difference")
+    return Document(lead=tuple(words(row) for row in rows))

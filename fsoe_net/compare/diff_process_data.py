@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from fsoe_net.compare.diff_side import Managers
 from fsoe_net.compare.diff_types import (
     Change,
     ChangeArea,
@@ -15,6 +14,7 @@ from fsoe_net.compare.diff_types import (
     changed_part,
     size_text,
 )
+from fsoe_net.compare.sides import Managers
 from fsoe_net.model.bus import Watchdog
 from fsoe_net.model.layout import FsoeBlock, Placed, SmLayout
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 
-from fsoe_net.compare.diff_read import (
+from fsoe_net.compare.sides import (
+    Side,
     side_of_description,
     side_of_network,
     side_of_plan,
     side_of_scan,
 )
-from fsoe_net.compare.diff_side import Side
 from fsoe_net.diag.diagnostic import Severity, Span, sort_diagnostics
 from fsoe_net.errors import InputError
 from fsoe_net.formats.own.acceptance import is_acceptance, parse_acceptance

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from fsoe_net.compare.connection_values import VALUES, differing, pair_connections
-from fsoe_net.compare.pairing import attributes, pair_by
+from fsoe_net.compare.pairing import VALUES, attributes, differing, pair_by, pair_connections
 from fsoe_net.diag.diagnostic import FindingList, Related, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.model.described_network import described_connections

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from fsoe_net.compare.connection_values import VALUES, Value, differing, pair_connections
+from fsoe_net.compare.pairing import VALUES, Value, differing, pair_connections
 from fsoe_net.diag.diagnostic import FindingList, Related
 from fsoe_net.diag.words import counted
 from fsoe_net.model.network import ConnectionFacts, NetworkConfig

@@ -50,6 +50,11 @@ class Match:
     behind: list[ScannedSubDevice] = field(default_factory=list)
     cost: int = 0
 
+    def take(self, sub: SubDevice, found: ScannedSubDevice) -> None:
+        """Add what was found at the place of a SubDevice."""
+        is_it = is_same(identity_of(sub), found.numbers)
+        (self.pairs if is_it else self.other).append((sub, found))
+
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
@@ -137,8 +142,7 @@ def _find_aliases(subs: list[SubDevice], bus: Sequence[ScannedSubDevice], match:
             continue
         found = bus[base + sub.position]
         taken.add(found.position)
-        is_it = is_same(identity_of(sub), found.numbers)
-        (match.pairs if is_it else match.other).append((sub, found))
+        match.take(sub, found)
     return taken
 
 
@@ -186,8 +190,7 @@ def _take(rows: _Rows, match: Match, sub: SubDevice | None, found: ScannedSubDev
         if not rows.is_plain(found):
             match.extra.append(found)
     else:
-        is_it = is_same(identity_of(sub), found.numbers)
-        (match.pairs if is_it else match.other).append((sub, found))
+        match.take(sub, found)
 
 
 def _leave(match: Match, sub: SubDevice | None, place: int) -> None:
@@ -200,19 +203,14 @@ def _leave(match: Match, sub: SubDevice | None, place: int) -> None:
 
 def _add(rows: _Rows, match: Match, found: ScannedSubDevice) -> None:
     """Add an unlisted SubDevice; one without process data after all others is harmless."""
-    last = not any(s is not None for s in rows.planned) or match_end(rows, match) < found.position
     if found.position in rows.by_alias:
         return
-    if rows.is_plain(found) and last:
+    end = max((f.position for _, f in (*match.pairs, *match.other)), default=-1)
+    if rows.is_plain(found) and (end < found.position or not any(rows.planned)):
         match.behind.append(found)
         return
     match.cost += _SMALL if rows.is_plain(found) else _GONE
     match.extra.append(found)
-
-
-def match_end(rows: _Rows, match: Match) -> int:
-    """Return the highest position at which a SubDevice of the network was found so far."""
-    return max((f.position for _, f in (*match.pairs, *match.other)), default=-1)
 
 
 # -- side by side ---------------------------------------------------------------------------------
@@ -221,16 +219,11 @@ def match_end(rows: _Rows, match: Match) -> int:
 def _aligned(rows: _Rows) -> Match:
     """Lay the rows side by side at the least cost."""
     match = Match()
-    gone: list[tuple[SubDevice | None, int]] = []
-    added: list[ScannedSubDevice] = []
-    for place, number in _steps(rows):
-        if number is None and place is not None:
-            gone.append((rows.planned[place], place))
-        elif place is None and number is not None:
-            added.append(rows.found[number])
-        elif place is not None and number is not None:
-            _take(rows, match, rows.planned[place], rows.found[number])
-    for sub, place in gone:
+    taken, gone, added = _steps(rows)
+    for place, found in taken:
+        _take(rows, match, rows.planned[place], found)
+    for place in gone:
+        sub = rows.planned[place]
         there = next((f for f in added if sub and is_same(identity_of(sub), f.numbers)), None)
         if sub is None or there is None:
             _leave(match, sub, place)
@@ -244,9 +237,11 @@ def _aligned(rows: _Rows) -> Match:
     return match
 
 
-def _steps(rows: _Rows) -> list[tuple[int | None, int | None]]:
-    """Return the cheapest walk: (place, number) taken together, or one of them alone."""
-    gone = [_SMALL if s is None else _GONE for s in rows.planned]
+def _steps(
+    rows: _Rows,
+) -> tuple[list[tuple[int, ScannedSubDevice]], list[int], list[ScannedSubDevice]]:
+    """Return the cheapest alignment: places with what was found there, both sides alone."""
+    lost = [_SMALL if s is None else _GONE for s in rows.planned]
     extra = [_SMALL if rows.is_plain(f) else _GONE for f in rows.found]
     # costs[i][j]: of all from place i and number j on.
     width = len(rows.found)
@@ -255,30 +250,26 @@ def _steps(rows: _Rows) -> list[tuple[int | None, int | None]]:
         costs[-1][j] = costs[-1][j + 1] + extra[j]
     for i in range(len(rows.planned) - 1, -1, -1):
         row, below = costs[i], costs[i + 1]
-        row[width] = below[width] + gone[i]
+        row[width] = below[width] + lost[i]
         for j in range(width - 1, -1, -1):
             both = below[j + 1] + rows.cost(rows.planned[i], rows.found[j])
-            row[j] = min(both, below[j] + gone[i], row[j + 1] + extra[j])
-    return _walk(rows, costs, gone)
-
-
-def _walk(
-    rows: _Rows, costs: list[list[int]], gone: list[int]
-) -> list[tuple[int | None, int | None]]:
-    steps: list[tuple[int | None, int | None]] = []
+            row[j] = min(both, below[j] + lost[i], row[j + 1] + extra[j])
+    taken, gone, added = [], [], []
     i = j = 0
-    while i < len(rows.planned) or j < len(rows.found):
-        planned, found = i < len(rows.planned), j < len(rows.found)
-        if planned and found:
-            cost = rows.cost(rows.planned[i], rows.found[j])
-            if costs[i][j] == costs[i + 1][j + 1] + cost:
-                steps.append((i, j))
-                i, j = i + 1, j + 1
-                continue
-        if planned and costs[i][j] == costs[i + 1][j] + gone[i]:
-            steps.append((i, None))
+    while i < len(rows.planned) or j < width:
+        sub = rows.planned[i] if i < len(rows.planned) else None
+        is_planned, is_found = i < len(rows.planned), j < width
+        if (
+            is_planned
+            and is_found
+            and costs[i][j] == costs[i + 1][j + 1] + rows.cost(sub, rows.found[j])
+        ):
+            taken.append((i, rows.found[j]))
+            i, j = i + 1, j + 1
+        elif is_planned and costs[i][j] == costs[i + 1][j] + lost[i]:
+            gone.append(i)
             i += 1
         else:
-            steps.append((None, j))
+            added.append(rows.found[j])
             j += 1
-    return steps
+    return taken, gone, added

@@ -22,10 +22,9 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
 from fsoe_net.acceptance.report import make_report, plan_to_show, since
-from fsoe_net.compare.diff import compare
-from fsoe_net.compare.diff_document import diff_document
-from fsoe_net.compare.diff_read import side_of_network
+from fsoe_net.compare.diff import compare, diff_document
 from fsoe_net.compare.read import read_side
+from fsoe_net.compare.sides import side_of_network
 from fsoe_net.diag.printable import printable
 from fsoe_net.document.model import Bullets, Document, Level, Part, Section, Verdict, cell, words
 from fsoe_net.document.write_html import document_html

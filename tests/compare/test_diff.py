@@ -13,13 +13,13 @@ from networks import PLAIN, example, resolved
 from scans import scan_of
 
 from fsoe_net.compare.diff import Difference, compare
-from fsoe_net.compare.diff_read import (
+from fsoe_net.compare.sides import (
+    Side,
     side_of_description,
     side_of_network,
     side_of_plan,
     side_of_scan,
 )
-from fsoe_net.compare.diff_side import Side
 from fsoe_net.formats.eni.read import load_eni
 from fsoe_net.formats.eni.write import write_eni
 from fsoe_net.formats.own.scan import parse_scan

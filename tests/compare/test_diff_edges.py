@@ -11,9 +11,8 @@ from report.made import BASE, TIMED
 from scans import scan_of
 
 from fsoe_net.compare.diff import compare
-from fsoe_net.compare.diff_read import side_of_network, side_of_plan, side_of_scan
 from fsoe_net.compare.diff_safety import compare_functions
-from fsoe_net.compare.diff_side import Side, SideSubDevice
+from fsoe_net.compare.sides import Side, SideSubDevice, side_of_network, side_of_plan, side_of_scan
 from fsoe_net.formats.own.scan import parse_scan
 from fsoe_net.plan.compile import compile_plan
 

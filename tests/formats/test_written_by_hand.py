@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from fsoe_net.compare.diff import compare
-from fsoe_net.compare.diff_read import side_of_description
+from fsoe_net.compare.sides import side_of_description
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.errors import InputError
 from fsoe_net.formats.eni.write import write_eni

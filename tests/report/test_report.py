@@ -17,7 +17,7 @@ from networks import example, write_big_network
 from report.made import CODES, TIMED, inputs_of, with_mistakes
 
 from fsoe_net.compare.diff import compare
-from fsoe_net.compare.diff_read import side_of_network, side_of_plan
+from fsoe_net.compare.sides import side_of_network, side_of_plan
 from fsoe_net.diag.diagnostic import Diagnostic, Severity, Span
 from fsoe_net.document.model import Number, Table, section_marks
 from fsoe_net.formats.own.json_schema import read_schema

@@ -10,8 +10,8 @@ import pytest
 from report.made import BASE, TIMED, inputs_of
 
 from fsoe_net.compare.diff import compare
-from fsoe_net.compare.diff_read import side_of_network, side_of_plan
 from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
+from fsoe_net.compare.sides import side_of_network, side_of_plan
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.plan.compile import compile_plan
 from fsoe_net.plan.fingerprint import fingerprint_of

@@ -37,12 +37,12 @@ from test_record.filled import fresh_record, timed
 from fsoe_net.campaign.collision_proof import Collision
 from fsoe_net.campaign.trials import EXHAUSTIVE, CampaignConfig, ClassResult, Failure, Shown
 from fsoe_net.compare.diff import Difference, compare
-from fsoe_net.compare.diff_read import (
+from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
+from fsoe_net.compare.sides import (
     side_of_description,
     side_of_network,
     side_of_plan,
 )
-from fsoe_net.compare.diff_types import Change, ChangeArea, ChangeKind
 from fsoe_net.core.snapshot import Histogram
 from fsoe_net.diag.diagnostic import Diagnostic, Span
 from fsoe_net.formats.own.library import builtin_library

@@ -1,12 +1,14 @@
-"""Networks, plans, descriptions and scans as sides of a comparison."""
+"""Networks, plans, descriptions and scans in one form, the sides of a comparison.
+
+A fact is ``None`` where the source is silent, and is then not compared.
+"""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Set
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 
-from fsoe_net.compare.diff_side import Managers, Sdos, Side, SideCopy, SideEnd, SideSubDevice
+from fsoe_net.diag.words import identity_text
 from fsoe_net.formats.own.scan_bus import described_manager
 from fsoe_net.model.bus import (
     Device,
@@ -25,7 +27,7 @@ from fsoe_net.model.description import (
     DescribedSubDevice,
     Description,
 )
-from fsoe_net.model.layout import FsoeBlock, Placed, SmLayout
+from fsoe_net.model.layout import DeviceLayout, FsoeBlock, Placed, SmLayout
 from fsoe_net.model.network import TransferKind
 from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.safety import SafetyFunction
@@ -37,6 +39,95 @@ from fsoe_net.plan.model import NONE, Plan, PlanBlock, PlanEntry, PlanSdo, PlanS
 _WATCHDOGS = (Watchdog.DEFAULT, Watchdog.ENABLE, Watchdog.DISABLE)
 _NO_ENTRY = Entry(index=0, subindex=0, bits=8)
 _NO_PDO = Pdo(index=0, entries=())  # PDOs are not compared
+
+Managers = Mapping[int, SmLayout]
+"""The sync managers with process data by number."""
+Sdos = dict[tuple[int, int], tuple[int, int]]
+"""Size and value of start-up SDOs by index and subindex."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SideSubDevice:
+    """One SubDevice; ``fsoe_addresses`` as devices report them."""
+
+    name: str
+    alias: int | None = None
+    position: int | None = None
+    identity: tuple[int, int] | None = None
+    revision: int | None = None
+    managers: Managers | None = None
+    sdos: Sdos | None = None
+    fsoe_addresses: tuple[int, ...] | None = None
+
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """Its alias and position, where it has a place in a ring."""
+        return None if self.position is None else (self.alias or 0, self.position)
+
+    @property
+    def title(self) -> str:
+        """Its name, else its position."""
+        if self.name:
+            return self.name
+        return "unnamed SubDevice" if self.position is None else f"position {self.position}"
+
+    @property
+    def identity_text(self) -> str | None:
+        """``vendor 0x00000002, product 0x07703052``."""
+        if self.identity is None:
+            return None
+        return identity_text(*self.identity)
+
+
+@dataclass(frozen=True, slots=True)
+class SideEnd:
+    """An end of a copy: number of the SubDevice, and the entry there.
+
+    ``subdevice`` is ``None`` when it is in a file that was not given; ``address`` then names it.
+    Without an entry, ``address`` is the sync manager and the bit.
+    """
+
+    subdevice: int | None
+    address: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SideCopy:
+    """One copy; ``kind`` is ``fsoe``, ``standard`` or ``None``."""
+
+    source: SideEnd
+    destination: SideEnd
+    bits: int
+    kind: str | None = None
+    net: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Side:
+    """All facts of one source.
+
+    Attributes:
+        format: ``network``, ``plan``, ``scan``, ``eni`` and so on.
+        path: Path of the source.
+        whole: ``None`` inside it means *not set*, which differs from a value on the other side.
+        cycle_ns: Cycle of the bus; of several, that of the first.
+        bus_cycles: Cycles of all buses but the first by name.
+        copies: ``None`` when the source has no copies, as an ESI or a scan.
+        connections: ``None`` likewise.
+        functions: ``None`` likewise, and for a plan, which holds only
+        functions_sha256: their hash; empty without any.
+    """
+
+    format: str
+    path: str
+    whole: bool
+    cycle_ns: int | None = None
+    bus_cycles: Mapping[str, int | None] = field(default_factory=dict)
+    subdevices: tuple[SideSubDevice, ...] = ()
+    copies: tuple[SideCopy, ...] | None = None
+    connections: tuple[DescribedConnection, ...] | None = None
+    functions: tuple[SafetyFunction, ...] | None = None
+    functions_sha256: str | None = None
 
 
 def _managers(device: Device) -> Managers:
@@ -141,7 +232,7 @@ def side_of_plan(
 ) -> Side:
     """Return the side of a plan, with its safety functions if they were kept."""
     managers = _plan_managers(plan)
-    connections = _plan_connections(plan)
+    connections = _plan_connections(plan, managers)
     addresses = _addresses(connections)
 
     def end(sm_number: int, bit: int) -> SideEnd:
@@ -216,9 +307,7 @@ def _plan_manager(
     )
     return SmLayout(
         number=number,
-        sm=SyncManager(
-            index=sm.index, direction=direction, carries=None, watchdog=_WATCHDOGS[sm.watchdog]
-        ),
+        sm=SyncManager(index=sm.index, direction=direction, watchdog=_WATCHDOGS[sm.watchdog]),
         placed=placed,
         bits=sm.bits,
         known_bits=sm.bits,
@@ -257,41 +346,35 @@ def _plan_subdevice(
     )
 
 
-def _plan_connections(plan: Plan) -> list[DescribedConnection]:
-    numbers = _plan_slots(plan)
+def _plan_connections(plan: Plan, managers: Sequence[Managers]) -> list[DescribedConnection]:
+    slots = [
+        DeviceLayout(managers=tuple(rows[n] for n in sorted(rows)), partners={}).slots
+        for rows in managers
+    ]
+
+    def slot(sm_number: int, bit: int) -> int | None:
+        sm = plan.sync_managers[sm_number]
+        return slots[sm.subdevice].get((sm.index, bit // 8))
+
     rows = []
     for c in plan.connections:
         down, up = plan.copies[c.copy_to_sub], plan.copies[c.copy_to_main]
-        used = {
-            numbers.get((down.source_sm, down.source_bit // 8)),
-            numbers.get((up.destination_sm, up.destination_bit // 8)),
-        }
-        slot = used.pop() if len(used) == 1 else None
+        first, second = (
+            slot(down.source_sm, down.source_bit),
+            slot(up.destination_sm, up.destination_bit),
+        )
         rows.append(
             DescribedConnection(
                 name=c.name,
                 main=None if c.main == NONE else c.main,
                 sub=None if c.sub == NONE else c.sub,
-                slot=slot,
+                slot=first if first == second else None,
                 address=c.address,
                 connection_id=c.connection_id,
                 watchdog_ms=c.watchdog_ms,
             )
         )
     return rows
-
-
-def _plan_slots(plan: Plan) -> dict[tuple[int, int], int]:
-    """Return the number of each frame among those of its device and direction."""
-    counts: Counter[tuple[int, bool]] = Counter()
-    slots = {}
-    order = sorted(plan.blocks, key=lambda b: (plan.sync_managers[b.sm].index, b.byte_offset))
-    for block in order:
-        sm = plan.sync_managers[block.sm]
-        key = (sm.subdevice, sm.is_output)
-        slots[block.sm, block.byte_offset] = counts[key]
-        counts[key] += 1
-    return slots
 
 
 # -- descriptions of other tools ------------------------------------------------------------------
