@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from fsoe_net.compare.scan_fsoe import check_fsoe_values
 from fsoe_net.compare.scan_match import Match, first_master, match_subdevices, place_of
@@ -16,7 +15,7 @@ from fsoe_net.diag.diagnostic import (
     sort_diagnostics,
 )
 from fsoe_net.diag.words import counted, identity_text
-from fsoe_net.model.bus import Direction, Pdo, SubDevice
+from fsoe_net.model.bus import Device, Direction, SubDevice, SyncManager
 from fsoe_net.model.layout import SmLayout
 from fsoe_net.model.network import NetworkConfig
 from fsoe_net.model.resolve import Resolution
@@ -44,20 +43,20 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
     }
     match = match_subdevices(first_master(network), scan.subdevices, addresses)
     _aliases(out, network, scan)
-    _sameplace_of(out, match)
+    _same_place(out, match)
     _missing(out, network, scan, match)
     _order(out, match)
     _other(out, match)
     _extra(out, network, match)
-    found = {sub.name: there for sub, there in match.pairs}
     for sub, there in match.pairs:
         if there.is_silent:
             _silent(out, sub, there)
-            continue
-        _check_revision(out, sub, there)
-        _check_layout(out, sub, there)
-    _health(out, network, scan, found)
-    answering = {name: there for name, there in found.items() if not there.is_silent}
+        else:
+            _check_revision(out, sub, there)
+            if sub.device is not None and there.sms is not None:
+                _Layout(out, sub, sub.device, there).check()
+    _health(out, network, scan, match)
+    answering = {sub.name: there for sub, there in match.pairs if not there.is_silent}
     check_fsoe_values(out, network, answering)
     return sort_diagnostics(out.diagnostics)
 
@@ -105,10 +104,8 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
             hint = "the bus is empty: is the interface right, the cable in, the power on?"
         elif place >= count:
             last = scan.subdevices[-1]
-            hint = (
-                f"the bus ends at position {last.position}, {_title(last)}: {SECURED}look at the "
-            )
-            hint += "cable after it, and at the power of the next"
+            hint = f"the bus ends at position {last.position}, {_title(last)}: {SECURED}"
+            hint += "look at the cable after it, and at the power of the next"
         else:
             hint = f"all following SubDevices moved one position forward; {SECURED}put it back, "
             hint += f"or take it out here{ACCEPTED}"
@@ -153,33 +150,24 @@ def _order(out: FindingList, match: Match) -> None:
 def _other(out: FindingList, match: Match) -> None:
     for sub, found in match.other:
         device = sub.device
-        expected = (
-            identity_text(device.vendor_id, device.product_code)
-            if device is not None
-            else "another"
-        )
+        if device is None:
+            continue  # an unknown device agrees with all
+        expected = identity_text(device.vendor_id, device.product_code)
         out.add(
             "FSN504",
             place_of(sub),
             f"position {found.position} is {_title(found)}; {sub.name} is {expected}",
             hint=f"{SECURED}put the right device there, or name the file of this one as its config"
             f"{ACCEPTED}",
-            related=(
-                (Related(span=device.at("product_id"), message="expected by this file"),)
-                if device is not None
-                else ()
-            ),
+            related=(Related(span=device.at("product_id"), message="expected by this file"),),
         )
 
 
 def _extra(out: FindingList, network: NetworkConfig, match: Match) -> None:
     for found in match.extra:
-        plain = not found.process_data
-        effect = (
-            "it moves all following SubDevices one position back"
-            if plain
-            else "it has process data that the network does not use"
-        )
+        effect = "it moves all following SubDevices one position back"
+        if found.process_data:
+            effect = "it has process data that the network does not use"
         out.add(
             "FSN502",
             network.span,
@@ -213,7 +201,7 @@ def _aliases(out: FindingList, network: NetworkConfig, scan: Scan) -> None:
             )
 
 
-def _sameplace_of(out: FindingList, match: Match) -> None:
+def _same_place(out: FindingList, match: Match) -> None:
     """FSN414 that only the bus shows: one SubDevice named by its alias and by its position."""
     first: dict[int, SubDevice] = {}
     for sub, found in sorted((*match.pairs, *match.other), key=lambda row: row[0].alias):
@@ -231,15 +219,14 @@ def _sameplace_of(out: FindingList, match: Match) -> None:
         )
 
 
-def _health(
-    out: FindingList, network: NetworkConfig, scan: Scan, found: Mapping[str, ScannedSubDevice]
-) -> None:
-    by_position = {there.position: name for name, there in found.items()}
-    places = {s.name: s for s in reversed(network.subdevices)}
+def _health(out: FindingList, network: NetworkConfig, scan: Scan, match: Match) -> None:
+    subs = {there.position: sub for sub, there in match.pairs}
     for there in scan.subdevices:
-        name = by_position.get(there.position)
-        span = place_of(places[name]) if name is not None else network.span
-        _check_health(out, span, name or there.name or "a SubDevice", there)
+        sub = subs.get(there.position)
+        if sub is None:
+            _check_health(out, network.span, there.name or "a SubDevice", there)
+        else:
+            _check_health(out, place_of(sub), sub.name, there)
 
 
 # -- one SubDevice --------------------------------------------------------------------------------
@@ -271,14 +258,8 @@ def _check_health(out: FindingList, span: Span, name: str, found: ScannedSubDevi
             "cause",
         )
     for port in found.ports:
-        counts = [
-            text
-            for number, text in (
-                (port.link_lost, counted(port.link_lost, "lost link")),
-                (port.rx_errors, counted(port.rx_errors, "receive error")),
-            )
-            if number
-        ]
+        both = (port.link_lost, "lost link"), (port.rx_errors, "receive error")
+        counts = [counted(number, word) for number, word in both if number]
         if counts:
             out.add(
                 "FSN512",
@@ -298,96 +279,79 @@ def _check_health(out: FindingList, span: Span, name: str, found: ScannedSubDevi
         )
 
 
-def _check_layout(out: FindingList, sub: SubDevice, found: ScannedSubDevice) -> None:
+@dataclass(frozen=True, slots=True)
+class _Layout:
     """FSN506, FSN507: PDO assignment, mapping and length of each sync manager."""
-    device = sub.device
-    if found.sms is None or device is None:
-        return
-    there = {sm.index: sm for sm in found.sms}
-    for planned in device.layout.managers:
-        if planned.sm.carries is None or not device.pdos_of(planned.sm):
-            continue
-        sm = there.pop(planned.sm.index, None)
-        if sm is not None and not sm.complete:
-            continue  # reported by FSN514
-        if sm is None:
-            _add_length(out, sub, planned, found, "the device has no such sync manager")
-        else:
-            _sync_manager(out, sub, found, planned, device.pdos_of(planned.sm), sm)
-    for sm in there.values():
-        if sm.is_process_data and sm.size_bytes and sm.complete:
-            out.add(
-                "FSN507",
-                device.at("sm"),
-                f"{sub.name}: SM{sm.index} has {counted(sm.size_bytes, 'byte')} of {sm.kind} on "
-                "the device and none in the file",
-                hint=f"state what it carries, or leave it empty on the device; {_SCAN}",
-            )
 
+    out: FindingList
+    sub: SubDevice
+    device: Device
+    found: ScannedSubDevice
 
-def _add_length(
-    out: FindingList, sub: SubDevice, planned: SmLayout, found: ScannedSubDevice, why: str
-) -> None:
-    out.add(
-        "FSN507",
-        planned.sm.span if planned.sm.declared or sub.device is None else sub.device.span,
-        f"{sub.name}: SM{planned.sm.index} has {counted(planned.size_bytes, 'byte')} by the file; "
-        f"on the device at position {found.position} {why}",
-        hint=f"the file must describe what the device has; {_SCAN}",
-    )
+    def check(self) -> None:
+        """Compare all sync managers with process data."""
+        there = {sm.index: sm for sm in self.found.sms or ()}
+        for planned in self.device.layout.managers:
+            if planned.sm.carries is None or not self.device.pdos_of(planned.sm):
+                continue
+            sm = there.pop(planned.sm.index, None)
+            if sm is None:
+                self._add_length(planned, "the device has no such sync manager")
+            elif sm.complete:  # else reported by FSN514
+                self._sync_manager(planned, sm)
+        for sm in there.values():
+            if sm.is_process_data and sm.size_bytes and sm.complete:
+                self.out.add(
+                    "FSN507",
+                    self.device.at("sm"),
+                    f"{self.sub.name}: SM{sm.index} has {counted(sm.size_bytes, 'byte')} of "
+                    f"{sm.kind} on the device and none in the file",
+                    hint=f"state what it carries, or leave it empty on the device; {_SCAN}",
+                )
 
+    def _sync_manager(self, planned: SmLayout, sm: ScannedSm) -> None:
+        way = "outputs" if planned.sm.direction is Direction.OUTPUT else "inputs"
+        size = sm.size_bytes
+        if sm.kind != way:
+            self._add_length(planned, f"it is for {sm.kind.replace('_', ' ')}")
+        elif sm.pdos is not None and self._pdos_differ(planned.sm, sm.pdos):
+            return  # another length follows from that
+        elif planned.complete and size is not None and size != planned.size_bytes:
+            self._add_length(planned, counted(size, "byte"))
 
-def _sync_manager(
-    out: FindingList,
-    sub: SubDevice,
-    found: ScannedSubDevice,
-    planned: SmLayout,
-    pdos: tuple[Pdo, ...],
-    sm: ScannedSm,
-) -> None:
-    way = "outputs" if planned.sm.direction is Direction.OUTPUT else "inputs"
-    if sm.kind != way:
-        _add_length(out, sub, planned, found, f"it is for {sm.kind.replace('_', ' ')}")
-        return
-    if sm.pdos is not None and _pdos_differ(out, sub, planned, pdos, sm.pdos):
-        return
-    if planned.complete and sm.size_bytes is not None and sm.size_bytes != planned.size_bytes:
-        _add_length(out, sub, planned, found, f"{counted(sm.size_bytes, 'byte')}")
-
-
-def _pdos_differ(
-    out: FindingList,
-    sub: SubDevice,
-    planned: SmLayout,
-    pdos: tuple[Pdo, ...],
-    found: tuple[ScannedPdo, ...],
-) -> bool:
-    """Add a finding for another assignment, else one per PDO with another mapping."""
-    ours, theirs = [p.index for p in pdos], [p.index for p in found]
-    fixed = "the MainDevice writes it at the start; a device whose PDOs are fixed refuses that"
-    if ours != theirs:
-        out.add(
-            "FSN506",
-            pdos[0].span,
-            f"{sub.name}: SM{planned.sm.index} carries {listed(ours)} by the file, "
-            f"{listed(theirs)} on the device" + assignment_words(ours, theirs),
-            hint=f"{fixed}; {_SCAN}",
+    def _add_length(self, planned: SmLayout, why: str) -> None:
+        self.out.add(
+            "FSN507",
+            planned.sm.span if planned.sm.declared else self.device.span,
+            f"{self.sub.name}: SM{planned.sm.index} has {counted(planned.size_bytes, 'byte')} by "
+            f"the file; on the device at position {self.found.position} {why}",
+            hint=f"the file must describe what the device has; {_SCAN}",
         )
-        return True
-    different = False
-    for pdo, there in zip(pdos, found, strict=True):
-        if not pdo.entries or there.entries is None:
-            continue
-        first = first_difference(pdo, there.entries)
-        if first is None:
-            continue
-        different = True
-        number, span, mine, other = first
-        out.add(
+
+    def _pdos_differ(self, sm: SyncManager, found: tuple[ScannedPdo, ...]) -> bool:
+        """Add a finding for another assignment, else one per PDO with another mapping."""
+        pdos = self.device.pdos_of(sm)
+        ours, theirs = [p.index for p in pdos], [p.index for p in found]
+        if ours != theirs:
+            text = f"SM{sm.index} carries {listed(ours)} by the file, {listed(theirs)} on the "
+            self._add_pdo(pdos[0].span, f"{text}device{assignment_words(ours, theirs)}")
+            return True
+        different = False
+        for pdo, there in zip(pdos, found, strict=True):
+            first = first_difference(pdo, there.entries or ()) if pdo.entries else None
+            if first is None or there.entries is None:
+                continue
+            different = True
+            number, span, mine, other = first
+            text = f"entry {number} of PDO 0x{pdo.index:04x} is {mine} in the file, {other} on the "
+            self._add_pdo(span, f"{text}device")
+        return different
+
+    def _add_pdo(self, span: Span, text: str) -> None:
+        self.out.add(
             "FSN506",
             span,
-            f"{sub.name}: entry {number} of PDO 0x{pdo.index:04x} is {mine} in the file, {other} "
-            "on the device",
-            hint=f"{fixed}; {_SCAN}",
+            f"{self.sub.name}: {text}",
+            hint="the MainDevice writes it at the start; a device whose PDOs are fixed refuses "
+            f"that; {_SCAN}",
         )
-    return different

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
+from fsoe_net.diag.words import listed
+
 Fact = int | str | None
 _T = TypeVar("_T")
-
-_SHOWN_ENTRIES = 6
 
 
 class ChangeKind(enum.StrEnum):
@@ -65,15 +65,18 @@ class Change:
     entries: tuple[str, ...] = ()
     subdevices: tuple[str, ...] = ()
 
+    @property
+    def listed_entries(self) -> str:
+        """The first entries, and how many more there are."""
+        return listed(self.entries, 6)
+
     def __str__(self) -> str:
         """Return it as one line: ``~ connection a - b changed: watchdog 100 ms -> 120 ms``."""
         area = self.area.replace("_", " ")
         mark = _MARK.get(self.kind, "~")
         text = " ".join(w for w in (mark, area, self.where, self.kind) if w)
         if self.entries:
-            shown = ", ".join(self.entries[:_SHOWN_ENTRIES])
-            more = len(self.entries) - _SHOWN_ENTRIES
-            text += f": {shown}" + (f" and {more} more" if more > 0 else "")
+            text += f": {self.listed_entries}"
         value = self._value()
         if self.what and value:
             return f"{text}: {self.what} {value}"

@@ -172,22 +172,22 @@ class _Side:
 
     def compare_default_sizes(self) -> None:
         """FSN441, once for a device: it is a note, whatever the number of sync managers."""
-        wrong = []
-        for planned, _ in self.ours:
-            size = self.row.facts.default_bytes.get(planned.sm.index)
-            if size and planned.complete and size != planned.size_bytes:
-                wrong.append((planned, size))
-        wrong = [(p, s) for p, s in wrong if p.sm.index not in self.named]
+        sizes = self.row.facts.default_bytes
+        wrong = [
+            planned
+            for planned, _ in self.ours
+            if planned.complete
+            and planned.sm.index not in self.named
+            and sizes.get(planned.sm.index, 0) not in (0, planned.size_bytes)
+        ]
         if not wrong:
             return
-        planned, _ = wrong[0]
-        there = self.theirs.get(planned.sm.index)
-        texts = [f"{s} bytes for SM{p.sm.index} of {p.size_bytes}" for p, s in wrong]
+        texts = [f"{sizes[p.sm.index]} bytes for SM{p.sm.index} of {p.size_bytes}" for p in wrong]
         self.add(
             "FSN441",
-            self.span_of(planned.sm),
+            self.span_of(wrong[0].sm),
             f"DefaultSize in {self.source} is {', '.join(texts)}",
-            there.span if there is not None else self.row.span,
+            self.theirs.get(wrong[0].sm.index, self.row).span,
             hint="nothing to do: the PDOs give the length, DefaultSize is often left as it was",
             severity=Severity.INFO,
         )
@@ -226,13 +226,13 @@ class _Side:
                 if other != planned.sm.index:
                     moves.setdefault((planned.sm.index, other), []).append(pdo)
         for (own, other), gone in moves.items():
-            there = self.pdos.get(gone[0].index)
-            verb = "are" if len(gone) > 1 else "is"
+            numbers = listed([p.index for p in gone])
+            words = f"PDOs {numbers} are" if len(gone) > 1 else f"PDO {numbers} is"
             self.add(
                 "FSN439",
                 gone[0].span,
-                f"{_pdo_list(gone)} {verb} on SM{own}, on SM{other} in {self.source}",
-                there.span if there is not None else self.row.span,
+                f"{words} on SM{own}, on SM{other} in {self.source}",
+                self.pdos.get(gone[0].index, self.row).span,
                 sm=(own, other),
                 hint=f"list SM{other} with its PDOs under sm; a slave YAML that cannot say it does "
                 "not fit this device",
@@ -272,6 +272,11 @@ class _Side:
         unknown = [i for i in mine if i not in self.pdos]
         if self.is_type and not unknown and self.row.facts.assignable and set(other) <= set(mine):
             return  # optional PDOs, which the device lets a MainDevice assign
+        severity = None
+        if self.is_type and unknown:
+            severity = Severity.ERROR
+        elif self.is_type and self.row.facts.assignable:
+            severity = Severity.INFO
         self.add(
             "FSN433",
             next((p.span for p in ours if p.index in unknown), span),
@@ -279,12 +284,14 @@ class _Side:
             f"{assignment_words(mine, other)}",
             theirs[0].span if theirs else self.row.span,
             sm=(number,),
-            severity=self._assignment_severity(unknown),
+            severity=severity,
         )
 
     def _missing(self, number: int, span: Span, pdos: list[Pdo]) -> set[int]:
         """FSN437; return which of these PDOs, which are not assigned, have to be."""
-        missing = [p for p in pdos if self._is_mandatory(p)]
+        if not self.is_type:
+            return set()
+        missing = [p for p in pdos if p.index in self.facts and self.facts[p.index].mandatory]
         for pdo in missing:
             self.add(
                 "FSN437",
@@ -297,26 +304,10 @@ class _Side:
             )
         return {p.index for p in missing}
 
-    def _is_mandatory(self, pdo: Pdo) -> bool:
-        facts = self.facts.get(pdo.index)
-        return self.is_type and facts is not None and facts.mandatory
-
     def _excluded_by(self, here: set[int]) -> set[int]:
         """Return the PDOs that exclude these, or are excluded by them."""
-        found: set[int] = set()
-        for index, facts in self.facts.items():
-            if index in here:
-                found |= facts.excludes
-            if facts.excludes & here:
-                found.add(index)
-        return found
-
-    def _assignment_severity(self, unknown: list[int]) -> Severity | None:
-        if not self.is_type:
-            return None
-        if unknown:
-            return Severity.ERROR
-        return Severity.INFO if self.row.facts.assignable else None
+        excluded = {index for index, facts in self.facts.items() if facts.excludes & here}
+        return excluded.union(*(self.facts[i].excludes for i in here if i in self.facts))
 
     def _mapping(self, number: int, pdo: Pdo, there: Pdo, what: str) -> None:
         """FSN434, FSN435, FSN436: the entries of a PDO."""
@@ -349,10 +340,6 @@ class _Side:
 
 def _without_gaps(pdo: Pdo) -> list[tuple[int, int, int]]:
     return [item.key for item in items_of(pdo.entries) if item.index]
-
-
-def _pdo_list(pdos: list[Pdo]) -> str:
-    return ("PDOs " if len(pdos) > 1 else "PDO ") + listed([p.index for p in pdos])
 
 
 def _without(pdos: Iterable[Pdo], numbers: Collection[int]) -> list[Pdo]:

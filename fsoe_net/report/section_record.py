@@ -31,7 +31,6 @@ from fsoe_net.plan.fingerprint import short_code
 from fsoe_net.report.inputs import Against, GivenRecord, ReportInputs, Signatures
 from fsoe_net.report.model import LEVELS, Point, PointKind, ReportSection
 
-_SHOWN_ENTRIES = 6
 _MADE_FROM = (
     "SHA-256, made from the canonical text of everything safety-relevant in the plan. "
     "Paths and dates are not in it."
@@ -173,12 +172,8 @@ def _sections_changed(against: Against, inputs: ReportInputs) -> tuple[str, ...]
 
 
 def _change(c: Change) -> tuple[Cell, ...]:
-    entries = ", ".join(c.entries[:_SHOWN_ENTRIES])
-    more = len(c.entries) - _SHOWN_ENTRIES
-    if more > 0:
-        entries += f" and {more} more"
     what = " ".join(w for w in (c.area.replace("_", " "), c.kind) if w)
-    where = [w for w in (c.where, c.what, entries) if w]
+    where = [w for w in (c.where, c.what, c.listed_entries) if w]
     return (
         cell(strong(what)),
         tuple(Text(w) if n == 0 else muted(w) for n, w in enumerate(where)),
