@@ -54,6 +54,7 @@ def compare(a: Side, b: Side) -> Difference:
 
 def _pair_subdevices(a: tuple[SideSubDevice, ...], b: tuple[SideSubDevice, ...]) -> _Pairs:
     left, right = dict(enumerate(a)), dict(enumerate(b))
+    # Users choose names, so that a renamed SubDevice is a new one only if nothing else agrees.
     pairs = pair_by(lambda s: s.name or None, left, right, unique=True)
     pairs += pair_by(
         lambda s: None if s.identity is None else (s.place, s.identity), left, right, unique=True
@@ -159,6 +160,7 @@ class _Comparison:
         return replace(copy, source=source, destination=destination)
 
     def _copies(self, a: Iterable[SideCopy], b: Iterable[SideCopy]) -> Iterator[Change]:
+        # Each byte of an output has one writer: copies to one place are of the same connection.
         destinations: dict[SideEnd, tuple[list[SideCopy], list[SideCopy]]] = {}
         for side, copies in enumerate((a, b)):
             for copy in copies:
@@ -216,6 +218,7 @@ class _Comparison:
             for number, c in enumerate(b)
         }
         olds, news = dict(left), dict(right)
+        # Two SubDevices are a key only if one connection is between them on both sides.
         single = _single(left.values()) & _single(right.values())
         for key in (
             lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),

@@ -98,6 +98,7 @@ def _entries(where: str, a: SmLayout, b: SmLayout, *, with_restart: bool) -> Ite
         if new is None:
             continue
         distance = new.bit_offset - old.bit_offset
+        # What moved together with its frame is one change, that of the frame.
         if distance and follows.get(old.bit_offset // 8) != distance:
             moved.setdefault(distance, []).append(old.entry.address)
         facts: list[tuple[str, int | str, int | str]] = [("bits", old.entry.bits, new.entry.bits)]

@@ -264,6 +264,7 @@ class _Side:
     def _assignment(self, number: int, span: Span, ours: list[Pdo], theirs: list[Pdo]) -> None:
         """FSN433, FSN437: which PDOs a sync manager carries, and in which order."""
         here = {p.index for p in ours}
+        # A PDO that another one excludes, or that is reported as missing, is not named twice.
         blocked = self._excluded_by(here) | self._missing(number, span, _without(theirs, here))
         mine = [p.index for p in ours]
         other = [p.index for p in theirs if p.index in here or p.index not in blocked]

@@ -160,6 +160,7 @@ class _Bus:
         wrong = [(fact, *both) for fact, row in pairs if (both := differing(value, fact, row))]
         while wrong:
             fact, planned, found = wrong.pop(0)
+            # Two crossed values are one mistake; watchdogs are often equal by chance.
             number = next((n for n, row in enumerate(wrong) if row[1:] == (found, planned)), None)
             if number is not None and value.key != "watchdog_ms":
                 other = wrong.pop(number)[0]

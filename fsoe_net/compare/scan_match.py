@@ -8,7 +8,7 @@ once.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.model.bus import SubDevice
@@ -119,12 +119,13 @@ def match_subdevices(
             places.setdefault(sub.position, sub)
     size = max(places, default=-1) + 1
     rows = _Rows([places.get(n) for n in range(size)], list(bus), addresses, frozenset(by_alias))
+    # Exchanged devices are cheapest place by place; a missing one moves all others, which only the
+    # alignment sees. Its table has a cell for each pair, too many on a very large bus.
     best = _in_place(rows)
     if best.cost and len(rows.planned) * len(rows.found) <= _MOST_CELLS:
         best = min(best, _aligned(rows), key=lambda m: m.cost)
-    for name in ("pairs", "other", "swapped", "moved", "missing", "free_missing", "extra"):
-        getattr(match, name).extend(getattr(best, name))
-    match.behind = best.behind
+    for part in fields(Match):
+        setattr(match, part.name, getattr(match, part.name) + getattr(best, part.name))
     return match
 
 
