@@ -87,5 +87,5 @@ def _shared(plan: Plan) -> Iterator[_Row]:
             end(up.source_sm, up.source_bit),
             end(up.destination_sm, up.destination_bit),
         )
-        facts = (k.connection_id, k.address, k.watchdog_ms, k.safe_to_sub, k.safe_to_main)
-        yield names.get(k.main), names.get(k.sub), ends, facts
+        facts = (k.connection_id, k.address, k.watchdog_ms, k.app_parameters)
+        yield names.get(k.main), names.get(k.sub), ends, facts, k.safe_to_sub, k.safe_to_main

@@ -160,7 +160,7 @@ class _Comparison:
         return replace(copy, source=source, destination=destination)
 
     def _copies(self, a: Iterable[SideCopy], b: Iterable[SideCopy]) -> Iterator[Change]:
-        # Each byte of an output has one writer: copies to one place are of the same connection.
+        # An output has one writer, so that copies to one destination are the same copy in A and B.
         destinations: dict[SideEnd, tuple[list[SideCopy], list[SideCopy]]] = {}
         for side, copies in enumerate((a, b)):
             for copy in copies:
@@ -246,15 +246,15 @@ class _Comparison:
                 kind, area = ChangeKind.CHANGED, ChangeArea.CONNECTION
                 titles = self._title(before), self._title(after)
                 yield Change(kind, area, where, role, *titles, (), names)
-        facts = [
-            (key, getattr(old, key), getattr(new, key))
-            for key in ("address", "connection_id", "watchdog_ms")
-        ]
-        if "plan" not in (self.a.format, self.b.format):  # which has no parameters
-            parameters = _parameters(self.a, old), _parameters(self.b, new)
-            facts.append(("app_parameters", *parameters))
         yield from changed_facts(
-            ChangeArea.CONNECTION, where, *facts, whole=self.whole, subdevices=names
+            ChangeArea.CONNECTION,
+            where,
+            ("address", old.address, new.address),
+            ("connection_id", old.connection_id, new.connection_id),
+            ("watchdog_ms", old.watchdog_ms, new.watchdog_ms),
+            ("app_parameters", _parameters(self.a, old), _parameters(self.b, new)),
+            whole=self.whole,
+            subdevices=names,
         )
 
     def _connection_name(self, c: DescribedConnection) -> str:

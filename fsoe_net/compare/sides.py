@@ -372,6 +372,7 @@ def _plan_connections(plan: Plan, managers: Sequence[Managers]) -> list[Describe
                 address=c.address,
                 connection_id=c.connection_id,
                 watchdog_ms=c.watchdog_ms,
+                app_parameters=bytes.fromhex(c.app_parameters),
             )
         )
     return rows

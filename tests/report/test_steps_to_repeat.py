@@ -141,6 +141,24 @@ def _since(before: Resolution, now: Resolution) -> tuple[list[str], list[str]]:
 
 
 @pytest.mark.shows("R27")
+@pytest.mark.parametrize("by_meaning", [True, False])
+def test_application_parameters_touch_the_ends_of_their_connection(
+    tmp_path: Path, by_meaning: bool
+) -> None:
+    text = TIMED.read_text("utf-8")
+    assert text.count('app_parameters: "01 00"') == 1
+    text = text.replace('app_parameters: "01 00"', 'app_parameters: "02 00"')
+    before, now = _resolution(), _network(tmp_path, text)
+    plans = compile_plan(before), compile_plan(now)
+    changes = compare(side_of_plan(plans[0], "a"), side_of_network(now, "b")).changes
+    assert [(c.what, c.before, c.after) for c in changes] == [("app_parameters", "0100", "0200")]
+    steps = make_test_record(now, b"").steps
+    again = steps_to_repeat(changes if by_meaning else (), now, steps, plans=plans)
+    assert again[:2] == ("start-up logic-io", "start-up logic-io2")
+    assert "loss logic" in again
+
+
+@pytest.mark.shows("R27")
 @pytest.mark.parametrize(
     "device",
     [
