@@ -99,9 +99,19 @@ class _Comparison:
             if name in b.bus_cycles:
                 cycle = ("cycle_ns", cycle_ns, b.bus_cycles[name])
                 yield from changed_facts(ChangeArea.NETWORK, f"bus {name}", cycle, whole=True)
+        yield from self._subdevices()
+        if a.copies is not None and b.copies is not None:
+            yield from self._copies(a.copies, [self._renumbered(c) for c in b.copies])
+        if a.connections is not None and b.connections is not None:
+            yield from self._connections(a.connections, b.connections)
+        yield from self._functions()
+
+    # -- SubDevices -------------------------------------------------------------------------------
+
+    def _subdevices(self) -> Iterator[Change]:
         for left, right in self.pairs:
-            old = None if left is None else a.subdevices[left]
-            new = None if right is None else b.subdevices[right]
+            old = None if left is None else self.a.subdevices[left]
+            new = None if right is None else self.b.subdevices[right]
             if old is not None and new is not None:
                 names = tuple(dict.fromkeys((old.name, new.name)))
                 for change in self._subdevice(old, new):
@@ -115,13 +125,6 @@ class _Comparison:
                     lambda s: s.identity_text,
                     subdevices=(alone.name,),
                 )
-        if a.copies is not None and b.copies is not None:
-            yield from self._copies(a.copies, [self._renumbered(c) for c in b.copies])
-        if a.connections is not None and b.connections is not None:
-            yield from self._connections(a.connections, b.connections)
-        yield from self._functions()
-
-    # -- SubDevices -------------------------------------------------------------------------------
 
     def _subdevice(self, old: SideSubDevice, new: SideSubDevice) -> Iterator[Change]:
         area, where = ChangeArea.SUBDEVICE, old.title

@@ -163,12 +163,7 @@ def check_slots(
     blamed: set[str],
 ) -> None:
     """Compare the connections of a file that gives each slot a partner: ``fsoeSlaveIdx``."""
-    partners: dict[tuple[str, int | None], tuple[str, DescribedConnection]] = {}
-    for row in file.connections:
-        if row.main is None or row.sub is None or row.slot is None:
-            continue
-        if row.main in subs and row.sub in subs:
-            partners.setdefault((subs[row.main].name, row.slot), (subs[row.sub].name, row))
+    partners = _partners(file, subs)
     wrong: list[tuple[Connection, str, DescribedConnection]] = []
     for connection in resolution.connections:
         if {connection.main.name, connection.sub.name} & blamed:
@@ -194,3 +189,16 @@ def check_slots(
             hint="the order in the safety project decides; compare both with it",
             related=(Related(span=row.span, message="the connection there"),),
         )
+
+
+def _partners(
+    file: Description, subs: Mapping[int, SubDevice]
+) -> dict[tuple[str, int | None], tuple[str, DescribedConnection]]:
+    """Return the SubInstance, and the row, for each MainInstance and slot of the file."""
+    partners: dict[tuple[str, int | None], tuple[str, DescribedConnection]] = {}
+    for row in file.connections:
+        if row.main is None or row.sub is None or row.slot is None:
+            continue
+        if row.main in subs and row.sub in subs:
+            partners.setdefault((subs[row.main].name, row.slot), (subs[row.sub].name, row))
+    return partners

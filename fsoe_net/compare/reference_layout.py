@@ -273,11 +273,6 @@ class _Side:
         unknown = [i for i in mine if i not in self.pdos]
         if self.is_type and not unknown and self.row.facts.assignable and set(other) <= set(mine):
             return  # optional PDOs, which the device lets a MainDevice assign
-        severity = None
-        if self.is_type and unknown:
-            severity = Severity.ERROR
-        elif self.is_type and self.row.facts.assignable:
-            severity = Severity.INFO
         self.add(
             "FSN433",
             next((p.span for p in ours if p.index in unknown), span),
@@ -285,8 +280,15 @@ class _Side:
             f"{assignment_words(mine, other)}",
             theirs[0].span if theirs else self.row.span,
             sm=(number,),
-            severity=severity,
+            severity=self._assignment_severity(unknown),
         )
+
+    def _assignment_severity(self, unknown: list[int]) -> Severity | None:
+        if not self.is_type:
+            return None
+        if unknown:
+            return Severity.ERROR
+        return Severity.INFO if self.row.facts.assignable else None
 
     def _missing(self, number: int, span: Span, pdos: list[Pdo]) -> set[int]:
         """FSN437; return which of these PDOs, which are not assigned, have to be."""

@@ -244,17 +244,7 @@ def _steps(
     """Return the cheapest alignment: places with what was found there, both sides alone."""
     lost = [_SMALL if s is None else _GONE for s in rows.planned]
     extra = [_SMALL if rows.is_plain(f) else _GONE for f in rows.found]
-    # costs[i][j]: of all from place i and number j on.
-    width = len(rows.found)
-    costs = [[0] * (width + 1) for _ in range(len(rows.planned) + 1)]
-    for j in range(width - 1, -1, -1):
-        costs[-1][j] = costs[-1][j + 1] + extra[j]
-    for i in range(len(rows.planned) - 1, -1, -1):
-        row, below = costs[i], costs[i + 1]
-        row[width] = below[width] + lost[i]
-        for j in range(width - 1, -1, -1):
-            both = below[j + 1] + rows.cost(rows.planned[i], rows.found[j])
-            row[j] = min(both, below[j] + lost[i], row[j + 1] + extra[j])
+    width, costs = len(rows.found), _costs(rows, lost, extra)
     taken, gone, added = [], [], []
     i = j = 0
     while i < len(rows.planned) or j < width:
@@ -274,3 +264,18 @@ def _steps(
             added.append(rows.found[j])
             j += 1
     return taken, gone, added
+
+
+def _costs(rows: _Rows, lost: list[int], extra: list[int]) -> list[list[int]]:
+    """Return the least costs of all from place i and number j on, as ``costs[i][j]``."""
+    width = len(rows.found)
+    costs = [[0] * (width + 1) for _ in range(len(rows.planned) + 1)]
+    for j in range(width - 1, -1, -1):
+        costs[-1][j] = costs[-1][j + 1] + extra[j]
+    for i in range(len(rows.planned) - 1, -1, -1):
+        row, below = costs[i], costs[i + 1]
+        row[width] = below[width] + lost[i]
+        for j in range(width - 1, -1, -1):
+            both = below[j + 1] + rows.cost(rows.planned[i], rows.found[j])
+            row[j] = min(both, below[j] + lost[i], row[j + 1] + extra[j])
+    return costs
