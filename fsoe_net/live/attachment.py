@@ -222,6 +222,8 @@ class Attachment:
     def _ask(self, client: Client, wait_s: float, stop: threading.Event | None) -> bool:
         until = time.monotonic() + wait_s
         while True:
+            # Pauses of 0.1 s at most: `stop` must be able to end a long wait, and events arrive any
+            # time.
             for event in client.events(min(0.1, max(0.0, until - time.monotonic()))):
                 self._events.take(event)
             if time.monotonic() >= until or (stop is not None and stop.is_set()):
@@ -231,6 +233,8 @@ class Attachment:
         if self._status.state not in (BusState.RUNNING, BusState.STARTING):
             return False
         try:
+            # The facts come from the plan. They are read once and again after each new connection
+            # only.
             if not self._facts:
                 self._facts = _facts(client)
             self._snapshot = client.snapshot()
@@ -243,6 +247,7 @@ class Attachment:
 
     def _view(self, current: bool) -> BusView:
         rows: list[WatchedConnection] = []
+        # A new plan has other connections: until its facts are read, rows would be paired wrongly.
         if self._snapshot is not None and len(self._facts) == len(self._snapshot.cycle.connections):
             held = {s.name: s for s in self._snapshot.subdevices}
             for facts, wire in zip(self._facts, self._snapshot.cycle.connections, strict=True):
@@ -276,6 +281,7 @@ class Attachment:
         longest_ms = max(wire.to_sub.interval_max_ns, wire.to_main.interval_max_ns) / 1e6
         ends = [subdevices.get(name) for name in (facts.main, facts.sub)]
         silent = [
+            # Before the first frame there is no time to count from.
             (now_ns - d.last_new_ns) / 1e6 if d.frames and now_ns >= d.last_new_ns else None
             for d in (wire.to_sub, wire.to_main)
         ]
@@ -313,6 +319,7 @@ def _cause(name: str, wire: ConnectionSnapshot, events: BusEvents) -> str:
         return f"{events.last_reset_by.get(name, 'one end')}: {text}"
     rows = ((ENDS["main"], wire.to_sub), (ENDS["sub"], wire.to_main))
     sent = [(end, d.reset_code) for end, d in rows if d.resets]
+    # Reset code 0 is the plain reset of a start; the end that gives a reason is the one to blame.
     reported = [row for row in sent if row[1]] or sent
     if len(reported) == 2 and reported[0][1] == reported[1][1]:
         return f"both ends sent: {reset_code_text(reported[0][1])}"

@@ -90,6 +90,7 @@ def build_master(
         cmake, env = _cmake(work)
         options = ["-DFSN_BUILD_TESTS=OFF", "-DFSN_INSTALL=OFF"]
         if with_soem:
+            # The source is checked first: an SOEM 2 fails late, with errors of the compiler only.
             given = None if soem is None else _is_soem_1(soem)
             soem = given or fetch_soem(build.parent / "soem" if build else work / "soem")
             options += ["-DFSN_SOEM=ON", f"-DSOEM_SOURCE_DIR={soem.resolve()}"]
@@ -99,6 +100,7 @@ def build_master(
         jobs = str(os.cpu_count() or 1)
         build_it = [*cmake, "--build", str(folder), "-j", jobs, "--target", "fsn-master"]
         _run(build_it, "the compiler", env)
+        # Copy, then rename: overwriting the file of a running program fails with "text file busy".
         fresh = target.with_name(f".{target.name}.new")
         try:
             shutil.copy2(folder / "fsn-master", fresh)
@@ -107,6 +109,7 @@ def build_master(
             raise EnvironmentFault(
                 f"{target}: {exc.strerror}; --output FILE names a place"
             ) from exc
+    # Runs the result once, so that a library that is missing shows here and not at the bus.
     return _run([str(target), "--version"], str(target), {})
 
 

@@ -46,6 +46,7 @@ class BusEvents:
         if kind == "connection":
             self._connection(event, at_ns)
         elif kind == "subdevice":
+            # An event without a change of state reports the links of the ports.
             same_state = event["before"] == event["after"]
             what = RunEventKind.LINKS if same_state else RunEventKind.OTHER
             self.log(str(event["subdevice"]), _subdevice_text(event), at_ns=at_ns, kind=what)
@@ -57,6 +58,7 @@ class BusEvents:
             self.events_lost += 1
             self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
         else:
+            # These three kinds are facts of the bus; all others are about fsn-master itself.
             source = "bus" if kind in ("wkc", "ring", "clocks") else "fsn-master"
             what = RunEventKind.WORKING_COUNTER if kind == "wkc" else RunEventKind.OTHER
             self.log(source, str(event.get("text", "")), at_ns=at_ns, kind=what)
@@ -64,8 +66,10 @@ class BusEvents:
     def _connection(self, event: Mapping[str, Any], at_ns: int) -> None:
         name = str(event["connection"])
         after = ConnectionState.from_event(str(event["after"]))
+        # An event with `reset_by` is a reset; the state after it is reported by the next event.
         if "reset_by" not in event:
             if after.in_data:
+                # The first time counts: a later return to Data is not the start-up time.
                 self.to_data_ns.setdefault(name, at_ns - self.start_ns)
             fields = state_fields("wire", after.text, in_data=after.in_data)
             self.log(name, f"wire: {after.text}", at_ns=at_ns, **fields)

@@ -184,7 +184,11 @@ class Client(ControlLink):
         until = time.monotonic() + left_s
         try:
             while True:
+                # At least one read even for a duration of 0: cycles that have arrived must not be
+                # lost.
                 found = self.watched(min(_SILENT_S, max(0.0, left_s)))
+                # Only a whole silent interval is a fault: a read that ends early does so at the end
+                # of the time.
                 if not found and left_s >= _SILENT_S:
                     raise EnvironmentFault(
                         f"no cycle has come for {_SILENT_S:g} s on {self.path}; `status` says "
@@ -195,6 +199,8 @@ class Client(ControlLink):
                 if left_s <= 0:
                     return
         finally:
+            # A connection that is broken has no subscription left; `watch_off` would hide the first
+            # error.
             if not self.closed:
                 self.watch_off()
 

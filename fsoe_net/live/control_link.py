@@ -96,6 +96,7 @@ class ControlLink:
         """
         line = " ".join(quoted(word) for word in words) + "\n"
         wait_s = self._timeout_s if timeout_s is None else timeout_s
+        # One limit for the whole reply: events in between must not extend it.
         until = time.monotonic() + wait_s
         try:
             self._socket.settimeout(wait_s)
@@ -110,6 +111,7 @@ class ControlLink:
                     f"fsn-master has not answered {words[0]} within {wait_s:g} s on "
                     f"{self.path}; is it stopped?"
                 )
+            # Events and replies share the socket; an event may arrive before the reply.
             if "event" in reply:
                 self._keep(reply)
                 continue
@@ -132,6 +134,8 @@ class ControlLink:
         for _ in range(_MOST_PAGES):
             row = reply.pop("next", None)
             if row is None:
+                # A page is appended to lists only: all other values belong to the cycle of the
+                # first page.
                 return reply
             for key, rows in self.request(word, str(row)).items():
                 if isinstance(rows, list) and isinstance(reply.get(key), list):
@@ -155,6 +159,7 @@ class ControlLink:
         return found, lost
 
     def _arrived(self, kept: deque[dict[str, Any]], wait_s: float) -> list[dict[str, Any]]:
+        # With kept events there is nothing to wait for; the socket is only emptied.
         until = time.monotonic() + (0.0 if kept else wait_s)
         try:
             for _ in range(_MAX_EVENTS):  # a flood must not keep the caller
@@ -183,9 +188,12 @@ class ControlLink:
 
     def _line(self, until: float) -> dict[str, Any] | None:
         """Return the next line; ``None`` when it has not come until then."""
+        # Bytes that were searched contain no line end: a long line must not be searched again and
+        # again.
         searched = 0
         while (end := self._received.find(b"\n", searched)) < 0:
             searched = len(self._received)
+            # A server that sends no line end must not fill the memory.
             if searched > _MAX_LINE:
                 raise self._broken("a line without an end")
             left = until - time.monotonic()
@@ -231,6 +239,7 @@ def quoted(word: str) -> str:
     Raises:
         ValueError: No request can hold it.
     """
+    # A line end in a word would begin a second request.
     if any(ord(c) < 0x20 or ord(c) == 0x7F for c in word):
         raise ValueError(f"{word!r} has a control character")
     if word and not any(c in word for c in ' \t"\\'):

@@ -315,6 +315,7 @@ def read_state(reply: Mapping[str, Any]) -> BusState:
 def read_status(reply: Mapping[str, Any]) -> Status:
     """Return the values of a ``status`` reply."""
     row = {**reply, **reply["subdevices"], "state": BusState(reply["state"])}
+    # C reports `null` for an empty text; the fields of `Status` are plain strings.
     row |= {k: row[k] or "" for k in ("fault", "interface", "redundant", "plan")}
     row["ring"] = None if (ring := reply.get("ring")) is None else _ring(ring)
     clocks = reply.get("clocks")
@@ -329,6 +330,7 @@ def read_status(reply: Mapping[str, Any]) -> Status:
     row["in_cycle"] = tuple(CycleClient(**client) for client in reply.get("in_cycle", ()))
     row["absent"] = int(reply["subdevices"].get("absent", 0))
     row["groups"] = tuple(map(_group_status, reply.get("groups", ())))
+    # Only known fields: a newer fsn-master may report more than this version reads.
     return Status(**{f.name: row[f.name] for f in fields(Status)})
 
 

@@ -205,10 +205,12 @@ def _of_connection(
     share: float | None,
     changes: Changes,
 ) -> Iterator[HealthReason]:
+    # All that holds is reported, not only the worst: a reset is often the reason of the other ones.
     if not seen.state.in_data:
         yield HealthReason.NOT_IN_DATA
     if seen.state is ConnectionState.DATA_FAILSAFE:
         yield HealthReason.FAILSAFE_DATA
+    # An end that was not read yet says nothing about its state.
     if any(s.known and not s.in_op for s in ends):
         yield HealthReason.END_NOT_IN_OP
     if (seen.name, HealthReason.RESET) in changes:
@@ -245,6 +247,7 @@ def _of_subdevice(seen: SubDeviceSnapshot, changes: Changes) -> Iterator[HealthR
         yield HealthReason.ABSENT
     elif not seen.in_op:
         yield HealthReason.NOT_IN_OP
+    # A SubDevice on its way to OP also has a detail; then it is progress, not a defect.
     if seen.detail and (seen.in_op or seen.is_absent):
         yield HealthReason.DEFECT
     yield from (r for r in _SUBDEVICE_COUNTERS if (seen.name, r) in changes)
@@ -273,6 +276,7 @@ def bus_health(
     reasons: list[HealthReason] = []
     if away:
         reasons.append(HealthReason.MASTER_GONE)
+    # Before the cycle: counters of a bus that has failed or stopped are old and would mislead.
     elif status is not None:
         reasons += _of_master(status, current=current, refused=refused)
     elif statistics is None:
@@ -280,6 +284,7 @@ def bus_health(
     if not reasons and statistics is not None:
         reasons += _of_cycle(statistics, changes)
         reasons += _of_parts(status) if status is not None else ()
+    # Independent of the state of the bus: an intervention that is not logged must always show.
     if not away and status is not None and status.interventions and status.interventions.fault:
         reasons.append(HealthReason.LOG_NOT_WRITTEN)
     return BusHealth(

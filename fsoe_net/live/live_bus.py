@@ -70,6 +70,8 @@ class BusOptions:
         if self.intervention_log is not None:
             words += ["--intervention-log", self.intervention_log]
         if duration_ns is not None:
+            # fsn-master ends later than the client, so that the last snapshot is read from a
+            # running bus.
             words += ["--duration", f"{duration_ns // 1_000_000 + _GRACE_S * 1000}ms"]
         return words
 
@@ -103,11 +105,13 @@ class _LiveRun:
             self._look(_UPDATE_S)
             if on_update is not None and self._last is not None:
                 on_update(self._update(self._last))
+        # Before the last look: its events belong to the run.
         if stop.is_set():
             self._events.log("run", "interrupted by the user")
         self._end_ns = time.monotonic_ns()
         current = self._look(0.0)
         if self._last is None:
+            # An interrupt before the first snapshot has no result to report.
             raise KeyboardInterrupt  # the bus was not yet open: there is nothing to report
         return self._result(self._last, current)
 
@@ -161,9 +165,12 @@ class _LiveRun:
         try:
             self._last = client.snapshot()
         except ControlRefused as refused:
+            # Busy or between two states is normal; any other refusal is a fault of the request.
             if not (refused.bus_stopped or refused.busy):
                 raise
             return refused.busy and self._last is not None
+        # The run begins with the first snapshot, not with the connection: the bus starts in
+        # between.
         if self._begin_ns is None:
             self._begin_ns = time.monotonic_ns()
         return True
@@ -192,6 +199,7 @@ class _LiveRun:
             plan_sha256=hashlib.sha256(self._plan).hexdigest(),
             duration_ms=(end_ns - (self._begin_ns or end_ns)) / 1e6,
             connections=connections,
+            # Events of the run itself and of the bus come from two sources.
             statistics=snapshot.cycle.statistics,
             events=tuple(sorted(events.events, key=lambda e: e.time_ms)),
             events_lost=events.events_lost + lost,

@@ -60,6 +60,8 @@ class LiveCapture:
         elif interface is None:
             self.rebuilt = "there is no network interface to listen on"
         else:
+            # Needs CAP_NET_RAW. Without it, frames are rebuilt from process images that fsn-master
+            # gives to clients.
             try:
                 self._wire = PacketSocket(interface)
             except OSError as exc:
@@ -74,6 +76,7 @@ class LiveCapture:
         try:
             self._writer = CaptureWriter(path, comment=text, interface=interface or "")
         except OSError:
+            # The socket is open already; a file that cannot be written must not leave it open.
             self._close_sources()
             raise
         self._thread = threading.Thread(target=self._run, name="capture", daemon=True)
@@ -102,6 +105,7 @@ class LiveCapture:
         try:
             while not self._stop.is_set():
                 self._take(_WAIT_S)
+            # Once more without waiting: packets that arrived before `stop` belong to the file.
             self._take(0.0)
         except OSError as exc:
             self.fault = exc.strerror or str(exc)
@@ -121,6 +125,7 @@ class LiveCapture:
                 self.packets += 1
             self.skipped = self._wire.dropped
         elif self._client is not None:
+            # fsn-master may be restarted during a capture; the file then has a gap, not an end.
             try:
                 self._images(self._client, wait_s)
             except EnvironmentFault:

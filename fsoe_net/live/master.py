@@ -40,9 +40,12 @@ def find_master() -> str:
     """
     stated = os.environ.get("FSN_MASTER")
     if stated:
+        # A variable that is set and wrong is an error: falling back would run another program than
+        # requested.
         if os.access(stated, os.X_OK) and os.path.isfile(stated):
             return stated
         raise EnvironmentFault(f"FSN_MASTER={stated} is no program that can be started")
+    # First the environment of this Python: its fsn-master has the version of this package.
     beside = Path(sys.executable).parent / _PROGRAM
     if os.access(beside, os.X_OK) and beside.is_file():
         return str(beside)
@@ -122,10 +125,13 @@ class Master:
         while True:
             if self.ended(0.01):
                 self.explain()
+            # The file exists before the server listens: a refused connection is tried again.
             if self.socket.exists():
                 try:
                     return Client(self.socket)
                 except EnvironmentFault:
+                    # It may have ended just now; the next round then gives its reason instead of
+                    # "cannot connect".
                     if not self.ended(0.5) and time.monotonic() > until:
                         raise
             if time.monotonic() > until:
@@ -146,9 +152,11 @@ class Master:
             InputError: It refused plan or bus.
             EnvironmentFault: Any other reason.
         """
+        # The reason is in the last lines of the log: wait until the reader has them all.
         self._reader.join(1.0)
         code = self._process.returncode
         log = self.log
+        # A negative code is a signal: the program had no chance to log a reason.
         if code is not None and code < 0:
             name = _signal_name(-code)
             raise EnvironmentFault(
@@ -212,14 +220,17 @@ def read_log(lines: Iterable[str]) -> MasterLog:
         try:
             row = json.loads(line)
             level, text = row["level"], clean(row["text"], _MOST_TEXT)
+        # Lines of the loader, of a sanitizer or of a wrong option are not JSON.
         except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
             others.append(clean(line.removeprefix(f"{_PROGRAM}: "), _MOST_TEXT))
             continue
         if level == "error":
             errors.append(text)
+        # A dictionary, because one finding can be logged at each attempt to start.
         elif row["event"] == "log" and "subdevice" in row:
             findings[text] = str(row["subdevice"])
     return MasterLog(
+        # The last error is the reason; earlier ones were attempts that were repeated.
         error=next(reversed(errors or others), ""),
         findings=tuple(findings),
         subdevices=tuple(findings.values()),

@@ -107,6 +107,7 @@ class RealTime:
         ffi, lib = self._ffi, self._lib
         if not 0 <= misses < 1 << 32:
             raise ControlRefused("a client may miss 0 to 1000 cycles in a row", "FSN_E_ARG")
+        # C keeps pointers only: these objects must live until `fsn_realtime_open` returns.
         texts = [ffi.new("char[]", name.encode()) for name in outputs]
         keep = [ffi.new("char[]", path.encode()), ffi.new("char[]", plan.encode())]
         names = ffi.new("const char *[]", texts)
@@ -123,9 +124,12 @@ class RealTime:
         if status:
             text = ffi.string(fault.text).decode("utf-8", "replace")
             name = ffi.string(lib.fsn_status_name(status)).decode()
+            # A fault of the system has another remedy than a refusal by fsn-master.
             if name in ("FSN_E_SYS", "FSN_E_NOMEM"):
                 raise EnvironmentFault(f"{text}; is fsn-master running, and as which user?")
             raise ControlRefused(f"realtime: {text}", name)
+        # The collector closes a forgotten client; else its outputs would stay leased until the
+        # process ends.
         return ffi.gc(slot[0], lib.fsn_realtime_close)
 
     def _read_symbols(self) -> Iterator[tuple[str, CycleSymbol]]:
@@ -288,8 +292,10 @@ class RealTime:
             ValueError: The value is outside the range of its type.
         """
         symbol, lib, pointer = self.outputs[name], self._lib, self._here()
+        # Integers take the exact path: a float cannot hold every 64-bit value.
         whole = isinstance(value, int) and not symbol.scaled and symbol.kind != "real"
         if whole:
+            # C masks the value; a range that is not checked here would be sent as another number.
             least = -1 << symbol.bits - 1 if symbol.kind == "signed" else 0
             if not least <= value < least + (1 << symbol.bits):
                 raise ValueError(f"{name} has {symbol.bits} bits {symbol.kind}: {value}")
@@ -323,6 +329,7 @@ class RealTime:
         found = {
             name: (f"<{_CODES.get(s.kind, 'u')}{s.bits // 8}", s.bit_offset // 8)
             for name, s in (self.outputs if outputs else self.inputs).items()
+            # numpy has types of these sizes only, on byte boundaries.
             if s.bits in (8, 16, 32, 64)
             and s.bit_offset % 8 == 0
             and not (s.kind == "real" and s.bits < 32)

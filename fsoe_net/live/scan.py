@@ -56,9 +56,11 @@ def scan_source(
             ``fsn-master`` is missing.
     """
     if socket is not None:
+        # An explicit socket of another bus would scan the wrong machine.
         drives = interface_of(socket)
         if interface is not None and drives != interface:
             raise EnvironmentFault(f"{socket} drives {drives}, not {interface}")
+    # The process that drives the bus must scan it: a second MainDevice would disturb the cycle.
     elif interface is not None:
         socket = find_socket(interface)
     if socket is not None:
@@ -92,7 +94,12 @@ def _own(program: str, interface: str, bus: str | None) -> TakenScan:
     command = [program, "--scan", *LOG, "--interface", interface, *(["--bus", bus] if bus else [])]
     try:
         done = subprocess.run(  # noqa: S603  # a list, no shell
-            command, stdin=subprocess.DEVNULL, capture_output=True, check=False
+            # Without a timeout: a bus of hundreds of SubDevices needs minutes, and Ctrl-C reaches
+            # the child.
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            check=False,
         )
     except OSError as exc:
         raise EnvironmentFault(f"{program} cannot be started: {exc.strerror}") from exc

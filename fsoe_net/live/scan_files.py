@@ -46,6 +46,7 @@ def compact_json(value: Any) -> str:
 def _json(value: Any, indent: int, used: int) -> str:
     """Return a value that begins in column ``used`` of a line that is indented by ``indent``."""
     line = json.dumps(value, ensure_ascii=False)
+    # Short values stay on one line, so that a SubDevice is one readable row of the file.
     if used + len(line) <= _WIDTH or not isinstance(value, (dict, list)) or not value:
         return line
     pad = " " * (indent + 2)
@@ -73,6 +74,7 @@ def scan_files(taken: TakenScan) -> ScanFiles:
     names = _names(scan.subdevices)
     for sub in scan.subdevices:
         title = f"position {sub.position}: {sub.name or 'no name'}, {sub.identity}"
+        # Couplers and junctions have no process data: a comment keeps their position visible.
         if not sub.process_data:
             unread = sub.sms is None
             rows.append(f"  # {title}: " + ("not read" if unread else "no process data"))
@@ -91,6 +93,7 @@ def scan_files(taken: TakenScan) -> ScanFiles:
     head = _head(taken, rows)
     texts = {"scan.json": compact_json(taken.document) + "\n", "network.yaml": head + "nets: []\n"}
     texts |= {path: text for text, path in paths.items()}
+    # Read again before anything is written: a user must not get files that do not match the bus.
     resolution = _read_again(texts, taken)
     if resolution is not None:
         texts["network.yaml"] += proposed_net(resolution, scan)
@@ -154,10 +157,12 @@ def _device(sub: ScannedSubDevice) -> str:
         lines.append("# assign_activate: 0x0300   # it has distributed clocks; see its ESI file")
     for key, kind in (("rpdo", "outputs"), ("tpdo", "inputs")):
         managers = [s for s in sub.process_data if s.kind == kind]
+        # ethercat_driver_ros2 has one list of PDOs for each direction.
         if len(managers) > 1:
             raise _NotExpressible(f"{kind} on {len(managers)} sync managers; the format knows one")
         if not managers:
             continue
+        # A PDO that is missing here would shift all entries after it.
         if not managers[0].complete:
             raise _NotExpressible(f"SM{managers[0].index} was not read completely")
         lines += ["", f"{key}:", *_pdos(managers[0])]
@@ -171,9 +176,11 @@ def _sm(sm: ScannedSm) -> str:
     way = "output" if sm.kind in ("outputs", "mailbox_out") else "input"
     if not sm.is_process_data:
         return f"  - {{index: {sm.index}, type: {way}, watchdog: disable}}"
+    # A sync manager without PDOs must not be bound to the list of the other one.
     pdo = " pdo: rpdo," if way == "output" else " pdo: tpdo,"
     if not sm.size_bytes and not sm.pdos:
         pdo = ""
+    # Only outputs have a watchdog in EtherCAT: it makes them safe when frames stop.
     watchdog = "enable" if way == "output" and pdo else "disable"
     return f"  - {{index: {sm.index}, type: {way},{pdo} watchdog: {watchdog}}}"
 
@@ -199,6 +206,8 @@ def _channels(pdo: ScannedPdo) -> list[str]:
 
 def _channel(pdo: ScannedPdo, entry: ScannedEntry) -> list[str]:
     bits = entry.bits
+    # Index 0 is a gap of ETG.1000; the format has types up to a limited width, so that long gaps
+    # are split.
     if not entry.index:
         parts = [_PADDING_BITS] * ((bits - 1) // _PADDING_BITS)
         parts.append(bits - sum(parts))
@@ -226,6 +235,7 @@ def _read_again(texts: Mapping[str, str], taken: TakenScan) -> Resolution | None
         if network is None:
             raise InputError("the network of this scan cannot be read again; nothing was written")
         resolution = resolve(network)
+    # Only codes of order and layout. FSN502 is expected: SubDevices without process data are left out.
     wrong = [d for d in check_scan(resolution, taken.scan) if d.code in _COMPARED]
     if wrong:
         raise InputError(

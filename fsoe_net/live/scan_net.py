@@ -29,12 +29,16 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
     lines: list[str] = []
     for sub in subs:
         layout, fsoe = sub.layout, scan.subdevices[sub.position].fsoe
+        # Only a device that reports its connections is a MainInstance here; nothing is guessed from
+        # sizes.
         if fsoe is None or not fsoe.connections or layout is None:
             continue
         slots = _pairs(layout)
         rows = sorted(fsoe.connections, key=lambda c: c.object_index)
         found = [
             (row, slot, other)
+            # Slots and connection objects are both in the order of the object index; one list may
+            # be shorter.
             for row, slot in zip(rows, slots, strict=False)
             if (other := _partner(row, slot, sub, by_address.get(row.address, ()))) is not None
         ]
@@ -71,15 +75,19 @@ def _partner(
     found: list[tuple[SubDevice, _Pair]] = []
     for sub in subs:
         layout = sub.layout
+        # An FSoE connection between two frames of one device does not exist.
         if sub is main or layout is None:
             continue
         fitting = [
             pair
             for pair in _pairs(layout)
+            # The frame that one end sends is the one that the other end receives, in both
+            # directions.
             if pair[0].frame_bytes == slot[1].frame_bytes
             and pair[1].frame_bytes == slot[0].frame_bytes
         ]
         found += [(sub, pair) for pair in fitting]
+    # Two that fit are a choice that only the safety project can make.
     return found[0] if len(found) == 1 else None
 
 

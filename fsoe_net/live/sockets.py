@@ -37,6 +37,8 @@ def find_socket(interface: str) -> str | None:
     """
     for path in _sockets(interface):
         if not os.access(path, os.W_OK):
+            # The default name is that of any interface: only a socket named after this one is
+            # surely in the way.
             if os.path.basename(path) != "control.sock":
                 raise EnvironmentFault(
                     f"{path}: an fsn-master may drive {interface}, but you may not connect; "
@@ -44,6 +46,8 @@ def find_socket(interface: str) -> str | None:
                 )
             continue
         try:
+            # A socket in a shared folder may belong to another network namespace with an interface
+            # of this name.
             if _same_network(path) and interface_of(path) == interface:
                 return path
         except EnvironmentFault:

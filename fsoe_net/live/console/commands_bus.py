@@ -53,6 +53,7 @@ def _change(context: CommandContext, name: str, words: Sequence[str]) -> None:
         context.out("already stopped")
         return
     wanted = BusState.STOPPED if name == "stop" else BusState.RUNNING
+    # A start may load another plan, so that known names are no longer valid.
     context.forget()
     state, fault = context.link.aside(lambda client: _changed(client, name, before, limit))
     if state is not wanted:
@@ -64,10 +65,13 @@ def _changed(client: Client, name: str, before: BusState, limit_s: float) -> tup
     """Send the request; return the state it led to, or the one it hangs in, and its fault."""
     until = time.monotonic() + limit_s
     ends = _DOWN if name == "stop" else _UP
+    # Subscribe before the request: the event of a fast change would otherwise be missed.
     client.subscribe()
     coming = {"start": (BusState.OPENING, BusState.STARTING), "stop": (BusState.STOPPING,)}
+    # A bus that is on its way there needs no second request; fsn-master would refuse it.
     if before not in coming.get(name, ()):
         client.request(name)
+    # It may have arrived between the first status and the subscription: no event follows then.
     elif client.status().state in ends:
         return _where(client)
     moved = False
@@ -79,6 +83,7 @@ def _changed(client: Client, name: str, before: BusState, limit_s: float) -> tup
             state = str(event.get("state"))
             if state in ends and (moved or name != "restart" or state == BusState.FAILED):
                 return _where(client)
+            # The first state after `restart` is that of the stop, which must not end the wait.
             moved = True
     return _where(client)
 
@@ -111,11 +116,13 @@ def _state_of_bus(context: CommandContext) -> None:
     bus = bus_health(status, statistics, current=seen is not None)
     for reason in bus.reasons:
         context.out(f"{reason.level.name.lower()}: {reason_text(reason, bus)}")
+    # A reason that is shown above contains the same text: do not print it twice.
     ring = None if HealthReason.RING_OPEN in bus.reasons else status.ring
     clocks = None if _CLOCKS.intersection(bus.reasons) else status.clocks
     for part in (ring, clocks, *status.in_cycle):
         if part is not None:
             context.out(part.text)
+    # SubDevices without a problem are not listed: a bus has hundreds of them.
     for health in map(subdevice_health, rows):
         if health.level > HealthLevel.UNKNOWN:
             context.out("  ".join(part for part in _device(health) if part))
@@ -219,6 +226,7 @@ def _events(context: CommandContext, words: Sequence[str]) -> None:
         return
     limit = _for("events", words, 0.0) or 0.0
     until = time.monotonic() + limit
+    # Look once even without `for`: events that have arrived are shown in any case.
     while True:
         for event in context.events():
             context.out(event_line(event))

@@ -21,6 +21,7 @@ def _sdo(context: CommandContext, words: Sequence[str]) -> None:
         if words[0] == "write" and len(words) == 5:
             kind, value = words[3:]
 
+            # A function, not a lambda: the link runs it in its own thread, and it returns nothing.
             def write(client: Client) -> None:
                 client.sdo_write(words[1], index, sub, kind=kind, value=value)
 

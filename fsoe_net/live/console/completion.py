@@ -52,8 +52,10 @@ def _behind(words: list[str], names: SymbolNames, commands: Sequence[str]) -> Se
 
 
 def _set(words: list[str], names: SymbolNames) -> list[str]:
+    # The nearest scope counts, as in `set` itself.
     scope = next((w for w in reversed(words[1:]) if w == "all" or w in names.subdevices), "")
     outputs = [s for s in names.symbols if s.is_output]
+    # Without a scope, whole names are possible; with one, only the entries of its SubDevices.
     if not scope:
         return [*(s.name for s in outputs), *names.subdevices, "all", "--typed"]
     return [s.entry for s in outputs if scope in ("all", s.subdevice)]

@@ -105,8 +105,10 @@ class Console:
         for event in self.link.events():
             self._events.append(event)
             kind = event.get("event")
+            # Arm events and edges are answers to commands of this user, who sees them anyway.
             loud = event.get("level") in ("warning", "error") and kind not in ("arm", "edge")
             if kind == "fallback" and (mine := self.mine & set(event.get("outputs", ()))):
+                # Reported once: they are no longer outputs of this console.
                 self.mine -= mine
                 self.note(f"{event_line(event)}: {' '.join(sorted(mine))}")
             elif loud and self._notes_level == "warning":
@@ -154,6 +156,8 @@ class Console:
         """
         try:
             commands = parse(text)
+            # All commands are checked before the first runs: a typing error in line 40 must not
+            # leave a bus half set.
             self._check(commands)
         except ScriptError as exc:
             raise self._at(name, exc.line + first_line - 1, exc.column, exc) from exc
@@ -167,6 +171,8 @@ class Console:
                 self._failed(self._at(name, line, exc.column, exc))
             except (ConsoleError, ControlRefused) as exc:
                 self._failed(self._at(name, line, command.column, exc))
+            # The server no longer answers: the remaining commands cannot run, whatever the error
+            # setting.
             except EnvironmentFault as exc:
                 raise EnvironmentFault(f"{name}:{line}:{command.column}: {exc}") from exc
 
@@ -178,6 +184,7 @@ class Console:
         """
         found = self._directories[-1] / path
         try:
+            # A device file or a dump given by mistake must not fill the memory.
             if found.stat().st_size > _MOST_SCRIPT_BYTES:
                 raise ConsoleError(f"{found} is no script: more than 4 MiB")
             text = found.read_text("utf-8")
@@ -185,6 +192,7 @@ class Console:
             raise ConsoleError(f"{found}: {exc.strerror or exc}") from exc
         except UnicodeDecodeError as exc:
             raise ConsoleError(f"{found} is no UTF-8 text") from exc
+        # A script that runs itself would otherwise end in a stack overflow.
         if len(self._directories) > _DEEPEST:
             raise ConsoleError(f"{path}: more than {_DEEPEST} scripts inside each other")
         self._directories.append(found.parent)

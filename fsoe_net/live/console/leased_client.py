@@ -132,13 +132,16 @@ class LeasedClient:
             try:
                 item = self._jobs.get(timeout=max(0.0, left))
             except queue.Empty:
+                # The queue was empty for a whole period: renew now, as no request did it.
                 item = (_renew, Future())
                 self._renewed = time.monotonic()
+                # Without a connection there is no lease; a renewal must not be what opens one.
                 if self._client is None:
                     continue
             if item is None:
                 break
             self._do(*item)
+            # A series of jobs leaves no idle time: without this the lease would expire under load.
             if self._client is not None and self._overdue():
                 self._do(_renew, Future())
         self._drop()
@@ -167,15 +170,18 @@ class LeasedClient:
     def _connected(self) -> Client:
         if self._client is not None:
             return self._client
+        # Outputs fell back with the old connection. A script must not continue as if they were set.
         if self._lost and not self._reconnect:
             raise EnvironmentFault(self._lost)
         client = Client(self.path, timeout_s=self._timeout_s)
         try:
             given = int(client.hello.get("lease_ms", 1000))
+            # The server may limit the lease; the pace of renewals follows what it granted.
             if self._lease_ms is not None:
                 given = client.lease(self._lease_ms)
             if self._subscribed:
                 client.subscribe()
+        # Even on Ctrl-C: a client that is half open would hold outputs until its lease expires.
         except BaseException:
             client.close()
             raise

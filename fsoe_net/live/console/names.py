@@ -55,6 +55,7 @@ class SymbolNames:
         if word in self.subdevices:
             return [s for s in symbols if s.subdevice == word]
         pattern = "*." + word.removeprefix("all.") if word.startswith("all.") else word
+        # Patterns are compared in lower case, as exact names are.
         if any(c in pattern for c in "*?["):
             found = _like(pattern.lower(), symbols)
             if not found:
@@ -77,6 +78,8 @@ class SymbolNames:
         scopes = self.subdevices if scope == "all" else (scope,)
         outputs = [s for s in self.symbols if s.is_output]
         names = [s.name for one in scopes for s in _match(f"{one}.{entry}", outputs)]
+        # An empty selection is an error: `set all.x 1` with a typing error must not succeed
+        # silently.
         if not names:
             owner = "no SubDevice has an" if scope == "all" else f"{scope} has no"
             entries = list(dict.fromkeys(s.entry for s in outputs if scope in ("all", s.subdevice)))
@@ -111,6 +114,7 @@ def _noun(side: bool | None) -> str:
 def _match(text: str, symbols: Sequence[Symbol]) -> list[Symbol]:
     """Return the symbols of this name, or of this index where each side has only one."""
     low = text.lower()
+    # From strict to tolerant: an exact name must never be hidden by one that differs in case only.
     for matches in (
         [s for s in symbols if s.name == text],
         [s for s in symbols if s.name.lower() == low],
@@ -118,6 +122,7 @@ def _match(text: str, symbols: Sequence[Symbol]) -> list[Symbol]:
     ):
         sides = [s.is_output for s in matches]
         if matches:
+            # Two matches on one side are ambiguous: a value must never go to a guess.
             return matches if len(set(sides)) == len(sides) else []
     return []
 
@@ -139,6 +144,7 @@ def batches(names: Iterable[str]) -> Iterator[list[str]]:
     portion: list[str] = []
     size = 0
     for name in names:
+        # The limits are those of a request line of fsn-master.
         if portion and (len(portion) >= _MOST_NAMES or size + len(name) > _MOST_BYTES):
             yield portion
             portion, size = [], 0
@@ -155,6 +161,7 @@ def number(text: str, what: str, most: int | None = None) -> int:
         ConsoleError: It is not a number, or is negative or more than ``most``.
     """
     try:
+        # `int` needs quadratic time for long texts; 64 bits and a prefix fit in 66 characters.
         found = int(text, 0) if len(text) <= 66 else -1
     except ValueError:
         raise ConsoleError(f"{text!r} is no {what}; write 12 or 0x0c", is_usage=True) from None
@@ -200,6 +207,7 @@ def shown(value: Value, symbol: Symbol | None = None) -> str:
     """Return a value for people; unsigned values and bits also in hexadecimal."""
     if value is None:
         return "no number"
+    # Before the test for float and int: in Python a `bool` is an `int`.
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):

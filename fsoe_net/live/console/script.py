@@ -86,6 +86,7 @@ def _word(text: str, start: int, line: int) -> tuple[str, int]:
     while at < len(text) and text[at] not in _BLANK + ";":
         end = at
         if text[at] in "\"'":
+            # A quote may begin within a word, as in a shell; it must end in the same line.
             end = text.find(text[at], at + 1)
             if end < 0:
                 raise ScriptError(f"this quote {text[at]} has no end", line, at + 1)
@@ -94,6 +95,7 @@ def _word(text: str, start: int, line: int) -> tuple[str, int]:
             parts.append(text[at])
         at = end + 1
     word = "".join(parts)
+    # A control character would reach the log and the terminal of other users.
     if not word.isprintable():
         raise ScriptError("a control character", line, start + 1)
     return word, at
