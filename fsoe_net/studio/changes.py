@@ -120,14 +120,19 @@ def _connect(request: Mapping[str, object], resolution: Resolution) -> Change:
     numbers = {key: number_of(request, key, 65535) for key in ("slot", "sub_slot")}
     if main == sub:
         raise InputError(f"{main} cannot be connected with itself")
+    # The request is checked against the file as it was read, before anything is changed.
     known = {s.name: s for s in resolution.network.subdevices}
     slots = _slot("slot", known[main], numbers["slot"])
     slots |= _slot("sub_slot", known[sub], numbers["sub_slot"])
+    # One net for each MainInstance: a safety project is one net, and a second one would split it.
     own = [net for net in resolution.network.nets if net.safety_master == main]
 
     def change(document: Any) -> None:
+        # Keys are added in the order in which the documentation shows them; a person reads the
+        # file.
         facts: dict[str, object] = {"main": main, "sub": sub}
         facts |= slots
+        # A drawn line is no proof: a person compares it with the safety project and confirms it.
         facts["unconfirmed"] = DRAWN
         if own:
             net = row_of(document["nets"], own[0])
@@ -157,6 +162,7 @@ def _network(request: Mapping[str, object], resolution: Resolution) -> Change:
         values["cycle_us"] = number_of(request, "cycle_us", LONGEST_CYCLE_US)
 
     def change(document: Any) -> None:
+        # Existing keys keep their place and their comment; only new ones are inserted.
         new = {key: value for key, value in values.items() if key not in document}
         document.update({key: value for key, value in values.items() if key in document})
         if new:  # in front, where a person looks for it

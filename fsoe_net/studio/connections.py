@@ -74,10 +74,13 @@ class LimitedProtocol(H11Protocol):
         before = self.cycle
         super().data_received(data)
         cycle = self.cycle
+        # The request is complete: a slow answer is not the fault of the client.
         if cycle is not None and not cycle.response_complete and not cycle.more_body:
             self._expect(None)
+        # Time in proportion to the body: a large upload over a slow line must not be cut off.
         elif cycle is not before:
             self._expect(_REQUEST_S + self._body_bytes() / _LEAST_BYTES_PER_S)
+        # Headers that never end would hold one of the few connections.
         elif self._due is None:
             self._expect(_REQUEST_S)
 

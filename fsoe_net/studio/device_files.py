@@ -68,7 +68,9 @@ class DeviceFiles:
             InputError: Somebody has made one of another content meanwhile.
             EnvironmentFault: One cannot be written.
         """
+        # Files that an undone step no longer names are not written; they stay for redo.
         wanted = [path for path, name in self._names.items() if name in text]
+        # All are checked before one is written, so that a refusal leaves the folder as it was.
         for path in wanted:
             if os.path.lexists(path) and _content(path) != self.contents[path]:
                 raise InputError(

@@ -42,6 +42,7 @@ def cables_of(network: NetworkConfig, scan: Scan) -> dict[str, object]:
     others = {there.position for _, there in match.other}
     wiring = wiring_of(scan)
     cables = () if wiring is None else wiring.cables
+    # In a ring, frames also arrive from the other side; the drawing closes the loop there.
     ring = None if wiring is None else wiring.ring_from
     return {
         "is_known": wiring is not None,
@@ -72,6 +73,7 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
     """
     checked = workspace.checked
     resolution = checked.resolution
+    # A text that is not a network yet has no parts; the page then shows the last drawing.
     subdevices: list[Row] = []
     connections: list[Row] = []
     proposals: Row = {}
@@ -89,6 +91,8 @@ def state_of(workspace: Workspace, scan: tuple[str, Scan] | None = None) -> Row:
         "content": content_of(workspace.checked),
         "path": workspace.path,
         "name": "" if resolution is None else resolution.network.name,
+        # A text field of a browser has one kind of line ending. `_with_line_ends` restores the
+        # others.
         "text": workspace.text.replace("\r\n", "\n"),
         "saved": workspace.is_saved,
         "is_new": workspace.is_new,
@@ -133,6 +137,7 @@ def _used(resolution: Resolution) -> dict[tuple[str, int], int]:
 def _subdevice(
     sub: SubDevice, used: dict[tuple[str, int], int], resolution: Resolution, library: Library
 ) -> Row:
+    # A device without a known layout has no slots, and thus nothing to connect.
     pairs: Sequence[FramePair] = () if sub.layout is None else sub.layout.frame_pairs
     is_main = any(net.safety_master == sub.name for net in resolution.network.nets)
     is_sub = any(row.sub is sub for row in resolution.connections)
@@ -144,6 +149,8 @@ def _subdevice(
         "bus": sub.master_id,
         "line": sub.span.line,
         "group": next((g.name for g in groups if sub.name in g.subdevices), ""),
+        # In use, the role is a fact of the file; `likely` is a guess for a SubDevice without
+        # connections.
         "role": "both" if is_main and is_sub else "main" if is_main else "sub" if is_sub else "",
         "likely": "" if device is None else _likely_role(device, pairs, library),
         "device": "" if device is None else device.path,
@@ -233,6 +240,8 @@ class _Parts:
             self._add(sub.span, path, "subdevice", sub.name)
             if sub.device is not None:
                 self._devices.setdefault(sub.device.path, []).append(sub.name)
+        # Places of other parts bound those before them: a finding belongs to the part that starts
+        # last.
         for place in (*network.fields.values(), *(net.span for net in network.nets)):
             self._add(place, path, "", "")
         for function in network.safety_functions:
@@ -249,8 +258,10 @@ class _Parts:
 
     def at(self, span: Span) -> tuple[list[str], list[int]]:
         """Return the names of SubDevices and the numbers of connections at a place."""
+        # A finding in a device file concerns each SubDevice that uses this file.
         if span.file in self._devices:
             return self._devices[span.file], []
+        # "~" sorts after each name, so that a part that starts exactly here counts.
         place = bisect_right(self._starts, (span.line, span.column, "~", ""))
         if not place or not span.line:
             return [], []

@@ -74,13 +74,17 @@ class Guard:
         self._limit, self._limits = body_limit, dict(limits)
         names, password = remote or (_NAMES, "")
         self._scheme = "http" if remote is None else "https"
+        # An IPv6 address is in brackets in a Host header.
         hosts = [f"[{name}]" if ":" in name else name for name in names]
         self._hosts = {f"{host}:{port}" for host in hosts}
+        # Browsers leave out the port of https when it is 443.
         if self._scheme == "https" and port == 443:
             self._hosts |= set(hosts)
         self._cookie = f"fsoe_net_{port}"  # cookies do not know ports: two studios, two names
         self._login: Login | None = None
         if remote is not None:
+            # The prefix `__Host-` makes browsers reject the cookie of another host or of plain
+            # http.
             self._cookie = f"__Host-{self._cookie}"
             self._login = Login(password, self._cookie)
         self._session = secrets.token_urlsafe(32)
@@ -91,6 +95,7 @@ class Guard:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serve a request, or refuse it."""
+        # Lifespan messages of the server have no headers to check.
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -98,6 +103,7 @@ class Guard:
         answer = self._refusal(request)
         if answer is None and self._login is not None and request.url.path == LOGIN:
             answer = await self._login.answer(
+                # The login reads the body: its limit must hold before the password is known.
                 Request(scope, _limited(receive, self._most(request)))
             )
 
@@ -113,8 +119,10 @@ class Guard:
 
     def _refusal(self, request: Request) -> Response | None:
         headers = request.headers
+        # A foreign page can point its own name at this address (DNS rebinding); the name shows it.
         if headers.get("host", "").lower() not in self._hosts:
             return _no("open the address that fsoe-net studio printed: this one has another name")
+        # Browsers send Origin with each request of another site (CSRF); it must be our own.
         origin = headers.get("origin")
         if origin is not None and not self._is_own(origin):
             return _no("a page of another site may not use this one")
@@ -127,8 +135,10 @@ class Guard:
                 if path == "/":
                     return RedirectResponse(LOGIN, 303)
                 return _no("load the page again, and log in", 401)
+        # The token opens one session and is used up: an address in a history opens nothing.
         elif given is not None and path == "/":
             return self._let_in(given)
+        # A comparison in constant time: the time of an answer must not reveal the token.
         elif not hmac.compare_digest(mine.encode(), self._session.encode()):
             return _no(
                 "open the address that fsoe-net studio printed; it counts once, in one browser"
@@ -149,9 +159,11 @@ class Guard:
         return self._limits.get(request.url.path, self._limit)
 
     def _refused_write(self, headers: Headers, most: int) -> Response | None:
+        # A form of another site cannot send this header without a preflight, which is refused.
         if headers.get(WRITE_HEADER) != "1" or headers.get("origin") is None:
             return _no("a change comes from the page of fsoe-net studio only")
         length = headers.get("content-length", "")
+        # A body without a length could grow without end.
         if not length.isascii() or not length.isdigit() or int(length) > most:
             return _no("the change is too long, or does not say how long it is", 413)
         return None

@@ -116,6 +116,7 @@ def _password(path: str) -> str:
 
 def _names(certificate: str, key: str) -> list[str]:
     """Return the names in a certificate; a handshake with itself shows that it can be used."""
+    # OpenSSL names no file in its errors: find out here which one cannot be read.
     for path in (certificate, key):
         with _readable(path), open(path, "rb"):
             pass
@@ -124,6 +125,7 @@ def _names(certificate: str, key: str) -> list[str]:
         server.load_cert_chain(certificate, key, password=lambda: "")  # asks for none
         client = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         client.check_hostname = False
+        # The certificate is its own trust anchor here, even if an authority has issued it.
         client.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
         client.load_verify_locations(certificate)
         rows = _shaken(server, client).get("subjectAltName", ())
@@ -135,6 +137,7 @@ def _names(certificate: str, key: str) -> list[str]:
             f"{certificate} and {key} are no certificate (PEM) with its key without passphrase: "
             f"{why}"
         ) from exc
+    # A wildcard is no address that a person can open.
     names = [name for kind, name in rows if kind in ("DNS", "IP Address") and "*" not in name]
     if not names:
         raise InputError(

@@ -114,10 +114,14 @@ class Live:
         except FsnError as exc:
             return _refused(exc)
         since = request.query_params.get("since", "")
+        # A long number costs quadratic time in `int`, and no run has that many events.
         known = int(since) if since.isascii() and since.isdigit() and len(since) < 16 else 0
         run = request.query_params.get("run")
         return StreamingResponse(
-            self._pictures(feed, known if run == feed.run else 0), media_type="text/event-stream"
+            # Event numbers are those of one run: in another run the page starts from the first
+            # event.
+            self._pictures(feed, known if run == feed.run else 0),
+            media_type="text/event-stream",
         )
 
     async def _pictures(self, feed: LiveFeed, event: int) -> AsyncIterator[str]:
@@ -127,12 +131,14 @@ class Live:
             while not self._ended() and feed in (self._master, self._emulated):
                 if feed.picture != picture:
                     picture, silent_s = feed.picture, 0.0
+                    # Making the message of a large run takes time and must not block other pages.
                     message, event, choice, row = await run_in_threadpool(
                         feed.message, event, choice, row
                     )
                     if feed is self._master:
                         message["control"] = self._control.turn
                     yield f"data: {json.dumps(message, separators=(',', ':'))}\n\n"
+                # Proxies close a stream without data; a comment line keeps it open.
                 elif silent_s >= _SILENCE_S:
                     silent_s = 0.0
                     yield ": still there\n\n"

@@ -97,10 +97,13 @@ class LiveControl:
 
     def _do(self, job: Callable[[Client, Body], Row], body: Body) -> Row:
         """Execute a request of the page in control, which renews its lease."""
+        # Not a str: `compare_digest` accepts only ASCII in texts.
         token = str(body.get("token")).encode(errors="replace")
         if self._client is None or not hmac.compare_digest(token, self._token.encode()):
             raise InputError("this page does not have control; take it first")
         now = time.monotonic()
+        # The page renews while it is visible. A late renewal must not revive outputs that have
+        # fallen back.
         if now >= self._until:
             self.close()
             raise InputError(
@@ -110,6 +113,7 @@ class LiveControl:
         self._until = now + LEASE_MS / 1000
         try:
             return job(self._client, body)
+        # A refusal leaves the lease as it is; a broken connection ends it.
         except ControlRefused:
             raise
         except EnvironmentFault as fault:
@@ -131,14 +135,20 @@ class LiveControl:
         symbol = next((s for s in outputs if s.name == name), None)
         if symbol is None or not symbol.restart_relevant:
             raise InputError(f"{name!r} is no output that is armed")
+        # Until somebody has written it, the output has its stop value.
         value, present = _number(symbol, text), symbol.stop_value
         if symbol.client == client.hello.get("client"):
+            # Only a value that this client wrote is known: what another client wrote may have
+            # changed.
             present = self._armed.get(name, present)
+        # The stop value needs no arming: it must always be possible to stop.
         arms = value not in (present, symbol.stop_value)
         if arms:
             client.arm(name)
         try:
             client.set({name: value})
+        # A fault, not a refusal: it ends control, so that the arming is not left for the next
+        # value.
         except ControlRefused as refused:
             raise EnvironmentFault(f"nothing stays armed: {refused}") from refused
         self._armed[name] = value
@@ -163,6 +173,7 @@ def _outputs(client: Client, _: Body) -> Row:
     try:
         symbols = [s for s in client.symbols() if s.open]
         values: dict[str, Value] = {}
+        # Portions, because a request of fsn-master has a limit of names and bytes.
         for names in batches(s.name for s in symbols):
             values |= client.get(*names).outputs
     except ControlRefused as refused:
@@ -195,6 +206,7 @@ def _words(body: Body) -> tuple[str, str]:
         raise InputError("name and value are texts")
     words = value.split()
     text = f"{name}{value.strip()}"
+    # "=" and blanks separate words of a request; they would change another output.
     if len(words) != 1 or "=" in value or not text.isprintable() or len(text) > 1000:
         raise InputError("give a value as one word, such as 1, 0x0f or 2.5")
     return name, words[0]

@@ -93,6 +93,7 @@ class EmulatedFeed(LiveFeed):
                     "watched": name in watched,
                 }
                 for name, (_, most) in names.safe_inputs.items()
+                # A mirrored input follows another one: a button of its own would do nothing.
                 if name not in ports[name].mirrored
             ],
             "subdevices": [
@@ -207,20 +208,27 @@ class EmulatedFeed(LiveFeed):
             self._pace.keep(self._now_ns, self._ending)
             self._now_ns += cycle_ns
             self._obey()
+            # Held frames: the devices continue without the bus, as with a real MainDevice that
+            # hangs.
             if self._now_ns >= self._held_until_ns:
                 session.core.cycle(self._now_ns)
             session.step_devices(self._now_ns)
             self._on_the_wire()
+            # One object for the whole step: a page may choose other signals at any time.
             ring = self.scope
             if ring.names:
                 image = session.core.image()
                 values = [self._signals[name].read(image) for name in ring.names]
                 ring.add(round(self._now_ns / 1e6, 3), values)
             now = time.monotonic()
+            # Between two updates for people the bus runs without building any text.
             if now < due and not self._wake.is_set():
                 continue
             self._wake.clear()
+            # A person who looks keeps the run; a forgotten browser tab must not use a processor for
+            # days.
             heard = now if self.listeners else heard
+            # After a delay, updates that were missed are not made up for.
             due = max(due, now - PICTURE_S) + (PICTURE_S if self.listeners else ALONE_S)
             self._look(ended=False)
             if now - heard > FORGOTTEN_S:
@@ -343,6 +351,7 @@ def _all_signals(session: Session) -> Iterator[_Signal]:
         yield _Signal(name=name, is_output=True, kind="safe output", label=label, read=read)
     for symbol in session.records.symbols:
         base = session.core.sm_base(symbol.sm)
+        # A sync manager without process data has no place in the image.
         if base is not None and symbol.bits <= 64:
             yield _Signal(
                 name=symbol.name,
@@ -372,6 +381,7 @@ def _safe_output(network: EmulatedDevices, name: str, _image: bytes) -> int:
 
 def _reader(symbol: PlanSymbol, base: int) -> Callable[[bytes], float | None]:
     first = base + symbol.bit_offset // 8
+    # Decided once, outside of the reader: it runs in each bus cycle.
     shift, mask = symbol.bit_offset % 8, (1 << symbol.bits) - 1
     last = first + (shift + symbol.bits + 7) // 8
     form = {32: "<f", 64: "<d"}.get(symbol.bits)
@@ -380,9 +390,12 @@ def _reader(symbol: PlanSymbol, base: int) -> Callable[[bytes], float | None]:
         raw = int.from_bytes(image[first:last], "little") >> shift & mask
         if symbol.kind == _REAL and form is not None:
             (real,) = struct.unpack(form, raw.to_bytes(symbol.bits // 8, "little"))
+            # JSON has no infinity and no NaN: the page would reject the whole message.
             return float(real) if math.isfinite(real) else None
+        # Two's complement of a width that no type of `struct` has.
         if symbol.kind == _SIGNED and raw >> (symbol.bits - 1):
             raw -= 1 << symbol.bits
+        # For outputs, factor and offset lead from the value to the raw number, not back.
         if symbol.output:
             return (raw - symbol.offset) / symbol.factor
         return symbol.factor * raw + symbol.offset

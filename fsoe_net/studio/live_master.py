@@ -114,6 +114,8 @@ class MasterFeed(LiveFeed):
     def _watch(self) -> None:
         while not self.closed:
             ring = self.scope
+            # Cycles are requested only while somebody looks: each subscription costs fsn-master
+            # time.
             if not ring.names or not self.listeners:
                 self._ending.wait(PICTURE_S)
                 continue
@@ -123,12 +125,14 @@ class MasterFeed(LiveFeed):
                     client.watch_on(*{s.name for s in symbols}, every=1, typed=True)
                     ring.fault = ""
                     self._take(client, ring, symbols)
+            # fsn-master may be restarted; the page then continues with the next one.
             except EnvironmentFault as fault:
                 ring.fault = str(fault)
                 self._ending.wait(ALONE_S)
 
     def _take(self, client: Client, ring: ScopeRing, symbols: Sequence[Symbol]) -> None:
         """Read cycles while a page listens and needs these signals."""
+        # A new choice of signals replaces the ring: this subscription then ends.
         while ring is self.scope and self.listeners and not self.closed:
             for cycle in client.watched(PICTURE_S):
                 ring.skipped += cycle.skipped

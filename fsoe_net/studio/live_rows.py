@@ -151,6 +151,7 @@ def recorded_view(document: object) -> Row:
 
 def _recorded(document: dict[str, Any]) -> Row:
     events = [_event(row) for row in document["events"]]
+    # A file of a person: its size must not decide about the memory of the page.
     if len(events) > _MOST_EVENTS:
         raise ValueError(f"more than {_MOST_EVENTS} events")
     subdevices = [_subdevice(row) for row in document["subdevices"]]

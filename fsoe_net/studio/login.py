@@ -74,15 +74,19 @@ class Login:
         if request.method != "POST":
             return _page("")
         length = request.headers.get("content-length", "")
+        # Checked before the body is read.
         if not length.isdecimal() or int(length) > _BODY_LIMIT:
             return _page("the request is too long", 413)
+        # A login from a page of another site would open a session that its owner did not want.
         if request.headers.get("origin") is None:
             return _page("log in from this page only", 403)
         fields = parse_qs((await request.body()).decode("utf-8", "replace"))
         wrong = self._wrong_of("" if request.client is None else request.client.host)
         wait = wrong.until - monotonic()
+        # Also the right password waits: otherwise guessing in parallel would be free.
         if wait > 0:
             return _page(f"not tried: wait {wait:.0f} s after a wrong password", 429)
+        # Hashing is slow on purpose; a queue of attempts would block everybody.
         if self._tries >= _MOST_TRIES:
             return _page("not tried: too many log in at once; try again", 429)
         # Counted before it is known, so that many at once gain nothing.
@@ -90,8 +94,10 @@ class Login:
         wrong.count = min(wrong.count + 1, 16)
         self._tries += 1
         try:
+            # One hash at a time: it uses much memory by design.
             async with self._turn:
                 given = await run_in_threadpool(self._hashed, fields.get("password", [""])[0])
+        # In `finally`: a client that disconnects must not use up an attempt for good.
         finally:
             self._tries -= 1
         if not hmac.compare_digest(given, self._hash):

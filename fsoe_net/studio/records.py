@@ -125,11 +125,13 @@ class Records:
         checked, resolution = self._network()
         path = self._workspace.path
         kinds = (CompanionKind.RECORD, CompanionKind.OTHER)
+        # The saved file is read again: another program may have changed it.
         other = self._of(query, "file", *kinds)  # without one: the network file as it is saved
         before = read_side(path if other is None else other.path, self._workspace.loading)
         now = side_of_network(resolution, f"{path}, as it is in the page")
         difference = compare(before, now)
         sections: list[Section] = []
+        # Only an acceptance record knows what was tried; other files name no steps to repeat.
         if other is not None and other.kind is CompanionKind.RECORD:
             plan = plan_to_show(resolution, checked.diagnostics)
             again = since(read_record(other.path), resolution, plan).again
@@ -191,6 +193,7 @@ def _commands(network: str, rows: list[CompanionFile]) -> list[str]:
     name = os.path.basename(network)
     test_record = next((row.name for row in rows if row.kind is CompanionKind.TEST_RECORD), None)
     before = next((row.name for row in rows if row.kind is CompanionKind.RECORD), None)
+    # A record is never overwritten: the new one names the one that it replaces.
     record = "acceptance.yaml" if before is None else "acceptance-new.yaml"
     replaces = "" if before is None else f"--replaces {shlex.quote(before)} "
     net, test = shlex.quote(name), shlex.quote(test_record or "test-record.yaml")

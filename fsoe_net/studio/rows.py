@@ -82,6 +82,7 @@ def subdevice_row(document: Any, resolution: Resolution, name: str) -> tuple[Any
         InputError: As `row_of`.
     """
     subdevice = resolution.network.subdevices[resolution.numbers[name]]
+    # The SubDevices of a file with several buses are below each bus.
     lists = [document, *(document.get("buses") or ())]
     rows = [(part["subdevices"], row) for part in lists for row in part.get("subdevices") or ()]
     found = row_of([row for _, row in rows], subdevice)
@@ -101,9 +102,11 @@ def disconnected(document: Any, connection: Connection) -> None:
         parts.append(("connections", connection.facts))
     for way in (connection.to_sub, connection.to_main):
         if not way.made:
+            # Made copies follow from the connection and are not in the file.
             parts.append(("transfers", way.transfer))
     for key, part in parts:
         remove_row(net[key], row_of(net[key], part))
+        # An empty list must not remain in the file.
         if not net[key]:
             del net[key]
     if not net.get("transfers") and not net.get("connections"):

@@ -234,15 +234,18 @@ class Studio:
         except (ValueError, UnicodeDecodeError, RecursionError):
             return JSONResponse({"error": "the request is no JSON"}, 400)
         version = body.get("version") if isinstance(body, dict) else None
+        # `bool` is an `int` in Python; only a real number is a version.
         if type(version) is not int:
             return JSONResponse({"error": "the request names no version"}, 400)
         try:
+            # In a thread: a change checks the whole network and must not block the other pages.
             said = await run_in_threadpool(act, self._workspace, version, body)
         except StaleVersion:
             text = "something else has changed meanwhile; look at it, and do it again"
             return await self._answer(error=text, status=409)
         except (FsnError, ValueError) as exc:
             return await self._answer(error=printable(str(exc)), status=422)
+        # Only after a change: other pages read the new state when they are told.
         self._announce()
         return await self._answer(said=said or ())
 

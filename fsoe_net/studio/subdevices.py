@@ -43,11 +43,13 @@ def added(
     network = resolution.network
     if bus and bus >= len(network.buses):
         raise InputError("there is no such bus")
+    # An alias starts a count of positions of its own: those SubDevices cannot collide here.
     there = [sub for sub in network.subdevices if sub.master_id == bus and not sub.alias]
     taken = {sub.position: sub.name for sub in there}
     names = set(resolution.numbers)
     made: list[dict[str, object]] = []
     for row in rows:
+        # Counted on with each row: several SubDevices of one request follow each other.
         position = max(taken, default=-1) + 1 if row.position is None else row.position
         if position in taken:
             raise InputError(f"position {position} is taken by {taken[position]}")
@@ -61,6 +63,7 @@ def added(
             fields["revision"] = Hex(row.revision)
         made.append(fields)
 
+    # The names of device files are decided when the text is written, as they may exist by then.
     def change(document: Any, configs: Sequence[str]) -> None:
         parent = document["buses"][bus] if network.buses else document
         found = list_in(parent, "subdevices")
@@ -84,6 +87,7 @@ def _place(request: Mapping[str, object], resolution: Resolution) -> Change:
         _, row = subdevice_row(document, resolution, name)
         for key, value in values.items():
             row[key] = value
+        # Alias 0 means none; a file that states it would look as if it had one.
         if row.get("alias") == 0:
             del row["alias"]
 
@@ -97,6 +101,7 @@ def _move(request: Mapping[str, object], resolution: Resolution) -> Change:
         subdevices[resolution.numbers[name_of(request, key, resolution)]]
         for key in ("subdevice", "to")
     )
+    # Only SubDevices that are counted from the start of one bus have an order that can change.
     if moved.alias or other.alias or moved.master_id != other.master_id:
         raise InputError(
             "only SubDevices of one bus that are counted from its begin change their places; "
@@ -106,6 +111,7 @@ def _move(request: Mapping[str, object], resolution: Resolution) -> Change:
         (s for s in subdevices if s.master_id == moved.master_id and not s.alias),
         key=lambda s: s.position,
     )
+    # The set of positions stays the same: gaps in a bus are facts of the machine.
     positions = [sub.position for sub in line]
     place = line.index(other)
     line.remove(moved)
@@ -128,6 +134,7 @@ def _rename(request: Mapping[str, object], resolution: Resolution) -> Change:
     def change(document: Any) -> None:
         _, row = subdevice_row(document, resolution, old)
         row["name"] = new
+        # Lists that are missing or wrong are skipped: the text may have errors while it is edited.
         for net in _maps(document.get("nets")):
             _renamed(net, ("safety_master", "transfer_master"), old, new)
             for part in _maps(net.get("connections")):
@@ -140,6 +147,7 @@ def _rename(request: Mapping[str, object], resolution: Resolution) -> Change:
                 _renamed(part, ("sub",), old, new)
         for group in _maps(document.get("groups")):
             names = group.get("subdevices") or []
+            # Assigned in place: a new list would lose the comments of the file.
             names[:] = [new if str(name) == old else name for name in names]
 
     return change
@@ -188,6 +196,7 @@ def _remove_from_groups(document: Any, name: str) -> None:
         names = group.get("subdevices") or []
         if name in names:
             names.remove(name)
+            # A group without SubDevices must not remain in the file.
             if not names:
                 remove_row(document["groups"], group)
     if "groups" in document and not document["groups"]:

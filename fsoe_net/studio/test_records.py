@@ -87,6 +87,7 @@ class TestRecords:
         }
         if not files:
             return state
+        # An unknown number may be from a page that was loaded before a file was removed.
         chosen = next((n for n, _ in files if str(n) == number), files[0][0])
         path = self._folder.find(chosen, CompanionKind.TEST_RECORD).path
         test_record, found = self._read(path)

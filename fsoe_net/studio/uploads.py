@@ -176,11 +176,14 @@ class Uploads:
             InputError: A SubDevice cannot be added; with the reason.
         """
         numbers, bus = body.get("offers"), body.get("bus", 0)
+        # `bool` is an `int` in Python: `true` is not a bus.
         if not isinstance(numbers, list) or type(bus) is not int or bus < 0:
             raise InputError("offers is a list of numbers, and bus a number")
+        # Only the reading needs the lock: the change checks the whole network and takes time.
         with self._lock:
             known = self._read().offers
             chosen = [known[n] for n in numbers if type(n) is int and 0 <= n < len(known)]
+        # Another page may have put the files away after this page listed them.
         if not chosen or len(chosen) < len(numbers):
             raise InputError("what was to be added is not here any more; look at the list again")
         rows = [_possible(row) for row in chosen]
@@ -203,9 +206,11 @@ class Uploads:
             draft = self._read().draft
         if draft is None or draft.proposal is None:
             raise InputError("these files propose no network; add SubDevices one by one")
+        # A draft with errors would be a network that cannot be saved.
         if any(row.level is Severity.ERROR for row in draft.findings):
             raise InputError("a file has errors, see above; put it away, or correct it")
         network = workspace.checked.network
+        # Files that do not name a network keep the name that this one has.
         if network is not None and not draft.inputs.found.name:
             draft = replace(draft, name=network.name)
         files = {name: self._named(text) for name, text in draft.files().files.items()}
@@ -232,6 +237,7 @@ class Uploads:
 
     def _gathered(self) -> _Content:
         self.scan, self.esis = None, ()
+        # Emptied first: if reading fails, no scan of an earlier upload may remain.
         out = FindingList()
         if not self._files:
             return _Content(list_offers(Gathered(), out))
@@ -247,6 +253,7 @@ class Uploads:
             rows = [*found.out.diagnostics, *(draft.findings if draft else ()), *out.diagnostics]
             return _Content(offers, draft, _worth_a_word(rows))
         except FsnError as exc:
+            # Errors have a list of findings; other faults have only their text.
             rows = list(exc.diagnostics) if isinstance(exc, InputError) else []
             return _Content(list_offers(Gathered(), out), findings=rows, error=str(exc))
 

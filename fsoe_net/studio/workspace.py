@@ -93,6 +93,7 @@ class Workspace:
         self._undo, self._redo = _Steps(), _Steps()
         self.version = 1
         self.outside = False
+        # A new file must not take the place of one that somebody has created meanwhile.
         is_new = new_text is not None and not os.path.lexists(path)
         self._file = _OnDisk() if is_new else _read(path)
         self._signature: tuple[tuple[str, int, int], ...] = ()
@@ -267,20 +268,24 @@ class Workspace:
         The network file of a text without changes is read again; every other file counts at once.
         """
         with self._lock:
+            # Sizes and times only: this is called often, and reading all files takes time.
             if self._signature == self._signed():
                 return False
             self._signature = self._signed()
             found = None
             try:
                 found = _read(self.path)
+            # An editor replaces a file in two steps: it may be missing for a moment.
             except InputError:
                 self.outside = not self.is_new or os.path.lexists(self.path)
             else:
                 self.outside = found.sha256 != self._file.sha256
+            # Without own changes nothing can be lost by taking the text of the disk.
             if self.outside and self.is_saved and found is not None:
                 self._file, self.outside = found, False
                 self._set(found.text)
             else:
+                # A device file has changed: the text is the same, its findings may differ.
                 self._renew()
             return True
 
@@ -337,6 +342,7 @@ def _limit(text: str) -> None:
 
 def _with_line_ends(before: str, after: str) -> str:
     """Return a text from a browser, which has one line ending, with those of the file."""
+    # Compared line by line: lines that were not edited keep their own line ending.
     own, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
     plain = [line.replace("\r\n", "\n") for line in own]
     end = "\r\n" if own[0].endswith("\r\n") else "\n"

@@ -65,9 +65,11 @@ export function Adding({ state, act, given, close, choose }) {
   }, [given]);
 
   const add = async (/** @type {number[]} */ numbers) => {
+    // The server takes the offers by number; it refuses numbers of an earlier list.
     const answer = await act("add", { offers: numbers, bus });
     setError(answer.error);
     if (answer.error || !("version" in answer)) return;
+    // The server may change names that are taken, so that the new ones are found by comparison.
     const before = new Set(state.subdevices.map((s) => s.name));
     const made = answer.subdevices.filter((s) => !before.has(s.name));
     setSaid([`Added: ${made.map((s) => s.name).join(", ")}`, ...(answer.said ?? [])]);
@@ -96,6 +98,7 @@ export function Adding({ state, act, given, close, choose }) {
         ${kind} <input type="file" multiple webkitdirectory=${kind === "Folder"} disabled=${busy}
           onChange=${(/** @type {any} */ event) => {
             give(chosen(event.target));
+            // Cleared, so that the same file can be chosen a second time.
             event.target.value = "";
           }} />
       </label>`,
@@ -144,6 +147,7 @@ export function Adding({ state, act, given, close, choose }) {
 /** @param {{ uploads: Uploads, taken: Set<number>, add: (numbers: number[]) => void, propose: () => void, forget: () => void }} props */
 function Given({ uploads, taken, add, propose, forget }) {
   const { proposal } = uploads;
+  // Several offers for one position are alternatives: only a person can choose.
   const ways = (/** @type {Offer} */ offer) =>
     placed.filter((other) => other.position === offer.position && !other.obstacle).length;
   const placed = uploads.offers.filter((offer) => offer.position !== null && !taken.has(offer.position));

@@ -10,6 +10,7 @@ import { GONE, listen, request, state as fetchState } from "./server.js";
 /** @param {() => Promise<any>} load Of a view that comes when somebody looks at it. */
 function later(load) {
   /** @type {any} */
+  // Kept outside of the component: a view that was loaded once is shown at once the next time.
   let View = null;
   return function Later(/** @type {any} */ props) {
     const [there, show] = useState(View !== null);
@@ -35,6 +36,7 @@ const VIEWS = {
 
 const viewOfAddress = () => {
   const name = location.hash.slice(1);
+  // Only known names: an address that somebody typed must not select a property of the object.
   return Object.hasOwn(VIEWS, name) ? name : "network";
 };
 
@@ -46,6 +48,7 @@ function Page() {
 
   const take = useCallback((/** @type {State | { error: string }} */ answer) => {
     setError(answer.error);
+    // Answers can overtake each other; an older state must not replace a newer one.
     if ("version" in answer && answer.version >= (present.current?.version ?? 0)) {
       present.current = answer;
       setState(answer);
@@ -69,6 +72,7 @@ function Page() {
     look();
     return listen(
       (version) => version > (present.current?.version ?? 0) && look(),
+      // The message of a lost server goes when it is back; another message stays until it is read.
       (there) => setError((now) => (there ? (now === GONE ? "" : now) : GONE)),
     );
   }, []);
@@ -76,6 +80,7 @@ function Page() {
   useEffect(() => {
     const onKey = (/** @type {KeyboardEvent} */ event) => {
       if (!(event.ctrlKey || event.metaKey)) return;
+      // The browser would save the page instead of the network.
       if (event.key === "s") {
         event.preventDefault();
         act("save");

@@ -14,6 +14,7 @@ import { html, Mark, ROLES, SEVERITIES, worst } from "./html.js";
  * @param {Port} to
  */
 export function obstacle(from, to) {
+  // The order is from the most general reason to the most specific one.
   if (from.subdevice === to.subdevice) return "the same SubDevice";
   if (to.pair.connection !== null) return "in use already";
   if (!from.pair.matched || !to.pair.matched) return "its two frames do not belong together";
@@ -25,6 +26,7 @@ export function obstacle(from, to) {
 }
 
 /** @param {SubDevice} sub */
+// Without a role in the file, a SubDevice with several slots is taken as safety logic.
 const isLeft = (sub) =>
   sub.role
     ? sub.role !== "sub"
@@ -48,9 +50,11 @@ export function Drawing({ state, stale, selected, choose, act }) {
   const place = () => {
     if (board.current) setLines(curves(board.current, state.connections));
   };
+  // After layout and before paint: lines drawn later would jump.
   useLayoutEffect(place, [state]);
   useEffect(() => {
     const watcher = new ResizeObserver(place);
+    // A card can change its height without a change of the state, for example when fonts arrive.
     if (board.current) watcher.observe(board.current);
     return () => watcher.disconnect();
   }, [state]);
@@ -83,6 +87,7 @@ export function Drawing({ state, stale, selected, choose, act }) {
       <svg class="lines" role="group" aria-label="FSoE connections">
         ${state.connections.map(
           (c, number) =>
+            // A connection may name a slot that does not exist; then there is no line.
             lines[number] &&
             html`<${Line} key=${number} path=${lines[number]} connection=${c} number=${number}
               findings=${state.findings.filter((f) => f.connections.includes(number))}

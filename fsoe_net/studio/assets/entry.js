@@ -37,10 +37,12 @@ export function Entry({ part, kept, note, name, change, finish, drop }) {
   const now = kept?.now ?? part.fields;
   const set = (/** @type {Fields} */ values) => {
     setMissing("");
+    // A change makes the entry unfinished: it must not be sent half typed.
     change({ now: { ...now, ...values }, done: false, problem: "" });
   };
   const end = () => {
     const entry = { ...now };
+    // A decimal comma is what many keyboards and people write.
     if (entry.measured_ms) entry.measured_ms = entry.measured_ms.trim().replace(",", ".");
     const empty = part.row ? ["result", "by", "date"].filter((key) => !entry[key].trim()) : [];
     if (empty.length) setMissing(`Missing: ${empty.join(", ").replace("by", "name")}`);

@@ -107,6 +107,7 @@ function OfSubDevice({ sub, state, act, choose }) {
   const line = onBus(state, sub.bus).filter((s) => !s.alias);
   const place = line.indexOf(sub);
   const own = state.connections.filter((c) => c.main === sub.name || c.sub === sub.name);
+  // Device files of a draft have relative names; the path of the SubDevice ends with one.
   const isNew = state.unwritten.some((name) => sub.device.endsWith(name));
   return html`
     <h2>${sub.name}</h2>
@@ -115,6 +116,7 @@ function OfSubDevice({ sub, state, act, choose }) {
     <${Field} key=${`${sub.name} name`} label="Name" value=${sub.name} isName=${true}
       help="in this file; other files that name it, such as scenarios, are changed by you"
       set=${async (/** @type {string | null} */ name) => {
+        // The selection follows the new name only if the server has accepted it.
         if (name !== null && !(await change({ change: "rename", name })).error) choose({ subdevice: name });
       }} />
     <${Field} key=${`${sub.name} position`} label="Position" value=${sub.position} most=${65535}
@@ -171,8 +173,10 @@ function Field({ label, help, value, most, proposed, isName, set }) {
     sent.current = null;
   }, [value]);
   const text = String(typed).trim();
+  // A value of the file that is out of range stays until somebody changes it.
   const isWrong = !isName && text !== "" && !(/^[0-9]+$/.test(text) && Number(text) <= most) && text !== `${value}`;
   const send = () => {
+    // Enter sends and then leaving the field would send again.
     if (isWrong || text === sent.current) return;
     sent.current = text;
     if (isName) {

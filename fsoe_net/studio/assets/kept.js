@@ -89,20 +89,25 @@ export async function send(key, file) {
   for (const [id, kept] of Object.entries(allKept(key))) {
     if (!waits(kept)) continue;
     const { step, subdevice, before, now } = kept;
+    // Noted before sending: if the answer is lost, the page can tell its own entry from another one.
     keep(key, { ...kept, sent: now });
     const answer = await post("test-record/enter", { file, key, step, subdevice, before, now });
     const later = allKept(key)[id];
     if (later === undefined) continue; // thrown away meanwhile
+    // Somebody may have continued to type while the answer was on its way.
     const isSame = JSON.stringify(later.now) === JSON.stringify(now) && later.done;
     if ("present" in answer && !answer.error) {
       if (isSame) forget(key, kept);
       else keep(key, { ...later, before: answer.present });
     } else if ("present" in answer) {
+      // The file has what was sent: the entry is not in conflict with itself.
       if (isSent(answer.present, kept.sent)) keep(key, { ...later, before: answer.present, sent: null });
       else keep(key, { ...later, theirs: answer.present });
+    // The server refused the content; sending it again would not help.
     } else if (answer.status === 422) {
       if (isSame) keep(key, { ...later, problem: answer.error });
     } else {
+      // Anything else is a fault of the server or of the network: the rest is sent later.
       return answer.error;
     }
   }

@@ -33,14 +33,17 @@ export function Live({ state }) {
   const run = source === "emulated" ? sources?.run : source === "master" ? "live" : null;
   useEffect(() => {
     if (!run) return;
+    // Kept per source, so that a change of the view loses nothing.
     const past = PASTS[source];
     let drawn = 0;
     const end = follow(
       source,
       () => `run=${past.run}&since=${past.nextEvent}`,
       (picture) => {
+        // Another run has been started, possibly by another page.
         if (picture.source === "emulated" && picture.run !== past.run) list();
         past.take(picture);
+        // Updates can arrive faster than the screen is drawn.
         if (!drawn) drawn = requestAnimationFrame(() => {
           drawn = 0;
           redraw((n) => n + 1);

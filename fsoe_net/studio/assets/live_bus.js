@@ -13,6 +13,7 @@ const SHOWN = 200;
 /** @param {{ subdevices: LiveSubDevice[] }} props */
 export function SubDevices({ subdevices }) {
   if (!subdevices.length) return null;
+  // Only SubDevices whose state was read count; unknown is not bad.
   const known = subdevices.filter((s) => s.known);
   const bad = known.filter((s) => s.level === "error").length;
   return html`<section aria-label="SubDevices">
@@ -75,6 +76,7 @@ const us = (/** @type {number} */ ns) => `${(ns / 1000).toFixed(ns < 10_000 ? 1 
 
 /** @param {{ histogram: import("./types").Histogram, name: string }} props */
 function Bars({ histogram: h, name }) {
+  // Logarithmic: one late cycle among millions must be visible.
   const tops = h.bars.map(([, times]) => Math.log10(times + 1));
   const top = Math.max(...tops, 1);
   const step = 100 / Math.max(1, tops.length);
@@ -94,6 +96,7 @@ export function Events({ events, leftOut, to, chosen, choose }) {
   const [resetsOnly, setResetsOnly] = useState(false);
   /** @type {[number, LiveEvent][]} */
   const shown = [];
+  // From the newest event back: of a long run only the last ones are built.
   for (let n = lastBefore(events, to, (e) => e.time_ms); n >= 0 && shown.length < SHOWN; n--) {
     const e = events[n];
     if ((!chosen || e.source === chosen) && (!resetsOnly || e.kind === "reset")) shown.push([n, e]);

@@ -26,6 +26,7 @@ export function Buttons({ names, view }) {
   const button = (/** @type {string} */ text, /** @type {string[]} */ lines, /** @type {string} */ expect) =>
     html`<button title=${expect} onClick=${() => order(lines, `${text}: ${expect}`)}>${text}</button>`;
   const stops = [...new Set(names.inputs.filter((i) => i.watched).map((i) => i.subdevice))];
+  // The page follows what the bus reports, not which button was pressed last.
   const away = view.subdevices.find((s) => s.name === sub)?.al === "none";
   return html`<section class="buttons" aria-label="Do something to the emulated bus">
     <h2>Do something to it</h2>
@@ -96,6 +97,7 @@ function Hold({ view, hold }) {
   const least = Math.min(...watchdogs);
   const expect = (/** @type {number} */ ms) => {
     const text = `The frames are held for ${ms} ms: `;
+    // Three cases: longer than all watchdogs, longer than some, shorter than each.
     if (ms >= Math.max(...watchdogs)) return `${text}longer than each FSoE watchdog. It expires, the connections are reset, outputs go off; they start anew when the frames come again.`;
     if (ms >= least) return `${text}connections with a shorter FSoE watchdog (the shortest is ${least} ms) are reset, the others go on.`;
     return `${text}shorter than each FSoE watchdog (the shortest is ${least} ms), so nothing happens but a long FSoE cycle. Where both together exceed the watchdog, it expires.`;
@@ -118,6 +120,7 @@ function Reset({ order }) {
   const held = useRef("");
   // A pointer that only passes does not release what a key holds.
   const press = (/** @type {string} */ by) => {
+    // A second press by another finger or key must not release the first one.
     if (held.current) return;
     held.current = by;
     order(["press"], "Reset is pressed: outputs come on where every safe input is good. One that is held before that does not count.");
@@ -135,6 +138,7 @@ function Reset({ order }) {
     release();
   };
   const onKey = (/** @type {() => void} */ act) => (/** @type {KeyboardEvent} */ event) => {
+    // Space would scroll the page; a held key repeats.
     if (event.key !== "Enter" && event.key !== " ") return;
     event.preventDefault();
     act();

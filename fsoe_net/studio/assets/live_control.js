@@ -58,6 +58,7 @@ export function Control({ view }) {
     const keep = async () => {
       if (document.hidden || waits) return; // in sight, or the lease ends
       waits = true;
+      // One request at a time: on a slow line, answers would queue up.
       const answer = await live("keep-control", { token: held.token });
       waits = false;
       if (token.current !== held.token) return; // it was given back or lost meanwhile
@@ -74,6 +75,7 @@ export function Control({ view }) {
     };
   }, [held]);
   useEffect(() => () => {
+    // A view that is left no longer renews its lease; giving it back is faster than its timeout.
     if (token.current) live("give-control", { token: token.current }); // who looks elsewhere
   }, []);
 
@@ -100,6 +102,7 @@ export function Control({ view }) {
   const set = (/** @type {Output} */ { name, restart_relevant, stop_value }, /** @type {string} */ value) => {
     const body = { name, value };
     const act = restart_relevant ? "arm-output" : "set-output";
+    // The stop value needs no confirmation: it must always be possible to stop.
     if (!restart_relevant || value === stop_value) return void order(act, body, `${name} is set to ${value}.`);
     setQuestion({
       title: `Before ${name} is set to ${value}`,
@@ -156,6 +159,7 @@ function Row({ output, set }) {
   const [text, setText] = useState(output.kind === "bool" ? "1" : "");
   const { name, interface: known, kind, value, stop_value, client, mine } = output;
   const others = client !== null && !mine;
+  // Another client writes the output: fsn-master would refuse a second writer.
   const who = mine ? "● set here" : others ? `✖ client ${client} writes it` : "○ nobody writes it";
   const onText = (/** @type {any} */ e) => setText(e.target.value);
   return html`<li>

@@ -55,19 +55,23 @@ export class Past {
   /** @param {Picture} picture */
   take(picture) {
     const { events, first, left_out, scope, ...view } = picture;
+    // Another run: its times and event numbers begin at 0.
     if (view.run !== this.run || view.source !== this.view?.source) {
       Object.assign(this, new Past(), { run: view.run });
     }
     this.view = view;
     this.left_out = Math.max(left_out, this.left_out);
+    // Events between were missed: the list continues after the gap.
     if (first > this.nextEvent) {
       this.first = first;
       this.events = [];
     }
+    // A message can repeat events that the page has.
     for (const event of events.slice(Math.max(0, this.nextEvent - first))) {
       this.events.push(event);
       this.note(event);
     }
+    // In steps of 1000: to remove one event at a time would move the whole array each time.
     if (this.events.length > KEPT_EVENTS + 1000) {
       const gone = this.events.length - KEPT_EVENTS;
       this.events.splice(0, gone);
@@ -80,6 +84,7 @@ export class Past {
   /** @param {import("./types").ScopePart} scope */
   takeScope(scope) {
     if (scope.choice !== this.choice) {
+      // Another choice of signals has other columns.
       this.rows = [];
       this.nextRow = 0;
       this.choice = scope.choice;
@@ -109,6 +114,7 @@ export class Past {
     }
     if (event.kind === "reset") {
       strip.marks.push(event);
+      // A reset is seen on the wire also by the end that did not send it.
       if (strip.wire.length) strip.wire.push([event.time_ms, "Reset"]);
       strip[event.end === "sub" ? "sub" : "main"] = "Reset";
       strip.ends.push([event.time_ms, "Reset"]);
@@ -116,6 +122,7 @@ export class Past {
     }
     if (event.end === "wire") return void strip.wire.push([event.time_ms, event.state]);
     strip[event.end] = event.state;
+    // The end that is behind decides: a connection is in Data only if both ends are.
     const behind = LEVELS.indexOf(strip.main) < LEVELS.indexOf(strip.sub) ? strip.main : strip.sub;
     strip.ends.push([event.time_ms, behind || "Silent"]);
   }

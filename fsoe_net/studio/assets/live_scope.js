@@ -32,6 +32,7 @@ export function Scope({ past, rows, source, run, seconds }) {
   useLayoutEffect(() => {
     if (!box.current || !signals.length) return;
     plot.current = make(box.current, signals);
+    // The plot has a fixed size in pixels and does not follow its box.
     const watcher = new ResizeObserver(() => plot.current?.setSize(sizeOf(box.current, signals.length)));
     watcher.observe(box.current);
     return () => {
@@ -39,6 +40,7 @@ export function Scope({ past, rows, source, run, seconds }) {
       plot.current?.destroy();
       plot.current = null;
     };
+  // Colours are read when the plot is made; a change of the colour scheme makes it again.
   }, [past.choice, signals.length, run, dark]);
   useLayoutEffect(() => plot.current?.setData(data.lanes));
 
@@ -81,6 +83,7 @@ export function Scope({ past, rows, source, run, seconds }) {
  * @returns {{ lanes: (number | null)[][], facts: (number | null)[][] }}
  */
 export function columns(rows, count, from, most) {
+  // The rows are in order of time: the search runs from the end of the window.
   let begin = rows.length;
   while (begin > 0 && Number(rows[begin - 1][0]) >= from) begin--;
   const size = Math.max(1, Math.ceil((rows.length - begin) / most));
@@ -92,9 +95,11 @@ export function columns(rows, count, from, most) {
     lanes[0].push(Number(rows[at][0]) / 1000);
     if (size > 1) lanes[0].push(Number(rows[end - 1][0]) / 1000);
     for (let s = 0; s < count; s++) {
+      // Least and most are drawn in the order in which they came, so that an edge keeps its direction.
       let [low, high, rises] = [Infinity, -Infinity, true];
       for (let n = at; n < end; n++) {
         const value = rows[n][s + 1];
+        // A gap must not look like a value.
         if (value === null) continue;
         if (value < low) [low, rises] = [value, high === -Infinity];
         if (value > high) high = value;

@@ -25,6 +25,7 @@ export const MARKS = {
 export function Strips({ past, from, to, chosen, choose }) {
   const list = useRef(/** @type {HTMLElement | null} */ (null));
   const connections = past.view?.connections ?? [];
+  // Without dependencies: the strips move with time, whatever has changed.
   useLayoutEffect(() => void (list.current && draw(list.current, past, from, to)));
   const there = connections.filter((c) => !c.absent);
   const up = there.filter((c) => c.in_data).length;
@@ -78,6 +79,7 @@ function draw(list, past, from, to) {
     const canvas = canvases[number];
     const place = canvas.getBoundingClientRect();
     if (place.bottom < 0 || place.top > innerHeight) return; // nobody sees it
+    // Setting the size clears a canvas and costs time, so that it is set on a change only.
     if (canvas.width !== Math.round(width * ratio)) {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(HEIGHT * ratio);
@@ -101,6 +103,7 @@ function draw(list, past, from, to) {
  * @param {Record<string, string>} colours
  */
 function drawStrip(pen, strip, width, from, to, now, colours) {
+  // The wire is what was seen; states of the ends are known for emulated runs only.
   const states = strip.wire.length ? strip.wire : strip.ends;
   const at = (/** @type {number} */ time) => ((time - from) / (to - from)) * width;
   const floor = HEIGHT - 2;
@@ -114,6 +117,7 @@ function drawStrip(pen, strip, width, from, to, now, colours) {
     const high = 2 + ((floor - TOP - 2) * level) / (LEVELS.length - 1);
     const known = { "Data · ProcessData": colours.process, Data: colours.main }[state];
     pen.fillStyle = known ? known : level > 6 ? colours.failsafe : level > 2 ? colours.mid : colours.low;
+    // At least a pixel: a short reset must be visible.
     pen.fillRect(left, floor - high, Math.max(1, right - left), high);
     if (state === "Data · FailSafeData") hatch(pen, left, right, floor, high, colours.paper);
     const word = state.replace("Data · ", "");

@@ -31,6 +31,7 @@ export function Network({ state, act: request }) {
   const act = useCallback(
     /** @type {Act} */ async (name, body = {}) => {
       const answer = await request(name, body);
+      // A new connection is selected, because its facts are to be entered next.
       if ("change" in body && body.change === "connect" && "version" in answer && !answer.error)
         setSelected({ connection: drawnLast(answer) });
       return answer;
@@ -42,6 +43,7 @@ export function Network({ state, act: request }) {
   const choose = (/** @type {Selected} */ what) => {
     setSelected(what);
     const part = partOf(shown, what);
+    // The text follows the drawing but does not take the keyboard.
     if (part) show(part.line, 1, false);
   };
   const open = (/** @type {"" | "add" | "export"} */ name) => {
@@ -56,6 +58,7 @@ export function Network({ state, act: request }) {
   };
   const drop = async (/** @type {DragEvent} */ event) => {
     setDropping(false);
+    // Text that is dragged within the page is not a file.
     if (!event.dataTransfer || !hasFiles(event)) return;
     event.preventDefault();
     setGiven(await dropped(event.dataTransfer));

@@ -67,6 +67,7 @@ export function TestRecord({ state }) {
 
   const busy = useRef(false);
   const flush = useCallback(async () => {
+    // Without a file there is no place to send to; one transfer at a time.
     if (!testRecord || testRecord.number === null || busy.current) return;
     busy.current = true;
     const before = Object.values(allKept(key)).filter(waits).length;
@@ -74,6 +75,7 @@ export function TestRecord({ state }) {
     busy.current = false;
     setSending(why);
     setKept(allKept(key));
+    // Read again: the file may have entries of other people.
     if (before && !why) await look();
   }, [testRecord, key, look]);
   const waiting = Object.values(kept).filter(waits).length;
@@ -81,6 +83,7 @@ export function TestRecord({ state }) {
     if (!waiting) return undefined;
     flush();
     const again = setInterval(flush, AGAIN_MS);
+    // Sent at once when the line is back, without the wait for the next attempt.
     addEventListener("online", flush);
     return () => {
       clearInterval(again);
@@ -107,6 +110,7 @@ export function TestRecord({ state }) {
   const change = (/** @type {Partial<Kept>} */ values) => {
     const { step, subdevice } = part;
     const before = kept[idOf(part)] ?? {
+      // What the file had when typing began: the server compares it with the file now.
       step, subdevice, before: part.fields, now: part.fields, done: false, sent: null, problem: "", theirs: null,
     };
     const entry = { ...before, ...values };
