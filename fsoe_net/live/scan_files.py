@@ -235,7 +235,8 @@ def _read_again(texts: Mapping[str, str], taken: TakenScan) -> Resolution | None
         if network is None:
             raise InputError("the network of this scan cannot be read again; nothing was written")
         resolution = resolve(network)
-    # Only codes of order and layout. FSN502 is expected: SubDevices without process data are left out.
+    # Only codes of order and layout. FSN502 is expected: a SubDevice without process data is left
+    # out.
     wrong = [d for d in check_scan(resolution, taken.scan) if d.code in _COMPARED]
     if wrong:
         raise InputError(

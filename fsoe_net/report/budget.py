@@ -84,6 +84,7 @@ def budget_document(budget: Budget) -> Document:
         Table(name="watchdogs", columns=_WATCHDOGS, rows=rows),
     ]
     for c in budget.connections:
+        # The order of the table: too short is judged first, then too long.
         for word, limit, way in (
             ("at least", c.least, _up),
             ("at most", c.printed, _down),
@@ -114,6 +115,7 @@ def _assumptions(budget: Budget) -> str:
     cycle = "bus cycle not stated" if budget.cycle is None else f"bus cycle {budget.cycle:g} ms"
     drift = f"clocks of devices up to {budget.drift:.2%} slow" if budget.drift else "clocks exact"
     if budget.buses:
+        # Each bus has a cycle of its own; all are named, so that a reader can check the sum.
         cycle = "bus cycle " + ", ".join(f"{ms:g} ms ({name})" for name, ms in budget.buses)
     across = ", one more of each bus that takes a frame over" if budget.buses else ""
     return f"{cycle}, {counted(budget.copy_cycles, 'bus cycle')} per direction{across}, {drift}"
@@ -138,6 +140,7 @@ def _function(row: FunctionBudget) -> Section:
         parts.append(Table(name="times", columns=_TIMES, rows=times))
     required = f.required_reaction_ms
     parts.append(words(f"required {_ms(required)}: {row.verdict}" if required else row.verdict))
+    # The claim of FSoE is 1 % of SIL 3 and is charged once, whatever the number of connections.
     limit = "" if row.pfh.limit is None else f" of {row.pfh.limit:.0e} 1/h"
     fsoe = f", {row.pfh.fsoe:.2e} of it for FSoE" if row.pfh.fsoe else ""
     parts.append(words(f"PFH {row.pfh.total:.2e} 1/h{limit}{fsoe}: {row.pfh.verdict}"))
@@ -284,6 +287,7 @@ def _case_json(case: ResponseCase) -> dict[str, Any]:
 
 def _function_json(row: FunctionBudget) -> dict[str, Any]:
     f, r = row.function, row.reaction
+    # Without all times there is no sum; `missing` then names what is not stated.
     reaction = None
     if r is not None:
         reaction = {
@@ -355,9 +359,11 @@ def _panels(budget: Budget, row: FunctionBudget) -> list[tuple[str, str]]:
     over = "over the bus cycle, ms"
     if budget.buses:
         over = f"over the bus cycle of {budget.buses[0][0]}, ms, all buses in proportion"
+    # Other bus cycles scale the parts that follow the bus, not the times of devices.
     scaled = {c: times.with_ways(partial(SignalWay.scaled, factor=c / cycle)) for c in _CYCLES}
     found = [(over, _curves(row, scaled), cycle)]
     watchdog = max(r.watchdog_in or 0.0, r.watchdog_out or 0.0)
+    # Without a watchdog there is no axis to scale.
     if watchdog:
         shares = [n / 10 for n in range(1, 21)]
         watched = {watchdog * s: times.with_ways(partial(_watched, share=s)) for s in shares}
@@ -418,6 +424,7 @@ def _ticks(most: float) -> Iterable[float]:
 
 
 def _panel(title: str, curves: Sequence[_Curve], *, here: float) -> str:
+    # All curves share one scale, so that heights can be compared.
     right = max(x for c in curves for x, _ in c.points)
     top = 1.05 * max(y for c in curves for _, y in c.points)
     wide, tall = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
@@ -444,9 +451,11 @@ def _panel(title: str, curves: Sequence[_Curve], *, here: float) -> str:
         f'<line class="axis" x1="{_LEFT}" y1="{_TOP + tall}" x2="{_LEFT + wide}" '
         f'y2="{_TOP + tall}"/>'
     )
+    # From the top down, so that labels that would overlap move in one direction.
     ends = sorted(curves, key=lambda c: -c.points[-1][1])
     places = _apart([at(0, c.points[-1][1])[1] for c in ends], _TOP + tall)
     for curve, label_y in zip(ends, places, strict=True):
+        # Dash and mark as well as colour: a printed page is black and white.
         dash, colour, mark = _LOOKS[curve.name]
         spots = [at(x, y) for x, y in curve.points]
         line = " ".join(f"{x:.1f},{y:.1f}" for x, y in spots)

@@ -137,9 +137,11 @@ def _cells(row: ClassResult) -> list[str]:
     interval = row.interval
     mean = _mean_ms(row)
     plausible = "-"
+    # Where the chance of a collision is not known, no interval is shown.
     if interval is not None:
         plausible = str(interval[0]) if interval[0] == interval[1] else "{}..{}".format(*interval)
     collisions = str(row.collisions)
+    # Only faults that nothing but the CRC detects count for the comparison with its probability.
     if interval is not None and row.collisions != row.exposed_collisions:
         collisions += f" ({row.exposed_collisions} of them counted)"
     return [
@@ -215,6 +217,8 @@ def _notes(result: CampaignResult) -> list[str]:
         "refused in the call that reads it.",
     ]
     for row in result.classes:
+        # The exhaustive class does not depend on the number of cycles; a reader would otherwise
+        # doubt it.
         if row.name == EXHAUSTIVE:
             distance = min(
                 code_distance(min(size, 2)) for link in result.config.links for size in link.sizes
@@ -262,8 +266,10 @@ def _verdict(result: CampaignResult) -> Verdict:
         )
         if count
     ]
+    # More tolerated faults than the class allows means that an end overlooks something.
     if any(row.tolerated > row.most_tolerated for row in rows):
         parts.append("more tolerated than the catalogue allows")
+    # Too few collisions are as suspicious as too many: the injection may miss its target.
     if not all(row.rate_ok for row in rows):
         parts.append("collisions are not as many as the CRC allows")
     if parts:

@@ -62,11 +62,13 @@ def compose_report(inputs: ReportInputs) -> ReportDocument:
     main = [*function_pages(inputs), *(section(inputs) for section in _MAIN)]
     appendices = [replace(s(inputs), appendix=True, page=n == 0) for n, s in enumerate(_APPENDICES)]
     sections = [*main, *appendices]
+    # Points of sections before findings: an open point is what a person has to settle.
     of_sections = tuple((s.title, p) for s in sections for p in s.points)
     of_findings = [_point(inputs, d) for d in inputs.diagnostics if d.level is not Severity.INFO]
     points = (*of_sections, *(("Findings", p) for p in of_findings))
     last = len(main) + 1
     network = None if inputs.resolution is None else inputs.resolution.network
+    # Verdicts against the network follow from its errors; a second list would repeat them.
     against = () if _has_error(inputs) else _against(sections)
     verdict = _verdict(inputs, len(against))
     return ReportDocument(
@@ -105,6 +107,7 @@ def _point(inputs: ReportInputs, found: Diagnostic) -> Point:
 
 def _against(sections: Sequence[ReportSection]) -> tuple[tuple[str, Verdict], ...]:
     """Return the objections to the network, each with the title of its section."""
+    # A verdict can be on several pages: it is one objection, named by the first page.
     found: dict[Verdict, str] = {}
     for section in sections:
         for item in chain.from_iterable(map(_items, section.parts)):
@@ -134,8 +137,11 @@ def _verdict(inputs: ReportInputs, against: int) -> Verdict:
         return files
     machine = _machine(inputs)
     signed, is_signed = _signed(inputs)
+    # "Done" needs both: tests without signatures, or signatures without tests, prove nothing.
     is_done = machine.level is Level.CLEAR and is_signed
     words = f"machine: {machine.word} · {signed}"
+    # Files without findings are mentioned only after the machine was tried: else it reads as a
+    # pass.
     if is_done or files.level is Level.WARNING:
         words += f" · files: {files.word}"
     if against:
@@ -153,10 +159,12 @@ def _machine(inputs: ReportInputs) -> Verdict:
     steps = () if tried is None or not tried.fits else tried.test_record.machine_steps
     done = [s for s in steps if s.machine.outcome is not None]
     failed = sum(s.is_failed for s in done)
+    # An untouched record is not a failed one.
     if not done:
         return Verdict("NOT TESTED", Level.OPEN)
     if failed:
         return Verdict(f"{failed} of {counted(len(steps), 'test step')} FAILED", Level.ERROR)
+    # A step that a program disputes is not settled, even if a person has ticked it.
     is_whole = not any(s.is_open or s.is_disputed for s in steps)
     word = f"{len(done)} of {counted(len(steps), 'test step')} as expected"
     return Verdict(word, Level.CLEAR if is_whole else Level.OPEN)
@@ -184,6 +192,7 @@ def _of_findings(inputs: ReportInputs) -> Verdict:
         return Verdict(f"NOT ACCEPTABLE: {counts}", Level.ERROR)
     if worst is Severity.WARNING:
         warnings = [d for d in found if d.level is Severity.WARNING]
+        # A warning that is justified by name is settled; it stays visible as a warning.
         if all(inputs.justification(d) is not None for d in warnings):
             return Verdict(f"{counts}; each warning justified by name", Level.WARNING)
         needed = f"{counts}: each needs a correction or a justification by name"
@@ -203,6 +212,7 @@ def _lead(
         rows: list[tuple[Item, ...]] = [
             (Text(f"{title}: "), verdict) for title, verdict in against[:_ROWS_ON_FIRST_PAGE]
         ]
+        # The first page must stay one page; the blocks list all.
         if len(against) > _ROWS_ON_FIRST_PAGE:
             rows.append((Text(f"and {len(against) - _ROWS_ON_FIRST_PAGE} more in the blocks"),))
         parts += [Heading("Against it"), Bullets(tuple(rows))]
@@ -232,9 +242,11 @@ def _findings(found: Sequence[Diagnostic], inputs: ReportInputs, last: int) -> T
     """All findings; if there are many, one row per code, so that they fit on one page."""
     per_code = Counter(d.code for d in found)
     shown: list[tuple[Diagnostic, int]] = [(d, 1) for d in found]
+    # Hundreds of findings often share one code: one row for each code fits on the page.
     if len(found) > _ROWS_ON_FIRST_PAGE:
         firsts: dict[str, Diagnostic] = {}
         for d in found:
+            # The first of each code is shown as an example.
             firsts.setdefault(d.code, d)
         shown = [(d, per_code[d.code]) for d in firsts.values()]
     rows = []

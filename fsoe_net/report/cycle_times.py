@@ -180,11 +180,13 @@ def _panel(name: str, histogram: Histogram, top: float) -> str:
             f'height="{tall:.1f}"><title>{_time(floor_ns)} … {_time(end_ns)}: '
             f"{count} of {histogram.count}</title></rect>"
         )
+    # The percentiles are drawn over the bars: they are what a limit is compared with.
     for ns in (histogram.p50_ns, histogram.p99_ns, histogram.p999_ns):
         x = axis.x(ns)
         parts.append(f'<line class="mark" x1="{x:.1f}" y1="{top + 22}" x2="{x:.1f}" y2="{base}"/>')
     for decade in range(axis.first, axis.last + 1):
         x = axis.x(10.0**decade)
+        # At the borders the text would run out of the picture.
         anchor = "start" if decade == axis.first else "end" if decade == axis.last else "middle"
         parts.append(svg_text(x, base + 14, _time(10**decade), anchor, "small"))
     return "<g>" + "".join(parts) + "</g>"

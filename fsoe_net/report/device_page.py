@@ -39,6 +39,7 @@ def _sizes(mapping: LibraryMapping) -> str:
         ]
         for way in Direction
     }
+    # Devices list outputs and inputs in the same order; one list may be shorter.
     pairs = list(zip(lengths[Direction.OUTPUT], lengths[Direction.INPUT], strict=False))
     texts = [f"{a}/{b}" for a, b in pairs]
     return "  ".join(
@@ -55,6 +56,7 @@ def device_text(device: LibraryDevice) -> list[str]:
     ]
     for mapping in device.mappings:
         lines += ["", *_mapping(device, mapping)]
+    # The layout of such a device depends on its safety project, so that the library has none.
     if not device.mappings:
         lines += ["", f"Process data ({_side(device.role)}): made by its safety project"]
         lines += [f"  source: {text}" for text in device.sources.values()]

@@ -94,6 +94,7 @@ def read_evidence(path: str) -> Evidence:
         data = stream.read()
     source = SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest())
     document = _document(data)
+    # A result of a run also has `subdevices`; only a result of a run names a plan.
     if document is None or ("subdevices" in document and "plan_sha256" not in document):
         if document is not None and "interface" in document:
             scan, found = parse_scan(data, path)
@@ -101,6 +102,7 @@ def read_evidence(path: str) -> Evidence:
                 raise InputError(f"{path} is a damaged scan", found)
             return Evidence(source=source, scan=scan)
     elif "statistics" in document and "plan_sha256" in document and "connections" in document:
+        # Three keys, because other JSON files of this tool have one or two of them.
         try:
             return Evidence(source=source, run=_run(document))
         except (KeyError, TypeError, ValueError, AttributeError) as exc:
@@ -134,6 +136,7 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
         wkc_errors=int(statistics["wkc_errors"]),
         period=_period(statistics.get("period") or {}),
         rows=tuple(
+            # A file is written by any version: each field is checked by its conversion.
             RunRow(
                 name=str(c["name"]),
                 state=ConnectionState(c["state"]),
@@ -144,6 +147,7 @@ def _run(document: Mapping[str, Any]) -> RunEvidence:
                 reset_text=str(c["last_reset_text"]),
                 configured=_parameters(c.get("configured")),
                 observed=_parameters(c.get("observed")),
+                # Only names that are known: text of a file must not reach the report as a fact.
                 differs=tuple(n for n in STATED_PARAMETERS if n in (c.get("differs") or ())),
             )
             for c in document["connections"]
@@ -174,9 +178,11 @@ def _period(row: Mapping[str, Any]) -> Histogram | None:
     values["sum_ns"] = int(row["mean_ns"]) * values["count"]  # a run states the mean alone
     buckets = tuple((int(floor), int(times)) for floor, times in row["buckets"])
     floors = [floor for floor, _ in buckets]
+    # A damaged histogram would give percentiles that nobody measured.
     if floors != sorted(set(floors)) or sum(times for _, times in buckets) != values["count"]:
         raise ValueError("buckets of the bus cycle do not rise or are not all there")
     period = Histogram(**values, buckets=buckets)
+    # The percentile is counted again from the buckets: both must be of one resolution.
     if period.at_most(500_000) != period.p50_ns:
         raise ValueError("an earlier version counted its times in wider buckets: run it again")
     return period
@@ -216,12 +222,15 @@ def longest_round_trips(
     longest: dict[str, float] = {}
 
     def seen(name: str, ms: float | None) -> None:
+        # Zero means that no frame was seen, and is not a time.
         if ms:
             longest[name] = max(ms, longest.get(name, 0.0))
 
+    # Emulated runs say nothing about the machine.
     for run in (e.run for e in evidence if e.run is not None and not e.run.emulated):
         for row in run.rows:
             seen(row.name, row.cycle_max)
+    # The same holds for a running bus that is emulated.
     if live is not None and live.status.backend != "emulated":
         for name, c in zip(live.names, live.snapshot.cycle.connections, strict=False):
             seen(name, max(c.to_sub.interval_max_ns, c.to_main.interval_max_ns) / 1e6)

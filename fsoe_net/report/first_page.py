@@ -121,6 +121,7 @@ def _function(number: int, row: FunctionBudget, inputs: ReportInputs) -> tuple[C
     levels = level_words(f)
     against: Cell = tuple(_against(row))
     tested = function_test(row, inputs)
+    # "Nothing found" only after the test at the machine: before, nobody has looked.
     if not against and tested.level is Level.CLEAR:
         against = (muted("nothing found"),)
     longest = None if reaction is None else reaction.decides.ms
@@ -136,6 +137,7 @@ def _function(number: int, row: FunctionBudget, inputs: ReportInputs) -> tuple[C
 
 
 def _against(row: FunctionBudget) -> Iterator[Verdict]:
+    # Each of time, level and PFH is judged by itself; one good value does not outweigh another.
     if row.judgement is Judgement.ABOVE:
         yield Verdict("takes longer than required", Level.ERROR)
     elif row.judgement in _OPEN:

@@ -213,6 +213,7 @@ def _timing(facts: IncidentFacts) -> list[Part]:
     counters = facts.evidence.head.counters
     histograms = {} if counters is None else counters.histograms
     histograms = {name: h for name, h in histograms.items() if h.count}
+    # Two pictures fit on the page; the first two that exist are the most important ones.
     wanted = [k for k in ("period", "round_trip", "latency", "work") if k in histograms][:2]
     parts: list[Part] = [
         Picture(

@@ -37,6 +37,7 @@ _REMARK = (
 def measured_cycle(inputs: ReportInputs) -> list[Part]:
     """Return the bus cycle as measured by each piece of evidence."""
     rows: list[tuple[Cell, ...]] = []
+    # A run in virtual time has no measured period.
     for e in inputs.evidence:
         if e.run is not None and e.run.period is not None:
             rows.append(_row(e.source.path, e.run.period, emulated=e.run.emulated))

@@ -131,6 +131,8 @@ def _copy_table(plan: Plan, domain: IghDomain) -> Table:
         for source in (True, False):
             place = _place(bases, domain, c, source=source)
             ends.append((Text(_end(plan, c, source=source)), *_range_items(place)))
+            # A copy over two datagrams is not consistent: each datagram has its own working
+            # counter.
             if place is not None and len(place.datagrams) != 1:
                 verdicts.append(Verdict("straddles datagrams", Level.ERROR))
         verdicts += _verdicts(plan, c, taken)
@@ -181,6 +183,7 @@ def _targets(plan: Plan) -> dict[tuple[int, int], int]:
 def _verdicts(plan: Plan, c: PlanCopy, taken: dict[tuple[int, int], int]) -> list[Item]:
     first = c.destination_bit // 8
     found: list[Item] = []
+    # Two writers of one byte: the result would depend on the order of copies.
     if any(taken[c.destination_sm, b] > 1 for b in range(first, first + c.size_bytes)):
         found.append(Verdict("bytes written twice", Level.ERROR))
     else:
@@ -189,16 +192,19 @@ def _verdicts(plan: Plan, c: PlanCopy, taken: dict[tuple[int, int], int]) -> lis
         _frames(plan, c.source_sm, c.source_bit // 8, c.size_bytes),
         _frames(plan, c.destination_sm, first, c.size_bytes),
     )
+    # A copy of standard data that touches a frame would alter safety data.
     if c.connection == NONE:
         word = "touches an FSoE frame" if any(ends) else "no FSoE frame touched"
         found.append(Verdict(word, Level.ERROR if any(ends) else Level.CLEAR))
         return found
+    # Frames can be recognised only where the device file describes them.
     if not all(ends):
         found.append(Verdict("frame not recognised", Level.OPEN))
     elif ends == ([(c.source_bit // 8, c.size_bytes)], [(first, c.size_bytes)]):
         found.append(Verdict("one whole frame, no gap", Level.CLEAR))
     else:
         found.append(Verdict("not one whole frame", Level.ERROR))
+    # A connection with one direction never leaves Reset.
     pair = plan.connections[c.connection]
     both = len({pair.copy_to_sub, pair.copy_to_main}) == 2
     found.append(

@@ -103,10 +103,12 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
 def _other_plans(inputs: ReportInputs) -> Iterator[str]:
     """Yield evidence of a plan other than that of the report, or of a plan not accepted."""
     own = plan_sha256(inputs)
+    # A plan that was not accepted is not the one that people signed.
     if inputs.live is not None and inputs.live.status.plan_sha256 != own:
         yield "the running fsn-master has another plan"
     if inputs.live is not None and not inputs.live.status.accepted:
         yield "the running fsn-master holds no accepted plan"
+    # Both kinds state the plan they are from; a scan has none.
     for e in inputs.evidence:
         for source in (e.run, e.incident):
             if source is not None and source.plan_sha256 != own:
@@ -166,6 +168,7 @@ def _scan(path: str, scan: Scan) -> list[Part]:
             remark="What differs from the network files stands among the findings (FSN5xx).",
         ),
     ]
+    # Only devices that report FSoE objects: most SubDevices have none.
     fsoe = [row for s in scan.subdevices for row in _fsoe_rows(path, s)]
     if fsoe:
         heads = ("SubDevice", "Object", "FSoE address", "ConnID", "Watchdog")
@@ -178,6 +181,7 @@ def _scan(path: str, scan: Scan) -> list[Part]:
                 "as read from the devices.",
             )
         )
+    # What was read back is what the device uses, whatever the files contain.
     mapped = [row for s in scan.subdevices for row in _mapping_rows(path, s)]
     if mapped:
         read = ("SubDevice", "Sync manager", "Length", "Assigned PDOs")
@@ -216,6 +220,7 @@ def _fsoe_rows(path: str, s: ScannedSubDevice) -> list[tuple[Cell, ...]]:
             cell(stated(c.connection_id, "", path)),
             cell(stated(c.watchdog_ms, "ms", path)),
         )
+        # `given` are parameters as the MainInstance transfers them; both are evidence.
         for c in (*s.fsoe.connections, *s.fsoe.given)
     ]
     return rows
@@ -297,6 +302,7 @@ RUN_COLUMNS = (
 
 def _incident(path: str, head: IncidentHead, inputs: ReportInputs) -> list[Part]:
     t = head.trigger
+    # A trigger of a condition has a text; a change of state has two states.
     words = t.text or f"{t.connection}: {t.before or ''} → {t.after or ''}".strip()
     rows = tuple(
         (
@@ -333,6 +339,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     s, source = live.status, f"fsn-master at {live.socket}"
     where = Text(f"{s.state.value} on {s.interface or 'no interface'} through {s.backend}; ")
     items: list[Item] = [where]
+    # An emulated bus must never look like evidence of the machine.
     if s.backend == "emulated":
         items += [EMULATED, Text("; ")]
     for value, unit in (
@@ -351,6 +358,7 @@ def _live(live: LiveEvidence, inputs: ReportInputs) -> list[Part]:
     if s.standby is not None:
         held = ", held: it takes nothing over" if s.standby.held else ""
         items.append(Text(f"; a standby follows, process {s.standby.pid}{held}"))
+    # Names come from another request than the snapshot; a plan loaded in between has other ones.
     names = (*live.names, *("?",) * len(live.snapshot.cycle.connections))
     rows = tuple(
         (

@@ -136,11 +136,13 @@ def _parts(row: FunctionBudget) -> Table:
                 mission_cell(e.element),
             )
         )
+    # FSoE is a part of the sum although nobody lists it as an element.
     if row.pfh.fsoe:
         fsoe = stated(
             row.pfh.fsoe, "1/h", "Beckhoff, Application Guide TwinSAFE", f"{row.pfh.fsoe:.2e}"
         )
         rows.append((cell("bus"), cell("Safety over EtherCAT"), (), (fsoe,), (), (), ()))
+    # The sum is repeated here so that a reader can add up the column.
     total = stated(row.pfh.total, "1/h", "sum of the rows above", f"{row.pfh.total:.2e}")
     lowest: Cell = tuple(strong(c.lowest) for c in row.levels if c.lowest)
     end = cell(*lowest, muted("lowest claim")) if lowest else ()
@@ -161,8 +163,10 @@ def _parts(row: FunctionBudget) -> Table:
 
 
 def function_test(row: FunctionBudget, inputs: ReportInputs) -> Verdict:
+    # Only the trigger tries the function as a whole; other steps try its parts.
     """Summarise the result of a safety function's trigger at the machine."""
     steps = [s for s in _steps(row, inputs) if s.kind is StepKind.TRIGGER]
+    # From worst to best: one failed step outweighs all others.
     if any(s.is_failed for s in steps):
         return Verdict("FAILED", Level.ERROR)
     if any(s.is_disputed for s in steps):
@@ -176,6 +180,7 @@ def function_test(row: FunctionBudget, inputs: ReportInputs) -> Verdict:
 def _steps(row: FunctionBudget, inputs: ReportInputs) -> Sequence[TestStep]:
     """Return the steps at the machine that are about a function, its connections and SubDevices."""
     tried = inputs.tried
+    # A record of another configuration proves nothing about this one.
     if tried is None or not tried.fits:
         return ()
     subjects = {
@@ -201,6 +206,7 @@ def _tests(row: FunctionBudget, inputs: ReportInputs) -> Part:
         for s in steps
         if s.kind is StepKind.TRIGGER
     ]
+    # Start-up and loss are steps of connections and SubDevices; they are summed up in one row.
     for kind in (StepKind.START_UP, StepKind.LOSS):
         same = [s for s in steps if s.kind is kind]
         if same:
@@ -249,6 +255,7 @@ def causes_and_effects(inputs: ReportInputs) -> ReportSection:
     """Which sensor acts on which actuator, by which safety function."""
     key, title = "causes_and_effects", "Causes and effects"
     rows = () if inputs.budget is None else inputs.budget.functions
+    # Ordered by first mention, as a person lists functions by importance.
     acts: dict[str, dict[str, list[str]]] = {}
     effects: dict[str, None] = {}
     for number, row in enumerate(rows, 1):
@@ -261,6 +268,7 @@ def causes_and_effects(inputs: ReportInputs) -> ReportSection:
         words = "No safety function with sensors and actuators is stated."
         return ReportSection(key=key, title=title, parts=(Paragraph((Text(words),)),))
     names = list(effects)
+    # Too many columns do not fit on a page: the matrix continues in another table.
     tables = [
         _matrix(acts, names[at : at + _EFFECTS_BESIDE], at)
         for at in range(0, len(names), _EFFECTS_BESIDE)

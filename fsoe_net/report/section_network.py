@@ -77,6 +77,7 @@ def architecture(inputs: ReportInputs) -> ReportSection:
                 narrow=topology_picture(inputs.plan, per_row=2),
             )
         )
+    # In a large network only ends of FSoE are listed; all others are counted.
     shown = [s for s in network.subdevices if s.name in mains | subs]
     if len(network.subdevices) <= _MOST_PLAIN:
         shown = list(network.subdevices)
@@ -107,6 +108,7 @@ def _groups(network: NetworkConfig) -> list[Part]:
         for g in network.groups
     )
     found = network.combinations()
+    # The number of combinations grows exponentially and is limited.
     more = "; further ones are not listed" if len(found) == MOST_COMBINATIONS else ""
     return [
         Heading("Groups that may be absent"),
@@ -131,7 +133,9 @@ def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[Devi
     devices = () if tried is None or not tried.fits else tried.test_record.devices
     read = {d.subdevice: d for d in devices}
     names = dict.fromkeys(s.name for s in resolution.network.subdevices)
+    # Only a MainInstance has a safety project with a CRC to read.
     blank = {
+        # Couplers without an FSoE end have nothing that people must read at them.
         name: DeviceEntry(subdevice=name, safety_project_crc="" if name in mains else None)
         for name in names
         if name in mains | subs
@@ -185,10 +189,12 @@ def _subdevices(
         ]
         device = s.device
         vendor: Item = Verdict("not stated", Level.OPEN)
+        # Files without identity leave the verdict open: the device is not checked at start.
         product: Cell = (vendor,)
         if device is not None:
             vendor = _identity(device.vendor_id)
             product = (_identity(device.product_code), *_type_name(device, library))
+        # Without a revision each one is accepted at start.
         revision = cell(muted("any")) if s.revision is None else (_identity(s.revision),)
         found = observed.get(s.name)
         firmware, serial, project = _by_hand(entries.get(s.name))
@@ -257,6 +263,8 @@ def connections(inputs: ReportInputs) -> ReportSection:
             points=(Point(PointKind.OPEN, "there is no FSoE connection to judge"),),
         )
     points: list[Point] = []
+    # Addresses belong to SubInstances, connection IDs to connections: they are unique in other
+    # sets.
     owners = _owners(rows, lambda c: c.stated.address, by_sub=True)
     ids = _owners(rows, lambda c: c.stated.connection_id, by_sub=False)
     for c in rows:

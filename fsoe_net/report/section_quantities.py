@@ -40,6 +40,7 @@ def quantities(inputs: ReportInputs) -> ReportSection:
         points += [Point(PointKind.OPEN, f"{name}: no PFH of {w}") for w in row.pfh.missing]
         unclaimed = dict.fromkeys(w for claim in row.levels for w in claim.missing)
         points += [Point(PointKind.OPEN, f"{name}: no PL or SIL claim of {w}") for w in unclaimed]
+        # Without a level there is no limit that the sum could be compared with.
         if row.pfh.limit is None:
             words = f"{name}: no level (PL or SIL) is required"
             points.append(Point(PointKind.OPEN, words))
@@ -98,6 +99,7 @@ def shortest_mission(row: FunctionBudget) -> list[Part]:
         if e.element.mission_years is not None
     ]
     years = [value for value, _ in stated_years]
+    # All elements have the same mission time: none limits the others.
     if not years or min(years) == max(years):
         return []
     least = min(years)

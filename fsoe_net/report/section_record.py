@@ -124,9 +124,11 @@ def change_log(inputs: ReportInputs) -> ReportSection:
                 f"{counted(count, 'change')} since {against.source.path}: to be tried again",
             )
         )
+    # The compared files may be equal, yet the plan differs, for example by another library.
     elif _sections_changed(against, inputs):
         word = f"another fingerprint than {against.source.path}: to be tried again"
         points.append(Point(PointKind.OPEN, word))
+    # Also without a change in the files: steps may be open from the record itself.
     if points or against.again:
         parts += [Heading("Steps of the test record to do again"), _again(against)]
     points += [Point(PointKind.OPEN, f"not compared: {w}") for w in found.not_compared]
@@ -195,6 +197,7 @@ def sign_off(inputs: ReportInputs) -> ReportSection:
     ]
     if given is None:
         return _sign_off(parts, (), Point(PointKind.OPEN, "not signed"))
+    # A signed record of another configuration is worse than none: it must be visible.
     if not given.fits:
         word = f"{given.source.path} is the record of ANOTHER configuration"
         parts.append(Paragraph((Verdict(word, Level.ERROR), Text(f": {_of(given)}."))))
@@ -213,6 +216,7 @@ def sign_off(inputs: ReportInputs) -> ReportSection:
                 ),
             )
         )
+    # Without checked signatures, that they exist is an assumption.
     if inputs.signed is None:
         signed = Point(
             PointKind.ASSUMPTION,
@@ -269,6 +273,7 @@ def _of(given: GivenRecord) -> str:
 def _sign_off(parts: list[Part], people: Sequence[SignedBy], *points: Point) -> ReportSection:
     roles = ("Author", "Verifier, who is not the author", "Released for the machine by")
     rows = []
+    # Lines for hand-written names stay empty where no record fills them.
     for number, role in enumerate(roles):
         signed = people[number] if number < len(people) else None
         name = BLANK if signed is None else cell(signed.name)
@@ -304,6 +309,7 @@ def open_points(points: Sequence[tuple[str, Point]], inputs: ReportInputs) -> Re
         rows = tuple(
             (cell(muted(block)), cell(p.text), BLANK)
             for block, p in points
+            # Findings have a table of their own above.
             if p.kind is kind and block != "Findings"
         )
         parts.append(Heading(title))

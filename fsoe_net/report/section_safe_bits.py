@@ -60,6 +60,7 @@ def _rows(e: SafetyElement, frames: Sequence[ElementFrame]) -> Iterator[tuple[Ce
     if e.bits:
         for bit in e.bits:
             yield (cell(strong(bit.name)), element, *_place(bit, frame_of(bit, frames)))
+    # A frame exists but nobody has stated the bit: a person must find it out.
     elif frames:
         between = tuple(item for f in frames for item in _between(f))
         yield (cell(Verdict("not stated", Level.OPEN)), element, between, (), (), (), ())
@@ -75,6 +76,7 @@ def _between(frame: ElementFrame) -> Cell:
 
 def _place(bit: SafeBit, frame: ElementFrame | None) -> tuple[Cell, ...]:
     number = cell(stated(bit.bit, "", _STATED))
+    # The bit is outside of the safe data of the frame: a typing error, or another device.
     if frame is None or frame.safe_bits is None or bit.bit >= frame.safe_bits:
         between = () if frame is None else _between(frame)
         return between, number, cell(Verdict("in no frame", Level.ERROR)), (), ()

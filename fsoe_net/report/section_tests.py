@@ -39,12 +39,14 @@ def tests(inputs: ReportInputs) -> ReportSection:
     parts: list[Part] = [Heading("Checklist")]
     points: list[Point] = []
     tried = inputs.tried
+    # No record is an open point, not an error: the report can be made before the tests.
     if tried is None:
         parts.append(Paragraph((Text("The checklist is empty: no test record was given."),)))
         points.append(Point(PointKind.OPEN, "no test record: nothing was tried at the machine"))
     else:
         parts += [files_table("test record", [tried.source]), _checklist(tried)]
         points += _left(tried, inputs)
+        # A record of another network stays visible, but none of its results counts.
         if not tried.fits:
             word = f"{tried.source.path} cannot be taken for this network"
             parts.append(Paragraph((Verdict(word, Level.ERROR), Text(": see the open points."))))
@@ -52,6 +54,7 @@ def tests(inputs: ReportInputs) -> ReportSection:
     parts += _circumstances(inputs)
     if inputs.run is not None:
         parts += _emulated_run(inputs.run)
+    # A network with errors has no plan that could run.
     elif inputs.scenario:
         words = f"{inputs.scenario} was not run: the network has errors"
         parts += [Heading("Run on the emulated bus"), Paragraph((Text(f"{words}."),))]
@@ -91,6 +94,7 @@ def _left(tried: Tried, inputs: ReportInputs) -> list[Point]:
 def _circumstances(inputs: ReportInputs) -> list[Part]:
     """Return equipment, environment and attachments, as the acceptance record has them."""
     given = inputs.accepted
+    # Circumstances of another configuration say nothing about these tests.
     if given is None or not given.fits:
         return []
     record = given.record
@@ -175,6 +179,7 @@ def _result(seen: StepResult | AtMachine | None, source: str, *, failed: bool = 
     if seen is not None and seen.outcome is not None:
         said = "; ".join(text for text in (getattr(seen, "time_is", ""), seen.remark) if text)
         word = f"{seen.outcome.value}: {said}" if said else seen.outcome.value
+        # The same result is an error or not, depending on who saw it: the caller decides.
         failed = failed or seen.outcome is StepOutcome.NOT_AS_EXPECTED
         items.append(Verdict(word, Level.ERROR) if failed else Text(word))
     if seen is not None and seen.measured_ms is not None:

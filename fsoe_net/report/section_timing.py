@@ -71,9 +71,11 @@ def timing(inputs: ReportInputs) -> ReportSection:
     if budget.functions:
         parts += [Heading("Reaction times"), _reactions(budget)]
         for row in budget.functions:
+            # Missing values make a reaction time unknown, not zero.
             points += [
                 Point(PointKind.OPEN, f"{row.function.name}: {words}") for words in row.missing
             ]
+            # Values of the library are unverified until somebody takes responsibility for them.
             if row.parts.unverified:
                 names = ", ".join(row.parts.unverified)
                 words = f"{row.function.name}: values nobody answers for: {names}"
@@ -234,6 +236,7 @@ def _reactions(budget: Budget) -> Table:
     rows = []
     for row in budget.functions:
         r, required = row.reaction, row.function.required_reaction_ms
+        # The two methods are from different documents and must not be mixed in one column.
         etg, typical = _ETG, _BECKHOFF
         rows.append(
             (

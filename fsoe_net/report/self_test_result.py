@@ -78,16 +78,20 @@ def read_self_test(path: str, here: str) -> SelfTestResult:
     source, data = read_source(path, most=MAX_PASTED_BYTES)
     try:
         document = json.loads(data.decode("utf-8"))
+        # Other tools also write JSON with parts and results.
         if document["tool"] != "fsoe-net" or document["self_test"] != 1:
             raise ValueError("it is of another tool or form")
         parts = tuple((str(p["name"]), str(p["result"])) for p in document["parts"])
         if any(result not in _RESULTS for _, result in parts):
             raise ValueError("a part has no known result")
         version, build = str(document["version"]), str(document["build"]["sha256"])
+        # Without build and version the result cannot be assigned to an installation.
         if not _BUILD.fullmatch(build) or not _VERSION.fullmatch(version):
             raise ValueError("it does not state of which build it is")
+        # The parts of another build may differ; those of this one are known.
         if build == here and [name for name, _ in parts] != list(PART_NAMES):
             raise ValueError("it does not have the parts of this build")
+        # A result that was edited by hand no longer fits its parts.
         if document["result"] != ("fail" if "fail" in dict(parts).values() else "pass"):
             raise ValueError("its result does not fit its parts")
     except (ValueError, KeyError, TypeError, RecursionError) as exc:

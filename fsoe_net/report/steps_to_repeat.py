@@ -40,11 +40,14 @@ def steps_to_repeat(
     steps = tuple(steps)
     named = _named(tuple(changes), resolution)
     more = frozenset() if plans is None else changed_subdevices(*plans)
+    # A change that cannot be assigned to a part affects every step.
     if named is None or more is None:
         return tuple(step.id for step in steps)
     subdevices, touched_functions = named[0] | more, named[1]
+    # Safety functions are not part of the plan, so that a plan alone cannot show their change.
     if functions is not None:
         accepted = {f.name: safety_text((f,)) for f in functions}
+        # A new function has no accepted text and is tried as well.
         for f in resolution.network.safety_functions:
             if accepted.get(f.name) != safety_text((f,)):
                 touched_functions.add(f.name)
@@ -66,11 +69,13 @@ def _named(changes: Sequence[Change], resolution: Resolution) -> tuple[set[str],
     for change in changes:
         if change.area is ChangeArea.SAFETY_FUNCTION:
             functions.add(change.where)  # a removed one has no step
+            # A change without a name may concern any function.
             if not change.where:
                 return None
             continue
         here = set(change.subdevices)
         renamed = change.area is ChangeArea.SUBDEVICE and change.what == "name"
+        # A removed or renamed SubDevice can no longer be found in the current network.
         if renamed or change.kind is ChangeKind.REMOVED or not here or not here <= known:
             return None
         subdevices |= here
@@ -87,6 +92,7 @@ def _functions_over(subdevices: Collection[str], resolution: Resolution) -> set[
     feeds: dict[str, set[str]] = {}
     for row in resolution.transfers:
         source, destination = row.source.subdevice, row.destination.subdevice
+        # FSoE copies follow connections; only standard data can feed another function.
         standard = row.transfer.kind is TransferKind.STANDARD
         if standard and source is not None and destination is not None:
             feeds.setdefault(destination.name, set()).add(source.name)
@@ -100,6 +106,7 @@ def _functions_over(subdevices: Collection[str], resolution: Resolution) -> set[
             waiting += new
         for name in tuple(used):  # a reset, for example
             used |= feeds.get(name, set())
+        # A function without SubDevices cannot be assigned: it is tried in any case.
         if not used or not used.isdisjoint(subdevices):
             found.add(function.name)
     return found

@@ -33,8 +33,10 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
         per_row: Boxes per row; 2 fit a phone.
     """
     shown = [n for n, s in enumerate(plan.subdevices) if s.in_copy]
+    # A small network is shown completely, so that a person recognises the machine.
     if len(plan.subdevices) <= 12:
         shown = list(range(len(plan.subdevices)))
+    # Arcs over more than two rows cross boxes and cannot be followed.
     dense = len(shown) > 2 * per_row
     first_y, step_x, step_y = (30 if dense else 110), _BOX_WIDTH + _GAP, (94 if dense else 200)
     place: dict[int, tuple[float, float]] = {}
@@ -51,6 +53,7 @@ def topology_picture(plan: Plan, *, per_row: int = MAX_PER_ROW) -> str:
         f'<svg viewBox="0 20 {width} {height - 20:g}" style="max-width:{width}px" role="img" '
         f'aria-label="Topology: {connections}">'
     ]
+    # Drawn first, so that boxes cover the line.
     parts += _bus_line(list(place.values()), step_x)
     for row, (name, _) in enumerate(rows):
         below = first_y + row * step_y + _BOX_HEIGHT + 16
@@ -73,6 +76,7 @@ def _rows(plan: Plan, shown: Sequence[int], per_row: int) -> list[tuple[str, lis
     """Return the content of each row; with several buses the first row of a bus has its name."""
     buses: dict[int, list[int]] = {}
     for number in shown:
+        # In order of the plan, which is the order on the wire.
         buses.setdefault(plan.bus_number(number), []).append(number)
     return [
         (
@@ -157,8 +161,10 @@ def _free_line(
     middle: float, wanted: float, wide: float, taken: list[tuple[float, float, float]]
 ) -> float:
     """Return the height next to the one that is wanted at which a name touches no other."""
+    # Alternately above and below: the free line that is nearest to the wanted one is found first.
     for step in range(4 * len(taken) + 2):
         base = wanted + _LINE * ((step + 1) // 2) * (1 if step % 2 else -1)
+        # Above this line the text would leave the picture.
         if base < _TOP_LINE:
             continue
         near = (t for t in taken if abs(t[1] - base) < _LINE)
@@ -205,6 +211,7 @@ def _byte_row(
     plan: Plan, sm_number: int, first: int, size: int, word: str, y: float, colour: str
 ) -> str:
     sm = plan.sync_managers[sm_number]
+    # An empty sync manager must not divide by zero.
     total = max(1, sm.size_bytes)
     left, room = 122, 266
     unit = room / total
@@ -215,12 +222,14 @@ def _byte_row(
     label = str(first) if size == 1 else f"{first} … {last}"
     wide = 6.2 * len(label)
     middle = left + unit * (first + size / 2)
+    # The label stays within the row, even for a frame at its start or end.
     middle = min(max(middle, left + wide / 2 - 4), left + room - wide / 2 + 4)
     end = 6.2 * len(str(total)) + 8
     cells = "".join(
         f'<line x1="{left + unit * n:g}" y1="{y + 10:g}" x2="{left + unit * n:g}" y2="{y + 26:g}" '
         'class="tick"/>'
         for n in range(1, total)
+        # More than 64 ticks would be a grey area.
         if total <= 64
     )
     return (
@@ -232,6 +241,7 @@ def _byte_row(
         f'style="fill:{colour}"/>'
         + cells
         + svg_text(middle, y + 38, label, "middle", "tiny")
+        # The end labels are left out where the label of the frame would cover them.
         + (
             svg_text(left, y + 38, "0", "start", "tiny")
             if first and middle - wide / 2 > left + 14
