@@ -84,6 +84,7 @@ class Bridge:
             if options.record is not None:
                 self.recording = McapFile(options.record)
             self._node = Node(options.domain, here_only=options.here_only, recording=self.recording)
+        # A node that is half open would keep the thread of the attachment alive.
         except EnvironmentFault:
             self._attachment.close()
             raise
@@ -99,6 +100,7 @@ class Bridge:
                 (SetParametersRequest, SetParametersResponse),
                 self._set_parameters,
             )
+        # Values have a thread of their own: diagnostics must appear even if no value arrives.
         self._values = threading.Thread(target=self._follow_values, name="values", daemon=True)
         self._values.start()
 
@@ -181,6 +183,7 @@ class Bridge:
             self._ending.wait(_AGAIN_S)
             return
         cycle_ns = client.status().cycle_ns or 1_000_000
+        # DDS cannot take each cycle of a fast bus; the rate is what the user asked for.
         every = max(1, round(1e9 / (self._options.rate_hz * cycle_ns)))
         client.watch_on("*", every=min(every, 1_000_000), typed=True)
         shown = _Shown()
@@ -189,7 +192,9 @@ class Bridge:
             rows = client.watched(LOOK_S)
             if rows:
                 silent_since = time.monotonic()
+                # Only the newest row: a node that was delayed must not publish the past.
                 self._publish(rows[-1], topics, joints, shown)
+            # A silent bus may have another plan when it returns: topics are made again.
             elif time.monotonic() - silent_since > _AGAIN_S:
                 return
 
@@ -216,6 +221,7 @@ class Bridge:
         offered = tuple((t.topic, t.symbol.name) for t in topics)
         if self.control is None or offered == self._offered:
             return
+        # Unsubscribe first: an output of the old plan must not be set any more.
         for reader in self._readers:
             self._node.unsubscribe(reader)
         self._readers = [

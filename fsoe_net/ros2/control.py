@@ -99,6 +99,7 @@ class NodeControl:
         Returns:
             For each output whether it was set, and if not, the reason.
         """
+        # DDS has no users: a request of any size may come from anywhere.
         if len(request.parameters) > _MOST_AT_ONCE:
             text = self._refuse(f"more than {_MOST_AT_ONCE} parameters at once: nothing was set")
             return [(False, text)]
@@ -107,6 +108,8 @@ class NodeControl:
         for each in request.parameters:
             topic, value = offered.get(each.name), each.value.python()
             refusals.append(fault or self._set_parameter(topic, each.name, value, who))
+            # One timeout is enough: a socket that does not answer would block each further
+            # parameter.
             if refusals[-1] and topic is not None and who not in self._senders:
                 fault = refusals[-1]
         return [(not text, text) for text in refusals]

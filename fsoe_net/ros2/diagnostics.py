@@ -154,6 +154,7 @@ def _bus_values(status: Status) -> Iterator[tuple[str, str]]:
     yield "backend", status.backend
     yield "interface", status.interface
     yield "plan SHA-256", status.plan_sha256
+    # Without a plan there is no fingerprint, for example before the first start.
     if status.fingerprint is not None:
         yield "fingerprint", status.fingerprint.short
     yield "bus cycle ms", f"{status.cycle_ns / 1e6:g}"

@@ -92,12 +92,15 @@ def find_joints(symbols: Sequence[Symbol]) -> tuple[Joint, ...]:
     for subdevice, own in inputs.items():
         for axis in range(MOST_AXES):
             parts = {part: _part(own, part, axis) for part in _PARTS}
+            # Axes are numbered without gaps, so that the first one without a position ends the
+            # search.
             if parts["position"] is None:
                 break
             found.setdefault(subdevice, []).append(parts)
     joints, names = [], Names()
     for subdevice, axes in found.items():
         for number, parts in enumerate(axes, 1):
+            # ROS names allow letters, digits and underscores only.
             name = legal_token(subdevice) + (f"_{number}" if len(axes) > 1 else "")
             joints.append(_joint(names.add(name), parts))
     return tuple(joints)

@@ -139,6 +139,8 @@ class EmulatedDevices:
         """
         inputs = self.default_inputs() if choice.inputs is None else choice.inputs
         outputs = list(self.safe_outputs) if choice.outputs is None else choice.outputs
+        # Names are checked before any device is changed: an unknown name leaves the logic as it
+        # was.
         watched = {(n := normal_name(x)): self.safe_inputs[n].setup.connection.name for x in inputs}
         switched = {
             (n := normal_name(x)): self.safe_outputs[n].setup.connection.name for x in outputs
@@ -146,6 +148,7 @@ class EmulatedDevices:
         delays = {normal_name(name): ns for name, ns in choice.delays_ns.items()}
         for device in self.masters:
             device.logic.delays_ns = delays
+            # A safety master decides over its own connections only, as in a real machine.
             own = {p.setup.connection.name: p for p in device.ports if p.is_main}
             device.logic_inputs = [(own[c], n) for n, c in watched.items() if c in own]
             device.logic_outputs = [(own[c], n) for n, c in switched.items() if c in own]
@@ -173,11 +176,13 @@ def build_network(resolution: Resolution, session_ids: Callable[[], int]) -> Emu
         ports.setdefault(c.sub.name, []).append(sub_port(setup, session_ids))
     devices: dict[str, EmulatedDevice] = {}
     for sub in resolution.network.subdevices:
+        # Inputs that are not registered have no place in the image of the MainDevice.
         inputs = {
             sm.sm.index: bytearray(sm.size_bytes)
             for sm in (sub.layout.managers if sub.layout else ())
             if sm.sm.direction is Direction.INPUT and sm.registered
         }
+        # A device without FSoE and without inputs does nothing that anybody could see.
         if inputs or sub.name in ports:
             own = ports.get(sub.name, [])
             devices[sub.name] = EmulatedDevice(

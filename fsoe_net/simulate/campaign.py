@@ -106,11 +106,13 @@ def campaign_links(
 def _other(main: MainConfig, mains: Sequence[MainConfig]) -> MainConfig:
     """Return another connection of the same sizes: of the network if there is one."""
     sizes = (main.safe_out_bytes, main.safe_in_bytes)
+    # A foreign frame of equal length is the hardest case: only ConnID and CRC can tell it apart.
     for row in mains:
         if row is not main and (row.safe_out_bytes, row.safe_in_bytes) == sizes:
             return row
     used = {row.connection_id for row in mains}
     free = next(number for number in range(1, 0x10000) if number not in used)
+    # Another address as well: the two connections must differ in all that identifies them.
     return replace(main, connection_id=free, address=main.address ^ 1)
 
 
@@ -139,6 +141,7 @@ def run_campaign(
         ConfigError: No such class, or a connection that never reaches state Data.
         EnvironmentFault: A device under test raised an exception or took its process with it.
     """
+    # Chunks are cut by number and not by process, so that the result does not depend on `jobs`.
     work = [
         (name, range(at, min(at + _CHUNK, count)))
         for name in names
@@ -148,6 +151,7 @@ def run_campaign(
     total = sum(len(trials) for _, trials in work)
     parts: dict[int, ClassResult] = {}
     reports = _Reports(on_progress, total)
+    # Starting a process takes longer than a few faults.
     if jobs is None:
         jobs = 1 if total <= _FEW else _cores()
     steps = _alone(config, work, reports) if jobs == 1 else _together(config, work, jobs, reports)
@@ -156,8 +160,10 @@ def run_campaign(
         for index, part in steps:
             parts[index] = part
             reports.finished(len(work[index][1]), part.name)
+    # What has been found so far counts: campaigns run for hours.
     except KeyboardInterrupt:
         interrupted = True
+    # In the order of the work, whatever the order in which processes finish.
     found = [parts[index] for index in sorted(parts)]
     rows = [[part for part in found if part.name == name] for name in names]
     return CampaignResult(
@@ -247,6 +253,7 @@ def _now_and_then(tell: Callable[[int, str], None], name: str) -> Callable[[int]
 
 def _together(config: CampaignConfig, work: _Work, jobs: int, reports: _Reports) -> _Steps:
     """Share the work; at most a few pieces are handed out ahead, so that an end comes quickly."""
+    # With fork, a copy of a thread could hold a lock for ever.
     context = multiprocessing.get_context("spawn")
     # Each piece of work has a place of its own: no lock that a dying process could keep.
     counts: MutableSequence[int] = context.RawArray("i", len(work))
@@ -269,6 +276,8 @@ def _together(config: CampaignConfig, work: _Work, jobs: int, reports: _Reports)
             finished, _ = wait(running, timeout=_SHOWN_EVERY_S, return_when=FIRST_COMPLETED)
             for future in finished:
                 yield running.pop(future), future.result()
+            # Nothing finished in this interval: show how far the pieces are, so that it does not
+            # look stuck.
             if not finished:
                 at = [index for index in running.values() if counts[index]]
                 if at:

@@ -35,12 +35,14 @@ def parse_command(line: str, number: int) -> EmulationCommand | None:
     Raises:
         CommandError: Invalid command.
     """
+    # A comment may follow a command, as in the console.
     words = line.partition("#")[0].split()
     if not words:
         return None
     if words == ["status"]:
         return EmulationCommand(step=None)
     form = _FORMS.get(words[0])
+    # A typing error at a running bus needs the nearest name at once.
     if form is None:
         near = guesses(words[0], _KNOWN)
         meant = f"did you mean {one_of(near)}? " if near else ""

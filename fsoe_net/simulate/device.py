@@ -39,8 +39,11 @@ class SafetyLogic:
             now_ns: This moment.
         """
         self._now_ns, was_on = now_ns, self.on
+        # A button that is pressed when the inputs become good must not start the machine: an edge
+        # is needed.
         edge = self.pressed and not self._was_pressed
         self._was_pressed = self.pressed
+        # The stop comes first: an edge in the same step must not override it.
         if not inputs_good:
             self.on = False
         elif edge:
@@ -110,9 +113,11 @@ class EmulatedDevice:
     def step(self, now_ns: int, io: ProcessData) -> None:
         """Read outputs, let every FSoE end take one step, publish inputs that changed."""
         changed = self._unpublished
+        # Read once for each sync manager: several frames can be in one.
         images = {sm: io.read_outputs(sm) for sm in self._rx_sms}
         for port in self.ports:
             frame = images[port.rx_sm][port.rx_byte : port.rx_byte + port.rx_bytes]
+            # A SubInstance needs its address before it answers the first frame.
             if not port.is_main:
                 self._prepare_sub(port)
             port.instance.set_safe_data(bytes(port.safe))
@@ -122,6 +127,7 @@ class EmulatedDevice:
                 changed.add(port.tx_sm)
         self._decide(now_ns)
         self._move(now_ns, io)
+        # Written after all ends have stepped: a MainDevice must not see half of a step.
         for sm in changed:
             io.write_inputs(sm, bytes(self.inputs[sm]))
         changed.clear()
@@ -145,6 +151,8 @@ class EmulatedDevice:
             axis.step(now_ns, image, wired.demand(), operational=operational)
             wired.report()
             for sm, bit, bits, value in axis.objects.inputs():
+                # A value that a scenario has set by hand stays; only changes of the axis are
+                # published.
                 if self._shown.get((sm, bit)) != value and (sm, bit) not in self._set:
                     self._shown[sm, bit] = value
                     self._write(sm, bit, bits, value)
@@ -153,6 +161,7 @@ class EmulatedDevice:
         """Run the logic of a safety master over all its connections."""
         if not self._mains:
             return
+        # A connection that is absent by design must not keep the outputs off.
         due = {p for p in self._mains if p.setup.connection.name not in self.away}
         good = all(p.instance.state is State.DATA and p.instance.data_valid for p in due)
         good = good and all(p.received(name) for p, name in self.logic_inputs if p in due)
@@ -164,8 +173,10 @@ class EmulatedDevice:
         held = [(port, name) for port, name in self.logic_outputs if self.logic.is_on(name)]
         holding = {port for port, _ in held}
         for port in self._mains:
+            # Cleared first: an output that is no longer enabled must not keep its old value.
             port.safe[:] = bytes(len(port.safe))
             enabled = self.logic.on or port in holding
+            # Before Data there is nothing to enable; the engine would reject it.
             port.instance.enable = enabled and port.instance.state is State.DATA
         for port, name in held:
             signal = port.sends[name]

@@ -40,6 +40,8 @@ class DeviceFactory:
     def __call__(self, config: MainConfig | SubConfig) -> Peer:
         """Return a new end, switched off and on."""
         factory = _find(self.name)
+        # Each access to foreign code is inside `_blaming`: its author needs to know where it
+        # failed.
         with _blaming(self.name, "the factory"):
             end = factory(config)
         with _blaming(self.name, f"an attribute of what it returned ({_short(end)})"):
@@ -50,6 +52,7 @@ class DeviceFactory:
                 f"{', '.join(missing)}; docs/howto/test-your-device.md lists what an end needs"
             )
         sizes = config.safe_in_bytes, config.safe_out_bytes
+        # The configuration is seen from the MainInstance; for it, in and out are exchanged.
         sent, taken = sizes if isinstance(config, SubConfig) else sizes[::-1]
         return _Guard(end, self.name, frame_length(sent), taken)
 
@@ -68,6 +71,7 @@ def device_factory(name: str) -> DeviceFactory:
 def _find(name: str) -> Callable[[MainConfig | SubConfig], Any]:
     module, colon, attribute = name.partition(":")
     if not colon or not module or not attribute or module.startswith("."):
+        # A relative import has no meaning outside of a package.
         raise InputError(f"{_short(name)} is not module:factory, e.g. my_device:make_sub")
     try:
         with _blaming(name, f"importing {module}", passing=(ImportError, SyntaxError)):
@@ -79,6 +83,7 @@ def _find(name: str) -> Callable[[MainConfig | SubConfig], Any]:
         ) from exc
     except SyntaxError as exc:
         raise InputError(f"{name}: module {module!r} is no Python: {exc}") from exc
+    # A module may have a `__getattr__` of its own, which can raise anything.
     with _blaming(name, f"reading {attribute} of the module"):
         found = getattr(loaded, attribute, None)
     if found is None:
@@ -137,12 +142,15 @@ class _Guard:
     def step(self, now_ns: int, received: bytes | None) -> bytes | None:
         try:
             frame = self._step(now_ns, received)
+        # Ctrl-C is from the user and not from the device.
         except KeyboardInterrupt:
             raise
         except BaseException as exc:  # a SystemExit would end the campaign without a word
             raise _raised(self._name, "step()", exc) from exc
         if frame is None:
             return None
+        # Subclasses and bytearrays are converted: the channel keeps frames, which must not change
+        # later.
         if type(frame) is not bytes:
             frame = self._bytes("step() returned", frame, "bytes or None")
         if len(frame) != self._frame_bytes:
@@ -250,6 +258,7 @@ def _place(exc: BaseException) -> str:
 
 def _short(value: object, *, quote: bool = True) -> str:
     """Return a foreign value for a message: never long, one line, whatever its repr does."""
+    # A foreign object can be huge; a failing message would hide the fault.
     try:
         if isinstance(value, bytes | bytearray) and len(value) > _LONG // 4:
             text = f"{bytes(value[: _LONG // 4]).hex()}..."

@@ -40,6 +40,8 @@ class DriveObjects:
                 for wired in device.axes
                 for segment in [self._segment_of(name)]
             ]
+        # Objects are read by SDO, which is slow: to update them in each step would cost more than
+        # the drive.
         if self._steps % _EVERY == 0:
             for rows in self._rows:
                 rows.update()

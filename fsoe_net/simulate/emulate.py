@@ -187,6 +187,7 @@ def serve(
             on_link()
         start = time.monotonic_ns()
         now = next_ns = shown = 0
+        # An interrupt is the usual end; the result of the run is then returned as well.
         try:
             while duration_ns is None or now < duration_ns:
                 if stop is not None and stop.is_set():
@@ -197,6 +198,7 @@ def serve(
                 if on_update is not None and now >= shown:
                     on_update(session, now)
                     shown = now + 100_000_000
+                # Late steps are left out: to catch up would make the devices faster than the bus.
                 next_ns = max(next_ns + period_ns, now)
                 time.sleep(max(0, next_ns - (time.monotonic_ns() - start)) / 1e9)
                 now = time.monotonic_ns() - start

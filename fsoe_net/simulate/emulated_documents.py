@@ -68,6 +68,7 @@ def layout_json(core: Core, core_plan: CorePlan, plan: Plan, image_bytes: int) -
     sms = []
     for number, sm in enumerate(plan.sync_managers):
         base = core.sm_base(number)
+        # Absent or without process data: fsn-master does not list it either.
         if base is None or not core_plan.sm_sizes[number]:
             continue
         sms.append(
@@ -121,6 +122,7 @@ def subdevices_json(
     for number, sub in enumerate(plan.subdevices):
         gone = sub.name in absent
         found = Found.RIGHT
+        # Absent by design and missing are different states for each reader.
         if gone:
             found = Found.NOTHING if plan.group_number(number) is None else Found.ABSENT
         sms = range(sub.first_sm, sub.first_sm + sub.sm_count)
@@ -157,6 +159,7 @@ def fsoe_json(network: EmulatedDevices) -> list[dict[str, Any]]:
     for device in network.devices.values():
         if not device.ports:
             continue
+        # Only devices with an FSoE end have these objects.
         subs = [p for p in device.ports if isinstance(p.instance, SubInstance)]
         mains = [p for p in device.ports if p.is_main]
         rows.append(

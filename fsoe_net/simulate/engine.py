@@ -94,6 +94,7 @@ class Engine:
             for name in scenario.logic.inputs or ():
                 network.set_good(name)
             for name, value in scenario.initial.items():
+                # After the defaults: initial values of the scenario win.
                 network.set_safe_input(name, value)
 
     # -- before the devices step ----------------------------------------------------------------
@@ -117,6 +118,7 @@ class Engine:
             change = self._plug if is_group else self._set_present
             change(step.target, step.action in (Action.HEAL, Action.PLUG))
         elif step.action is Action.POWER_CYCLE:
+            # The FSoE ends restart with the device; the segment loses its AL state.
             self.network.devices[step.target].power_cycle()
             self._on_bus(step)
         elif step.action is Action.LOCAL_RESET:
@@ -124,6 +126,7 @@ class Engine:
         elif step.action in self._setters:
             for name, value in step.values.items():
                 self._setters[step.action](name, value)
+            # The address is also in an object that the MainDevice can read.
             if step.action is Action.FSOE_ADDRESS:
                 self._on_bus(step)
         else:
@@ -144,10 +147,13 @@ class Engine:
 
     def _press_once(self, now_ns: int) -> None:
         """Without a scenario an operator must press reset, otherwise nothing would switch on."""
+        # Released in a later step than pressed: the logic needs to see both levels.
         if self._auto_release_ns is not None and now_ns >= self._auto_release_ns:
             self._press(False)
             self._auto_release_ns = None
         times = self.time_to_data_ns
+        # All connections that should be there, and a little later: an earlier press would be
+        # ignored.
         settled = all(n in times for n in self.network.mains if self._is_due(n)) and (
             now_ns >= max(times.values(), default=0) + _AUTO_PRESS_NS
         )
@@ -165,6 +171,7 @@ class Engine:
             sub = self.network.subs[name]
             self._instance_events(name, main, now_ns)
             self._instance_events(name, sub, now_ns)
+            # The first time counts, as it is the start-up time.
             if name not in self.time_to_data_ns and state_of(main, sub).in_data:
                 self.time_to_data_ns[name] = now_ns
         for device in self.network.masters:
@@ -196,12 +203,14 @@ class Engine:
                 self.log(now_ns, name, f"{end}: {state.value}", **facts)
                 continue
             if event.kind is EventKind.RESET_LOCAL:
+                # Reset 0 from state Reset is how each connection starts; it is not a disturbance.
                 first = port.is_main and event.state_before is State.RESET and event.code == 0
                 if not first:
                     self.resets[name] += 1
                     self.last_reset[name] = event.code
                 text = f"{end} resets: {reset_code_text(event.code)}"
                 self.log(now_ns, name, text, code=event.code, kind=RunEventKind.RESET, end=side)
+            # The same reset, seen by the other end: it is counted once.
             else:
                 text = f"{end} was reset by its peer: {reset_code_text(event.code)}"
                 self.log(now_ns, name, text, code=event.code)
@@ -210,16 +219,19 @@ class Engine:
         for number, expectation in enumerate(self._open):
             if number in self._done or now_ns < expectation.from_ns:
                 continue
+            # The first mismatch is kept; what follows is often a consequence.
             if number not in self._failed:
                 seen = self._mismatch(expectation)
                 if seen:
                     self._failed[number] = f"{seen} at {now_ns / 1e6:g} ms"
+            # At its end and not before: an expectation must hold for the whole interval.
             if now_ns >= expectation.to_ns:
                 self._done.add(number)
 
     def _mismatch(self, expectation: Expectation) -> str:
         """Return the actual observation, or an empty text."""
         most = math.inf if expectation.max_resets is None else expectation.max_resets
+        # A connection that is absent by design is in no state.
         due = filter(self._is_due, self.network.mains)
         names = [expectation.connection] if expectation.connection else list(due)
         for name in names:
@@ -299,6 +311,7 @@ def _step_text(step: ScenarioStep) -> str:
 
 def _expectation_text(e: Expectation) -> str:
     when = f"at {e.from_ns / 1e6:g} ms"
+    # A moment is an interval of length 0.
     if e.to_ns != e.from_ns:
         when = f"from {e.from_ns / 1e6:g} to {e.to_ns / 1e6:g} ms"
     parts = []

@@ -18,6 +18,7 @@ def apply_step(segments: Sequence[Segment], step: ScenarioStep) -> None:
     Raises:
         CoreError: More SDO aborts than a SubDevice can keep.
     """
+    # Values of several SubDevices in one step; each can be on another bus.
     if step.action in _EACH:
         for name, value in step.values.items():
             for segment in _with(segments, name):

@@ -102,8 +102,10 @@ class IncidentRecorder:
         """Take the cycle that has just run; ``now_ns`` is the time of the run."""
         core = self._session.core
         seen = core.cycle_image()
+        # The cycle of a paused core is the same one again.
         if self._last is None or seen.cycle != self._last.cycle:
             self._keep(seen)
+        # The core has a clock of its own; the difference to the time of the run is constant.
         if self._base_ns is None:
             self._base_ns = seen.now_ns - now_ns
         self._look_at_subdevices(seen.now_ns)
@@ -139,12 +141,15 @@ class IncidentRecorder:
                 now_ns=seen.now_ns,
                 lost=seen.lost_frames - (last.lost_frames if last else 0),
                 old=seen.old_replies - (last.old_replies if last else 0),
+                # `lost`, `old` and `foreign` are counters since the start; a record has those of
+                # its cycle.
                 foreign=seen.foreign_frames - (last.foreign_frames if last else 0),
                 wkc=(seen.expected_wkc, seen.actual_wkc) if short else None,
                 image=seen.image,
             )
         )
         was_short = last is not None and last.actual_wkc != last.expected_wkc
+        # Only the change is an event: a cable that is open for minutes would fill the file.
         if short != was_short:
             self._note(
                 "wkc",
@@ -180,6 +185,7 @@ class IncidentRecorder:
             self._parameters(event, name)
             return
         due = self._session.is_due(name)
+        # Leaving Data is an incident only if the connection should be there.
         left = event.before.in_data and not event.after.in_data and due
         keys: dict[str, Any] = {
             "connection": name,
@@ -239,10 +245,13 @@ class IncidentRecorder:
         self._events.append(row | {"text": text} | keys)
 
     def _begin(self, kind: TriggerKind, event: CoreEvent | None, now_ns: int, text: str) -> None:
+        # One file at a time: what follows within its time belongs to the same incident.
         if self._open is not None or self._last is None:
             return
         self._begun += 1
+        # A bus that fails again and again must not fill the disk.
         if self._begun > _MOST_FILES:
+            # Reported once and not for each file that was left out.
             if self._begun == _MOST_FILES + 1:
                 with self._lock:
                     self._outcome.append(

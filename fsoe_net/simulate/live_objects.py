@@ -71,6 +71,7 @@ class LiveObjects:
 
 
 def _rows(device: EmulatedDevice) -> Iterator[_Row]:
+    # The object has a sub-index for each address, at most 255.
     addresses = [p.instance.config.address for p in device.ports if not p.is_main][:255]
     if addresses:
         yield _ADDRESSES, 0, bytes([len(addresses)])
@@ -79,9 +80,11 @@ def _rows(device: EmulatedDevice) -> Iterator[_Row]:
     objects: dict[int, Port] = {}
     for port in device.ports:
         index = _parameters_at(port)
+        # The first port with an object keeps it: two connections cannot share one.
         if index:
             objects.setdefault(index, port)
     mains = [p for p in device.ports if p.is_main]
+    # Without a profile object, connections of a MainInstance are numbered.
     for index, port in zip(_CONNECTIONS, mains, strict=False):
         objects.setdefault(index, port)
     for index, port in objects.items():
@@ -104,6 +107,7 @@ def _parameters_at(port: Port) -> int:
 
 def _connection(index: int, port: Port) -> Iterator[_Row]:
     instance, setup = port.instance, port.setup
+    # A SubInstance knows its parameters only after its MainInstance has sent them.
     given = port.is_main or instance.state is State.DATA
     values = (
         _VERSION,
@@ -118,6 +122,7 @@ def _connection(index: int, port: Port) -> Iterator[_Row]:
     yield index, 0, bytes([len(values)])
     for sub, value in enumerate(values, 1):
         yield index, sub, value
+    # The drive profile has no diagnosis object.
     if index < 0x9000:
         return
     state = _STATES[instance.state]

@@ -81,6 +81,7 @@ def check_scenario(scenario: Scenario, names: ScenarioNames) -> list[Diagnostic]
     """Return errors: unknown names (FSN116) and values that fit no bits (FSN113)."""
     check = _Check(names)
     check.values(scenario.initial, names.safe_inputs, "safe input", scenario)
+    # Names are unknown until the network is known; the file itself was checked when it was read.
     for name in scenario.logic.inputs or ():
         check.known(name, names.safe_inputs, "safe input", scenario.at("logic"))
     for name in scenario.logic.outputs or ():
@@ -143,6 +144,8 @@ class _Check:
 
     def _segment_step(self, step: ScenarioStep) -> None:
         names, span = self.names, step.at(step.action.value)
+        # A run has no cables: the step would do nothing, and the expectation after it would
+        # mislead.
         if not names.segment:
             message = f"{step.action.value} needs cables, mailboxes and frames; a run has none"
             self._add("FSN116", span, message, "use this scenario with fsoe-net emulate")

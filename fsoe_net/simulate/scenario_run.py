@@ -80,10 +80,12 @@ class ScenarioRun(abc.ABC):
         self.plan = CorePlan.load(plan_bytes)
         self.records = decode_plan(plan_bytes)
         self.network = build_network(resolution, session_ids)
+        # With a scenario, the engine chooses the logic.
         if scenario is None:
             self.network.choose_logic(LogicChoice())
         self._engine: Engine | None = None
         self._ports: dict[str, _Port] = {}
+        # Of groups that share a place, only the first one is there at the start.
         self.away = {
             self.plan.subdevice_names[group.first_subdevice + number]
             for group in self.records.groups
@@ -171,9 +173,11 @@ class ScenarioRun(abc.ABC):
         for number in range(group.subdevice_count):
             member = self.plan.subdevice_names[group.first_subdevice + number]
             self._set_present(member, present)
+            # A device that is plugged in starts from power-up.
             if present and member in self.network.devices:
                 self.network.devices[member].power_cycle()
             (self.away.discard if present else self.away.add)(member)
+        # After all members have changed: the logic must not see half a group.
         self._tell_logic()
 
     def _tell_logic(self) -> None:

@@ -220,12 +220,14 @@ def run_virtual(
     bus = None if capture is None else BusCapture(capture, session.core, session.records)
     cycle_ns = session.cycle_ns
     cycles = max(1, duration_ns // cycle_ns)
+    # Looked up once: this loop runs a million times.
     cycle, step = session.core.cycle, session.step_devices
     now_ns = 0
     try:
         for number in range(1, cycles + 1):
             now_ns = number * cycle_ns
             cycle(now_ns)
+            # After the cycle and before the devices answer: these are the frames of this cycle.
             if bus is not None:
                 bus.cycle(now_ns)
             if incidents is not None:

@@ -41,6 +41,7 @@ def choose_setups(resolution: Resolution) -> list[FsoeSetup]:
         PduSizeError: A frame has a length that FSoE has not.
     """
     rows = resolution.connections
+    # Stated numbers are reserved before any is chosen: a later connection may state a low one.
     used_ids = {c.stated.connection_id for c in rows}
     used_addresses = {c.stated.address for c in rows}
     ids = (n for n in range(1, 0x10000) if n not in used_ids)
@@ -62,6 +63,7 @@ def choose_setups(resolution: Resolution) -> list[FsoeSetup]:
                     safe_in_bytes=safe_data_length(connection.to_main.transfer.size_bytes),
                     app_parameters=stated.app_parameters,
                 ),
+                # Chosen values are reported, because the real device has others.
                 chosen=tuple(name for name in names if getattr(stated, name) is None),
             )
         )

@@ -168,11 +168,15 @@ class EmulatedAxis:
 
     def _transitions(self, standing: bool, has_safety: bool, operational: bool) -> None:
         power, before = self.power, self.power.state
+        # A drive that leaves OP with torque on has lost its controller, which is a fault in CiA
+        # 402.
         if not operational and power.has_torque and before is not PdsState.FAULT_REACTION:
             power.trip(FaultCode.COMMUNICATION)
         self._safe_stop = has_safety and self.safe.stopping
+        # Option codes 5 to 8 of 0x605A: the drive stays in Quick stop active.
         power.stays_stopped = self.objects.value(0x605A) >= 5
         power.step(self.controlword, standing=standing, safe_stop=self._safe_stop)
+        # After the transition: torque that a safety function takes must win over any command.
         self._torque_taken = has_safety and self.safe.torque_off
         if self._torque_taken:
             power.take_torque(FaultCode.STO if self.setup.sto_is_fault else 0)
@@ -238,15 +242,18 @@ class EmulatedAxis:
     def _watch(self, step_s: float) -> None:
         """Following error, and limit switches."""
         servo, objects = self.context.servo, self.objects
+        # Window 0 switches the supervision off.
         window = objects.value(0x6065) / self.context.counts_per_rad
         if self._mode.watches_error and window > 0 and abs(servo.error) > window:
             self._error_ns += round(step_s * 1e9)
+            # Only an error that lasts longer than the time-out of 0x6066 is a fault.
             if self._error_ns > objects.value(0x6066) * 1_000_000:
                 self._fault(FaultCode.FOLLOWING_ERROR)
         else:
             self._error_ns = 0
         low, high, _ = self.context.switches
         speed = servo.plant.speed
+        # Only motion towards the switch is a fault; otherwise the axis could not leave it.
         outwards = (low and speed < -_AT_REST) or (high and speed > _AT_REST)
         if outwards and self._mode.minds_switches:
             self._fault(FaultCode.POSITION_LIMIT)
@@ -284,6 +291,7 @@ class EmulatedAxis:
 
     def _statusword(self) -> int:
         word = self.power.state.value | _VOLTAGE | _REMOTE
+        # Bit 11 is valid only while there is torque to limit.
         word |= _LIMIT_ACTIVE * (self.power.has_torque and self.context.servo.limited)
         if self.power.state is not PdsState.OPERATION_ENABLED:
             return word

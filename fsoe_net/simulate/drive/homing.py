@@ -79,14 +79,17 @@ class Homing(ModeBase):
         on = c.switches[self._switch]
         fast, slow = abs(c.rad(0x6099, 1)), abs(c.rad(0x6099, 2))
         if self._phase is _Phase.SEEK:
+            # The end of travel before the switch: this homing method cannot succeed.
             if not on:
                 end = c.switches[_POSITIVE if towards > 0 else _NEGATIVE]
                 self._phase = _Phase.FAILED if end else _Phase.SEEK
                 return 0.0 if end else towards * fast
+            # From the switch the axis first leaves it, so that the edge is found at low speed.
             self._phase = _Phase.LEAVE
         if self._phase is _Phase.LEAVE:
             if on:
                 return -towards * slow
+            # The method wants the edge from the other side: it is approached once more.
             if self._passing != towards:
                 return self._found()
             self._phase = _Phase.APPROACH

@@ -246,10 +246,14 @@ class ProfilePosition(ModeBase):
 
     def command(self, controlword: int, passed_s: float) -> None:
         """Take a new set-point."""
+        # A set-point counts on the rising edge of bit 4 and after the last one was acknowledged
+        # (CiA 402).
         new = bool(controlword & _NEW_SET_POINT)
         if new and not self._was_new and not self._acknowledged:
             self._take(controlword)
         self._was_new = new
+        # The acknowledge bit falls when bit 4 has fallen and a buffer for the next set-point is
+        # free.
         if not new and self._next is None:
             self._acknowledged = False
 

@@ -70,8 +70,10 @@ def command_of(controlword: int) -> PowerCommand:
     quick stop   0 x 0 1 x
     ```
     """
+    # While fault reset is set, the other bits are not a command.
     if controlword & _FAULT_RESET:
         return PowerCommand.NONE
+    # From the strongest to the weakest command: bits 1 and 2 are active when low.
     if not controlword & 2:
         return PowerCommand.DISABLE_VOLTAGE
     if not controlword & 4:
@@ -136,12 +138,14 @@ class PowerSystem:
             safe_stop: A safety function stops it: Quick stop active without a command.
         """
         reset = bool(controlword & _FAULT_RESET)
+        # Bit 7 acts on its rising edge: held down, it must not clear each new fault.
         edge, self._was_reset = reset and not self._was_reset, reset
         if self.state is PdsState.NOT_READY:
             self.state = PdsState.SWITCH_ON_DISABLED  # 1
         elif self.state is PdsState.FAULT:
             if edge:
                 self.state, self.error_code = PdsState.SWITCH_ON_DISABLED, 0  # 15
+        # The drive first brakes; the state Fault means that there is no torque.
         elif self.state is PdsState.FAULT_REACTION:
             if standing:
                 self.state = PdsState.FAULT  # 14
@@ -152,9 +156,12 @@ class PowerSystem:
         state = self.state
         new = _TRANSITIONS.get((state, command), state)
         if state is PdsState.OPERATION_ENABLED:
+            # A safety function stops the axis without a command; only a stronger command goes
+            # beyond.
             if safe_stop and new is state:
                 new = PdsState.QUICK_STOP
             self.disabling = command is PowerCommand.SWITCH_ON
+            # The ramp of `disable operation` ends at standstill (option code 0x605C).
             if self.disabling and standing and new is state:
                 new = PdsState.SWITCHED_ON  # 5
         elif state is PdsState.QUICK_STOP and new is state and not safe_stop and standing:
@@ -179,6 +186,7 @@ class PowerSystem:
         Args:
             error_code: Error code if this is a fault while the axis is controlled; 0: not a fault.
         """
+        # The first error stays: it is the cause, later ones follow from it.
         if self.state is PdsState.FAULT_REACTION or (self.has_torque and error_code):
             self.error_code = self.error_code or error_code
             self.state = PdsState.FAULT

@@ -77,13 +77,16 @@ class SafeDrive:
             standing: The ramp that stops the axis is at its end.
         """
         self._now_ns = now_ns
+        # Supervision first: a violation in this step must stop the axis in this step.
         self._watch(demand, speed)
+        # STO acts at once and outweighs a ramp.
         if demand.sto:
             self._stop = _Stop.OFF
         elif demand.ss1 or self.violated:
             if self._stop is _Stop.NO:
                 self._stop, self._stopping_since_ns = _Stop.RAMP, now_ns
             elif self._stop is _Stop.RAMP and (
+                # SS1 ends at standstill or after its time, whichever comes first.
                 standing or now_ns - self._stopping_since_ns >= self.ss1_ns
             ):
                 self._stop = _Stop.OFF
@@ -93,9 +96,11 @@ class SafeDrive:
     def _watch(self, demand: SafeDemand, speed: float) -> None:
         edge = demand.acknowledge and not self._was_acknowledged
         self._was_acknowledged = demand.acknowledge
+        # An edge: a button that is held would acknowledge each violation.
         if demand.sto or edge:
             self.violated = False
         limit = min(demand.sls_speeds, default=None)
+        # A lower limit gives the axis time to brake before it is watched.
         if limit is not None and (self._limit is None or limit < self._limit):
             self._limit_since_ns = self._now_ns
         self._limit = limit

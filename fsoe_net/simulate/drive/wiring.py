@@ -44,6 +44,7 @@ class WiredAxis:
             for name, signal in port.sends.items()
             if signal.index - self._base in self._profile
         ]
+        # In the drive, 0 reports that a function does not act; nothing acts before the first step.
         for port, name, *_ in self._reports:
             port.reported[name] = 0
         self.configure(axis.setup, None)
@@ -76,6 +77,7 @@ class WiredAxis:
         self._sto, self._ss1 = named((setup.sto,), _STO), named((setup.ss1,), _SS1)
         self._sls = named(setup.sls, _SLS)
         speeds = [rpm / 60 * math.tau for rpm in setup.sls_rpm]
+        # Fewer speeds than limits: the last one holds for the rest.
         self._speeds = [speeds[min(n, len(speeds) - 1)] for n in range(len(self._sls))]
         self.axis.configure(setup)
 
@@ -84,6 +86,7 @@ class WiredAxis:
 
         Without valid data from its own MainInstance a drive takes the torque off.
         """
+        # A drive without safety functions has torque whenever its controller commands it.
         if not (self._own or self._sto or self._ss1 or self._sls):
             return None
         valid = all(p.instance.state is State.DATA and p.instance.data_valid for p in self._own)
@@ -106,6 +109,7 @@ class WiredAxis:
         if index == _STO:
             return safe.torque_off
         if index == _SS1:
+            # SS1 has ended when the torque is off, and stays reported while it is demanded.
             return safe.stopping or (safe.torque_off and _is_demanded(self._ss1))
         if index == _SLS:
             return safe.limit_watched and self._is_limited(subindex)
