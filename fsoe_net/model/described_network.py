@@ -25,6 +25,7 @@ def describe(network: NetworkConfig) -> Description:
         InputError: It has several buses, masters or groups, a SubDevice has no device description,
             a transfer does not resolve, or a connection is unconfirmed or means no frames.
     """
+    # Refused, not left out: a file without the groups would look complete.
     if network.groups:
         raise InputError(
             f"{network.at('groups')}: this network has groups that may be absent, and no other "
@@ -44,6 +45,7 @@ def describe(network: NetworkConfig) -> Description:
             DescribedSubDevice(
                 span=sub.span,
                 name=sub.name,
+                # A position that counts from an alias has no meaning in other formats.
                 position=sub.position if not sub.alias else None,
                 alias=sub.alias,
                 device=sub.device,
@@ -51,6 +53,7 @@ def describe(network: NetworkConfig) -> Description:
             )
         )
     resolution = resolve(network)
+    # A connection that was not expanded has no transfers, which the written file would then lack.
     for trouble in resolution.troubles:
         place = trouble.facts.span
         raise InputError(f"{place}: {trouble.obstacle.value}; run fsoe-net check first")

@@ -85,21 +85,25 @@ def detect_fsoe(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeGuess,
     Returns:
         Frames by rising offset; they do not overlap.
     """
+    # Files of unknown origin: the search grows with the square of the entries.
     if len(placed) > _MAX_ENTRIES:
         return ()
     starts = {p.bit_offset: n for n, p in enumerate(placed)}
     blocks = find_blocks(placed, sm)
     taken = [(8 * b.byte_offset, 8 * b.end_byte) for b in blocks]
     guesses = [_weigh(placed, starts, block, one_index=not block.likely) for block in blocks]
+    # Only gaps between sure frames: a doubtful frame must not overlap one.
     for command in placed:
         if any(low <= command.bit_offset < high for low, high in taken):
             continue
+        # A frame cannot continue into the next one.
         room = next((low for low, _ in sorted(taken) if low > command.bit_offset), None)
         end = placed[-1].end_bit if room is None else room
         guess = _by_names(placed, starts, command, sm, end)
         if guess is not None:
             guesses.append(guess)
             taken.append((8 * guess.block.byte_offset, 8 * guess.block.end_byte))
+    # A weak guess that structure supports stays, so that a person decides.
     found = (g for g in guesses if g.score >= _LEAST or not g.block.likely)
     return tuple(sorted(found, key=lambda g: g.block.byte_offset))
 
@@ -113,6 +117,7 @@ def near_misses(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeNearMi
     """
     held = [(8 * g.block.byte_offset, 8 * g.block.end_byte) for g in detect_fsoe(placed, sm)]
     found: list[FsoeNearMiss] = []
+    # Names without structure: a half-finished mapping that a person has to complete.
     for pdo, rows in _by_pdo(placed):
         inside = any(low <= r.bit_offset < high for r in rows for low, high in held)
         has_crc = any(_CRC.search(r.entry.name) for r in rows)
@@ -173,6 +178,7 @@ def _weigh(
 ) -> FsoeGuess:
     command = placed[starts[8 * block.byte_offset]]
     end_bit = 8 * block.end_byte
+    # The longest reading of the frame: a shorter one would count CRCs as data.
     words = max(frames_at(placed, starts, command, end_bit), key=len)
     index = command.entry.index
     score, most = 40, 100
@@ -182,6 +188,7 @@ def _weigh(
     ]
     doubts: list[str] = []
     others = [w.entry for w in words if w.entry.index != index]
+    # One index for all is the mark of the profile; neighbours occur in some maps.
     if one_index:
         score += 30
         reasons.append(f"command, CRC and connection ID are on object 0x{index:04x}")
@@ -196,6 +203,7 @@ def _weigh(
     else:
         doubts.append(f"object 0x{index:04x} is outside 0x6000 … 0x7fff and 0xe600 … 0xe7ff")
     inside = _inside(placed, command, words, block)
+    # Padding only is what a tool writes before a safety project exists.
     if any(not e.is_gap for e in inside):
         score += 5
         reasons.append("the safe data are on objects of their own")
@@ -231,12 +239,15 @@ def _names(command: Placed, words: list[Entry], inside: list[Entry]) -> tuple[in
     if not named:
         return 0, []
     every = [command.pdo.name, *named, *(e.name for e in inside)]
+    # Names are written by people, so that they support but do not decide.
     speaking = [n for n in checks if _CRC.search(n) or _CONNECTION.search(n)]
     speaking += [n for n in every if _FSOE.search(n)]
+    # A lone name "command" is usual for FSoE.
     if len(named) == 1 and _COMMAND.search(named[0]):
         speaking.append(named[0])
     if speaking:
         return 10, [f"names speak of FSoE, such as {speaking[0][:40]!r}"]
+    # Names that speak of something else are strong evidence against it.
     return -40, [f"no name speaks of FSoE, CRC or connection: {', '.join(named[:3])[:80]}"]
 
 

@@ -45,6 +45,7 @@ def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
     sides: dict[Direction, dict[int, tuple[int, Placed]]] = {side: {} for side in Direction}
     for sm in layout.managers:
         for placed in sm.placed:
+            # Inside an FSoE frame the same index belongs to the safety profile.
             if placed.entry.is_gap or sm.sm.direction is None or sm.block_at(placed.bit_offset):
                 continue
             found = sides[sm.sm.direction]

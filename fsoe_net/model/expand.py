@@ -185,6 +185,7 @@ class _NetCases:
         made = tuple(transfer for case in self.cases for transfer in case.made)
         return replace(
             net,
+            # The main is written down, so that later readers need not derive it once more.
             safety_master=net.safety_master or self.main,
             transfers=net.transfers + made,
             connections=tuple(case.facts for case in self.cases),
@@ -221,6 +222,7 @@ class _Expander:
         self._nets = [_NetCases(net=net) for net in network.nets]
         self._used: dict[_Frame, Located] = {}
         for row in rows:
+            # Only FSoE transfers connect two ends; standard data may have the same SubDevices.
             if row.transfer.kind is TransferKind.FSOE:
                 self._nets[row.net_number].rows.append(row)
             for end in (row.source, row.destination):
@@ -232,6 +234,7 @@ class _Expander:
         for group in self._nets:
             group.cases = [self._case(group, facts) for facts in group.net.connections]
         requests = [(c, c.request) for g in self._nets for c in g.cases if c.request is not None]
+        # All requests are known before one is made: two of them may compete for one frame.
         reserved = self._reserved([request for _, request in requests])
         for case, request in requests:
             self._make(case, request, reserved)
@@ -277,10 +280,13 @@ class _Expander:
         if not between:
             return False
         wanted = self._stated_frames(facts)
+        # Slots decide where a SubDevice has several frames; without them, any transfer is meant.
         if wanted is None:
             return True
         for row in between:
             for end in (row.source, row.destination):
+                # A transfer that does not resolve has no frame: it is taken as the stated one, to
+                # avoid a second error.
                 if end.block is None or (end.endpoint.module, end.block.key) in wanted:
                     return True
         return False
@@ -303,6 +309,8 @@ class _Expander:
             _Refusal: It cannot mean anything.
         """
         for key, name in (("main", facts.main), ("sub", facts.sub)):
+            # A partial network lacks SubDevices on purpose; their absence is not an error of the
+            # connection.
             if name not in self._by_name and self._network.partial:
                 return None
             if name not in self._by_name:
@@ -315,13 +323,16 @@ class _Expander:
         if main_name != facts.main:
             raise _Refusal(Obstacle.NOT_MAIN, "main", name=main_name, other=said)
         main, sub = self._by_name[facts.main], self._by_name[facts.sub]
+        # Without a device file there is already a finding; a second one would only distract.
         if main.device is None or sub.device is None:
             return None
+        # Copies across separate buses are not possible.
         if not self._network.has_way(main, sub):
             raise _Refusal(Obstacle.MASTERS, "sub")
         request = _Request(facts=facts, main=main, sub=sub)
         ours = self._eligible(main, facts.slot, "main", "slot")
         theirs = self._eligible(sub, facts.sub_slot, "sub", "sub_slot")
+        # Equal lengths in both directions are all that the layout can show.
         request.couples = [(one, two) for one, two in product(ours, theirs) if one.fits(two)]
         if not request.couples:
             raise _Refusal(
@@ -336,11 +347,14 @@ class _Expander:
         """Return the MainInstance of a net and its source; no name if that is wrong itself."""
         net = group.net
         if net.safety_master is not None:
+            # A MainInstance that does not exist is reported for the net.
             there = net.safety_master in self._by_name
             return net.safety_master if there else None, net
+        # Without a stated master, the SubDevice that all transfers share is the MainInstance.
         ends = [{row.transfer.source.module, row.transfer.destination.module} for row in group.rows]
         shared = set.intersection(*ends) if ends else set()
         known = [c for c in net.connections if c.main in self._by_name]
+        # A connection that fits the transfers is a better source than the first one.
         first = next((c for c in known if not ends or c.main in shared), known[0])
         if group.main is None:
             group.main = shared.pop() if len(shared) == 1 else first.main
@@ -360,6 +374,7 @@ class _Expander:
         if slot is not None:
             if slot >= len(pairs):
                 raise _Refusal(Obstacle.NO_SLOT, slot_key, pairs=pairs, name=sub.name)
+            # Two frames of a slot that do not belong together cannot make a connection.
             if not pairs[slot].matched:
                 raise _Refusal(Obstacle.UNMATCHED, slot_key, pairs=(pairs[slot],), name=sub.name)
             return [pairs[slot]]
@@ -388,6 +403,7 @@ class _Expander:
         def user(frame: _Frame, *, early: bool) -> Located | None:
             """Return the user of the frame; ``early``: also consider earlier connections."""
             used = self._used.get(frame)
+            # Transfers are stated, connections are made here: at first only stated use counts.
             if used is not None and (early or isinstance(used, Transfer)):
                 return used
             others = [f for f in reserved.get(frame, ()) if f is not request.facts]
@@ -396,9 +412,11 @@ class _Expander:
         unused = (
             c for c in request.couples if not any(user(f, early=False) for f in request.frames(c))
         )
+        # Enough for a message; a large network has thousands of combinations.
         free = list(islice(unused, _MOST_NAMED)) or request.couples[:1]
         if len(free) > 1:
             raise _several(request, free)
+        # A frame that an earlier connection has taken is reported with that connection.
         for frame in request.frames(free[0]):
             other = user(frame, early=True)
             if other is not None:

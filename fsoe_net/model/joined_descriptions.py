@@ -62,6 +62,7 @@ def _joined(first: Description, other: Description, notes: list[str]) -> Descrip
     places = {p: n for n, s in enumerate(subs) if (p := _place(s)) is not None}
     numbers: dict[int, int] = {}
     for number, sub in enumerate(other.subdevices):
+        # Without a position two SubDevices cannot be recognised as the same one.
         place = _place(sub)
         if place is None:
             notes.append(f"{other.path}: {_shown(sub)} has no place in the ring; it is left out")
@@ -70,6 +71,7 @@ def _joined(first: Description, other: Description, notes: list[str]) -> Descrip
             subs[places[place]] = _filled(subs[places[place]], sub, other.path)
         else:
             numbers[number] = places[place] = len(subs)
+            # A description may know only a part of the bus.
             subs.append(sub)
     return replace(
         first,
@@ -104,6 +106,7 @@ def _joined_connections(
 ) -> tuple[DescribedConnection, ...]:
     """Return the connections of the first description that has some."""
     if first.connections:
+        # Connections of two sources are not mixed: half of each would fit neither safety project.
         if other.connections:
             notes.append(f"{other.path}: its connections are left out; {first.path} has some")
         return first.connections
@@ -152,8 +155,10 @@ def _refuse_another_type(sub: DescribedSubDevice, other: DescribedSubDevice, pat
 
 def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> DescribedSubDevice:
     """Return the SubDevice with the additional facts of the other one."""
+    # Before anything is filled in: two device types in one place mean two different buses.
     _refuse_another_type(sub, other, path)
     device = sub.device
+    # A layout is taken as a whole: parts of two layouts would shift each other.
     if not has_layout(device) and has_layout(other.device):
         device = replace(
             other.device,
@@ -208,6 +213,7 @@ def fill_devices(bus: Description, types: Sequence[Description], notes: list[str
         if not same:
             subs.append(sub)
             continue
+        # The exact revision has the layout of this device; another one is a hint only.
         exact = [r for r in same if r[0].revision == sub.revision]
         row, path = (exact or same)[0]
         if has_layout(sub.device):

@@ -200,6 +200,8 @@ class DeviceLayout:
                     continue
                 key = (placed.entry.index, placed.entry.subindex)
                 places = found.get(key, ())
+                # In each direction the first place counts, because the IgH master looks it up in
+                # that way.
                 if all(place.sm.sm.direction is not sm.sm.direction for place in places):
                     place = EntryPlace(sm, placed, sm.block_at(placed.bit_offset))
                     found[key] = (*places, place)
@@ -212,6 +214,7 @@ class DeviceLayout:
         Frames after a PDO whose layout is not known offline have no number.
         """
         inputs, outputs = (self._numbered(way) for way in (Direction.INPUT, Direction.OUTPUT))
+        # Without numbered partners, equal counts on both sides are what makes order a proof.
         even = len(inputs) == len(outputs)
         with_partner = {*self.partners, *self.partners.values()}
         rows = []
@@ -219,6 +222,8 @@ class DeviceLayout:
             matched = sends is not None and takes is not None
             if sends is not None and takes is not None:
                 partner = self.partners.get(takes.key)
+                # Partners by index win over the order; a lone frame joins only where no other
+                # claims it.
                 matched = partner == sends.key or (
                     even and partner is None and sends.key not in with_partner
                 )
@@ -269,6 +274,7 @@ def _place(device: Device, sm: SyncManager, number: int) -> SmLayout:
     behind = 0
     for pdo in pdos:
         if not pdo.entries and known_bits is None:
+            # From the first PDO without entries on, no offset is known offline.
             known_bits = behind
         behind += pdo.bits
     return SmLayout(
@@ -287,6 +293,7 @@ def _partners(managers: tuple[SmLayout, ...]) -> dict[tuple[int, int], tuple[int
     inputs = {b.command.index: b for b in blocks if b.direction is Direction.INPUT}
     pairs: dict[tuple[int, int], tuple[int, int]] = {}
     for out in (b for b in blocks if b.direction is Direction.OUTPUT):
+        # Distances of indices in the FSoE profiles: outputs are above their inputs.
         for distance in (0x1000, 0x100, 0x10):
             partner = inputs.get(out.command.index - distance)
             if partner is not None:
@@ -312,6 +319,7 @@ def find_blocks(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeBlock,
     free_from = 0
     for number, place in enumerate(placed):
         if place.bit_offset < free_from or not _can_be_command(place):
+            # Frames do not overlap: inside of one, an entry that looks like a command is data.
             continue
         block = _block_at(placed, starts, number, sm)
         if block is not None:
@@ -359,6 +367,7 @@ def _matches(
     checks = [w.entry for w in words]
     index = command.entry.index
     same = [e.index == index for e in checks]
+    # A frame that reads one object twice is not what a device maps.
     if not _subindices_differ(command.entry, checks):
         return None
     if all(same):

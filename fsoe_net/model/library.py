@@ -151,6 +151,7 @@ def contradictions(device: LibraryDevice) -> list[tuple[Located, str]]:
     FSoE allows, and each output frame needs its partner.
     """
     found: list[tuple[Located, str]] = []
+    # A role at the device and roles at its mappings would contradict each other.
     if bool(device.role) is bool(device.mappings):
         found.append(
             (device, "a role stands at the device where it has no mapping, and only there")
@@ -173,6 +174,7 @@ def _frames(device: LibraryDevice, mapping: LibraryMapping) -> list[tuple[Locate
     stated = {(f.sm_index, f.byte_offset): f for f in mapping.frames}
     layout = mapping.device(device.identities[0], "").layout
     seen = {b.key: b for sm in layout.managers for b in sm.blocks}
+    # Found and not stated: the figures of this frame would be missing.
     for key in sorted(seen.keys() - stated.keys()):
         at = f"byte {key[1]} of sync manager {key[0]}"
         found.append((mapping, f"the entries have a frame at {at} that is not stated"))
@@ -184,9 +186,11 @@ def _frames(device: LibraryDevice, mapping: LibraryMapping) -> list[tuple[Locate
             continue
         if block.frame_bytes != frame.frame_bytes:
             found.append((frame, f"{at}: {frame.frame_bytes} bytes, {block.frame_bytes} by entry"))
+        # The number of safe bytes follows from the frame length; a stated one must agree.
         elif safe_data_length(frame.frame_bytes) != frame.safe_bytes:
             right = safe_data_length(frame.frame_bytes)
             found.append((frame, f"{at}: {frame.safe_bytes} safe bytes, FSoE has {right} in it"))
+        # An output frame without its partner cannot make a connection.
         if block.direction is Direction.OUTPUT and key not in layout.partners:
             found.append((frame, f"{at}: no frame in the other direction belongs to it"))
     found += _restart(mapping, layout)

@@ -73,10 +73,12 @@ def fill_from_library(
         library: The devices.
         answers: May say which mapping it is.
     """
+    # A layout from the user's files is never replaced by one of the library.
     known = None if has_layout(sub.device) else library_device(sub, library)
     answer = answers.process_data.get(name)
     if known is None:
         return LibraryFill(sub=sub)
+    # A revision can rule out mappings, so that fewer are left to ask about.
     fitting = _fitting(sub, known)
     if answer is not None:
         chosen = [m for m in known.mappings if m.name.casefold() == answer.text.casefold()]
@@ -94,6 +96,7 @@ def fill_from_library(
                 *(() if known.mappings else known.notes),
             ),
         )
+    # Several fit: only a person knows the safety project.
     question = Question(
         ask=Ask.PROCESS_DATA,
         subject=name,

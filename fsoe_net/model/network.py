@@ -161,11 +161,13 @@ class NetworkConfig(Located):
             return ()
         places: dict[str, list[str]] = {}
         for group in self.groups:
+            # Groups of one place exclude each other; a group without a place is its own place.
             places.setdefault(f"place {group.place}" if group.place else group.name, []).append(
                 group.name
             )
         rows = itertools.product(*(["", *names] for names in places.values()))
         found = (tuple(filter(None, row)) for row in rows)
+        # The number of combinations grows exponentially.
         return tuple(itertools.islice(found, MOST_COMBINATIONS))
 
     def has_way(self, source: SubDevice, destination: SubDevice) -> bool:

@@ -107,6 +107,7 @@ def pair_by_lengths(
         doubtful: Pairs whose participation, or end, is unknown; nothing is paired where they could
             take part.
     """
+    # A doubtful pair may take either role: both orders of its lengths are blocked.
     unknown = {p.lengths for p in doubtful} | {p.lengths[::-1] for p in doubtful}
     settled: list[tuple[PairEnd, PairEnd]] = []
     rows: list[OpenPair] = []
@@ -114,9 +115,11 @@ def pair_by_lengths(
     for sub in subs:
         slots = tuple(m for m in mains if m.fits(sub))
         rivals = tuple(s for s in subs if s.lengths == sub.lengths and s is not sub)
+        # Settled only if nothing else of these lengths is left on either side.
         if len(slots) == 1 and not rivals and sub.lengths not in unknown:
             settled.append((slots[0], sub))
             continue
+        # In turn: equal SubInstances would otherwise all be proposed for the first slot.
         turn = given.get(sub.lengths, 0)
         given[sub.lengths] = turn + 1
         rows.append(

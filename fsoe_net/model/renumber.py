@@ -23,6 +23,7 @@ def renumbered_copies(bus: Description, other: Description) -> tuple[DescribedCo
     """
     places = {s.position: n for n, s in enumerate(other.subdevices)}
     numbers = [_partner(sub, places, other) for sub in bus.subdevices]
+    # Copies of SubDevices that the other description lacks would be lost without a word.
     missing = set(range(len(other.subdevices))) - set(numbers)
     for copy in other.copies:
         if {copy.source.subdevice, copy.destination.subdevice} & missing:

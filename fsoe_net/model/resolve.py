@@ -92,6 +92,7 @@ class Resolution:
 def resolve(network: NetworkConfig) -> Resolution:
     """Work out layouts, transfer ends and connections of a network. Never raises."""
     by_name: dict[str, SubDevice] = {}
+    # With a duplicate name the first one counts; the rule of names reports the second.
     for sub in network.subdevices:
         by_name.setdefault(sub.name, sub)
     stated = [len(net.transfers) for net in network.nets]
@@ -99,6 +100,7 @@ def resolve(network: NetworkConfig) -> Resolution:
     expansion = expand(network, transfers, by_name)
     if expansion.network is not network:
         network = expansion.network
+        # Made transfers are resolved like stated ones, so that all rules see them.
         transfers = _transfers(network, by_name, stated)
     pairing = _Pairing(by_name)
     per_net: list[_Rows] = [[] for _ in network.nets]
@@ -219,6 +221,7 @@ class _Pairing:
         ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
         groups = _by_partner(rows, main_instance_of(net, ends))
         stated: dict[tuple[str, str], _Stated] = {}
+        # A connection that could not be expanded has no frames; its own trouble was reported.
         for number, fact in enumerate(net.connections):
             if (net_number, number) not in left_out:
                 stated.setdefault((fact.main, fact.sub), {})[number] = fact
@@ -229,6 +232,7 @@ class _Pairing:
             facts = self._assign(net_number, net, stated.pop((main, sub), {}), couples)
             if main in self._by_name and sub in self._by_name:
                 self._connect(net_number, net, main, sub, couples, facts)
+        # Facts that no transfer belongs to: most often a typing error in a name.
         for facts_of_pair in stated.values():
             self.unmatched += [
                 UnmatchedFacts(net_number=net_number, net=net, facts=f)
@@ -247,6 +251,7 @@ class _Pairing:
             # Frames without a number are a fallback.
             meant = [n for n in meant if couples[n].slots or fact.slot is None] or meant
             free = [n for n in meant if n not in taken]
+            # Two connections claim one frame pair: the second one is reported with its twin.
             if not free:
                 twin = stated[taken[meant[0]]] if meant else None
                 self.unmatched.append(

@@ -58,6 +58,7 @@ def element_frames(
     if element.kind not in (ElementKind.INPUT, ElementKind.OUTPUT) or not element.sub:
         return ()
     logic = {e.sub for e in function.elements if e.kind is ElementKind.LOGIC and e.sub}
+    # Inside of the logic the signal does not cross the bus.
     if element.sub in logic:
         return ()
     found = []

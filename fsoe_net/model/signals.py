@@ -71,9 +71,11 @@ def signals_of(
             continue
         start = _safe_bit(placed.bit_offset - 8 * byte_offset, frame_bytes)
         end = _safe_bit(placed.end_bit - 1 - 8 * byte_offset, frame_bytes)
+        # An entry across a CRC has no place in one piece and cannot be named.
         if start is None or end is None or end - start != entry.bits - 1:
             continue
         name = f"{subdevice}.{entry.address}"
+        # A repeated object: the driver reads the first place.
         found.setdefault(
             name,
             Signal(

@@ -92,13 +92,16 @@ def find_end(endpoint: Endpoint, sub: SubDevice | None, wanted: Direction) -> Re
     layout = sub.layout
     if layout is None:
         return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=Miss.DEVICE)
+    # Index 0 is padding in ETG.1000 and has no name.
     if endpoint.index == 0:
         return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=Miss.GAP)
     found = layout.by_address.get((endpoint.index, endpoint.subindex))
     if found is None:
+        # In an incomplete layout the entry may exist; this is not an error of the name.
         complete = all(sm.complete for sm in layout.managers)
         miss = Miss.ENTRY if complete else Miss.LAYOUT
         return ResolvedEnd(endpoint=endpoint, subdevice=sub, miss=miss)
+    # An object can be mapped in both directions.
     right = (place for place in found if place.sm.sm.direction is wanted)
     sm, placed, block = next(right, found[0])
     return ResolvedEnd(

@@ -59,8 +59,10 @@ def wiring_of(scan: Scan) -> Wiring | None:
     cables = [Cable(position=0, parent=None, port=0)]
     open_ends = _ends(subdevices[0])
     for sub in subdevices[1:]:
+        # More SubDevices than open ports: a link was not read.
         if not open_ends:
             return None
+        # The last open end: frames return from the deepest branch first.
         parent, port = open_ends.pop()
         cables.append(Cable(position=sub.position, parent=parent, port=port))
         open_ends += _ends(sub)
