@@ -42,10 +42,12 @@ def _watched(scene: Scene, cycles: int) -> Fault:
 
 
 def _forge(rng: random.Random, scene: Scene, plain: Forge) -> Forge:
+    # The shares are even, except that a wrong ConnID is the most frequent error of a relay.
     due, kind = scene.frame[0], below(rng, 12)
     if kind < 3:
         return replace(plain, connection_id=_other_id(rng, scene, alone=kind > 0))
     if kind < 6:
+        # Within Data, the two data commands are both allowed: exchanging them is another class.
         others = [
             row for row in Command if row != due and not {due, int(row)} <= set(DATA_COMMANDS)
         ]
@@ -53,12 +55,14 @@ def _forge(rng: random.Random, scene: Scene, plain: Forge) -> Forge:
     if kind == 6:
         known = set(Command)
         return replace(plain, command=rng.choice([row for row in range(256) if row not in known]))
+    # The frame after the next fits in all but its number.
     if kind == 7:  # the frame that would be right after the one due, with its data or with others
         return replace(plain, ahead=1, turned=rng.choice((0, 1 << below(rng, _turnable(scene)))))
     if kind == 8:
         return replace(plain, ahead=rng.choice((-1, 2, 0x7FFF)))
     if kind == 9:
         return replace(plain, spoiled=rng.getrandbits(16) or 1)
+    # A valid Reset or Session with a wrong CRC must not restart an end.
     if kind == 10 or scene.in_data:
         command = rng.choice((int(Command.RESET), int(Command.SESSION)))
         wrong = rng.choice((0, 0, 1, 0x8000))

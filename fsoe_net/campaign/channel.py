@@ -102,6 +102,7 @@ class Application:
     def at(self, way: Way, cycle: int, size: int) -> tuple[bytes, bool]:
         """Return the data sent this way in this cycle, and whether ProcessData may be sent."""
         turn = 0 if self.constant else 2 * cycle
+        # A hash of cycle and way: the same data in each run, without the memory of a generator.
         x = ((turn + way + self.key) * 0x9E3779B97F4A7C15) & _MASK
         x = ((x ^ x >> 31) * 0xBF58476D1CE4E5B9) & _MASK
         x ^= x >> 29
@@ -109,6 +110,7 @@ class Application:
         if size > 8:
             data *= -(-size // 8)
         share = 0 if self.constant else self.fail_safe_share
+        # The application takes its release back: from then on, no end may send ProcessData.
         if self.withdrawn_from is not None and cycle >= self.withdrawn_from:
             return data[:size], False
         return data[:size], not share or (x >> 8) % share != 0
@@ -247,9 +249,11 @@ class Channel:
         """Let one end step; return the image it saw and the frame it sent, if that is a new one."""
         way, cycle = self.way, self.cycle
         image = self.image(way, cycle)
+        # Faults in their order: a torn copy of a delayed frame differs from a delayed torn one.
         for fault in self._faults:
             if fault.way is way:
                 image = fault.apply(self, image)
+        # Only a new image is a new situation; ends may be called any number of times with the same.
         if image != self._shown[way]:
             self._shown[way] = image
             feed = self._feed[way]
@@ -265,6 +269,7 @@ class Channel:
                 self._put(way, image, answer)
         table = self.tables[way]
         if table is not None and self.departed is None:
+            # After a departure the requirements of the table no longer apply.
             self._compare(way, table, image, answer)
         if way is Way.TO_MAIN:
             self.way = Way.TO_SUB
@@ -276,10 +281,12 @@ class Channel:
     def _enable(
         self, way: Way, feed: Callable[[bytes, bool | None], None], data: bytes, enabled: bool
     ) -> None:
+        # After this time the application is silent, as a crashed program is.
         hands_off = self.application.hands_off_from
         if hands_off is not None and self.cycle >= hands_off:
             feed(data, None)
             return
+        # Before Data the table forbids to enable.
         enable = enabled and self._in_data[way]
         feed(data, enable)
         table = self.tables[way]
@@ -317,12 +324,14 @@ class Channel:
             return 0
         now_ns, due = self.now_ns, []
         for way in Way:
+            # A foreign end does not state its watchdog: no cycle may be skipped.
             remaining = getattr(self.ends[way], "watchdog_remaining_ns", None)
             if remaining is None:
                 return 0
             left_ns = remaining(now_ns)
             if left_ns is not None:
                 due.append(self.cycle - (-left_ns // self.cycle_ns))
+            # A frame on its way arrives in one of the next cycles.
             if self.sent[way] and self.sent[way][-1][0] >= self.cycle:  # not shown yet
                 return 0
         due += [at for fault in self.faults if (at := fault.next_change(self)) is not None]
@@ -333,6 +342,7 @@ class Channel:
     def snapshot(self) -> tuple[Any, ...]:
         """Return the whole state, for `restore`; both ends must be able to fork."""
         return (
+            # Shallow copies: frames are bytes and never change, so that a snapshot is cheap.
             tuple(end.snapshot() for end in self.ends),  # type: ignore[attr-defined]
             (self.cycle, self.way, self.faults, self.base, self.application, self.departed),
             [(rows, len(rows)) for rows in self.sent + self.exchanges],

@@ -184,6 +184,8 @@ class _StartUp:
         self.spots: list[Spot] = []
         seen: set[Way] = set()
         exchanges = 20 + len(link.main.app_parameters)
+        # Longer than any exchange can take; a connection that is not in Data by then never gets
+        # there.
         limit = exchanges * (sum(link.delay_cycles) + _SLOW_CYCLES) + 5 * link.watchdog_cycles
         while len(seen) < len(Way):
             if channel.cycle > limit:
@@ -194,6 +196,7 @@ class _StartUp:
                     f"{link.main.watchdog_ms} ms must exceed an exchange, which takes "
                     f"{sum(link.delay_cycles) * link.cycle_ns / 1e6:g} ms"
                 )
+            # Each spot keeps a copy of both ends; their number is limited for the memory.
             spot = _spot_here(channel, fork=self.fork and len(self.spots) < _STARTUP_SPOTS)
             if spot is not None and spot.in_data:
                 seen.add(spot.way)
@@ -261,6 +264,7 @@ class RunSource:
         channel of an earlier scene is used up. With ``data_to`` always in state Data, before a
         frame of this direction.
         """
+        # Drawn before the branch: both kinds of ends take the same random numbers.
         in_data = data_to is not None or rng.random() >= startup_share
         if not self.forks:
             return self._run_to(number, in_data, rng, data_to)
@@ -300,7 +304,9 @@ class RunSource:
             channel.application, key=rng.getrandbits(63), constant=_is_constant(number)
         )
         if self._own:
+            # Our own ends can start with any sequence number, so that its wrap is tried as well.
             self._renumber(rng, near=number % 4 == 0)
+            # Old frames are not needed for faults and would be copied with each spot.
             channel.forget(_KEEP)
         spots: list[Spot] = []
         while len(spots) < _DATA_SPOTS:
@@ -343,6 +349,7 @@ class RunSource:
 
     def _run_to(self, number: int, in_data: bool, rng: random.Random, data_to: Way | None) -> Scene:
         """Bring ends that cannot fork to the point by a run of their own."""
+        # A foreign end must be run again for each fault: fewer spots keep that bearable.
         start = self._startup(0)
         steps = rng.randrange(_DATA_SPOTS // 2) if in_data else rng.randrange(len(start.spots))
         channel = self._fresh(number % _VARIANTS)
@@ -350,6 +357,7 @@ class RunSource:
         channel.application = replace(channel.application, constant=constant)
         while True:
             spot = _spot_here(channel, fork=False)
+            # A start-up spot may also be met in Data, not the other way round.
             if spot is not None and spot.in_data >= in_data and data_to in (None, spot.way):
                 if steps == 0:
                     break

@@ -42,11 +42,13 @@ class CollisionProof:
 
     def _follow(self, chain: Chain, received: bytes | None, sent: Pdu) -> None:
         if sent.command == Command.RESET:
+            # A Reset starts the chain of both ends from 0.
             chain.clear()
             return
         pdu = decode_pdu(received) if received and is_frame_length(len(received)) else None
         if self._opens and sent.command == Command.SESSION and fits_start(sent):
             chain.clear()  # a new session, whatever was received
+        # Without a decodable frame, nothing is known about the chain of the receiver.
         elif pdu is None:
             self.chain = None
             return
@@ -56,6 +58,7 @@ class CollisionProof:
             if not chain.receive(pdu):
                 self.chain = None
                 return
+        # A sender that does not follow the chain is faulty itself: no proof is possible.
         if not _sends(chain, sent):
             self.chain = None
 
@@ -95,12 +98,14 @@ def collision(chain: Chain, end: str, frame: bytes, right: bytes) -> Collision |
         frame: The accepted frame.
         right: The frame that the other end sent; gives the command and ConnID due.
     """
+    # A frame of another length is refused without any CRC.
     if len(frame) != len(right) or not is_frame_length(len(frame)):
         return None
     pdu, due = decode_pdu(frame), decode_pdu(right)
     same_kind = pdu.command == due.command or (
         pdu.command in _DATA_COMMANDS and due.command in _DATA_COMMANDS
     )
+    # Some commands carry no ConnID yet.
     if not same_kind or (pdu.command not in _FREE and pdu.connection_id != due.connection_id):
         return None
     sequence = chain.rx_sequence

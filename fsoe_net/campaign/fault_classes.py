@@ -69,6 +69,7 @@ def _make_corruption(
 ) -> Injection:
     size = len(scene.frame)
     cycles = 1 if below(rng, 2) else 4
+    # One in eight: patterns that no model of the block expects.
     if below(rng, 8) == 0:  # anything anywhere: a few bits up to half of them
         mask = rng.getrandbits(8 * size)
         for _ in range(below(rng, 8)):  # half of them, a quarter … a few
@@ -76,6 +77,7 @@ def _make_corruption(
         return flip(scene, mask or 1, None, cycles)
     bits = block_bits(size)
     mask = rng.getrandbits(bits) or 1
+    # Of all patterns of a block without the zero one, this share has a CRC that fits.
     chance = (2.0 ** (bits - 16) - 1) / (2.0**bits - 1)
     return flip(scene, mask << (8 + bits * below(rng, block_count(size))), chance, cycles)
 
@@ -154,6 +156,7 @@ def _make_masquerade(
     size = len(frame)
     if kind < 10:  # it even has the right command and ConnID
         middle = rng.randbytes(size - 3)
+        # All fields but the CRC are right: nothing else can refuse the frame.
         command = rng.choice(DATA_COMMANDS) if scene.in_data else frame[0]
         made = bytes((command,)) + middle + frame[-2:]
         return swap(scene, made, between(rng, 1, 4), CRC_CHANCE ** block_count(size))
@@ -161,6 +164,7 @@ def _make_masquerade(
         return swap(scene, bytes((rng.choice(list(Command)),)) + rng.randbytes(size - 1))
     if kind < 14:
         return swap(scene, bytes((0 if kind == 12 else 0xFF,)) * size)
+    # The frame of the receiver itself, as a wrong copy would return it.
     own = scene.channel.newest(BACK[scene.way]) or b""
     return swap(scene, own[:size].ljust(size, b"\0"), between(rng, 1, 4))
 

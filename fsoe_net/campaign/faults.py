@@ -111,6 +111,7 @@ class Torn(_Span):
         if image is None or not self._on(channel):
             return image
         older = [frame for visible, frame in frames if visible <= channel.cycle and frame != image]
+        # Before the first frame, the rest of the memory is zero.
         rest = older[-1] if older else bytes(len(image))
         return image[: self.head_bytes] + rest[self.head_bytes :]
 
@@ -156,6 +157,7 @@ class Forge(_Span):
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
         """Return the rebuilt frame."""
+        # A table knows the chain that a correct sender would use.
         table = channel.tables[self.way]
         if image is None or table is None or not self._on(channel):
             return image
@@ -175,8 +177,10 @@ class Forge(_Span):
         old, sequence = table.last, table.due_sequence(pdu)
         if self.from_start:
             old, sequence = 0, 1
+        # Sequence numbers run from 1 to 65535; 0 is not used.
         sequence = (sequence - 1 + self.ahead) % 0xFFFF + 1
         crcs = list(block_crcs(old, sequence, pdu))
+        # The last block: earlier ones stay correct, so that the frame is refused at its end.
         crcs[-1] ^= self.spoiled
         return assemble(pdu.command, pdu.safe_data, tuple(crcs), pdu.connection_id)
 

@@ -68,14 +68,17 @@ class _Run:
         self.over = channel.cycle
         for fault in injection.faults:
             self.over = max(self.over, fault.until)
+        # Three watchdogs and some cycles: by then each end must have reacted.
         self.limit = self.over + 3 * scene.watchdog_cycles + 64
         self.watchdog_ns = watchdog_ns
+        # Data that were valid before the fault may be held until the watchdog expires.
         self.known = [end.received_safe_data if end.data_valid else None for end in channel.ends]
         if injection.application is not None:
             channel.application = injection.application
         self.injection = injection
         self.patient, self.miswired = injection.patient, injection.miswired
         if self.miswired:
+            # A miswired network is never right again: the whole run counts.
             self.over = self.limit = channel.cycle + _MISWIRED_CYCLES
         self.settled: set[Way] = set()
         self.started_ns: int | None = None
@@ -86,6 +89,7 @@ class _Run:
         stays, first = self.injection.stays, None
         while self.channel.cycle < self.limit:
             found = self._turn()
+            # A fault that stays may be detected more than once; the judgement ends with the fault.
             if stays and found is not None and found.verdict is TrialOutcome.DETECTED:
                 first = first or found
                 found = None
@@ -100,6 +104,7 @@ class _Run:
         """Run on until the end that has not noticed yet gives its data up too."""
         ends = self.channel.ends
         for end in ends:
+            # The end that has not noticed must not use data for longer than its watchdog.
             while end.data_valid and self.channel.cycle < self.limit:
                 later = self._turn()
                 if later is not None and later.verdict in FAILURES:
@@ -139,6 +144,7 @@ class _Run:
             shown, sent = channel.turn()
         end = channel.ends[way]
         if sent is None:
+            # The image has not changed: an end that repeats its frame has not answered.
             self.quiet += 1
             if end.data_valid:
                 found = self._held(way, end.received_safe_data)
@@ -151,6 +157,7 @@ class _Run:
         found = self._answered(way, shown, sent)
         if found is None and end.data_valid:
             found = self._data(way, end.received_safe_data)
+        # An end that resets must withdraw its data in the same call.
         elif found is not None and found.verdict is TrialOutcome.DETECTED and end.data_valid:
             return self._wrong(way, "data valid after the end has left state Data")
         return found
@@ -173,11 +180,13 @@ class _Run:
         to_reset = shown is not None and shown[:1] == b"\x2a"
         usual_reset = to_reset and due is not None and due[0] == _RESET
         if sent[0] == _RESET:
+            # An answer to a Reset is not a detection of the fault.
             if usual_reset and sent[1] == 0:
                 return None  # the acknowledgement of a Reset that was sent
             return self._found(TrialOutcome.DETECTED, sent[1])
         if sent[0] == _SESSION and self._restarts(way, shown, due, usual_reset):
             return self._found(TrialOutcome.DETECTED)
+        # The usual continuation: the fault was not visible to this end.
         if shown == due or (sent[0] == _SESSION and (usual_reset or way is Way.TO_SUB)):
             return self._settled(way)
         return None if self.injection.signed else self._accepted(way, shown, due)
@@ -201,12 +210,14 @@ class _Run:
             exchanges=channel.exchanges[way][:-1],
         )
         if replayed.chain is not None and shown is not None and due is not None:
+            # With a frame of a former session, what is due is the frame as it was sent then.
             right = shown if self.injection.former else due
             proof = collision(replayed.chain, _ENDS[way], shown, right)
             if proof is not None:
                 found = self._found(TrialOutcome.COLLISION)
                 found.proof = proof
                 return found
+        # No accident of the CRC explains it: the end has accepted a wrong frame.
         return self._wrong(way, f"accepted {frame_text(shown)} instead of {frame_text(due)}")
 
     def _settled(self, way: Way) -> TrialFinding | None:

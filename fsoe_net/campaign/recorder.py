@@ -45,6 +45,7 @@ class _Tap:
         self._app = data
 
     def step(self, now_ns: int, received: bytes | None) -> bytes | None:
+        # The id of this call only: an end draws one when it opens a session.
         if self._ids is not None:
             self._ids.drawn = None
         answer = self._end.step(now_ns, received)
@@ -67,6 +68,7 @@ class _Tap:
     def _inner(self) -> _Call:
         """Return data that only our own ends report: state, and the end that caused a Reset."""
         key, end = self._key, self._end
+        # A foreign end shows frames only; its state is not known.
         if not isinstance(end, Instance) or self._ids is None:
             return {f"{key}_state": None, f"{key}_event": "none", f"{key}_reason": None}
         events = end.take_events()
@@ -125,6 +127,7 @@ class Recorder:
         Args:
             note: Description for people.
         """
+        # Both ends of a cycle belong to one line.
         while self.channel.way is not Way.TO_MAIN:
             self.channel.turn()
         yield json.dumps(self._config(note))
@@ -168,6 +171,8 @@ class Recorder:
             if sent is None:
                 continue
             opener = call[f"{key}_tx"] if way is Way.TO_MAIN else call[f"{key}_rx"]
+            # The first Session frame has the low bytes; with one byte of data, the next has the
+            # rest.
             if _session(opener, fresh=True) is not None:
                 first = call
                 chunk = sent[: min(2, *self._link.sizes)]

@@ -61,6 +61,7 @@ class _Bench:
         channel = self._recorder().channel
         count = 0
         for _ in range(_MAX_TURNS):
+            # A point is where an image changes; between two points, nothing happens.
             way, frame = channel.way, channel.image(channel.way, channel.cycle)
             if frame is not None and frame != channel.shown(way):
                 past = tuple(sent for _, sent in channel.sent[way])
@@ -206,11 +207,14 @@ def _fewer_bits(bench: _Bench, faults: _Faults) -> _Faults:
             continue
         bits = [bit for bit in range(fault.mask.bit_length()) if fault.mask >> bit & 1]
         size = len(bits) // 2 or 1
+        # Halving finds large removable parts fast; the last round proves that no single bit is
+        # needed.
         while size:
             at = 0
             while at < len(bits):
                 kept = bits[:at] + bits[at + size :]
                 flip = replace(fault, mask=sum(1 << bit for bit in kept))
+                # At least one bit must stay: without it there is no fault.
                 if kept and bench.fails((*faults[:n], flip, *faults[n + 1 :])):
                     bits, faults = kept, (*faults[:n], flip, *faults[n + 1 :])
                 else:
@@ -221,6 +225,7 @@ def _fewer_bits(bench: _Bench, faults: _Faults) -> _Faults:
 
 def _earlier(bench: _Bench, faults: _Faults) -> _Faults:
     first = min(fault.start for fault in faults)
+    # From the start of the run on: the earliest point gives the shortest trace.
     for point in bench.points:
         by = point.cycle - first
         if by >= 0:

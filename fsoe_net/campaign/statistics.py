@@ -23,6 +23,7 @@ def count_interval(mean: float, confidence: float = CONFIDENCE) -> tuple[int, in
     tail = (1 - confidence) / 2
     low, n, below = 0, 0, 0.0  # ``below``: probability of fewer than n events
     while True:
+        # In logarithms: the factorial of a large number does not fit into a float.
         up_to = below + math.exp(n * math.log(mean) - mean - math.lgamma(n + 1))
         if below <= tail:
             low = n

@@ -131,6 +131,7 @@ class StateTable:
         Returns:
             Where it departs from the table; then nothing more is judged.
         """
+        # Nothing can be required until the next Reset makes the state known.
         if self.blind and (sent is None or sent[0] != _RESET):
             self.seen = received or self.seen
             self.sent = sent or self.sent
@@ -153,6 +154,7 @@ class StateTable:
         if valid != self.valid:
             text = "valid without an accepted ProcessData" if valid else "not valid"
             return Departure(text=f"data {text} in state {self.state.value}")
+        # Also invalid data must be zero: an application may read them by mistake.
         if not valid and any(data):
             return Departure(text="data that are not valid are not zero")
         if valid and data != self.data:
@@ -169,6 +171,7 @@ class StateTable:
         """§8: at exactly T it has expired; an end with grace decides itself near T."""
         if self.start_ns is None:
             return False
+        # An end with a clock of its own decides near the limit; its answer shows how.
         over_ns = now_ns - self.start_ns - self.watchdog_ns
         if -self.grace_ns <= over_ns < self.grace_ns:
             if self.state is State.RESET:
@@ -246,6 +249,7 @@ class StateTable:
             return Departure(text=f"sends {describe(sent)}, the data due are {due.data.hex(' ')}")
         if not self._send(sent):
             return Departure(text=f"sends a wrong CRC or number: {describe(sent)}")
+        # ProcessData without release would make data valid that the application has withdrawn.
         if sent.command == _PROCESS_DATA and self.enabled is False:
             return Departure(text="sends ProcessData, its application has not enabled it")
         return self._session_id(sent) if sent.command == _SESSION else None
@@ -305,6 +309,7 @@ class MainTable(StateTable):
                 return self._fall(3)  # row 9
             if self.state is not State.DATA and not pdu.safe_data.startswith(self.chunk):
                 return self._fall(7)  # row 10
+        # The receive chain comes last: a frame with a wrong command must not move it.
         if not self._receive(pdu):
             if self.state is State.SESSION and self.sent_bytes <= self.chunk_bytes:
                 self.blind = self.grace_ns > 0  # row 11; §11.2: three implementations, three ways
@@ -346,6 +351,7 @@ class MainTable(StateTable):
         return _NEW_SESSION
 
     def _went_on(self, due: Due, received: bytes | None, sent: Pdu | None) -> Departure | None:
+        # The same id twice in a row occurs in one of 65536 cases.
         if sent is None and due is _NEW_SESSION and self.sent and self.sent[0] == _SESSION:
             sent = decode_pdu(self.sent)  # by accident the same id: the image does not change
         found = super()._went_on(due, received, sent)
@@ -401,6 +407,7 @@ class SubTable(StateTable):
 
     def _session(self, pdu: Pdu) -> Due:
         inside = self.state is State.SESSION
+        # The second half of the session id, where one frame carries one byte.
         if inside and self.id_bytes < _ID_BYTES and self._receive(pdu):  # row 8
             self.id_bytes += self.chunk_bytes
             return _NEW_SESSION

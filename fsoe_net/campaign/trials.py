@@ -149,6 +149,7 @@ class ClassResult:
     def add(self, finding: TrialFinding, link: TrialConnection, chance: float | None) -> None:
         """Count one trial."""
         self.injected += 1
+        # Only faults with a known chance can be compared with the expected number of collisions.
         if finding.exposed and chance is not None:
             self.exposed += 1
             self.expected += chance
@@ -194,6 +195,7 @@ def merge(parts: Iterable[ClassResult]) -> ClassResult:
         total.shown += row.shown
     shortest = [row.latency_min_ns for row in rows if row.latency_min_ns is not None]
     total.latency_min_ns = min(shortest, default=None)
+    # Sums of floats depend on the order; sorted, each run gives the same.
     total.expected = sum(sorted(row.expected for row in rows))  # the same in whatever order
     _keep_first(total)
     return total
@@ -243,12 +245,14 @@ class _Lane:
 
     def case(self, number: int) -> Case:
         rng = self._rng
+        # Seeded by its number: a trial can be repeated without those before it.
         rng.seed(self._key ^ number)
         walk = _walk_of(number)
         if self.odd:
             return self._faulty_main(rng)
         if self.miswires and rng.random() < _MISWIRED_SHARE:
             return self._miswired(rng.getrandbits(63))
+        # Some classes need a certain kind of frame, which a random point may not have.
         for _ in range(_MAX_DRAWS):
             scene = self.walker.scene(walk, rng, startup_share=self._startup_share)
             injection = self._draw(rng, scene, walk)
@@ -301,6 +305,7 @@ class _Lane:
         drawn = []
         for row in self.classes:
             injection = row.make(rng, scene, self.foreign, walk)
+            # One of the combined classes has no case here: another point is drawn.
             if injection is None:
                 return None
             drawn.append(injection)
@@ -342,6 +347,7 @@ class Trials:
     def __init__(self, config: CampaignConfig, name: str) -> None:
         self.name = name
         sets = error_sets(config.links) if name == EXHAUSTIVE else ()
+        # The exhaustive sets name the connections that they need.
         links = dict.fromkeys(row.link for row in sets) if sets else config.links
         self._lanes = [_Lane(link, config.seed, name) for link in links]
         lane_of = {lane.link: lane for lane in self._lanes}
@@ -420,11 +426,13 @@ def class_names(text: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in text.split(","))
     seen: set[tuple[str, ...]] = set()
     for name in names:
+        # Sorted: `a+b` and `b+a` are the same combination.
         parts = tuple(sorted(name.split("+")))
         for part in parts:
             if part not in CATALOGUE:
                 raise ValueError(_unknown(part))
         if len(parts) > 1 and EXHAUSTIVE in parts:
+            # Exhaustive patterns are numbered; a random second fault would break the count.
             raise ValueError(f"{EXHAUSTIVE} are counted through and go with nothing else")
         if len(set(parts)) < len(parts):
             raise ValueError(f"{name!r} names a class twice; it goes with others only")

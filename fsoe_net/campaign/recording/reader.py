@@ -57,15 +57,18 @@ def _recording(first: Row, others: Iterator[Row]) -> Recording:
             app_parameters=app,
         )
         own, size = "slave_own_address", "slave_app_param_size"
+        # Older recordings have one address for both ends.
         sub = SubConfig(
             address=first.number(own) if first.given(own) else address,
             safe_out_bytes=main.safe_out_bytes,
             safe_in_bytes=main.safe_in_bytes,
             app_parameter_bytes=first.number(size) if first.given(size) else len(app),
         )
+    # Values that FSoE does not allow are an error of the line, not of the program.
     except FsoeError as exc:
         raise first.error(str(exc)) from exc
     ids = {side: first.session_id(f"{side.value}_session_id") for side in SideName}
+    # A scripted end is a player: it has no engine with an id.
     scripted = {s for s in SideName if first.row.get(f"{s.value}_impl") == "scripted"}
     reader = _Reader(
         {SideName.MAIN: main.safe_out_bytes, SideName.SUB: main.safe_in_bytes},
@@ -154,6 +157,7 @@ class _Reader:
         if not dot or who not in {s.value for s in SideName}:
             raise row.error(f"command {short(text)} names neither 'master' nor 'slave'")
         if name not in {kind.value for kind in OrderKind}:
+            # Bounded by the error message: a line may be of any length.
             raise row.error(f"unknown command {short(text)}")
         side, kind = SideName(who), OrderKind(name)
         if kind is OrderKind.DATA:

@@ -132,10 +132,12 @@ class _Side:
         """Take the recorded FailSafeData into our chain if only its data differ (§9)."""
         frame, received = call.expected.frame, call.received
         if frame is None or received is None or not is_frame_length(len(received)):
+            # Without both frames the chain cannot be followed.
             return False
         pdu = decode_pdu(frame)
         if pdu.command != Command.FAIL_SAFE_DATA or not before.receive(decode_pdu(received)):
             return False
+        # All but the data must agree; otherwise the difference is a real one.
         if before.send(pdu.command, pdu.safe_data, self.end.connection_id) != frame:
             return False
         self.end._chain = before
@@ -198,10 +200,12 @@ class _Replay:
         expected, got = call.expected, side.step(step.time_us, call)
         self.result.compared += 1
         names = differing(expected, got)
+        # From a known quirk on, both sides are in different states until the next Reset.
         if step.quirk and (names or _is_row_11(side, call)):
             side.apart = True
         if side.apart:
             self.result.tolerated += bool(names)
+            # A Reset brings both sides together again.
             if expected.frame is not None and expected.frame[0] == Command.RESET:
                 side.rejoin(step.time_us)
             return
@@ -232,6 +236,7 @@ class _Replay:
         """Run cycles in lockstep with constant data; SHA-256 over main's and sub's frames."""
         main, sub = self.sides[SideName.MAIN], self.sides[SideName.SUB]
         self.result.compared += 2 * skip.cycles
+        # A side that is apart would give another hash, which means nothing.
         if main.apart or sub.apart:
             self.result.tolerated += 2 * skip.cycles
             return
@@ -242,6 +247,7 @@ class _Replay:
             self.sub_frame = sub.end.step(self.time_us * 1000, sent)
             digest.update(sent or b"")
             digest.update(self.sub_frame or b"")
+        # Events of the skipped cycles are not recorded.
         main.end.take_events()
         sub.end.take_events()
         if digest.hexdigest() != skip.sha256:

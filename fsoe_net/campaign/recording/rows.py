@@ -37,6 +37,7 @@ def rows(lines: Iterable[str]) -> Iterator[Row]:
             continue
         try:
             row = json.loads(line)
+        # Python raises this instead of ValueError for deep nesting.
         except RecursionError as exc:
             raise RecordingError("nested too deeply", number) from exc
         except ValueError as exc:
