@@ -47,6 +47,7 @@ def candidate(
     }
     return Candidate(
         key=key,
+        # Never 100: evidence from a recording is not a proof.
         score=min(score, 99),
         title=cause.title.format_map(words),
         looks=cause.looks.format_map(words),

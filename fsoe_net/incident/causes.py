@@ -33,8 +33,10 @@ def judge(e: IncidentEvidence) -> Verdicts:
             known = best.get(found.key)
             if known is None or found.score > known.score:
                 best[found.key] = found
+    # By key as well: equal scores must give the same order in each run.
     rows = sorted(best.values(), key=lambda c: (-c.score, c.key))
     rows = [c for c in rows if c.score >= _SHOWN]
+    # Below this score a cause is one of several, and naming it as likely would mislead.
     likely = rows[0] if rows and rows[0].score >= LIKELY else None
     others = rows[1:] if likely else rows
     return Verdicts(likely=likely, others=tuple(others[:_MOST]))

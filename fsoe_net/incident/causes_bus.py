@@ -57,19 +57,24 @@ def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
     if not lost or (len(lost) == sum(s.known for s in e.head.subdevices) and _is_late(e)):
         return  # frames that come back late have been everywhere
     first = lost[0]
+    # The first one that is gone on the ring is next to the fault; those after it follow from it.
     gone = [s for s in lost if s.bus == first.bus]
     line, several = e.line(first.bus), len(gone) > 1
+    # A loss that does not concern the devices of this connection explains it only in part.
     score = 92 if _own(e, [s.name for s in gone]) else 45
     facts = [*_facts_of_gone(e, gone), *_when(e, gone), *_ring(e)]
     facts.append(f"the bus says of {first.name}: {first.detail}" if first.detail else "")
     before = line[: line.index(first)]
+    # All of a line are gone and the interface is down: the fault is before the first device.
     if len(gone) == len(line) and _interface_down(e):
         yield candidate(e, "main_link_lost", score + 6, *facts, device=first.name)
         return
+    # All from one device to the end: only a cable or a connector takes them together.
     if _names_a_link(gone) or (several and len(line) - len(before) == len(gone)):
         other = before[-1].name if before else "the MainDevice"
         text = "all devices from there on are gone" if several else ""
         yield candidate(e, "cable_cut", score + 4, text, *facts, device=first.name, other=other)
+        # A device without power also cuts the line after it: this stays possible.
         if several:
             yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
         return
@@ -160,11 +165,14 @@ def _back(e: IncidentEvidence) -> Iterator[Candidate]:
     # A connection that is silent is noticed later than one that is reset.
     gaps = [r.start_ns for r in e.bus.short_between(*e.window_ns)]
     for event in e.events("subdevice", min([e.window_ns[0], *gaps])):
+        # A device that lost its power comes back in INIT; the states after it are steps of the
+        # start.
         if event.keys.get("after", "") in ("none", "INIT", "INIT+ERROR"):
             fell.setdefault(event.keys.get("subdevice", ""), event)
     for bus in sorted({s.bus for s in e.head.subdevices}):
         line = e.line(bus)
         back = [s for s in line if s.name in fell and s.answers]
+        # Other devices explain a reset of this connection only in part.
         if back and _own(e, [s.name for s in back]):
             yield from _back_on(e, line, back, fell, 88)
         elif back:
@@ -193,6 +201,7 @@ def _back_on(
         f"times it has come back so far: {first.returns}" if first.returns else "",
         *_wkc(e),
     ]
+    # One of several: those after it continued, so that its cable was in order.
     if len(together) == 1 and len(line) > 1:
         yield candidate(e, "device_interrupted", score, *facts, device=first.name)
         return
@@ -201,6 +210,7 @@ def _back_on(
     if before:
         yield candidate(e, "cable_interrupted", score, *facts, device=first.name, other=other)
         yield candidate(e, "device_interrupted", score - 20, *facts, device=first.name)
+    # From the first device on, only the interface or its cable is left.
     elif _interface_down(e):
         yield candidate(e, "main_link_lost", 97, *facts, _unsent(e), device=first.name)
     elif len(line) == len(together) and _one_gap(e):
@@ -231,10 +241,12 @@ def _one_gap(e: IncidentEvidence) -> bool:
 def _state(e: IncidentEvidence) -> Iterator[Candidate]:
     """SubDevices that answer, but are not in OP."""
     for seen in e.head.subdevices:
+        # A SubDevice that does not answer is the subject of another rule.
         if not seen.known or not seen.answers or seen.al == "OP":
             continue
         mine = bool(_own(e, [seen.name]))
         error = "ERROR" in seen.al
+        # A device of another connection counts only if it reports an error.
         if not mine and not error:
             continue
         code = f", AL status code 0x{seen.al_code:04x}" if seen.al_code else ""
@@ -266,12 +278,14 @@ def _is_late(e: IncidentEvidence) -> bool:
 def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
     """Bursts in which no data returned, and which ended."""
     start, end = e.window_ns
+    # A burst that goes on until the end is a loss, not interference.
     bursts = [r for r in e.bus.short_between(start, end) if _is_burst(r) and not _goes_on(e, r)]
     lost = e.bus.lost_between(start, end)
     if not bursts and not lost:
         return
     there, _ = _late(e)
     missing = max(there, sum(r.cycles for r in bursts)) * e.bus.cycle_ns
+    # Without a plan, the usual watchdog of the safety logic is the best guess.
     watchdog = e.watchdog_ns or 100_000_000
     facts = [
         f"around the moment {counted(len(bursts) or len(lost), 'burst')}, {ms(missing)} "
@@ -280,8 +294,11 @@ def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
     ]
     if _is_late(e):
         yield _late_replies(e, watchdog, facts)
+        # Frames that return late count as lost before; they need not be explained twice.
         if 2 * there * e.bus.cycle_ns >= missing:
             return  # what is missing came back later
+    # The port that follows a disturbed cable counts the errors; the first one on the ring is next
+    # to it.
     errors = {s.name: sum(s.rx_errors) for s in e.head.subdevices if sum(s.rx_errors)}
     first = next(iter(errors), "")
     yield candidate(
@@ -338,6 +355,7 @@ def _cycle(e: IncidentEvidence) -> Iterator[Candidate]:
     """Cycles that came late."""
     start, end = e.window_ns
     slow = [s for s in e.bus.slow_between(start, end) if s.extra_ns >= 2 * _TENTH_MS]
+    # A recording with many gaps makes each cycle after a gap look late.
     if not slow or e.bus.missed > e.bus.cycles // 20:
         return
     watchdog = e.watchdog_ns or 100_000_000
@@ -352,6 +370,7 @@ def _cycle(e: IncidentEvidence) -> Iterator[Candidate]:
         f"the watchdog is {ms(watchdog)}",
         *_scheduling(e),
     ]
+    # One long pause is another cause than many short ones.
     if worst.extra_ns >= watchdog // 3 and 2 * worst.extra_ns > total:
         several = e.stopped()
         facts.append(
@@ -367,6 +386,7 @@ def _cycle(e: IncidentEvidence) -> Iterator[Candidate]:
 def _foreign(e: IncidentEvidence) -> Iterator[Candidate]:
     """Frames that are not ours."""
     start, end = e.window_ns
+    # More answers than SubDevices can give: another MainDevice sends on this bus.
     much = [r for r in e.bus.short_between(start, end) if r.least > r.expected > 0]
     # A frame that is late counts as lost first, and as an old reply when it comes.
     old = max(0, e.bus.old_replies - e.bus.lost_frames)

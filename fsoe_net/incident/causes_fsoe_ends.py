@@ -22,6 +22,7 @@ _PARAMETER_CODES = range(ResetCode.COMM_PARAMETER_LENGTH, ResetCode.APP_PARAMETE
 def reported_codes(e: IncidentEvidence) -> Counter[tuple[str, int]]:
     """Return who reset with which code: that of the moment, or all while it never came to Data."""
     codes: Counter[tuple[str, int]] = Counter()
+    # While it was in Data, earlier resets belong to other incidents.
     if e.left_data:
         if e.code is not None and e.by:
             codes[e.by, e.code] = 1
@@ -51,10 +52,13 @@ def end_causes(e: IncidentEvidence) -> Iterator[Candidate]:
 
 def _parameters(e: IncidentEvidence, codes: Counter[tuple[str, int]]) -> Iterator[Candidate]:
     for (by, code), times in codes.items():
+        # Codes of the parameters come from the SubInstance, which receives them.
         if by != "sub" or not (code in _PARAMETER_CODES or code >= 0x80):
             continue
         link, plan = e.link, e.plan
         sent = link.sent_watchdog_ms if link else None
+        # The watchdog on the wire against the planned one: the safety project may be another
+        # version.
         planned = plan.watchdog_ms if plan else None
         differs = sent is not None and planned is not None and sent != planned
         yield candidate(
@@ -78,8 +82,10 @@ def _silence(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
         return
     main, sub = link.sides
     device = e.subdevice(plan.main)
+    # A device that does not answer at all is the subject of the bus.
     if not main.not_zero and not (device and not device.answers):
         own = e.links_of(plan.main)
+        # All connections of a MainInstance without a frame: its safety program does not run.
         is_alone = len(own) < 2 or any(other.sides[_MAIN].not_zero for other in own)
         all_of = f"so it is for all {counted(len(own), 'connection')} of {plan.main}"
         yield candidate(
@@ -106,12 +112,14 @@ def _local(e: IncidentEvidence) -> Iterator[Candidate]:
     plan = e.plan
     if plan is None or e.code != ResetCode.LOCAL:
         return
+    # At least 50 ms: several connections of one device do not reset in the same cycle.
     near = max(e.watchdog_ns or 0, 50_000_000)
     own = e.links_of(plan.main)
     resets = [link.reset_at(e.moment_ns, near) for link in own]
     together = [r for r in resets if r is not None and r.by == "main" and r.code == 0]
     device = plan.main if e.by == "main" else plan.sub
     said = f"{device} reset with code 0, all frames before were right"
+    # All connections of one MainInstance at once: the device itself has restarted.
     if e.by == "main" and len(own) > 1 and len(together) == len(own):
         all_of = (
             f"all {counted(len(own), 'connection')} of {plan.main} were reset with code 0 together"
@@ -122,6 +130,7 @@ def _local(e: IncidentEvidence) -> Iterator[Candidate]:
         others = counted(len(own) - 1, "connection")
         rest = f"go on: the other {others} of {plan.main}" if len(own) > 1 else ""
         yield candidate(e, "local_reset", 78, said, rest, device=device)
+        # With a single connection, both causes look the same.
         if e.by == "main" and len(own) == 1:
             yield candidate(e, "main_restarted", 60, said)
 
@@ -131,6 +140,7 @@ def _forgot(e: IncidentEvidence) -> Iterator[Candidate]:
     reset, plan = e.reset, e.plan
     if reset is None or plan is None or e.code != ResetCode.COMMAND:
         return
+    # A correct data frame is refused only by an end that has lost the session.
     if reset.last_right and reset.last_command in _DATA_COMMANDS:
         device = plan.sub if reset.by == "sub" else plan.main
         yield candidate(
@@ -152,6 +162,7 @@ def _crc(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     sender = plan.main if reset.by == "sub" else plan.sub
     victim = plan.sub if reset.by == "sub" else plan.main
     side = link.sides[_MAIN if reset.by == "sub" else _SUB]
+    # Torn frames give the same code but have another cause.
     if side.torn:
         return  # the bytes were altered in the image itself: see causes_places
     if reset.last_verdict is CrcVerdict.WRONG and e.code == ResetCode.CRC:
@@ -163,6 +174,7 @@ def _crc(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
             f"{side.wrong} frames of {sender} with a wrong CRC in this file, {side.right} right",
             device=sender,
         )
+    # The frame was correct in the image and copied whole: it was altered after that.
     elif reset.last_right and not _was_restart(reset, e.code):
         yield candidate(
             e,
@@ -188,6 +200,7 @@ def _watchdog(
     main, sub = link.sides
     means = [main.waits_mean_ns, sub.waits_mean_ns]
     most = [s.waits_most_ns for s in (main, sub)]
+    # The cycle of the way decides, as the buses of both ends may differ.
     cycle = _way_cycle_ns(e, plan)
     round_trip = sum(means)
     facts = [
@@ -198,6 +211,7 @@ def _watchdog(
         else "",
     ]
     yield from _slow(e, plan, watchdog, means, most, facts)
+    # Even without a slow device, such a watchdog expires now and then.
     if watchdog <= 4 * cycle or (round_trip and watchdog <= 2 * round_trip):
         yield _tight(e, link, facts, is_quick=max(means) <= 4 * cycle)
     elif e.left_data and e.reset is not None:
@@ -230,7 +244,9 @@ def _slow(
     calm = not (e.bus.short or e.bus.lost or e.bus.late_cycles)
     for end, device in ((_MAIN, plan.main), (_SUB, plan.sub)):
         mean, other = means[end], means[1 - end]
+        # Slow on average, compared with the other end: a single delay is not enough.
         slow = mean > 4 * cycle and mean >= watchdog * 0.2 and mean >= 2 * other
+        # A single long answer counts only on a quiet bus; otherwise frames were lost.
         uneven = calm and most[end] >= watchdog * 0.6 and most[end] >= 3 * most[1 - end]
         if slow or uneven:
             yield candidate(e, "slow_device", 87 if slow else 66, *facts, device=device)
@@ -244,6 +260,7 @@ def _fell_silent(
     seen = e.subdevice(device)
     start, end = e.window_ns
     quiet_bus = not e.bus.short_between(start, end) and not e.bus.lost_between(start, end)
+    # A bus with losses explains the silence already.
     if not quiet_bus or (seen and not seen.answers):
         return
     silent = ms(max(reset.silent_ns))
@@ -267,8 +284,10 @@ def _failsafe(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     ends = ((_MAIN, plan.main), (_SUB, plan.sub))
     for end, device in ends:
         spent = link.time_in_failsafe_ns[end]
+        # FailSafeData for a moment is normal at the start of Data.
         if spent < length // 20:
             continue
+        # If both send it, neither shows which one is the cause.
         both = all(link.time_in_failsafe_ns[n] >= length // 20 for n, _ in ends)
         yield candidate(
             e,

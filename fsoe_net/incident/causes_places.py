@@ -26,11 +26,14 @@ def place_causes(e: IncidentEvidence) -> Iterator[Candidate]:
     yield from _torn(e, link)
     yield from _duplicates(e)
     yield from _roles(e, link)
+    # Crossed copies also look like wrong addresses and IDs, so that these are judged only without
+    # them.
     crossed = list(_crossed(e, plan, link)) if e.never or e.left_data else []
     yield from crossed
     if not crossed:
         yield from swapped(e)
         yield from _refused_both(e, plan)
+    # An incident on request shows a running connection: addresses cannot be wrong then.
     if not e.never and not e.left_data:
         return
     yield from _address(e, plan, link)
@@ -72,8 +75,10 @@ def _duplicates(e: IncidentEvidence) -> Iterator[Candidate]:
 def _duplicate(e: IncidentEvidence, one: str, two: str, number: int) -> Candidate:
     reported = any(code == ResetCode.CONNECTION_ID for _, code in reported_codes(e))
     about = e.name in (one, two)
+    # Two crossed connections carry the ID of each other, which is not a duplicate.
     crossed = about and not e.crossed.keys().isdisjoint({one, two})
     bad = (reported or e.never) and about
+    # While it runs, a duplicate is a risk and not the cause of this incident.
     score = 95 if bad else 88 if not (e.left_data or e.never) else 40
     on_wire = _wire_ids(e, one) & _wire_ids(e, two)
     return candidate(
@@ -114,6 +119,7 @@ def _crossed(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
             continue
         fits = e.crossed.get(other.name, 0)
         theirs = _wire_ids(e, other.name)
+        # A few frames fit by chance: the CRC has 16 bits.
         if fits > _FEW and fits > own:
             yield candidate(
                 e,
@@ -142,6 +148,7 @@ def _are_exchanged(
     """Whether one carries the planned ConnID of the other, and the other does not contradict."""
     if not plan.connection_id or not other.connection_id:
         return False
+    # An equal ID on both is a duplicate, not an exchange.
     if plan.connection_id == other.connection_id or ids != {other.connection_id}:
         return False
     return not theirs or theirs == {plan.connection_id}
@@ -170,8 +177,10 @@ def swapped_key(e: IncidentEvidence, one: str, *others: str) -> str:
     were exchanged. Otherwise only the person at the machine can find out.
     """
     names = [one, *others]
+    # Of different types, the devices cannot have been exchanged: each is at its position.
     if len({e.type_of(name) for name in names}) > 1:
         return "addresses_swapped"
+    # A device that never left the bus cannot have been moved.
     if e.left_data and not all(e.went_away(name) for name in names):
         return "addresses_swapped"
     return "devices_swapped"
@@ -183,6 +192,7 @@ def swapped(e: IncidentEvidence) -> Iterator[Candidate]:
     has = {p.sub: e.address_of(p.sub) for p in e.planned.values()}
     wanted = {p.sub: _expected_address(e, p, e.links.get(p.name)) for p in e.planned.values()}
     owner = {number: sub for sub, number in wanted.items()}
+    # The connection of this incident first: its cycle is what a person looks for.
     for first in sorted(has, key=lambda name: name != sub):
         round_ = _round(first, has, owner)
         if not round_:
@@ -218,6 +228,7 @@ def _round(first: str, has: dict[str, int | None], owner: dict[int | None, str])
     """Return devices of which each has the address of the next, and the last that of the first."""
     names = [first]
     while (number := has.get(names[-1])) is not None and (then := owner.get(number)) is not None:
+        # A cycle of addresses is an exchange; a chain that ends elsewhere is a wrong address.
         if then == first:
             return names if len(names) > 1 else []
         if then in names:
@@ -228,6 +239,7 @@ def _round(first: str, has: dict[str, int | None], owner: dict[int | None, str])
 
 def _both_refuse(e: IncidentEvidence, one: PlannedConnection, two: PlannedConnection) -> bool:
     """Whether two devices of the same type both reset with code 6."""
+    # Devices of another type would have been recognised by their identity.
     if one.sub == two.sub or None is e.type_of(one.sub) or e.type_of(one.sub) != e.type_of(two.sub):
         return False
     links = [e.links.get(p.name) for p in (one, two)]
@@ -246,6 +258,7 @@ def _address(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
     differs = says is not None and expected is not None and says != expected
     if not refused and not (differs and e.never):
         return
+    # The plan and the MainInstance may differ: then both numbers are worth showing.
     planned = plan.address is not None and expected is not None and plan.address != expected
     yield candidate(
         e,
@@ -264,6 +277,7 @@ def _connection_id(
     """Reset code 3, or another ConnID on the wire than planned."""
     refused = sum(n for (_, c), n in reported_codes(e).items() if c == ResetCode.CONNECTION_ID)
     ids = _wire_ids(e, e.name)
+    # Another ID on the wire than planned is the parameters of another safety project.
     other = bool(ids and plan.connection_id and plan.connection_id not in ids)
     answers = _sent_ids(link.sides[_SUB])
     if not refused and not (other and e.never):
@@ -283,6 +297,7 @@ def _shifted(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
     for side, (shift, device) in enumerate(zip(link.shifts, (plan.main, plan.sub), strict=True)):
         if shift is None:
             continue
+        # Only frames that were wrong at the planned place make a shifted place probable.
         bad = link.sides[side].illegal + link.sides[side].wrong
         if shift.offset_bytes:
             yield candidate(
@@ -310,6 +325,7 @@ def _shifted(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
 def _roles(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     """The end that should wait begins sessions."""
     main, sub = link.begun
+    # One session may start by accident after a disturbance; a quarter of all does not.
     if sub > main or (sub >= 2 and sub >= main // 4):
         yield candidate(
             e,
@@ -354,8 +370,10 @@ def _not_taken(
     )
     for other in e.planned.values():
         theirs = e.links.get(other.name)
+        # Only connections of the same MainInstance can have exchanged slots.
         if theirs is None or other.name == e.name or other.main != plan.main:
             continue
+        # Frames of another length would not fit the slot.
         if not _waits_in_vain(theirs) or other.safe_bytes != plan.safe_bytes:
             continue
         order = _slots_disagree(e, e.name, other.name)

@@ -43,12 +43,14 @@ def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
             stopped_at = trigger.fault.subdevice
             yield from _by_status(e, trigger.fault, text)
         yield from swapped(e)
+    # A SubDevice that was not read gives no fact about the device.
     wrong = [s for s in e.head.subdevices if s.known and s.found in _BY_FOUND]
     yield from _exchanged(e, wrong, text)
     for number, seen in enumerate(wrong[:8]):
         if failed:
             # The first one is what the bus stopped at; the others may follow from it.
             named = seen.name == stopped_at
+            # In ring order: a missing device shifts all after it, which then look wrong too.
             yield _one(e, seen, 92 - 5 * number + 4 * named, text if named else "")
         elif seen.found is not Found.NOTHING:  # who is lost while the bus runs: `bus_causes`
             yield _one(e, seen, _while_running(e, seen))
@@ -65,6 +67,7 @@ def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
         return 96
     score = 80 if seen.found is Found.STATE else 93
     if e.plan is None or seen.name not in (e.plan.main, e.plan.sub):
+        # A device of another connection explains this incident only in part.
         score -= 40  # of another connection
     return score
 
@@ -72,6 +75,7 @@ def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
 def _by_status(e: IncidentEvidence, fault: BusFault, text: str) -> Iterator[Candidate]:
     """What the status of the fault and its SubDevice say."""
     key, device = _BY_STATUS.get(fault.status, ""), fault.subdevice
+    # Without a link nothing else can be known.
     if fault.link_down:
         yield candidate(e, "no_link", 95, text)
         return
@@ -94,6 +98,7 @@ def _identity(e: IncidentEvidence, device: str) -> tuple[str, str]:
     seen = e.subdevice(device)
     if seen is None or not seen.vendor_id:
         return "wrong_device", ""
+    # Same type, so that only the revision can differ.
     if e.type_of(device) == seen.identity:
         return "wrong_revision", ""
     others = [s for s in e.head.subdevices if e.type_of(s.name) == seen.identity]

@@ -158,6 +158,8 @@ class IncidentEvidence:
         found = self.facts(plan.main) if plan else None
         if plan is None or found is None:
             return None
+        # Devices report their connections in plan order; with another number the order proves
+        # nothing.
         own = [p.name for p in self.planned.values() if p.main == plan.main]
         if len(own) != len(found.connections):
             return None
@@ -213,9 +215,11 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
     head = _at_moment(reader.head)
     planned = _planned(head)
     moment = head.trigger.now_ns
+    # A trigger of a SubDevice concerns the first connection that has an end there.
     name = head.trigger.connection or _of_subdevice(planned, head.trigger.subdevice)
     bus = BusWatch(head.cycle_ns or (head.plan.cycle_ns if head.plan else 0))
     frames = head.layout.connections
+    # Places of other frames: a whole frame found there is not a shifted one.
     taken = frozenset(
         (copy.source_byte, copy.size_bytes) for c in frames for copy in (c.to_sub, c.to_main)
     )
@@ -232,6 +236,7 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
     image: bytes | None = None
     for record in reader:
         bus.cycle(record)
+        # An equal image is the same object: nothing was received in this cycle.
         if record.image is None or record.image is image:
             for watch in watches.values():
                 watch.idle(record.now_ns)
@@ -251,6 +256,7 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
         planned=planned,
         links=links,
         crossed=+crossed,  # without those of which none fits
+        # Without a name in the trigger, the first connection that is not in Data is shown.
         name=name or _first_bad(links),
         cut=reader.cut,
     )

@@ -138,6 +138,7 @@ class BusWatch:
         if last is None or not self.cycle_ns:
             return 0
         passed = record.now_ns - last.now_ns
+        # Cycles that were not recorded must not count as delay.
         extra = passed - (record.cycle - last.cycle) * self.cycle_ns
         extra = max(extra, 0)
         slow = SlowCycle(
@@ -150,8 +151,10 @@ class BusWatch:
         )
         if extra > self.cycle_ns // 2:
             self._late += 1
+            # Bounded: a recording of hours may have millions of late cycles.
             if len(self._slow) < _MOST_RUNS:
                 self._slow.append(slow)
+        # The worst ones are kept even when the list is full.
         if len(self._worst) < _WORST:
             heapq.heappush(self._worst, slow)
         elif slow > self._worst[0]:
@@ -177,6 +180,7 @@ class BusWatch:
 
     def _losses(self, record: CycleRecord, last: CycleRecord | None) -> None:
         run = self._lost[-1] if self._lost else None
+        # Losses in consecutive cycles are one burst.
         if run is not None and last is not None and run.end_ns == last.now_ns:
             run.end_ns = record.now_ns
             run.cycles += 1

@@ -181,6 +181,7 @@ class LinkWatch:
 
     def cycle(self, cycle: int, now_ns: int, image: bytes) -> None:
         """Take the image of one cycle."""
+        # The state before the frame of this moment: the frame itself is what happened.
         if self._at_moment is None and now_ns >= self._moment_ns:
             self._at_moment = self._monitor.state
         self._count_failsafe(now_ns)
@@ -190,6 +191,7 @@ class LinkWatch:
             data = image[area.source_byte : area.source_byte + area.size_bytes]
             copied = image[area.destination_byte : area.destination_byte + area.size_bytes]
             side = self.sides[direction]
+            # Source and destination differ: the copy was torn, or something else has written.
             if copied != data:
                 side.torn += 1
                 side.torn_cycle = side.torn_cycle or cycle
@@ -224,20 +226,24 @@ class LinkWatch:
         legal = pdu.command in _LEGAL
         # The answer to a Session frame hangs on the chain; only a main begins one.
         self._begun[direction] += pdu.command == Command.SESSION and fits_start(pdu)
+        # Counted even if wrong: what a wrong frame contains shows where it came from.
         self._count(side, pdu.command, pdu.connection_id, verdict, legal=legal)
         side.not_zero |= any(data)
         if verdict is CrcVerdict.WRONG and before.in_data:
             side.wrong_in_data += 1
+        # Only answers in Data count: the start-up has times of its own.
         answers = pdu.command in _DATA_COMMANDS and other.last_ns > side.last_ns >= 0
         if before.in_data and answers:
             wait = now_ns - other.last_ns
             side.waits += 1
             side.waits_sum_ns += wait
             side.waits_most_ns = max(side.waits_most_ns, wait)
+        # The same Reset is repeated until it is answered; only the first one counts.
         if pdu.command == Command.RESET and old[0] != Command.RESET:
             self._reset(direction, pdu.safe_data[0], before, cycle, now_ns)
         if direction == 0 and pdu.command in _START_COMMANDS:
             self._sent = self._monitor.parameters  # kept: the next session forgets them
+        # A frame that makes no sense may be in another place: a shifted mapping.
         if not legal or verdict is CrcVerdict.WRONG:
             self._search(direction, image)
         side.last_ns = now_ns
@@ -277,6 +283,7 @@ class LinkWatch:
     def _reset(
         self, direction: int, code: int, before: ConnectionState, cycle: int, now_ns: int
     ) -> None:
+        # Resets that repeat for hours say the same; the first ones are enough.
         if len(self._resets) >= _MOST_RESETS:
             return
         main, sub = self.sides
@@ -300,6 +307,7 @@ class LinkWatch:
 
     def _search(self, direction: int, image: bytes) -> None:
         """Search whole frames next to the planned place."""
+        # The search is slow and its result stable after some frames.
         if self._searched[direction] >= _SEARCHES:
             return
         self._searched[direction] += 1
@@ -307,6 +315,7 @@ class LinkWatch:
         first, end = self._bounds[direction]
         for offset in range(-_SEARCH, _SEARCH + 1):
             start = area.source_byte + offset
+            # A frame outside of the process data of this device belongs to another one.
             if not first <= start < end or image[start] not in _BEGINS:
                 continue
             for size in _sizes(area):

@@ -210,6 +210,7 @@ def _facts(e: IncidentEvidence) -> tuple[str, ...]:
 
 def _remarks(e: IncidentEvidence) -> tuple[str, ...]:
     rows = list(e.head.remarks)
+    # A cut file is still worth reading, but its counts are minimums.
     if e.cut:
         rows.append(f"the file ends early ({e.cut}); what is before is shown")
     if e.bus.missed:
@@ -219,6 +220,7 @@ def _remarks(e: IncidentEvidence) -> tuple[str, ...]:
         )
     for c in e.head.connections:
         others = differences(c.differs, c.configured, c.observed)
+        # Such a connection differs from its documentation, whatever the cause.
         if others:
             rows.append(f"{c.name} ran with other parameters than the plan: {'; '.join(others)}")
     if e.head.trigger.kind is not TriggerKind.BUS_FAILED and not e.links:
@@ -242,6 +244,7 @@ def _links(e: IncidentEvidence) -> list[LinkRow]:
     for name, plan in e.planned.items():
         link = e.links.get(name)
         seen = next((c for c in e.head.connections if c.name == name), None)
+        # A connection without frames and without a state has nothing to show.
         if link is None and seen is None:
             continue
         state: ConnectionState | None = None
@@ -264,6 +267,7 @@ def _links(e: IncidentEvidence) -> list[LinkRow]:
                 mark=name == e.name,
             )
         )
+    # The connection of the incident first.
     rows.sort(key=lambda r: not r.mark)
     return rows
 

@@ -37,6 +37,7 @@ def head_of(values: JsonObject) -> IncidentHead:
         IncidentError: A key is missing or has a value it cannot have.
     """
     version = values.whole("incident", missing=0)
+    # Any JSON object could be here: the version key is what makes it an incident file.
     if version == 0:
         raise values.bad("incident", "is missing: this is no incident file")
     if version > _VERSION:
@@ -75,6 +76,7 @@ def _plan(values: JsonObject, remarks: list[str]) -> Plan | None:
     except (binascii.Error, ValueError):
         remarks.append("the plan in the file is damaged (no base64): its facts are not used")
         return None
+    # A plan that does not belong to the recording would give wrong names to its bytes.
     stated = values.label("plan_sha256")
     if stated and hashlib.sha256(data).hexdigest() != stated:
         remarks.append("the plan in the file does not fit its SHA-256: its facts are not used")
@@ -100,6 +102,7 @@ def _trigger(row: JsonObject) -> Trigger:
         subdevice=row.label("subdevice"),
         before=_state(row.label("before")),
         after=_state(row.label("after")),
+        # A code without an end that sent it cannot be assigned.
         reset_by=by if by in ("main", "sub") else "",
         reset_code=code if by in ("main", "sub") else None,
         cycle=row.whole("cycle", missing=0),

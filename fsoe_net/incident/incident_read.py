@@ -44,6 +44,7 @@ class IncidentReader:
         self.cut = ""
         self.cycles = 0
         line = stream.readline(_HEAD_BYTES + 1)
+        # The head holds the plan; its length is bounded before any of it is parsed.
         if len(line) > _HEAD_BYTES:
             raise IncidentError(f"longer than {_HEAD_BYTES >> 20} MiB", name, 1)
         if not line.strip():
@@ -51,6 +52,7 @@ class IncidentReader:
         document = _object(line)
         if isinstance(document, str):
             reason = f"this is no incident file: {document} in its first line"
+            # A disk that was full cuts the head; a file of another tool is something else.
             if line.startswith(b"{") and not line.endswith(b"\n"):
                 reason = f"the head is cut off: {document}"
             raise IncidentError(reason, name, 1)
@@ -64,6 +66,7 @@ class IncidentReader:
         while True:
             number += 1
             line = self._stream.readline(_LINE_BYTES + 1)
+            # A whole file ends with a line of its own; without it, the writer did not finish.
             if not line:
                 self._cut(
                     number, "the file ends without its last line; the disk may have been full"
@@ -76,9 +79,11 @@ class IncidentReader:
                 return
             if record is None:
                 return
+            # Cycle numbers only rise: anything else is a damaged or joined file.
             if record.cycle <= last:
                 self._cut(number, f"cycle {record.cycle} comes after cycle {last}")
                 return
+            # A file without end must not run for ever.
             if self.cycles >= _MOST_CYCLES:
                 self._cut(number, f"more than {_MOST_CYCLES} cycles")
                 return
@@ -96,6 +101,7 @@ class IncidentReader:
             raise IncidentError(ends + row, self._name, number)
         values = JsonObject(row, self._name, number)
         if "end" in row:
+            # The number of cycles shows whether lines are missing in the middle.
             stated = values.whole("cycles", missing=self.cycles)
             if stated != self.cycles:
                 self._cut(number, f"{stated} cycles were written, {self.cycles} are here")
@@ -137,6 +143,7 @@ class IncidentReader:
 def _object(line: bytes) -> Mapping[str, Any] | str:
     """Return the JSON object of a line, or why there is none."""
     try:
+        # NaN and infinity are not JSON, although Python reads them.
         found = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
     except UnicodeDecodeError:
         return "no UTF-8"

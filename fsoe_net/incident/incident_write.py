@@ -50,9 +50,11 @@ def incident_lines(head: Mapping[str, Any], cycles: Iterable[CycleRecord]) -> It
             "old": record.old,
             "foreign": record.foreign,
         }
+        # Zeros are left out: most cycles have none of them, and files grow by the cycle.
         row |= {key: value for key, value in numbers.items() if value}
         if record.wkc is not None:
             row["wkc"] = list(record.wkc)
+        # The image is written only when it changes; the reader keeps the last one.
         if record.image is not None and record.image != image:
             image = record.image
             row["image"] = image.hex()
@@ -77,13 +79,16 @@ def write_incident(
             for number, line in enumerate(incident_lines(head, cycles)):
                 file.write(line)
                 if number == 0:
+                    # From here on the file can be read as far as it goes.
                     file.flush()
                     whole_head = True
             file.flush()
+            # Before the rename: the name must not exist without its content after a power failure.
             os.fsync(file.fileno())
     except OSError as exc:
         fault = f"{folder / name}: {exc.strerror or exc}"
     try:
+        # A file without a head has no facts to show.
         if not whole_head:
             temporary.unlink(missing_ok=True)
             return WrittenIncident(path=None, fault=f"{fault}; no incident file was written")
