@@ -16,6 +16,7 @@ def check_connections(ctx: Context) -> None:
     """Check the `connections` of the nets, except for the values."""
     for net in ctx.resolution.network.nets:
         for fact in net.connections:
+            # Reported even if all else fits: an unconfirmed connection must never reach a plan.
             if fact.unconfirmed is not None:
                 why = f" ({fact.unconfirmed})" if fact.unconfirmed else ""
                 ctx.add(
@@ -104,12 +105,14 @@ def _main(ctx: Context, trouble: NotExpanded) -> None:
             hint="main holds the MainInstance, sub the SubInstance",
         )
         return
+    # The MainInstance of the net is on the other side: exchanged ends are the usual mistake.
     if facts.sub == trouble.name:
         hint = "main and sub look exchanged; slot then counts the frames of the other device"
     else:
         hint = f"write main: {trouble.name}, or put it into the net of its own safety master"
     said = trouble.other
     key = "main"
+    # The place where the MainInstance was stated, for the reader to decide which one is wrong.
     if isinstance(said, Net):
         key = "transfer_master" if "transfer_master" in said.fields else "safety_master"
     ctx.add(
@@ -192,6 +195,7 @@ def _lengths(ctx: Context, trouble: NotExpanded) -> None:
         )
     elif len(ours) == 1:
         message += f"; no slot of {facts.sub} fits that"
+    # The sizes may fit another slot, which is the most frequent correction.
     fitting = [
         str(p.slot) for p in trouble.pairs if p.matched and any(p.fits(other) for other in theirs)
     ]

@@ -77,6 +77,7 @@ def _pdo_lists(ctx: Context, device: Device) -> None:
 def _sync_managers(ctx: Context, number: int, device: Device) -> None:
     seen: set[int] = set()
     for sm in device.sync_managers:
+        # SubDevice controllers have at most 16 sync managers.
         if sm.index >= _MAX_SYNC_MANAGERS or sm.index in seen:
             why = "given twice" if sm.index in seen else "above 15"
             ctx.add(
@@ -86,8 +87,11 @@ def _sync_managers(ctx: Context, number: int, device: Device) -> None:
                 hint="use each number from 0 to 15 once, as the ESI or `ethercat pdos` shows them",
             )
         seen.add(sm.index)
+        # RxPDOs are outputs of the MainDevice, TxPDOs its inputs.
         wanted = {"rpdo": Direction.OUTPUT, "tpdo": Direction.INPUT}.get(sm.carries or "")
         if wanted is not None and wanted is not sm.direction:
+            # Frames of such a device have the wrong direction; findings about them would only
+            # follow.
             ctx.exchanged.add(number)
             ctx.add(
                 "FSN410",
@@ -111,6 +115,7 @@ def _carriers(ctx: Context, number: int, device: Device) -> None:
                 "FSN409",
                 device.at("sm"),
                 f"no sync manager carries {group}; the master answers “PDO entry is not mapped”",
+                # SM2 for outputs and SM3 for inputs is the convention of all devices with mailbox.
                 hint=f"add pdo: {group} to SM{2 if group == 'rpdo' else 3}",
             )
         for extra in carriers[1:]:
@@ -141,6 +146,7 @@ def _entries(ctx: Context, sm: SmLayout) -> None:
         entry = placed.entry
         used = entry.command_interface or entry.state_interface or entry.default is not None
         is_bits = entry.type_name == "bool" or entry.type_name.startswith("bit")
+        # With data_mapping the driver reads the bits itself.
         if not is_bits or entry.is_gap or "data_mapping" in entry.fields:
             continue
         if entry.bits > 8 and used:
@@ -161,6 +167,7 @@ def _mask(ctx: Context, placed: Placed) -> None:
     shift = placed.bit_offset % 8
     bits = (((1 << entry.bits) - 1) << shift) & 0xFF
     mask = 0xFF if entry.mask is None else entry.mask
+    # A bool needs exactly its bit; a wider type may use a part of its bits.
     good = mask == bits if entry.bits == 1 else mask != 0 and mask & ~bits == 0
     if good:
         return
@@ -175,6 +182,7 @@ def _mask(ctx: Context, placed: Placed) -> None:
 
 
 def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
+    # Only where frames exist: other devices may end inside a byte.
     if sm.blocks and sm.complete and sm.bits % 8:
         over = sm.bits % 8
         ctx.add(
@@ -212,8 +220,10 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
             used = entry.command_interface or entry.state_interface or entry.default is not None
             if known_sm.sm.carries == sm.sm.carries and known_sm is not sm:
                 continue  # one group on two sync managers is FSN413
+            # Input and output of a drive often have the same object.
             if not used and known_sm is not sm:
                 continue  # drives map the same object as command and as status
+            # Manufacturer objects that are mapped twice without use serve as padding.
             if not used and entry.index < _PROFILE_AREA:
                 idle.add(entry.address)
                 idle_at = idle_at or entry
@@ -236,8 +246,10 @@ def _entries_twice(ctx: Context, layout: DeviceLayout) -> None:
 def _mapped_twice(ctx: Context, rows: list[tuple[Placed, Placed]]) -> None:
     """FSN408 for entries of one PDO that another, or the same, has: once for a PDO as a whole."""
     here, there = rows[0][0].pdo, rows[0][1].pdo
+    # PDOs of the same number are reported by another rule.
     if here is not there and here.index == there.index:
         return  # FSN407 has named the PDO
+    # A PDO whose entries are all known is one mistake, not one for each entry.
     if here is not there and len(rows) == sum(not e.is_gap for e in here.entries) > 1:
         ctx.add(
             "FSN408",
@@ -267,6 +279,7 @@ def _frame_objects(ctx: Context, layout: DeviceLayout) -> None:
     taken, sent = commands[Direction.OUTPUT], commands[Direction.INPUT]
     if not taken or not sent:
         return
+    # Both exchanged: a single one may be a device with objects of its own.
     if all(e.index >> 12 == 6 for e in taken) and all(e.index >> 12 == 7 for e in sent):
         ctx.add(
             "FSN424",
@@ -306,6 +319,7 @@ def _defaults(ctx: Context, sm: SmLayout) -> None:
         return
     for placed in sm.placed:
         entry = placed.entry
+        # A default of 0 has no effect: the memory starts with 0.
         if not entry.default or {"command_interface", "data_mapping"} & set(entry.fields):
             continue
         if entry.is_gap or sm.block_at(placed.bit_offset) is not None or _by_drive_plugin(entry):

@@ -39,8 +39,10 @@ class _Axis:
     def mode(self) -> tuple[int, Span] | None:
         """Return the mode of operation that the file states, and where."""
         entry = self.outputs.get(MODE_OF_OPERATION)
+        # Only a mode that does not change at run time can be relied on.
         if entry is not None and entry.command_interface is None and _is_fixed(entry):
             return int(entry.default or 0), entry.at("default")
+        # Without a fixed output, a start-up SDO may set the mode.
         for sdo in self.device.sdos:
             if sdo.index == MODE_OF_OPERATION + self.base:
                 return sdo.value, sdo.at("value")
@@ -109,6 +111,7 @@ def _targets(ctx: Context, axis: _Axis, sub: SubDevice, *, waits: bool) -> None:
                 hint=f"map {axis.object(index)} in an RxPDO, or state the mode that is used",
             )
     target = axis.outputs.get(_TARGET_POSITION)
+    # Other modes do not follow a target position.
     if target is not None and (stated is None or stated[0] == 8):
         _position(ctx, axis, target, sub)
         if waits:

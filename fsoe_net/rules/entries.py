@@ -39,6 +39,7 @@ def items_of(entries: Sequence[Entry] | Sequence[ScannedEntry]) -> list[Item]:
     """Return entries with the padding between them put together."""
     items: list[Item] = []
     for e in entries:
+        # Tools split padding in different ways; only its length matters.
         if e.index == 0 and items and items[-1].index == 0:
             items[-1] = replace(items[-1], bits=items[-1].bits + e.bits)
         else:
@@ -51,6 +52,7 @@ def first_difference(
 ) -> tuple[int, Span, str, str] | None:
     """Return number, place and both sides of the first entry that differs."""
     ours, theirs = items_of(pdo.entries), items_of(there)
+    # The longer list decides: a missing entry is a difference.
     for number in range(max(len(ours), len(theirs))):
         mine = ours[number] if number < len(ours) else None
         other = theirs[number] if number < len(theirs) else None
@@ -67,6 +69,7 @@ def listed(indices: list[int]) -> str:
 
 def assignment_words(ours: list[int], theirs: list[int]) -> str:
     """Describe the difference of two PDO assignments; begins with a blank or comma."""
+    # The same PDOs in another order need another correction.
     if sorted(ours) == sorted(theirs):
         return ", in another order"
     less = [i for i in ours if i not in theirs]

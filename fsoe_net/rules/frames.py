@@ -34,6 +34,7 @@ def _one(ctx: Context, row: ResolvedTransfer) -> None:
             hint=_right_size(row) or "write the length of the frame in bytes",
         )
         return
+    # An end that does not resolve is reported by another rule; only the length can be judged.
     if not row.usable:
         _size_alone(ctx, row)
         return
@@ -44,6 +45,7 @@ def _one(ctx: Context, row: ResolvedTransfer) -> None:
         starts = [_start(ctx, row, end) for end in (row.source, row.destination)]
         if all(starts):
             _sizes(ctx, row)
+    # Only without other findings: a wrong length overwrites entries as its consequence.
     if len(ctx.diagnostics) == before or all(d.code == "FSN307" for d in ctx.diagnostics[before:]):
         _overwritten(ctx, row)  # the effect of a wrong length is not a separate finding
 
@@ -95,8 +97,10 @@ def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmL
     """Handle an end where no frame structure was found: is it a mistake or only unusual?"""
     endpoint, size = end.endpoint, row.transfer.size_bytes
     blocks = _blocks_of(end, sm.sm.direction)
+    # A frame that no transfer uses is the most probable meaning.
     free = [b for b in blocks if not _is_used(ctx, end, b)]
     intruder = _intruder(end, sm, size)
+    # A command is one byte: any other entry cannot start a frame.
     if end.placed is not None and (end.placed.entry.bits != 8 or (blocks and intruder is None)):
         better = min(free, key=lambda b: b.frame_bytes != size) if free else None
         ctx.add(
@@ -141,6 +145,7 @@ def _blocks_of(end: ResolvedEnd, direction: Direction) -> list[FsoeBlock]:
 
 def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
     """Report the object at the place of a CRC or connection ID, if it resembles a frame."""
+    # Without a legal length there is no place to look for a CRC.
     if end.placed is None or not is_frame_length(size):
         return None
     entry, base = end.placed.entry, end.placed.bit_offset
@@ -148,8 +153,10 @@ def _intruder(end: ResolvedEnd, sm: SmLayout, size: int) -> str | None:
     expected = [(b, "CRC") for b in _crc_bytes(size)] + [(size - 2, "connection ID")]
     found = [starts.get(base + 8 * byte) for byte, _ in expected]
     good = [e is not None and e.bits == 16 and not e.is_gap for e in found]
+    # All words are in place: then one of them has a wrong index.
     if all(good):
         return _wrong_word([e for e in found if e is not None], entry.index)
+    # Without another entry of the same object, this is not a frame at all.
     inside = range(base + 1, base + 8 * size)
     if not any(p.bit_offset in inside and p.entry.index == entry.index for p in sm.placed):
         return None
@@ -181,6 +188,7 @@ def _wrong_word(words: list[Entry], index: int) -> str | None:
 def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
     source, destination = row.source.block, row.destination.block
     size = row.transfer.size_bytes
+    # With one known end, its length is the right one.
     if source is None or destination is None:
         known = source or destination
         if known is not None and size != known.frame_bytes:
@@ -196,6 +204,7 @@ def _sizes(ctx: Context, row: ResolvedTransfer) -> None:
             "FSN210",
             row.transfer.at("size"),
             f"{row.transfer.source} sends a frame of {counted(source.frame_bytes, 'byte')}, "
+            # Another slot of the right size is the usual correction.
             f"{row.transfer.destination} takes one of {destination.frame_bytes}",
             hint=_matching_block(ctx, row, source)
             or "the slot of the safety master must have the size "
@@ -302,6 +311,7 @@ def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:
     first, behind = touched_bytes(end, row.transfer.size_bytes)
     if end.block is not None:
         behind = min(behind, end.block.end_byte)  # an excessive size is another finding
+    # Only entries that the driver writes: others stay as they were copied.
     for placed in end.sm.written:
         inside = placed.bit_offset < 8 * behind and 8 * first < placed.end_bit
         why = placed.entry.written_by

@@ -37,6 +37,7 @@ def _unique(
     value_of: Callable[[ConnectionFacts], int | None],
 ) -> None:
     seen: dict[int, ConnectionFacts] = {}
+    # The first use is kept, so that a duplicate names it.
     for _, fact in stated:
         value = value_of(fact)
         if value is None:
@@ -90,6 +91,7 @@ def _values(ctx: Context, fact: ConnectionFacts) -> None:
 def _timing(ctx: Context) -> None:
     network = ctx.resolution.network
     _sync_manager_watchdogs(ctx)
+    # Without a bus cycle there is nothing to compare a watchdog with.
     if network.cycle_ns is None:
         return
     alone = (network.cycle_ns / 1e6,)
@@ -103,6 +105,7 @@ def _timing(ctx: Context) -> None:
         of_facts = dict(ways)
         for number, fact in enumerate(net.connections):
             _short_watchdog(ctx, fact, of_facts.get(number, alone))
+        # The slowest connection decides for the watchdog that all of the net share.
         slowest = max((cycles for _, cycles in ways), key=_least_ms, default=alone)
         _unstated_watchdogs(ctx, net, slowest)
 
@@ -124,6 +127,7 @@ def _unstated_watchdogs(ctx: Context, net: Net, cycles: Sequence[float]) -> None
     """Compare the usual watchdog with the slowest connection of a net that states none."""
     unstated = not any(f.watchdog_ms for f in net.connections)
     has_fsoe = any(t.kind is TransferKind.FSOE for t in net.transfers)
+    # With one stated watchdog, the others are taken as chosen.
     if unstated and has_fsoe and _least_ms(cycles) > _TWINSAFE_DEFAULT_MS:
         most_ms = _TWINSAFE_DEFAULT_MS / WATCHDOG_BUS_CYCLES
         ctx.add(
@@ -162,6 +166,7 @@ def _sync_manager_watchdogs(ctx: Context) -> None:
         names = [
             sub.name
             for sub in network.subdevices
+            # Each bus has a cycle of its own.
             if (not network.buses or sub.master_id == number) and _is_watched(sub)
         ]
         if names and cycle_ms >= _SM_WATCHDOG_MS:

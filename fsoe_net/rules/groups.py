@@ -20,6 +20,7 @@ def check_groups(ctx: Context) -> None:
     owners: dict[str, Group] = {}
     subs: dict[str, list[tuple[int, SubDevice]]] = {}
     for number, sub in enumerate(network.subdevices):
+        # A name that is used twice is reported elsewhere; both SubDevices count here.
         subs.setdefault(sub.name, []).append((number, sub))
     own: dict[str, int] = {}  # the number of the group that a name is in
     heads: dict[int, tuple[int, Group, SubDevice]] = {}  # the first group that an alias finds
@@ -30,10 +31,13 @@ def check_groups(ctx: Context) -> None:
         _name(ctx, group, names)
         _members(ctx, group, owners)
         _order(ctx, group, rows)
+        # The first group with an alias finds it on the bus; a second one would be found by mistake.
         if rows:
             heads.setdefault(rows[0][1].alias, (number, group, rows[0][1]))
     for sub in network.subdevices:
         found = heads.get(sub.alias) if sub.alias else None
+        # Positions after an alias are counted from it: the alias of a group must not be used
+        # outside.
         if found is not None and found[0] < own.get(sub.name, len(network.groups)):
             _foreign_alias(ctx, sub, *found[1:])
     _connections(ctx)
@@ -73,6 +77,7 @@ def _members(ctx: Context, group: Group, owners: dict[str, Group]) -> None:
 
 def _order(ctx: Context, group: Group, rows: list[tuple[int, SubDevice]]) -> None:
     """The first is found by its alias, the others follow it, here and on the bus."""
+    # A missing member shifts the numbers of all others.
     if not rows or len(rows) != len(group.subdevices):
         return  # named already
     first_number, first = rows[0]
@@ -85,6 +90,7 @@ def _order(ctx: Context, group: Group, rows: list[tuple[int, SubDevice]]) -> Non
             "stores it in the device",
         )
         return
+    # The group is one piece of the bus: its members follow the first one.
     for n, (number, sub) in enumerate(rows):
         if (number, sub.alias, sub.position) != (first_number + n, first.alias, n):
             ctx.add(
@@ -96,6 +102,7 @@ def _order(ctx: Context, group: Group, rows: list[tuple[int, SubDevice]]) -> Non
                 related=(Related(span=first.span, message="the first of the group"),),
             )
             return
+    # Clocks are measured at the start, when a group may be absent.
     for _, sub in rows:
         if sub.device is not None and sub.device.assign_activate:
             ctx.add(
@@ -129,6 +136,7 @@ def _connections(ctx: Context) -> None:
     network = ctx.resolution.network
     for c in ctx.resolution.connections:
         main, sub = network.group_of(c.main.name), network.group_of(c.sub.name)
+        # A SubInstance that is absent with its own MainInstance is what a group is for.
         if main is None or main is sub:
             continue
         span = c.facts.span if c.facts is not None else c.net.span
@@ -156,6 +164,7 @@ def _transfers(ctx: Context) -> None:
     network = ctx.resolution.network
     for row in ctx.resolution.transfers:
         source, destination = row.source.subdevice, row.destination.subdevice
+        # FSoE handles an absent partner by itself; standard values do not.
         if source is None or destination is None or row.transfer.kind is TransferKind.FSOE:
             continue
         one, other = network.group_of(source.name), network.group_of(destination.name)
@@ -168,6 +177,7 @@ def _transfers(ctx: Context) -> None:
                 hint="delete the transfer",
                 related=_both(one, other),
             )
+        # An absent source leaves the last value in the output.
         elif one is not None and one is not other:
             ctx.add(
                 "FSN167",

@@ -23,6 +23,7 @@ def check_interfaces(ctx: Context) -> None:
             owners.setdefault((sub.system, component), []).append(sub)
     for (_, component), subs in owners.items():
         devices = [s.device for s in subs if s.plugin in _GENERIC and s.device is not None]
+        # Only if all SubDevices of a component use generic plugins: others add names of their own.
         if len(devices) == len(subs):
             _component(ctx, component, subs, devices)
 
@@ -39,10 +40,12 @@ def _component(
         for device in devices:
             for name, span in _provided(device, side, component.name):
                 provided.setdefault(name, span)
+        # The drive plugin provides an interface that no channel has.
         if side == "command" and any(s.plugin == CIA402_PLUGIN for s in subs):
             provided.setdefault(_OF_DRIVES, subs[0].span)
         for name, place in zip(names, places, strict=True):
             if name not in provided:
+                # Provided and not used: one of these is probably meant.
                 free = {n: s for n, s in provided.items() if n not in (*names, _OF_DRIVES)}
                 _missing(ctx, component, few([s.name for s in subs]), (side, name, place), free)
 

@@ -26,6 +26,7 @@ def check_library(
     """
     out = FindingList()
     reported: set[str] = set()
+    # A device file with an error differs because of the error.
     wrong = {d.span.file for d in found if d.level is not Severity.INFO}
     for _, device, sub in Context(resolution=resolution).devices():
         known = library.find(device.vendor_id, device.product_code)
@@ -44,12 +45,14 @@ def _frames(
     """FSN448; return the mapping that fits."""
     frames = _sizes((*b.key, b.frame_bytes) for sm in layout.managers for b in sm.blocks)
     fitting = [m for m in known.mappings if m.fits(sub.revision)]
+    # A layout that is not known completely cannot be compared.
     if not frames or not fitting or not all(sm.complete for sm in layout.managers):
         return None
     mapping = next((m for m in fitting if _has(m, frames)), None)
     if mapping is not None:
         return mapping
     nearest = fitting[0]
+    # Modular devices have other frames by design.
     modular = any(m.module_ident is not None or m.role == "main" for m in fitting)
     source = known.sources.get(nearest.source, nearest.source)
     out.add(

@@ -35,6 +35,7 @@ def check_nets(ctx: Context) -> None:
             ctx.unsure_nets.add(number)
         _main_instance(ctx, number, net, rows[number])
     lonely = [
+        # Transfers of a net whose MainInstance is unknown cannot be paired.
         row
         for row in ctx.resolution.single
         if row.net_number not in ctx.unsure_nets and not ctx.is_blamed(row)
@@ -55,16 +56,19 @@ def _destinations(ctx: Context) -> None:
         end = row.destination
         if not row.found or end.sm is None or end.subdevice is None:
             continue
+        # A transfer that is wrong by itself would overlap as a consequence.
         if ctx.is_blamed(row):
             continue  # its length or place is wrong already
         first, behind = touched_bytes(end, row.transfer.size_bytes)
         by_sm[end.subdevice.name, end.sm.sm.index].append((first, behind, row))
     for group in by_sm.values():
+        # Sorted by place: overlaps are found between neighbours in one pass.
         group.sort(key=lambda item: (item[0], item[1], item[2].transfer.span))
         reach, owner = -1, group[0][2]
         for first, behind, row in group:
             if first < reach:
                 _overlap(ctx, owner, row, min(reach, behind) - first)
+            # The one that reaches furthest can overlap the next ones as well.
             if behind > reach:
                 reach, owner = behind, row
 
@@ -116,6 +120,7 @@ def _names(ctx: Context) -> None:
 
 def _main_instance(ctx: Context, number: int, net: Net, rows: list[ResolvedTransfer]) -> None:
     used = sorted({m for row in rows for m in module_pair(row)})
+    # A misspelt master is one finding; each transfer of its net would be another one.
     if net.safety_master is not None and net.safety_master not in ctx.names:
         _unknown_master(ctx, number, net, rows, used)
         return
@@ -140,9 +145,11 @@ def _foreign_rows(
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
     # The net of a transfer with an unknown end is unknown.
+    # A misspelt module could be the MainInstance.
     sure = [r for r in rows if module_pair(r) <= ctx.names]
     foreign = [r for r in sure if main not in module_pair(r)]
     shared = shared_modules(ends) & ctx.names
+    # All meet in another SubDevice: the stated master is the mistake, not the transfers.
     if foreign and len(shared) == 1 and net.safety_master is not None:
         # All transfers meet in one SubDevice, only not in the one that is stated.
         ctx.unsure_nets.add(number)
@@ -179,6 +186,7 @@ def _unknown_master(
     stated = net.safety_master or ""
     ctx.unsure_nets.add(number)
     span = net.at("transfer_master" if "transfer_master" in net.fields else "safety_master")
+    # FSoE ends need certified hardware; the PC that runs the bus is none.
     if is_main_device(stated):
         ctx.add(
             "FSN226",
@@ -189,6 +197,7 @@ def _unknown_master(
             hint="name the safety terminal on the bus (for example EL6910, EL1918) that holds it",
         )
         return
+    # In a partial network the file with this module is missing.
     if ctx.resolution.network.partial and (stated in used or not ctx.names):
         return
     ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
@@ -253,10 +262,12 @@ def _output_partner(end: ResolvedEnd) -> FsoeBlock | None:
 
 def _crossed(ctx: Context, connection: Connection) -> None:
     down, up = connection.to_sub, connection.to_main
+    # A pair that was reported is not reported a second time.
     if module_pair(down) in ctx.blamed_pairs:
         return
     for out_row, in_row in ((up, down), (down, up)):
         sends, key = in_row.source.block, partner_block(out_row.destination)
+        # Without a known partner, nothing can be said about the slot.
         if sends is None or key is None or key == sends.key:
             continue
         wanted = _input_partner(out_row.destination)
@@ -290,6 +301,7 @@ def _facts(ctx: Context) -> None:
                 related=(Related(span=row.twin.span, message="first stated here"),),
             )
             continue
+        # Facts of a pair with a reported transfer are not wrong themselves.
         if row.net_number in ctx.unsure_nets or named in ctx.blamed_pairs or named in singles:
             continue
         keys = [("slot", fact.slot), ("sub_slot", fact.sub_slot)]
@@ -319,6 +331,7 @@ def _meant(fact: ConnectionFacts, pairs: set[tuple[str, str]], ours: Guesses) ->
 def _unserved(ctx: Context) -> None:
     """FSN232: frames in the PDOs that are not copied."""
     network = ctx.resolution.network
+    # In a partial network the missing part may have these transfers.
     if not network.nets or network.partial or ctx.unsure_nets:
         return
     used = ctx.used_blocks()
@@ -329,6 +342,7 @@ def _unserved(ctx: Context) -> None:
         frames = sub.layout.blocks if sub.layout is not None else ()
         if not frames or sub.name in blamed:
             continue
+        # A SubDevice without any connection is another finding than a single idle slot.
         if sub.name not in served:
             without.append(sub)
             continue

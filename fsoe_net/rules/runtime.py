@@ -62,6 +62,7 @@ def _ros2(ctx: Context, runtime: Runtime) -> None:
     network = ctx.resolution.network
     nets = [n for n in network.nets if any(t.kind is TransferKind.FSOE for t in n.transfers)]
     for net in nets:
+        # Fixed in the newest version only.
         if runtime is not Runtime.ROS2_NEWEST:
             ctx.add(
                 "FSN461",
@@ -78,6 +79,7 @@ def _ros2(ctx: Context, runtime: Runtime) -> None:
                 "also inside the copied frames",
                 hint="do not use that branch for safety networks",
             )
+    # Only this branch sorts the image in another order.
     if nets and runtime is Runtime.ROS2_2025:
         ctx.add(
             "FSN468",
@@ -139,9 +141,11 @@ def _new_keys(ctx: Context, network: NetworkConfig, runtime: Runtime) -> None:
         for pdo in (*device.rpdos, *device.tpdos):
             rows += [pdo, *pdo.entries]
     for key, (since, needed) in _NEW_KEYS.items():
+        # From this version on, the key is supported.
         if ROS2.index(since) <= ROS2.index(runtime):
             continue
         places = [row.at(key) for row in rows if key in row.fields]
+        # These SubDevices come from a section, not from a key of their own.
         if key == "transfer_modules":
             places = [s.span for s in network.subdevices if s.origin == key]
         if not places:
@@ -196,6 +200,7 @@ def _lcec(ctx: Context) -> None:
 def _lcec_type(ctx: Context, sub: SubDevice, *, is_main: bool) -> None:
     if sub.device is None:
         return
+    # This type is supported in its role.
     if sub.device.product_code in (_LCEC_MAINS if is_main else _LCEC_SUBS):
         return
     role = "MainInstance" if is_main else "SubInstance"
@@ -223,6 +228,7 @@ def _lcec_order(ctx: Context, rows: list[ResolvedTransfer], mains: set[str]) -> 
             if end.block is not None and end.block.key in slots:
                 taken.append((slots.index(end.block.key), row))
         taken.sort(key=lambda item: item[0])
+        # Slots are given in order: the first gap shifts all after it.
         wrong = next((n for n, (slot, _) in enumerate(taken) if slot > n), None)
         if wrong is None:
             continue
@@ -244,6 +250,7 @@ def _lcec_lengths(ctx: Context, rows: list[ResolvedTransfer]) -> None:
             if sub is None or sub.device is None or end.block is None:
                 continue
             kind = _LCEC_SUBS.get(sub.device.product_code)
+            # The lengths are built into linuxcnc-ethercat.
             if kind is None or end.block.frame_bytes in _LCEC_FRAME_BYTES[kind]:
                 continue
             lengths = " or ".join(str(n) for n in _LCEC_FRAME_BYTES[kind])

@@ -34,6 +34,7 @@ def check_safe_bits(out: FindingList, budget: Budget, left_out: Collection[str])
     connections = [row.connection for row in budget.connections]
     placed: list[_Placed] = []
     for function in (row.function for row in budget.functions):
+        # A misspelt SubDevice would make each of its bits a finding.
         if function.name in left_out:
             continue
         for element in function.elements:
@@ -85,6 +86,7 @@ def _no_frame(function: SafetyFunction, element: SafetyElement) -> tuple[str, st
             f"{element.kind.value} {element.name} has safe bits, and no FSoE frame",
             "state safe bits at an input or output that names its SubDevice with sub:",
         )
+    # Inside of the logic no frame carries the signal.
     if any(e.kind is ElementKind.LOGIC and e.sub == element.sub for e in function.elements):
         return (
             f"{element.sub} is the logic itself: no FSoE frame carries its safe bits",
@@ -103,12 +105,14 @@ def _contradictions(out: FindingList, placed: Iterable[_Placed]) -> None:
     for row in placed:
         number, bit = row.frame.transfer.number, row.bit
         frame = frame_words(row.element, bit)
+        # One bit has one name in a frame, whatever function uses it.
         first = by_bit.setdefault((number, bit.bit), row)
         if first.bit.name != bit.name:
             words = f"bit {bit.bit} of {frame} has two names, {first.bit.name} and {bit.name}"
             _contradiction(out, row, first, words)
         elif first is not row and first.element is row.element:
             _contradiction(out, row, first, f"bit {bit.bit} of {frame} is stated twice")
+        # The reverse: one name has one bit.
         first = by_name.setdefault((number, bit.name), row)
         if first.bit.bit != bit.bit:
             words = f"{bit.name} is both bit {first.bit.bit} and bit {bit.bit} of {frame}"

@@ -41,7 +41,9 @@ def check_timing(
     if not network.safety_functions:
         return []
     _names(out, network)
+    # A function with a misspelt SubDevice cannot be judged; the misspelling is the finding.
     broken = {f.name for f in network.safety_functions if _elements(out, network, f)}
+    # Where no watchdog fits, a reaction time would not help.
     hopeless = {name for c in budget.connections if c.empty for name in c.functions}
     check_safe_bits(out, budget, broken)
     for row in budget.functions:
@@ -51,6 +53,7 @@ def check_timing(
         _connection(out, connection)
     has_error = any(d.level is Severity.ERROR for d in found)
     hidden = _FOLLOWS if has_error else frozenset[str]()
+    # The function with the misspelt name may use the connection that looks unused.
     if broken:  # the function with the misspelt name may use the connection
         hidden |= {"FSN610"}
     return sort_diagnostics(d for d in out.diagnostics if d.code not in hidden)
@@ -95,11 +98,13 @@ def _function(out: FindingList, row: FunctionBudget, *, hopeless: bool) -> None:
             hint="name the SubDevices that talk to the logic, and state their connections",
         )
     open_points = list(row.unstated)
+    # Without a required level, PFH and claims are not needed.
     if row.pfh.limit is not None:
         open_points += [f"the PFH of {name} is not stated" for name in row.pfh.missing]
         unclaimed = dict.fromkeys(name for claim in row.levels for name in claim.missing)
         if unclaimed:
             open_points.append(f"no PL or SIL claim of {', '.join(unclaimed)} is stated")
+    # Elements without a connection make all else unknown.
     if open_points and not row.parts.apart:
         out.add(
             "FSN606",
@@ -136,6 +141,7 @@ def _sources(out: FindingList, row: FunctionBudget) -> None:
     for r in row.parts.rows:
         element = r.element
         for key, quantity in (("time_ms", r.time), ("pfh_per_hour", r.pfh)):
+            # A time of 0 is plausible only with a reason.
             if quantity.needs_reason:
                 out.add(
                     "FSN612",
