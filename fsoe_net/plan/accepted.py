@@ -24,12 +24,14 @@ def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerpri
     except PlanFormatError as exc:
         out.add("FSN162", record.at("plan"), f"the plan in this record: {exc}", hint=fix)
         return None
+    # Safety functions are not in the plan records; only their hash binds them to it.
     if plan.safety_sha256 != safety_sha256(record.safety_functions):
         place = record.at("safety_functions")
         text = "the safety functions in this record are not those of its plan"
         out.add("FSN162", place, text, hint=fix)
         return None
     found = fingerprint_of(plan)
+    # Compared section by section, so that the message names what does not fit.
     stated = {name: record.sections.get(name) for name in SECTIONS}
     wrong = [name for name in SECTIONS if stated[name] != found.sections[name]]
     if wrong or record.whole != found.whole:

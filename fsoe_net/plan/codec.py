@@ -96,22 +96,27 @@ def encode_plan(plan: Plan) -> bytes:
     buses = b"".join(_packed(BUS_RECORD, plan.buses, strings))
     groups = b"".join(_packed(GROUP_RECORD, plan.groups, strings))
     sections.append((bytes(strings.data), STRING_BYTES))
+    # Later sections need the earlier ones to exist: a reader counts them by their number.
     if plan.safety_sha256 or buses or groups:
         sections.append((bytes.fromhex(plan.safety_sha256), HASH_BYTES))
     if buses or groups:
         sections.append((buses, BUS_RECORD.layout.size))
     if groups:
         sections.append((groups, GROUP_RECORD.layout.size))
+    # The minor version is the number of added sections; old readers refuse a plan that they would
+    # misread.
     minor = len(sections) - SECTIONS
     offset = _HEADER.size + len(sections) * _ROW.size
     table, body = bytearray(), bytearray()
     for kind, (data, size) in enumerate(sections, start=1):
+        # Aligned, so that C can read the records in place.
         body += bytes(-len(body) % 4)
         table += _ROW.pack(kind, offset + len(body), len(data) // size, size)
         body += data
     total = offset + len(body)
     header = _HEADER.pack(MAGIC, MAJOR, minor, total, 0, plan.cycle_ns, len(sections), 0)
     raw = bytearray(header + table + body)
+    # The CRC is computed with its own field as 0.
     struct.pack_into("<I", raw, _CRC_OFFSET, zlib.crc32(raw))
     return bytes(raw)
 
@@ -137,6 +142,7 @@ def _packed(record: Record, rows: Iterable[object], strings: _Strings) -> Iterat
     values_of: Callable[[Any], Iterable[Any]] = _VALUES.get(record.name, attrgetter(*names))
     texts = [n for n, field in enumerate(record.named) if field.type == "string"]
     pack = record.layout.pack
+    # Thousands of SubDevices of one type have equal entries, which are packed once.
     known: dict[object, bytes] = {}  # SubDevices of one type have equal entries
     for row in rows:
         packed = known.get(row)
@@ -203,6 +209,7 @@ def _open(data: bytes) -> tuple[list[tuple[int, int]], int]:
     if len(data) < _HEADER.size + SECTIONS * _ROW.size:
         raise PlanFormatError(f"{len(data)} bytes are too short for a plan; is the file cut off?")
     magic, major, minor, total, crc, cycle_ns, count, reserved = _HEADER.unpack_from(data)
+    # From general to specific: the first message must name the real problem.
     if magic != MAGIC:
         raise PlanFormatError("this is no .fsnplan file; `fsoe-net plan NETWORK -o OUT` makes one")
     if major != MAJOR:
@@ -221,6 +228,7 @@ def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
     expected = _HEADER.size + count * _ROW.size
     if expected > len(data):
         raise PlanFormatError("the section table is cut off")
+    # Strict positions: a plan has one form, so that equal networks have equal bytes.
     for number, size in enumerate(_SIZES[:count], start=1):
         expected += -expected % 4
         kind, offset, records, record_bytes = _ROW.unpack_from(
@@ -234,8 +242,10 @@ def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
     if expected != len(data):
         raise PlanFormatError("the last section does not end the file")
     first, length = sections[SECTIONS - 1]
+    # Offset 0 is the empty name; without the last zero a reader would run over the end.
     if not length or data[first] or data[first + length - 1]:
         raise PlanFormatError("the strings do not start and end with a zero byte")
+    # Names reach logs and terminals.
     if re.search(rb"[\x01-\x1f\x7f]", data[first : first + length]):
         raise PlanFormatError("a name has a control character")
     _newer_sections(sections)
@@ -288,6 +298,7 @@ class _Reader:
             for name in texts:
                 row[name] = self._text(row[name])
             for name in flags:
+                # Reserved bits of a flag are ignored, as C does.
                 row[name] = bool(row[name] & 1)
             if change is not None:
                 change(row)
@@ -332,6 +343,7 @@ _ATTRIBUTES: dict[str, Callable[[dict[str, Any]], None]] = {
 def _references(plan: Plan) -> None:
     """Refuse record numbers out of range, so that showing a plan cannot fail later."""
     sms, subs = len(plan.sync_managers), len(plan.subdevices)
+    # Checked by numbers: a plan of an unknown source must not lead to an index error later.
     copies, connections = len(plan.copies), len(plan.connections)
     for number, sub in enumerate(plan.subdevices):
         _need(sub.first_sm + sub.sm_count, sms + 1, f"SubDevice {number}: sync manager")
@@ -349,6 +361,7 @@ def _references(plan: Plan) -> None:
         _need(sm_number, sms, f"{kind} {number}: sync manager")
     for number, copy in enumerate(plan.copies):
         _need(copy.connection, connections, f"copy {number}: connection", none_allowed=True)
+    # Buses and groups cover SubDevices without overlap, in order.
     end = 0
     for number, bus in enumerate(plan.buses):
         _need(end, bus.first_subdevice + 1, f"bus {number}: SubDevice")

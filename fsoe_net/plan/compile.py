@@ -184,6 +184,8 @@ class _Compiler:
         copied = used.get(number, set())
         device = self.resolution.device_numbers[number]
         for sm in sub.layout.managers if sub.layout else ():
+            # Devices of one type share their records, which keeps a plan of thousands of SubDevices
+            # small.
             if (device, sm.number) not in self.shared:
                 self.shared |= {(device, n): row for n, row in _shared_of(sub)}
             self._sync_manager(number, sub, sm, self.shared[device, sm.number], copied)
@@ -202,12 +204,14 @@ class _Compiler:
             position=sub.position,
             vendor_id=sub.device.vendor_id if sub.device else 0,
             product_code=sub.device.product_code if sub.device else 0,
+            # Without a stated revision, each one is accepted.
             revision_low=_ANY_REVISION[0] if sub.revision is None else sub.revision,
             revision_high=_ANY_REVISION[1] if sub.revision is None else sub.revision,
             first_sm=first_sm,
             sm_count=len(self.sync_managers) - first_sm,
             first_sdo=first_sdo,
             sdo_count=len(self.sdos) - first_sdo,
+            # The register has 16 bits.
             assign_activate=(sub.device.assign_activate if sub.device else 0) & 0xFFFF,
             in_copy=number in used,
             driver=sub.device.driver if sub.device else "",
@@ -293,6 +297,7 @@ class _Compiler:
                 (self._copy(row, owner.get(row.number, NONE)), row.number)
                 for row in self.resolution.transfers
             ),
+            # Sorted by destination, because C checks for overlaps by comparing neighbours.
             key=lambda pair: (pair[0].destination_sm, pair[0].destination_bit),
         )
         numbers = {row: number for number, (_, row) in enumerate(rows)}
@@ -353,6 +358,7 @@ def _shared(sub: SubDevice, sm: SmLayout, symbols: tuple[_SharedSymbol, ...]) ->
     pdos: list[PlanPdo] = []
     entries: list[PlanEntry] = []
     bit = 0
+    # Without padding between PDOs: a sync manager has no alignment.
     for pdo in sub.device.pdos_of(sm.sm) if sub.device else ():
         pdos.append(
             PlanPdo(
@@ -419,6 +425,7 @@ def stop_value(entry: EntryView) -> int:
     value = entry.default
     if value is None or math.isnan(value):
         return 0
+    # The interface shows a part of the entry, whose raw value is shifted.
     value /= 1 << entry.shift
     kind = entry_kind(entry)
     if kind == _REAL and entry.bits in _REAL_FORMAT:
@@ -426,6 +433,7 @@ def stop_value(entry: EntryView) -> int:
     signed = kind == _SIGNED
     low = -(1 << (entry.bits - 1)) if signed else 0
     high = (1 << (entry.bits - signed)) - 1
+    # Out of range is limited, as the driver does; an overflow would become another value.
     whole = int(min(max(value, low), high))
     return whole & ((1 << entry.bits) - 1)
 

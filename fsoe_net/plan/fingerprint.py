@@ -105,6 +105,7 @@ def fingerprint_from_json(document: object) -> Fingerprint:
     for name in SECTIONS:
         if not _HASH.fullmatch(str(sections.get(name))):
             raise PlanFormatError(f"section {name!r} has no SHA-256 of 64 hexadecimal digits")
+    # Computed again: a whole that was edited must not pass.
     found = fingerprint_of_sections({name: str(sections[name]) for name in SECTIONS})
     if str(document.get("whole")).lower() != found.whole:
         raise PlanFormatError("the whole does not fit the sections: the fingerprint was changed")
@@ -210,6 +211,7 @@ def _sdo(sdo: PlanSdo) -> str:
 
 
 def _process_data(plan: Plan) -> Iterator[str]:
+    # The text of an entry is made once for all SubDevices of its type.
     known: dict[PlanEntry, str] = {}  # thousands of SubDevices of one type have equal entries
     for sm in plan.sync_managers:
         yield (f"sm {_place(sm)} direction={sm.direction} watchdog={sm.watchdog} bits={sm.bits}")
@@ -220,6 +222,7 @@ def _process_data(plan: Plan) -> Iterator[str]:
                 if line is None:
                     line = known[entry] = _entry(entry)
                 yield line
+    # Sorted: the order of records must not change the fingerprint.
     for block in sorted(plan.blocks, key=lambda b: (b.sm, b.byte_offset)):
         yield (
             f"frame {_place(plan.sync_managers[block.sm])} byte={block.byte_offset}"

@@ -75,6 +75,7 @@ def _datagrams(plan: Plan, fmmus: list[IghFmmu]) -> tuple[IghDatagram, ...]:
     datagrams: list[list[IghFmmu]] = [[]]
     used = 0
     for fmmu in fmmus:
+        # A sync manager is never split: its data would not be consistent.
         if used and used + fmmu.size_bytes > MAX_DATAGRAM_BYTES:
             datagrams.append([])
             used = 0
@@ -89,6 +90,8 @@ def _datagrams(plan: Plan, fmmus: list[IghFmmu]) -> tuple[IghDatagram, ...]:
             IghDatagram(
                 offset_bytes=datagram[0].offset_bytes if datagram else 0,
                 size_bytes=sum(f.size_bytes for f in datagram),
+                # Each SubDevice adds 1 for reading and 2 for writing in a datagram that does both
+                # (LRW).
                 working_counter=(2 * len(outputs) if both else len(outputs)) + len(inputs),
             )
         )

@@ -81,5 +81,6 @@ def make_budget(
         drift=drift,
         connections=connections,
         functions=tuple(rows),
+        # Each bus has a cycle of its own; a cycle given by the caller replaces all of them.
         buses=tuple((b.name, cycle or b.cycle_ns / 1e6) for b in network.buses if b.cycle_ns),
     )

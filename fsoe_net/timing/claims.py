@@ -75,10 +75,12 @@ def level_claims(
         parts: Its elements.
         pfh: Their sum.
     """
+    # A sum with missing parts would reach a level that the whole does not.
     pl_of_sum, sil_of_sum = (0, 0) if pfh.missing else (_PL.index(pfh.pl or "-"), pfh.sil)
     found = []
     if function.pl or (function.sil is None and any(r.element.pl for r in parts.rows)):
         found.append(_claim(_PL_SCALE, _PL.index(function.pl or "-"), pl_of_sum, parts))
+    # Without a requirement, one scale is enough to show what the elements claim.
     if function.sil is not None or not found:
         found.append(_claim(_SIL_SCALE, function.sil or 0, sil_of_sum, parts))
     return tuple(found)
@@ -145,6 +147,7 @@ def _judged(required: int, lowest: int | None, *, is_whole: bool, is_sourced: bo
     """Return the lowest claim compared with the requirement; missing claims can only lower it."""
     if not required:
         return Judgement.NONE
+    # Known to be too low, whatever the missing claims are.
     if lowest is not None and lowest < required:
         return Judgement.ABOVE
     if lowest is None or not is_whole:

@@ -148,6 +148,7 @@ class FunctionParts:
             device: Only those of this SubDevice, and those that name none.
         """
         rows = (r for r in self.rows if r.element.kind is kind)
+        # Elements of another SubDevice work on another way at the same time.
         if device:
             rows = (r for r in rows if r.element.sub in ("", device))
         return max((r.time.value or 0.0 for r in rows), default=0.0)
@@ -178,6 +179,8 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
     to_output = _between(_named(function, ElementKind.OUTPUT, subs), logic, resolution)
     ends = {**to_input, **to_output}
     unstated = [*_unstated(rows, subs), *_several_logics(to_input, to_output, logic)]
+    # Ends that name SubDevices need a logic that names one: the way over the bus is known only
+    # then.
     if ends and not logic and any(r.element.kind is ElementKind.LOGIC for r in rows):
         unstated.append("the logic names no SubDevice; write sub: with its name")
     return FunctionParts(
@@ -185,6 +188,7 @@ def parts_of(function: SafetyFunction, resolution: Resolution, library: Library)
         to_input=tuple(c for there in to_input.values() for c in there),
         to_output=tuple(c for there in to_output.values() for c in there),
         unstated=tuple(unstated),
+        # An end without a connection to the logic: its signal never arrives.
         apart=tuple(
             Apart(end=end, logic=tuple(logic))
             for end, there in ends.items()
@@ -261,6 +265,7 @@ def _several_logics(there: _Joined, back: _Joined, logic: Sequence[str]) -> list
         f"{one} and {other} have different logics; a way through several logics is not worked out"
         for one, first in logics(there)
         for other, second in logics(back)
+        # Both ends have a logic, and not the same one: the signal passes between logics.
         if first and second and not first & second
     ][:1]
 
@@ -293,6 +298,7 @@ def _quantity(
 ) -> Quantity:
     if stated is not None:
         is_zero, because = stated == 0, element.zero_because
+        # Zero is the most dangerous value to assume, so that it needs a reason.
         needs_reason = is_zero and not names_a_source(because)
         words = [
             element.source,
@@ -306,6 +312,7 @@ def _quantity(
             answered_for=_is_sourced(element) and not needs_reason,
             needs_reason=needs_reason,
         )
+    # Values of the library count as verified only with the manual of this device.
     for known in () if device is None else device.figures:
         if known.name == figure and device is not None:
             source = f"device library: {device.sources.get(known.source, known.source)}"

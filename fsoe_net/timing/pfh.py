@@ -90,6 +90,7 @@ def sum_pfh(function: SafetyFunction, parts: FunctionParts, *, crosses_bus: bool
         parts: Its elements with their values.
         crosses_bus: Whether an FSoE connection belongs to it.
     """
+    # The residual error of FSoE counts once, however many connections there are.
     fsoe = FSOE_PFH if crosses_bus else 0.0
     known = [r.pfh.value for r in parts.rows if r.pfh.value is not None]
     return PfhSum(

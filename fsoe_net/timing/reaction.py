@@ -177,8 +177,10 @@ def function_budget(
     times = part_times(parts, bus, drift)
     if times is None:
         unstated.append("the bus cycle is not stated")
+    # Half of the times would give a reaction time that looks complete.
     if unstated or parts.apart:
         times = None
+    # Named after all others: without a watchdog only the time is unknown, not the sum of PFH.
     for connection in dict.fromkeys(c.name for c in used if watchdog_of(c) is None):
         unstated.append(f"the watchdog of {connection} is not stated")
     reaction = None if times is None or unstated else reaction_of(times)
@@ -201,6 +203,7 @@ def _late(t: PartTimes) -> list[ResponseCase]:
         "output": [(w, disturbed_output(t, w)) for w in t.outputs_by_bus],
         "both ways": [(w, disturbed_shared(t, w, back)) for w, back in shared_ways(t)],
     }
+    # Of each way the longest case: a function reacts to any of them.
     longest = {way: max(cases, key=lambda case: case[1]) for way, cases in late.items() if cases}
     return [
         ResponseCase(way="no fault", ms=polled_error_free(t)),

@@ -107,6 +107,7 @@ class WatchdogBudget:
     @property
     def judgement(self) -> WatchdogJudgement:
         """The configured watchdog compared with its interval."""
+        # An empty interval comes first: no watchdog can be correct then.
         if self.empty:
             return WatchdogJudgement.EMPTY
         if self.configured is None:
@@ -162,11 +163,13 @@ def connection_budget(
     handshake: Limit | None = None
     for row, way, side in _uses(connection, rows):
         time = round_trip(way)
+        # The slowest function that uses the connection decides for it.
         if trip is None or time > trip:
             why = f"{row.function.name}: 1.2 x {time:g} ms round trip of its {side}"
             trip, least = time, Limit(ms=time * RESERVE, why=why)
         printed = _smallest(printed, _printed(way, row, side, drift))
         handshake = _smallest(handshake, _handshake(way, row, side, drift))
+    # A measured time that is shorter was luck, and does not lower the limit.
     if measured is not None and (trip is None or measured > trip):
         trip = measured
         least = Limit(ms=measured * RESERVE, why=f"1.2 x {measured:g} ms round trip as measured")
@@ -232,6 +235,7 @@ def _printed(way: SignalWay, row: FunctionBudget, side: str, drift: float) -> Li
     times = row.times
     if row.function.required_reaction_ms is None or times is None:
         return None
+    # The limit is what is left of the requirement without the watchdog itself.
     rest = worst_case_input(times, 0.0) if side == "input" else worst_case_output(times, 0.0)
     by_etg = _room(row, rest, "ETG.5100", drift)
     others = times.outputs_by_bus if side == "input" else times.inputs_by_bus

@@ -40,6 +40,7 @@ def _way(
     connection: Connection, parts: FunctionParts, kind: ElementKind, bus: Transit, drift: float
 ) -> SignalWay | None:
     ends = (connection.main, connection.sub)
+    # The logic may be at either end of a connection.
     device, logic = ends if connection.sub.name in parts.logic else ends[::-1]
     cycles = bus.cycles(device, logic)
     to_logic, from_logic = bus.transfer(device, logic), bus.transfer(logic, device)
@@ -52,6 +53,7 @@ def _way(
         to_logic=to_logic,
         from_logic=from_logic,
         cycle=max(cycles),
+        # A device with a slow clock waits longer than its watchdog value.
         watchdog=(watchdog_of(connection) or 0.0) * (1 + drift),
     )
 
