@@ -133,6 +133,7 @@ class Inputs:
     def _with_process_data(self, bus: Description, out: Collector, notes: list[str]) -> Description:
         from fsoe_net.formats.esi.wanted import load_devices
 
+        # Without a bus, types are candidates and not what is there.
         types = list(self.found.types) if self.found.buses else []
         for path in self.found.esis if self.found.buses else ():
             made = load_devices(path, [s for s in bus.subdevices if not has_layout(s.device)], out)
@@ -140,6 +141,7 @@ class Inputs:
                 types.append(made)
         filled = fill_devices(bus, types, notes)
         idle = idle_types(bus, types)
+        # A folder of ESI files has hundreds of types; a number is enough.
         if len(idle) >= _MOST_IDLE:
             idle = [f"{len(idle)} device types that no SubDevice has are left out"]
         notes += idle
@@ -151,6 +153,7 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
     bus, out, notes = inputs.ring(answers)
     findings = list(out.diagnostics)
     name = answers.name or inputs.found.name or "network"
+    # The bus in a file is a fact; an answer about it could only contradict.
     if inputs.found.buses and answers.subdevices:
         where = inputs.found.buses[0].path
         findings.append(
@@ -161,6 +164,7 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
                 hint="delete subdevices: from the answers, or leave that file out",
             )
         )
+    # Without a ring no proposal is possible: the ring is asked for first.
     if bus is None:
         question = () if answers.subdevices else (_ask_ring(inputs),)
         return Draft(
@@ -172,6 +176,7 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
             notes=(),
         )
     bus = replace(bus, cycle_us=answers.cycle_us or bus.cycle_us)
+    # Names are given before projects are matched, as they refer to names.
     names = _names(bus.subdevices)
     hints: list[tuple[frozenset[int], str]] = []
     connections = list(bus.connections)
@@ -252,6 +257,7 @@ def _names(subdevices: Sequence[DescribedSubDevice]) -> tuple[str, ...]:
 
 
 def _word(sub: DescribedSubDevice) -> str:
+    # A name in capitals is an order number and not a name that a person gave.
     if _NAME.match(sub.name) and not sub.name.isupper() and sub.name != sub.order:
         return sub.name
     text = sub.order if sub.order and sub.name.isdecimal() else sub.name or sub.order
@@ -278,6 +284,7 @@ def _with_part(bus: Description, part: NetworkConfig | None, notes: list[str]) -
         SubDevice(span=s.span, name=n, position=s.position or 0, alias=s.alias, device=s.device)
         for s, n in zip(bus.subdevices, _names(bus.subdevices), strict=True)
     )
+    # A transfer with one unknown module cannot be placed; half of the transfers would mislead.
     missing = sorted(_modules(part) - {s.name for s in subs})
     if missing:
         notes.append(

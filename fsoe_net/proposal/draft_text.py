@@ -76,6 +76,7 @@ def _device(proposal: Proposal, number: int) -> tuple[str, ...]:
 
 def _subdevice(proposal: Proposal, number: int) -> tuple[str, ...]:
     sub = proposal.bus.subdevices[number]
+    # The order number is repeated only where the name does not contain it.
     title = sub.order if sub.order and sub.order.casefold() != sub.name.casefold() else ""
     lines = [title] if title else []
     if number in proposal.mains:
@@ -98,6 +99,7 @@ def answers_template(made: Draft, answered: str | None = None) -> str:
     """
     lines = _template_head(made.name, answered)
     proposal = made.proposal
+    # A value that is known is not asked for again.
     if proposal is None or proposal.bus.cycle_us is None:
         lines += ["# cycle_us: 1000", ""]
     questions = {a: [q for q in made.questions if q.ask is a] for a in Ask}
@@ -167,6 +169,7 @@ def _open_connection(question: Question) -> list[str]:
 def _connections(proposal: Proposal, subs: tuple[DescribedSubDevice, ...]) -> list[str]:
     lines = []
     for row, why in zip(proposal.bus.connections, proposal.reasons, strict=True):
+        # Open connections are listed as questions.
         if row.main is None or row.sub is None or row.unconfirmed:
             continue
         lines.append(f"#   # {why[0]}")

@@ -81,6 +81,7 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
         if given is None:
             raise InputError(f"{answers} cannot be used", sort_diagnostics(found.out.diagnostics))
         found.answers = given
+        # The answers are in the same folder as the files; they do not describe the bus.
         skipped.add(os.path.realpath(answers))
     named: list[tuple[str, bool]] = []
     for path in dict.fromkeys(paths):
@@ -92,13 +93,16 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
     yaml_files: list[tuple[str, bool]] = []
     for path, in_folder in named:
         mine = Collector()
+        # A file in a folder may be anything; one that was named must be readable.
         head = head_of(path, mine)
+        # Scans are JSON and would otherwise be taken for another format.
         if head is not None and _SCAN.match(head):
             _keep(found, path, mine, in_folder, _scan(path, mine, found))
             continue
         known = None if head is None else find_format(head, mine, name=path)
         if known is None:
             _keep(found, path, mine, in_folder, False)
+        # YAML files refer to each other and are read together, at the end.
         elif known.yields is Yields.NETWORK:
             yaml_files.append((path, in_folder))
         elif known.yields is Yields.CATALOGUE:
@@ -106,6 +110,7 @@ def gather(paths: Sequence[str], options: LoadOptions, *, answers: str | None = 
             found.used.append(path)
         else:
             read = read_foreign(path, known, mine, master=options.master)
+            # All files are read before errors end the command: the user corrects them in one go.
             _keep(found, path, mine, in_folder, _sorted(read, known, found))
     _read_yaml(yaml_files, options, found)
     errors = [d for d in found.out.diagnostics if d.level is Severity.ERROR]
@@ -119,6 +124,7 @@ def _files_in(folder: str, out: Collector) -> list[str]:
     base = os.path.normpath(folder).count(os.sep)
     for place, folders, names in os.walk(folder):
         deep = os.path.normpath(place).count(os.sep) - base
+        # A deep tree is a home folder given by mistake.
         folders[:] = sorted(f for f in folders if not f.startswith(".") and deep < _DEEPEST)
         found += [os.path.join(place, n) for n in sorted(names) if not n.startswith(".")]
         if len(found) > _MOST_FILES:
@@ -130,6 +136,7 @@ def _files_in(folder: str, out: Collector) -> list[str]:
     return _without_parts(found)
 
 
+# A part that is read on its own would appear twice.
 def _without_parts(files: list[str]) -> list[str]:
     """Leave out the parts of projects that are here whole: these name them."""
     endings = {os.path.splitext(f)[1].lower() for f in files}
@@ -181,6 +188,7 @@ def _sorted(read: Description | None, known: Format, found: Gathered) -> bool:
         found.notes.append(f"{read.path} is cut off: what is missing there is not guessed")
     if known.yields is Yields.CONNECTIONS:
         found.projects.append(read)
+    # Descriptions without positions are types, even from a format that can hold a bus.
     elif known.yields is Yields.TYPES or read.placeless:
         found.types.append(read)
     else:
@@ -196,6 +204,7 @@ def _read_yaml(files: list[tuple[str, bool]], options: LoadOptions, found: Gathe
     kinds: dict[str, list[tuple[str, bool]]] = {}
     for path, in_folder in files:
         kinds.setdefault(_yaml_kind(path), []).append((path, in_folder))
+    # Roots first: what they name is not read a second time.
     roots = kinds.get("network", []) + kinds.get("robot", [])
     transfers = kinds.get("transfers", [])
     known: set[str] = set()
@@ -215,6 +224,7 @@ def _yaml_kind(path: str) -> str:
             text = stream.read(1 << 20)
     except OSError:
         return ""
+    # XML may start with a byte order mark or blanks.
     if text.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
         return "robot"
     for kind, key in (
@@ -236,12 +246,14 @@ def _read_root(
     """Read one root file; return the real paths of everything it brought along."""
     path, in_folder = files[0]
     # A URDF names its transfers itself; others in the list are for one that does not.
+    # A URDF without transfers takes those that were given.
     loaded = load_network([path], options)
     if transfers and loaded.network is not None and not loaded.network.nets:
         loaded = load_network([path, *(t for t, _ in transfers)], options)
     mine = Collector()
     mine.diagnostics += [
         replace(d, severity=Severity.WARNING) if d.code in _TOLERATED else d
+        # Findings about missing parts are expected: `init` is what adds them.
         for d in loaded.diagnostics
         if d.code not in _LACKING
     ]
@@ -269,6 +281,7 @@ def _confirmed(network: NetworkConfig, out: Collector) -> NetworkConfig:
     """
     nets = []
     for net in network.nets:
+        # An unconfirmed connection is a proposal: to read it as a fact would confirm it silently.
         kept = [c for c in net.connections if c.unconfirmed is None]
         for row in net.connections:
             if row.unconfirmed is None:
@@ -297,6 +310,7 @@ def _sort_network(network: NetworkConfig, path: str, found: Gathered) -> None:
         ends = {
             e.module for n in network.nets for t in n.transfers for e in (t.source, t.destination)
         }
+        # All ends are declared: the partial file is a bus of its own.
         if ends <= declared:
             found.buses.append(replace(describe(network), path=path))
         else:

@@ -70,12 +70,14 @@ def find_moves(bus: Description, ends: Sequence[FrameEnd]) -> Moves:
     for copy in bus.copies:
         at = [_place(end) for end in (copy.source, copy.destination)]
         hit = [places[place] for place in at if place in places]
+        # A copy of a part of a frame is not a connection.
         whole = [pair for pair, block in hit if 8 * block.frame_bytes == copy.bits]
         pairs.update({pair.key: pair for pair in whole})
         if copy.fsoe is False:
             moves.rest.append(copy)
             continue
         keys = tuple(pair.key for pair in whole)
+        # A second copy between the same frames is left to the user.
         if len(keys) != 2 or keys in found:
             moves.rest.append(copy)
             moves.touched |= {pair.key for pair, _ in hit}
@@ -107,6 +109,7 @@ def link_moves(moves: Moves, ends: Sequence[FrameEnd], path: str) -> list[CopyLi
         roles = [ends[p.subdevice].role for p in (one, two)]
         if roles == ["sub", "main"]:
             one, two = two, one
+        # Roles that contradict the copies: nothing is guessed.
         elif roles != ["main", "sub"]:
             moves.rest += [copy, back]
             moves.touched |= {one.key, two.key}
@@ -155,10 +158,12 @@ def link_connections(
             continue
         if ends[main].role != "main":
             continue
+        # Copies settle which frames; the connection adds its facts.
         same = next((link for link in links if _is_same(link, main, row)), None)
         if same is not None:
             _take(same, row, path)
             continue
+        # Frames are not known yet: another file may bring them.
         bare = next((e for e in (ends[main], ends[row.sub]) if e.is_bare), None)
         if bare is not None:
             problems.append(
@@ -168,6 +173,7 @@ def link_connections(
         text = _link_row(row, main, ends, links, path)
         if text:
             problems.append(text)
+            # Frames that two files dispute must not be settled by lengths.
             disputed += _in_slot(ends[main].pairs, row.slot)
             disputed += ends[row.sub].pairs
             out.add(
@@ -189,6 +195,7 @@ def _is_same(link: CopyLink, main: int, row: DescribedConnection) -> bool:
 
 def _agree(one: DescribedConnection, two: DescribedConnection) -> bool:
     """Whether two files may describe the same connection: no common fact differs."""
+    # Of one file, two rows are two connections even if all facts agree.
     if one.span.file and one.span.file == two.span.file:
         return one.span == two.span
     pairs = [(getattr(one, key), getattr(two, key)) for key in _VALUES]
@@ -236,6 +243,7 @@ def _link_row(
     free = [p for p in ends[row.sub].pairs if p.key not in used]
     fitting = [(m, s) for m in slots for s in free if m.fits(s)]
     said = _said(row, main, ends, path)
+    # One that fits is settled; more are a question for the user.
     if len(fitting) == 1:
         links.append(
             CopyLink(
@@ -319,11 +327,13 @@ def _link_answer(
     if not slots:
         _no_slot(row, "slot", mains, out)
         return
+    # A file that already connects these frames only has to agree.
     if _is_linked(row, slots, subs, links, out):
         return
     taken = {pair.key for link in links for pair in (link.main, link.sub)}
     fitting = [(m, s) for m, s in product(slots, subs) if m.fits(s)]
     free = [(m, s) for m, s in fitting if not taken & {m.key, s.key}]
+    # One free pair among several could be by accident, unless the answer names a slot.
     if len(free) == 1 and (row.slot is not None or len(fitting) == 1):
         main, pair = free[0]
         links.append(CopyLink(main=main, sub=pair, why=_as_answered(row), facts=_facts(row)))
@@ -434,6 +444,7 @@ def state_facts(link: CopyLink, row: ConnectionFacts, out: FindingList) -> None:
     """
     values: dict[str, int | None] = {}
     for key in ("address", "connection_id", "watchdog_ms"):
+        # An answer fills in what a file leaves open, and never replaces it silently.
         old, new = getattr(link.facts, key), getattr(row, key)
         values[key] = old if new is None else new
         if new is not None and old is not None and new != old:

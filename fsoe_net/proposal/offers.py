@@ -88,6 +88,7 @@ def list_offers(found: Gathered, out: FindingList) -> tuple[Offer, ...]:
         out.diagnostics += mine.diagnostics
     types += list_types((), found.types, library, Collector())
     offers: list[Offer] = []
+    # A bus brings its SubDevices with positions; types have none.
     if found.buses:
         bus, _, _ = Inputs(found, library, types).ring(Answers())
         for sub in () if bus is None else bus.subdevices:
@@ -166,6 +167,7 @@ def _ways(row: Offer, sub: DescribedSubDevice, library: Library) -> list[Offer]:
         return [replace(row, frames=_frames(sub.device))]
     known = library_device(sub, library)
     fill = fill_from_library(sub, "it", library, Answers())
+    # Without process data there is nothing that a network could copy.
     if known is None or (fill.question is None and not has_layout(fill.sub.device)):
         return [replace(row, obstacle="no file here has its process data; add its ESI or a scan")]
     names = {m.name: m for m in known.mappings}

@@ -132,6 +132,7 @@ class _Maker:
             if answer is not None:
                 filled = has_layout(fill.sub.device) and not has_layout(sub.device)
                 self._check_process_data(sub, answer, fill.wrong, filled=filled)
+            # Without identity the device cannot be checked at the start.
             if not fill.sub.device.product_code:
                 what = "vendor and product are not known"
                 self._remarks[number].append(
@@ -182,6 +183,7 @@ class _Maker:
         ends = find_ends(subs, self._names, self._answers)
         moves = find_moves(self._bus, ends)
         for end in ends:
+            # Frames that files copy in both directions are FSoE, whatever their structure.
             end.accept({p.key for row in moves.both for p in row[:2]})
             self._ask(end.question)
             for guess in end.likely:
@@ -195,6 +197,7 @@ class _Maker:
             who = ", ".join(n for n, _ in question.choices)
             self._open.append(f"MainInstance or SubInstance: {who}")
         self._links = link_moves(moves, ends, self._bus.path)
+        # The order is that of trust: copies, connections of files, answers, then lengths.
         problems, disputed = link_connections(
             self._connections(ends), ends, self._links, self._bus.path, self._out
         )
@@ -215,6 +218,8 @@ class _Maker:
             partners.setdefault(one.subdevice, set()).add(two.subdevice)
             partners.setdefault(two.subdevice, set()).add(one.subdevice)
         for number, others in partners.items():
+            # An end with several partners is the MainInstance, as a SubInstance has one in most
+            # networks.
             if len(others) > 1 and not any(len(partners[o]) > 1 for o in others):
                 known.setdefault(number, "main")
         for number, others in partners.items():
@@ -262,6 +267,7 @@ class _Maker:
         free: dict[str, list[PairEnd]] = {"main": [], "sub": [], "": []}  # by role
         for end in ends:
             free[end.role] += [p for p in end.pairs if p.key not in used]
+        # Undecided ends could still take part: nothing of their lengths is settled.
         doubtful = [*free[""], *(p for e in ends for p in e.doubtful), *disputed]
         pairing = pair_by_lengths(free["main"], free["sub"], doubtful)
         for main, sub in pairing.settled:
@@ -273,6 +279,7 @@ class _Maker:
     def _add(self, link: CopyLink, ends: list[FrameEnd]) -> None:
         self._links.append(link)
         several = len(ends[link.sub.subdevice].pairs) > 1
+        # An answer without a slot applies to the only connection of this SubInstance.
         for row in self._answers.connections:
             same = row.sub == self._names[link.sub.subdevice]
             if same and row.slot is None and (not several or row.sub_slot == link.sub.slot):
@@ -318,6 +325,7 @@ class _Maker:
             )
         )
         self._open.append(f"{name}: which slot? {slots}")
+        # More SubInstances than slots: connecting some would be a guess.
         if row.proposed is None:
             why = f"more SubInstances than slots of {_bytes(sub)}"
             end.unconnected += [f"not connected: {why}", *self._facts_of(sub.subdevice)]
@@ -325,6 +333,7 @@ class _Maker:
         link = CopyLink(
             main=row.proposed,
             sub=sub,
+            # Written as unconfirmed: `check` refuses it until a person has compared it.
             why=f"NOT CONFIRMED: {_bytes(sub)} fit {slots}",
             unconfirmed=f"lengths fit {slots}; compare with the safety project",
         )
@@ -350,6 +359,7 @@ class _Maker:
         unconnected: dict[int, tuple[str, ...]] = {}
         for link in links:
             main, sub = ends[link.main.subdevice], ends[link.sub.subdevice]
+            # Frames beyond what plans recognise need explicit copies.
             beyond = main.beyond or sub.beyond
             if beyond:
                 copies += _copies(link)

@@ -122,6 +122,7 @@ def ring_of(
     subs: list[DescribedSubDevice] = []
     good, position = True, 0
     for row in answers:
+        # Positions only rise: anything else is a typing error in the answers.
         if row.position is not None and row.position < position:
             out.add(
                 "FSN156",
@@ -130,6 +131,7 @@ def ring_of(
                 hint="list the SubDevices in ring order",
             )
             good = False
+        # A given position leaves a gap for SubDevices that are not listed.
         position = max(position, row.position or 0)
         found = _type_of(row, types, out)
         if found is None:
@@ -153,6 +155,7 @@ def _type_of(
     rows = _types_of(row, types, out)
     if not rows:
         return None
+    # A type with process data is worth more than a newer revision without.
     newest = max(rows, key=_layout_then_revision)
     notes: tuple[str, ...] = ()
     if len({t.revision for t in rows}) > 1:
@@ -176,6 +179,7 @@ def _types_of(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) 
     if not same:
         _unknown_type(row, types, out)
         return []
+    # Files of the user come before the library.
     files = [t for t in same if t.path != "device library"]
     if row.revision is None or not files:
         return files or same

@@ -80,6 +80,7 @@ def find_ends(
     known: dict[int, list[FsoeGuess]] = {}  # by device
     ends = []
     for number, (sub, name, device) in enumerate(zip(subdevices, names, devices, strict=True)):
+        # Devices of one type are analysed once.
         if device not in known:
             managers = sub.device.layout.managers
             known[device] = [g for m in managers for g in detect_fsoe(m.placed, m.sm)]
@@ -98,9 +99,11 @@ def _take(
     layout = sub.device.layout
     likely = {g.block.key: g for g in guesses if not g.sure}
     answer = _answer(answers, end.name)
+    # Frames that only an answer confirms may lie where plans do not look for any.
     end.beyond = bool(answer) and not likely.keys() <= _regular(layout)
     pairs = _all_pairs(guesses, end.number) if end.beyond else pair_ends(layout, end.number)
     unsure = [p for p in pairs if p.written.key in likely or p.read.key in likely]
+    # Without an answer, doubtful frames take no part in pairing.
     sure = [p for p in pairs if p not in unsure]
     if answer is None:
         end.pairs, end.doubtful = tuple(sure), tuple(unsure)
@@ -197,6 +200,7 @@ def give_roles(
     if answers.main is not None:
         roles = {w.text: "main" for w in answers.main}
         for end in ends:
+            # Answers name the MainInstances; all others are SubInstances.
             end.role = roles.get(end.name, "sub")
         return None
     for end in ends:
@@ -206,6 +210,7 @@ def give_roles(
     open_ends = [e for e in ends if not e.role and not e.is_bare]
     if not open_ends:
         return None
+    # A single undecided end that SubInstances fit can only be the MainInstance.
     if len(open_ends) == 1 and _only_choice(open_ends[0], ends):
         open_ends[0].role = "main"
         open_ends[0].remarks.append(

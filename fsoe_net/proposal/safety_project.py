@@ -74,11 +74,13 @@ def match_project(
     for row in project.connections:
         wanted = project.subdevices[row.sub or row.main or 0]
         found = names.get(wanted.name, [])
+        # Names differ between tools; slots of the one logic decide then.
         if len(found) != 1 and row.main == 0 and row.slot in by_slot:
             found = [by_slot[row.slot]]
         is_sure = len(found) == 1
         if not is_sure:
             found = _with_order(wanted, orders)
+            # One of its type on the ring and in the project: no other choice is left.
             is_sure = len(found) == 1 and rivals[wanted.order] == 1
         text = _text(row, wanted, project.path)
         if is_sure and row.main == 0:
@@ -114,6 +116,7 @@ def _by_slot(
         for c in project.connections
         if c.main == 0 and c.sub is not None and c.slot is not None
     }
+    # One slot that differs makes all of them doubtful.
     if len({c.main for c in known}) != 1 or here.keys() != there.keys():
         return {}
     return here if all(there[slot] in orders[sub] for slot, sub in here.items()) else {}
