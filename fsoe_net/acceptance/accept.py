@@ -73,11 +73,13 @@ def accept(
     """
     before = None if replaces is None else read_record(replaces)
     report = read_signed_report([read_source(path, most=MAX_LARGE_BYTES) for path in reports])
+    # Compared with all files and the library, as the signed report was.
     checked = check_files(files, loading, compared=True)
     resolution = whole_network(checked, "no record written")
     plan = compile_plan(resolution)
     source, filled, wrong = read_test_record(test_record, resolution, plan)
     changed = None if before is None else since(before, resolution, plan)
+    # Names of steps contain an equals sign, which also separates the reason.
     named = [step.id for step in filled.steps]
     named += [f"{key} {d.subdevice}" for d in filled.devices for key in d.blank()]
     grounds = Grounds(
@@ -99,6 +101,7 @@ def accept(
         equipment=tuple(equipment),
         environment=environment,
         attachments=attachments(attach, folder),
+        # A time that is shorter than the longest one without a fault is plausible.
         longest_ms={
             f.function.name: f.reaction.polled
             for f in make_budget(resolution, library_of(resolution.network)).functions
@@ -185,6 +188,7 @@ def _reason(row: str, steps: Iterable[str] = ()) -> Reason:
     """Return a reason; names in steps may have an equals sign of their own."""
     subject, _, rest = row.partition("=")
     for step in steps:
+        # The longest name that fits: one name may begin with another.
         if row.startswith(f"{step}=") and len(step) > len(subject):
             subject, rest = step, row[len(step) + 1 :]
     reason, by = _by(rest)

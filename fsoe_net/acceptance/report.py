@@ -147,10 +147,13 @@ def make_report(
     errors = any(d.level is Severity.ERROR for d in found)
     compiled = plan_to_show(resolution, found)
     run = None
+    # With errors there is no plan to run.
     if scenario is not None and compiled is not None and not errors:
         run = _run(resolution, scenario)
+    # A fingerprint would suggest that the configuration can be accepted.
     fingerprint = None if compiled is None or errors else fingerprint_of(compiled)
     before = None
+    # A record also states which steps have been done, which a plan does not.
     if accepted is not None:
         before = since(accepted, resolution, compiled)
     elif against is not None:

@@ -121,6 +121,7 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
     g, out = grounds, _Gathered()
     fingerprint = fingerprint_of(g.plan)
     _people(g, out)
+    # All reasons are collected: a person must not meet them one at a time.
     _circumstances(g, out)
     _report(g, fingerprint.whole, out)
     _findings(g, out)
@@ -129,9 +130,11 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
         _let_pass("bus evidence", why, "give `report` a --evidence scan.json", g, out)
     _steps(g, fingerprint.whole, out)
     _history(g, fingerprint.whole, out)
+    # A reason that is given twice hides which one counts.
     for subject, count in Counter(r.subject for r in g.reasons).items():
         if count > 1:
             out.refuse(f"--justify {subject} is there {counted(count, 'time')}", "keep one of them")
+    # A reason for something that does not exist is a typing error, and another warning stays open.
     for r in g.reasons:
         if r.subject not in out.used:
             out.refuse(
@@ -176,6 +179,7 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
 
 def _people(g: Grounds, out: _Gathered) -> None:
     for role, person in (("author", g.author), ("verifier", g.verifier)):
+        # A signature needs a person: blanks, dashes and roles are refused.
         if not says_something(person.name):
             out.refuse(f"the {role} has no name", f"name a person with --{role}")
         elif not names_a_person(person.name):
@@ -183,6 +187,7 @@ def _people(g: Grounds, out: _Gathered) -> None:
                 f"the {role} is {person.name!r}: that names nobody",
                 f"write the name of the person with --{role}",
             )
+        # Invisible characters make two names look like one.
         elif not person.name.isprintable():
             out.refuse(
                 f"the name of the {role} holds characters that nobody sees: {person.name!r}",
@@ -222,6 +227,7 @@ def _circumstances(g: Grounds, out: _Gathered) -> None:
 
 
 def _report(g: Grounds, whole: str, out: _Gathered) -> None:
+    # The whole fingerprint: the report must be of exactly this configuration.
     if g.report.whole != whole:
         code = g.report.whole[:16].upper() or "none"
         out.refuse(
@@ -234,11 +240,13 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
             f"the report says: {g.report.against}",
             "fix what its first page names, and write it anew",
         )
+    # People sign pages; no person reads the JSON form.
     if not g.report.pages:
         out.refuse(
             "there is no page of the report among the files: people sign that one",
             "name it with --report beside the JSON form",
         )
+    # A page without the hash of this record was made from other results.
     for path, hashes in g.report.hashes.items():
         if path not in g.report.not_of and g.test_record_source.sha256 not in hashes:
             out.refuse(
@@ -257,6 +265,7 @@ def _findings(g: Grounds, out: _Gathered) -> None:
     reported = Counter((f.code, f.level, f.message) for f in g.report.findings)
     for d in g.diagnostics:
         key = d.code, d.level, d.message
+        # Counted: the same message at two places must be in the report twice.
         reported[key] -= 1
         if d.level is not Severity.INFO and reported[key] < 0:
             out.refuse(
@@ -304,6 +313,7 @@ def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
     errors = [d for d in g.test_record_findings if d.level is Severity.ERROR]
     for d in errors:
         out.refuse(f"{d.code} at {d.span}: {d.message}", d.hint)
+    # Results of another configuration do not count at all.
     if g.test_record.fingerprint == whole:
         for step in g.test_record.steps:
             _step(step, g, out)
@@ -329,6 +339,7 @@ def _step(step: TestStep, g: Grounds, out: _Gathered) -> None:
     missing = _missing(step)
     if not missing:
         _done(step, g, out)
+    # A step may be left out only if it is not needed for this change.
     elif step.kind not in _LEFT_OUT and (g.before is None or step.id in g.again):
         out.refuse(f"step {step.id} at {step.span}: {missing}", _DO_IT)
     else:
@@ -355,6 +366,7 @@ def _done(step: TestStep, g: Grounds, out: _Gathered) -> None:
             f"step {step.id} at {step.span}: done by {who!r}, which names nobody",
             "write the name of who did it",
         )
+    # A step after the signatures was not known to the people who signed.
     if day > g.verifier.date:
         out.refuse(
             f"step {step.id} at {step.span}: done on {day}, after the day of the signatures, "
@@ -379,6 +391,7 @@ def _doubt(step: TestStep, g: Grounds) -> str:
     if step.kind is not StepKind.TRIGGER or measured is None:
         return ""
     least, most = 2 * g.plan.cycle_ns / 1e6, g.longest_ms.get(step.subject)
+    # A time below two bus cycles cannot have been measured.
     if measured < least:
         return f"{measured:g} ms at the machine; the bus alone takes two cycles, {least:g} ms"
     if most is not None and measured > most:

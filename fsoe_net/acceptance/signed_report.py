@@ -57,6 +57,7 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         whole = str((document["fingerprint"] or {}).get("whole", ""))
         findings = tuple(_finding(f) for f in document["findings"])
         kinds = [p["kind"] for p in document["points"]]
+        # Only a real `true`: any other value must not pass as evidence of the machine.
         of_machine = document.get("of_machine") is True
         verdict = document["verdict"]
         against = str(verdict["word"]) if verdict["level"] == Level.ERROR.value else ""
@@ -69,6 +70,7 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         RecursionError,
     ) as exc:
         raise InputError(f"{source.path} is no report of fsoe-net in JSON") from exc
+    # A PDF cannot be searched for hashes; its JSON form has them.
     pages = [(s.path, d) for s, d in files if s is not source and not d.startswith(b"%PDF")]
     hashes = {
         path: frozenset(found.decode("ascii") for found in _HASH.findall(text))

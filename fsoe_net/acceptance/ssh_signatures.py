@@ -60,12 +60,14 @@ class SshSigners:
         """
         with tempfile.TemporaryDirectory(prefix="fsn-signed-") as name:
             folder = Path(name)
+            # Copies: the files that were read are the ones that are checked.
             (folder / "allowed").write_bytes(self.allowed)
             (folder / "signature").write_bytes(signature)
             given = ["-f", str(folder / "allowed"), "-s", str(folder / "signature")]
             if self.revoked:
                 (folder / "revoked").write_bytes(self.revoked)
                 given += ["-r", str(folder / "revoked")]
+            # At noon: the day is stated without a time zone.
             noon = f"{date.fromisoformat(day).isoformat().replace('-', '')}1200"
             given += ["-I", principal, f"-Overify-time={noon}"]
             done = _keygen("verify", *given, data=data)
@@ -92,6 +94,7 @@ def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
         EnvironmentFault: ``ssh-keygen`` is missing.
     """
     try:
+        # A device or pipe as key would block or have side effects.
         is_file = stat.S_ISREG(os.stat(key).st_mode)
     except (OSError, ValueError):
         is_file = False
@@ -101,6 +104,7 @@ def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
     if done.returncode != 0:
         words = "see what ssh-keygen says above"
         raise InputError(f"nothing signed: ssh-keygen does not sign with {key}; {words}")
+    # The key of the signature is read back, as an agent may have used another one.
     with tempfile.TemporaryDirectory(prefix="fsn-signed-") as name:
         signature = Path(name, "signature")
         signature.write_bytes(done.stdout)
@@ -128,6 +132,7 @@ def _keygen(
             stdout=subprocess.PIPE,
             stderr=None if asks else subprocess.PIPE,
             env={**os.environ, "LC_ALL": "C"},
+            # A person with a token needs time; a check does not.
             timeout=None if asks else _PATIENCE_S,
             check=False,
         )

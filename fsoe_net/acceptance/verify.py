@@ -56,6 +56,7 @@ def compare_running(wanted: Known, socket: str) -> Comparison:
         status = client.status()
         try:
             connections = client.connections()
+        # A stopped bus has a fingerprint, but no connections to observe.
         except ControlRefused as refused:
             if not refused.bus_stopped:
                 raise
@@ -76,6 +77,7 @@ def compare_running(wanted: Known, socket: str) -> Comparison:
         for c in connections
         for text in differences(c.differs, c.configured, c.observed)
     )
+    # Parameters on the wire may differ although the loaded plan is the accepted one.
     sections = (*found.sections, _OBSERVED) if lines else found.sections
     return replace(found, note=note, sections=sections, lines=(*found.lines, *lines))
 
@@ -117,6 +119,7 @@ def _changed_lines(name: str, before: str, after: str) -> Iterator[str]:
         a, b = a[1:], b[1:]
     while a and b and a[-1] == b[-1]:
         a, b = a[:-1], b[:-1]
+    # A line-by-line comparison of very long texts takes minutes.
     if len(a) + len(b) > 20_000:
         yield (
             f"{name}: {counted(len(a), 'line')} became {len(b)}; `fsoe-net plan --canonical "

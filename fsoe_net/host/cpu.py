@@ -20,6 +20,7 @@ def cpu_list(text: str) -> set[int]:
     for part in text.split(","):
         first, _, last = part.strip().partition("-")
         if first.isdecimal() and (last or first).isdecimal():
+            # Bounded: a damaged file must not make a set of millions.
             found |= set(range(int(first), min(int(last or first), int(first) + 8192) + 1))
     return found
 
@@ -39,6 +40,7 @@ def online_cpus(host: Host) -> set[int]:
     """Return the CPUs in use; raises `Unreadable`."""
     text = host.maybe(f"{_FOLDER}/online")
     found = cpu_list(text) if text else set()
+    # Some containers hide sysfs; /proc is the second source.
     if not found:
         lines = host.read("/proc/cpuinfo").splitlines()
         found = {n for n, _ in enumerate(line for line in lines if line.startswith("processor"))}
@@ -67,6 +69,7 @@ def _isolation(host: Host) -> Iterator[MachineFacts]:
             level=MachineLevel.WARNING, text="one CPU: cycle, network and all else share it"
         )
         return
+    # RCU callbacks run on an isolated CPU unless they are moved away.
     ticking = isolated - cpu_list(command_line(host).get("rcu_nocbs", "") or "")
     full = cpu_list(host.maybe(f"{_FOLDER}/nohz_full") or "")
     words = f"isolcpus=managed_irq,domain,{last} rcu_nocbs={last} irqaffinity="
@@ -91,6 +94,7 @@ def _isolation(host: Host) -> Iterator[MachineFacts]:
     else:
         yield MachineFacts(level=MachineLevel.GOOD, text=f"CPU {range_text(isolated)} isolated")
     allowed = _allowed(host)
+    # The shell hands its affinity on: `--cpu` can then be refused.
     if isolated and allowed is not None and not isolated & allowed:
         yield MachineFacts(
             level=MachineLevel.NOTE,
@@ -118,6 +122,7 @@ def _frequency(host: Host) -> Iterator[MachineFacts]:
         governor = host.maybe(f"{folder}/cpufreq/scaling_governor")
         if governor:
             by_governor[governor].add(int(folder.rpartition("cpu")[2]))
+    # Without cpufreq the frequency may still change, unseen by the kernel.
     if not by_governor:
         raise Unreadable(
             "no cpufreq in sysfs: the frequency is fixed, or firmware or a hypervisor changes it "
@@ -140,6 +145,7 @@ def _frequency(host: Host) -> Iterator[MachineFacts]:
 
 def _idle(host: Host) -> Iterator[MachineFacts]:
     driver = host.read(f"{_FOLDER}/cpuidle/current_driver")
+    # Without an idle driver a CPU only halts and wakes at once.
     if driver in ("none", ""):
         yield MachineFacts(
             level=MachineLevel.GOOD, text="no idle driver: CPUs halt, but sleep no deeper"
@@ -150,6 +156,7 @@ def _idle(host: Host) -> Iterator[MachineFacts]:
         for state in host.names(f"{folder}/cpuidle"):
             place = f"{folder}/cpuidle/{state}"
             latency, name = host.maybe(f"{place}/latency"), host.maybe(f"{place}/name")
+            # A disabled state is not entered, however deep it is.
             if host.maybe(f"{place}/disable") == "0" and (latency or "").isdecimal():
                 deepest = max(deepest, (int(latency or 0), name or state))
     latency_us, name = deepest
@@ -174,6 +181,7 @@ def _siblings(host: Host) -> Iterator[MachineFacts]:
         yield MachineFacts(level=MachineLevel.GOOD, text="no hyper-threads in use")
         return
     isolated, shared = isolated_cpus(host), set()
+    # Only threads outside of the isolated set disturb it.
     for cpu in isolated:
         place = f"{_FOLDER}/cpu{cpu}/topology/thread_siblings_list"
         shared |= cpu_list(host.maybe(place) or "") - isolated

@@ -73,6 +73,7 @@ def examine(host: Host, *, interface: str | None = None, program: str | None = N
 
 
 def _of_interface(host: Host, interface: str) -> list[MachineFinding]:
+    # The name becomes a part of a path: only what Linux allows as a name is read.
     if not _NAME.fullmatch(interface) or interface in (".", ".."):
         why = "Linux gives interfaces names of 1 to 15 characters without / : and blanks."
         return [

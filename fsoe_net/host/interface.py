@@ -51,6 +51,7 @@ def _exists(host: Host, name: str) -> Iterator[MachineFacts]:
     folder = _folder(host, name)
     kind = host.number(f"{folder}/type")
     virtual = not host.exists(f"{folder}/device")
+    # From the most obvious reason to the finest one: the first answer must help.
     if host.exists(f"{folder}/wireless") or host.exists(f"{folder}/phy80211"):
         yield MachineFacts(
             level=MachineLevel.BAD, text="a wireless interface: EtherCAT needs a cable"
@@ -61,6 +62,7 @@ def _exists(host: Host, name: str) -> Iterator[MachineFacts]:
         yield MachineFacts(
             level=MachineLevel.BAD, text=f"no Ethernet interface (hardware type {kind})"
         )
+    # Frames through a bridge are delayed, and those of others are mixed in.
     elif host.exists(f"{folder}/bridge") or host.exists(f"{folder}/bonding"):
         yield MachineFacts(
             level=MachineLevel.BAD,
@@ -115,6 +117,7 @@ def _speed(host: Host, name: str) -> Iterator[MachineFacts]:
     if duplex is None or text is None or not text.isdecimal():
         raise Unreadable("speed and duplex are not reported; an interface without link has none")
     speed = int(text)
+    # EtherCAT has no half duplex and no 10 Mbit/s.
     if duplex == "half" or speed < 100:
         yield MachineFacts(
             level=MachineLevel.BAD,
@@ -187,6 +190,7 @@ def _managers(host: Host, name: str) -> Iterator[MachineFacts]:
         if output is None:
             raise Unreadable("NetworkManager runs, but `nmcli` does not answer")
         state = dict(line.rsplit(":", 1) for line in output.splitlines() if ":" in line).get(name)
+        # NetworkManager sends DHCP on interfaces that it manages, between the frames.
         if state not in (None, "unmanaged"):
             seen = True
             yield MachineFacts(
@@ -218,6 +222,7 @@ def _managers(host: Host, name: str) -> Iterator[MachineFacts]:
 def _sockets(host: Host, name: str) -> Iterator[MachineFacts]:
     index = host.number(f"{_folder(host, name)}/ifindex")
     rows = [line.split() for line in host.read("/proc/net/packet").splitlines()[1:]]
+    # Protocol 0 listens on all interfaces.
     inodes = {r[8]: r[3] for r in rows if len(r) > 8 and r[4] in (str(index), "0")}
     if not inodes:
         yield MachineFacts(level=MachineLevel.GOOD, text="nobody has a packet socket on it")
@@ -225,9 +230,11 @@ def _sockets(host: Host, name: str) -> Iterator[MachineFacts]:
     owners = _owners(host, set(inodes))
     hidden = len(set(inodes) - {inode for found in owners.values() for inode in found})
     for (pid, command), found in sorted(owners.items()):
+        # Our own process is expected there.
         if command == PROGRAM:
             yield MachineFacts(level=MachineLevel.GOOD, text=f"{PROGRAM} (process {pid}) drives it")
             continue
+        # 0x88a4 is EtherCAT: two MainDevices on one bus disturb each other.
         sends = any(inodes[inode].lower() == "88a4" for inode in found)
         yield MachineFacts(
             level=MachineLevel.BAD if sends else MachineLevel.WARNING,
@@ -235,6 +242,7 @@ def _sockets(host: Host, name: str) -> Iterator[MachineFacts]:
             + (" for EtherCAT: two MainDevices?" if sends else ""),
             now=(f"kill {pid}",),
         )
+    # The table lists sockets of all processes; their owners are hidden from users.
     if hidden:
         yield MachineFacts(
             level=MachineLevel.NOTE,
@@ -265,6 +273,7 @@ def _asked(ask: Callable[[], Iterator[MachineFacts]]) -> Iterator[MachineFacts]:
 def _coalescing(host: Host, name: str) -> Iterator[MachineFacts]:
     def ask() -> Iterator[MachineFacts]:
         found = ethtool.coalescing(host, name)
+        # One frame per interrupt means no delay, whatever the time is.
         late = found.rx_us if found.rx_frames != 1 else 0
         if not late and not found.adaptive:
             yield MachineFacts(level=MachineLevel.GOOD, text="each frame is seen at once")
@@ -327,6 +336,7 @@ def _errors(host: Host, name: str) -> Iterator[MachineFacts]:
     if not found:
         yield MachineFacts(level=MachineLevel.GOOD, text="none since it came up")
         return
+    # Physical errors are of cable and plug; dropped frames are of the machine.
     physical = any(found.get(k) for k in ("rx_errors", "rx_crc_errors", "collisions"))
     yield MachineFacts(
         level=MachineLevel.WARNING if physical else MachineLevel.NOTE,

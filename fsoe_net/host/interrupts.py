@@ -27,9 +27,11 @@ def _interrupts(host: Host, name: str) -> list[int]:
     for line in host.read("/proc/interrupts").splitlines():
         number, _, rest = line.strip().partition(":")
         words = rest.replace(",", " ").split()
+        # Drivers name their queues after the interface, with a dash or a colon.
         mine = any(w == name or w.startswith((f"{name}-", f"{name}:")) for w in words)
         if number.isdecimal() and mine:
             listed.add(int(number))
+    # /proc/interrupts lists those in use; msi_irqs also lists unused ones.
     found = listed or found
     single = host.maybe(f"{folder}/irq") or ""
     if not found and single.isdecimal() and single != "0":
@@ -44,6 +46,7 @@ def _affinity(host: Host, name: str) -> Iterator[MachineFacts]:
     cpus: set[int] = set()
     for n in numbers:
         place = f"/proc/irq/{n}"
+        # The effective list is where they do run; the other one is what is permitted.
         text = host.maybe(f"{place}/effective_affinity_list") or host.read(
             f"{place}/smp_affinity_list"
         )
@@ -51,6 +54,7 @@ def _affinity(host: Host, name: str) -> Iterator[MachineFacts]:
     text = f"interrupt {range_text(set(numbers))} on CPU {range_text(cpus)}"
     online = online_cpus(host)
     wanted = max(isolated_cpus(host), default=max(online))
+    # One CPU takes all interrupts: replies keep their order and their cache.
     if len(cpus) <= 1 or len(online) == 1:
         yield MachineFacts(level=MachineLevel.GOOD, text=text)
         return
@@ -75,6 +79,7 @@ def _thread(host: Host, name: str) -> Iterator[MachineFacts]:
             "its interrupts have no thread of their own, or it is not seen: without PREEMPT_RT or "
             "`threadirqs` they run in the kernel's softirq"
         )
+    # 50 is the priority of each interrupt thread by default.
     low = {pid: p for pid, (policy, p) in threads.items() if policy != "fifo" or p <= 50}
     text = ", ".join(f"process {pid}: {how[0]} {how[1]}" for pid, how in threads.items())
     if not low:

@@ -45,6 +45,7 @@ def kernel_option(host: Host, name: str) -> str | None:
 
 def _preemption(host: Host) -> Iterator[MachineFacts]:
     version = host.read("/proc/version")
+    # Newer kernels have the file, older ones the word in their version.
     if host.maybe("/sys/kernel/realtime") == "1" or "PREEMPT_RT" in version:
         yield MachineFacts(level=MachineLevel.GOOD, text="PREEMPT_RT")
         return
@@ -72,10 +73,12 @@ def _preemption(host: Host) -> Iterator[MachineFacts]:
 
 def _model(host: Host, version: str) -> str | None:
     """Return the preemption model of a kernel that is not PREEMPT_RT."""
+    # The kernel marks the model in use by brackets.
     chosen = re.search(r"\((\w+)\)", host.maybe("/sys/kernel/debug/sched/preempt") or "")
     if chosen:
         return chosen[1]
     stated = command_line(host).get("preempt", "")
+    # On the command line it counts only if the kernel can change it.
     if "PREEMPT_DYNAMIC" in version and stated in ("none", "voluntary", "full", "lazy"):
         return stated
     for option, model in (

@@ -19,6 +19,7 @@ def _virtual(host: Host) -> Iterator[MachineFacts]:
     kind = host.maybe("/sys/hypervisor/type") or ""
     names = ("QEMU", "VMware", "innotek", "VirtualBox", "Xen", "Parallels", "Virtual Machine")
     known = [n for n in names if n in vendor or n in product]
+    # Each hypervisor shows itself in another place.
     if not (" hypervisor" in flags or known or kind):
         yield MachineFacts(level=MachineLevel.GOOD, text="no sign of a virtual machine")
         return
@@ -32,6 +33,7 @@ def _virtual(host: Host) -> Iterator[MachineFacts]:
 
 def _steal(host: Host) -> Iterator[MachineFacts]:
     words = host.read("/proc/stat").partition("\n")[0].split()[1:]
+    # The first line sums all CPUs; its fields are fixed by the kernel.
     if len(words) < _FIELDS or not all(w.isdecimal() for w in words):
         raise Unreadable("/proc/stat has no line of all CPUs in the form of Linux")
     times = [int(w) for w in words[:_FIELDS]]
@@ -51,6 +53,7 @@ def _steal(host: Host) -> Iterator[MachineFacts]:
 
 def _container(host: Host) -> Iterator[MachineFacts]:
     kind = host.maybe("/run/systemd/container") or ""
+    # Docker and Podman leave files of their own, without the systemd one.
     if host.exists("/.dockerenv"):
         kind = kind or "docker"
     if host.exists("/run/.containerenv"):

@@ -82,6 +82,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
     fix = (_SETCAP.format(program),)
     keep = (_UNIT, "setcap again after each build: a new file has none")
     granted = _file_capabilities(host, program)
+    # The kernel ignores capabilities of files on nosuid mounts and after NoNewPrivileges.
     ignored = _ignored(host, program, mine)
     if granted and not _lacking(granted) and not ignored:
         yield MachineFacts(
@@ -91,10 +92,12 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
         yield MachineFacts(
             level=MachineLevel.BAD, text=f"{program} has them, but {ignored}", keep=(_UNIT,)
         )
+    # Ambient capabilities are inherited by each program that is started from here.
     elif mine.ambient & _ALL == _ALL:
         yield MachineFacts(
             level=MachineLevel.GOOD, text="what is started from here inherits them (ambient)"
         )
+    # Root works here, but the unit runs as another user.
     elif mine.user == 0 and mine.effective & _ALL == _ALL:
         yield MachineFacts(
             level=MachineLevel.NOTE,
@@ -123,6 +126,7 @@ def _ignored(host: Host, program: str, mine: _Status) -> str:
             continue
         point = words[4]
         inside = program == point or program.startswith(point.rstrip("/") + "/")
+        # The longest mount point that contains the program is its file system.
         if inside and len(point) >= len(best):
             best, options = point, words[5]
     if "nosuid" in options.split(","):
@@ -141,6 +145,7 @@ def _limits(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
     memory, priority = found["Max locked memory"], found["Max realtime priority"]
     granted = 0 if program is None else _file_capabilities(host, program)
     mine = _status(host, "self")
+    # Root has its capabilities only as far as a container leaves them.
     held = granted | mine.ambient | (mine.effective if mine.user == 0 else 0)
     low = []
     if not held >> CAPABILITIES["CAP_IPC_LOCK"] & 1 and memory != "unlimited":
@@ -169,6 +174,8 @@ def _limits(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
 def scheduling(host: Host, pid: int, thread: int | None = None) -> tuple[str, int] | None:
     """Return policy and priority of a process or thread; ``None`` when it is gone."""
     place = f"/proc/{pid}/stat" if thread is None else f"/proc/{pid}/task/{thread}/stat"
+    # The name of a process may contain blanks and parentheses; fields are counted after the last
+    # one.
     words = (host.maybe(place) or "").rpartition(")")[2].split()
     if len(words) < 39 or not words[37].isdecimal() or not words[38].isdecimal():
         return None

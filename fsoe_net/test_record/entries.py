@@ -92,19 +92,24 @@ def enter(path: str, entry: MachineEntry) -> dict[str, str]:
     before, now = (_taken(fields, present) for fields in (entry.before, entry.now))
     if entry.step:
         now = _kept(before, now)
+    # The same entry twice is the usual result of a lost answer, and is not a conflict.
     if present == now:
         return now
+    # Compared with what the person saw: an entry of another person must not be overwritten.
     if present != before:
         raise Conflict(present)
     edited = EditedText(data.decode("utf-8-sig"), path)
     row = _row(edited.document, entry)
     for key, text in now.items():
+        # Only changed values are written, so that comments and quotes of others stay.
         if text != present[key]:
             row[key] = _number(text) if key == "measured_ms" and text else text
     new = edited.text.encode("utf-8")
+    # Read back: text that YAML would change must not be written.
     written = _present(_test_record(path, new), entry)
     if written != now:
         raise InputError(f"{path} cannot hold this entry; write it into the file by hand")
+    # The file may have changed since it was read.
     read_unchanged(path, source.sha256, next_step="enter it again")
     write_whole(path, new, overwrite=True)
     return now
@@ -134,6 +139,7 @@ def _taken(fields: Fields, present: Fields) -> dict[str, str]:
     """Return the values that a row has, on one line each."""
     found = {}
     for key in present:
+        # One line for each value; the file is also read by people.
         text = " ".join(str(fields.get(key, "")).split())
         if len(text) > _MOST_CHARACTERS or first_control(text):
             raise InputError(
@@ -170,6 +176,7 @@ def _kept(before: Fields, now: dict[str, str]) -> dict[str, str]:
     if not before["result"] or now == before:
         return now
     measured = f"{before['measured_ms']} ms" if before["measured_ms"] else ""
+    # A remark that is contained already is not repeated with each correction.
     remark = "" if before["remark"] in now["remark"] else before["remark"]
     parts = (before["result"], measured, remark, before["by"], before["date"])
     text = f"before: {', '.join(part for part in parts if part)}"

@@ -72,8 +72,10 @@ class LossTimes:
         before, after = (
             ConnectionState.from_event(str(event.get(key))) for key in ("before", "after")
         )
+        # Only the first departure from Data counts; states before it are the start-up.
         if name not in self._own or not before.in_data or after.in_data:
             return
+        # Silence is reported later than a Reset, and has no time of its own.
         if after is ConnectionState.SILENT:
             self._silent.add(name)
         else:
@@ -159,6 +161,7 @@ def run_tests_live(
         EnvironmentFault: It does not answer.
     """
     status = observer.status()
+    # Results of another configuration must not get into this record.
     check_in_use(status, fingerprint, test_record.plan_sha256)
     rig = emulated_bus(status)
     if rig:
@@ -166,6 +169,7 @@ def run_tests_live(
     observer.subscribe()
     watch = _Watch(resolution, observer, person, status, person_s, settle_s, clock)
     bus = f"{status.backend} on {status.interface}" if status.interface else status.backend
+    # A result of an emulated bus must never look like one of the machine.
     mark = f"{EMULATED_NOTE}: {rig}" if rig else bus
     for number, step in enumerate(test_record.steps):
         seen = watch.seen(step)
@@ -239,15 +243,18 @@ class _Watch:
         own = {c.name for c in connections_of(self._resolution, step.subject)}
         if why := self._unfit(step.subject, own):
             return _not_run(why)
+        # Without outputs switched on, the loss would show nothing.
         if idle := self._idle(own):
             self._person.tell(
                 f"{idle} sends FailSafeData: outputs are off already. Press reset before you go on."
             )
         if not self._person.guarded(step):
             return _not_run("nobody confirmed that the area is guarded")
+        # Asked for twice: a person needs time, and the bus may have changed meanwhile.
         if why := self._unfit(step.subject, own):
             return _not_run(why)
         before, away = self._states(), self._off()
+        # Emptied: events from before the loss must not count.
         self._observer.events()
         times = LossTimes(own)
         self._person.tell(f"Take {step.subject} off the bus now.")
@@ -271,6 +278,7 @@ class _Watch:
         stayed: int,
     ) -> StepResult:
         words = [f"{stayed} of {counted(len(before), 'connection')} in Data without it"]
+        # A connection that sent FailSafeData proves nothing about its outputs.
         if idle := sorted(n for n in own if before[n] is ConnectionState.DATA_FAILSAFE):
             words.append(f"{', '.join(idle)} sent FailSafeData before, so outputs were off already")
         if times.silent:
@@ -348,6 +356,7 @@ class _Watch:
         """Poll until it is done, and keep the times of reports meanwhile."""
         end = self._clock() + wait_s
         while True:
+            # Done is asked for before the time: a result at the last moment counts.
             found = done()
             over = self._clock() >= end
             for event in self._observer.events(0.0 if found or over else _POLL_S):

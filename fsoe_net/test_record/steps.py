@@ -33,6 +33,7 @@ def make_test_record(
     steps = [_start_up(connection) for connection in resolution.connections]
     steps += [_combination(resolution, present) for present in network.combinations()]
     steps += [_trigger(function) for function in network.safety_functions]
+    # In bus order, each name once: a person goes along the machine.
     names = dict.fromkeys(sub.name for sub in network.subdevices)
     steps += [_loss(name, connections_of(resolution, name)) for name in names]
     steps += [_fault(name) for name in CATALOGUE]
@@ -156,6 +157,7 @@ def keep_machine(new: TestRecord, old: TestRecord) -> TestRecord:
             or has other steps.
     """
     written = {step.id: step for step in old.steps if step.machine.filled}
+    # Results of people are never dropped: the old file stays for its configuration.
     if not _same(new, old):
         if written or any(d.filled for d in old.devices):
             raise InputError(
@@ -163,6 +165,7 @@ def keep_machine(new: TestRecord, old: TestRecord) -> TestRecord:
                 f"({old.plan_sha256[:16]}, now {new.plan_sha256[:16]}); write to another file"
             )
         return new
+    # A step that no longer exists may hold the work of a person.
     lost = sorted(written.keys() - {step.id for step in new.steps})
     if lost:
         raise InputError(
@@ -205,6 +208,7 @@ def compare_test_record(given: TestRecord, fresh: TestRecord, out: Collector) ->
         before = short_code(given.fingerprint) if given.fingerprint else "not known"
         words = f"made for another configuration ({before}) than these files give ({now})"
         out.add("FSN161", given.at(key), words, hint=anew)
+        # Each step would differ as well; one finding is enough.
         return  # its steps are those of that one
     steps = {step.id: step for step in given.steps}
     for step in fresh.steps:
@@ -256,6 +260,7 @@ def _changed(given: TestStep, fresh: TestStep) -> str:
 def _merged(step: TestStep, old: TestStep | None) -> TestStep:
     if old is None:
         return step
+    # Entries of people count only for the step as it was when they did it.
     if old.machine.filled and (old.what, old.expected, old.limit_ms) != (
         step.what,
         step.expected,

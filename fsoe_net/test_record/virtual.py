@@ -96,6 +96,7 @@ class _Emulation:
         groups = self._resolution.network.groups
         wanted = [g for g in groups if set(names) & set(g.subdevices)]
         places = {g.place for g in wanted if g.place}
+        # Groups of one place exclude each other: the other ones have to leave first.
         rivals = [g for g in groups if g.place in places and g not in wanted]
         self._prelude = (
             *(_step(0, Action.PULL, g.name) for g in rivals),
@@ -133,6 +134,7 @@ class _Emulation:
             return self._start_up(step)
         if step.kind is StepKind.FAULT:
             return self._fault(step)
+        # Without Data a loss or a trigger shows nothing.
         if len(self._to_data_ns) < len(self._resolution.connections):
             return _not_run("not all connections reached Data")
         if step.kind is StepKind.LOSS:
@@ -219,10 +221,12 @@ class _Emulation:
         for now in _cycles(session, end_ns):
             if now < act_ns:
                 watched = _on(session, names)
+                # A function whose outputs are off from the start would pass for nothing.
                 if now + session.cycle_ns >= act_ns and not watched:
                     return _not_run("none of its outputs was on")
             elif off_ns is None:
                 off_ns = now if not _on(session, watched) else None
+            # Outputs that come on again by themselves are the worst result.
             elif again := _on(session, watched):
                 return StepResult(
                     outcome=StepOutcome.NOT_AS_EXPECTED,
@@ -240,6 +244,7 @@ class _Emulation:
     def _loss(self, step: TestStep) -> StepResult:
         name = step.subject
         act_ns = self._act_ns
+        # Long enough for the watchdog to expire, then for all to settle.
         back_ns = act_ns + 2 * self._watchdog_ns + 2 * _SETTLE_NS
         end_ns = back_ns + 2 * max(self._to_data_ns.values()) + 2 * self._watchdog_ns
         session = self._session(
