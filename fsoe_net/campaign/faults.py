@@ -157,7 +157,7 @@ class Forge(_Span):
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
         """Return the rebuilt frame."""
-        # A table knows the chain that a correct sender would use.
+        # A table has the chain that a correct sender would use.
         table = channel.tables[self.way]
         if image is None or table is None or not self._on(channel):
             return image

@@ -210,7 +210,7 @@ def _of_connection(
         yield HealthReason.NOT_IN_DATA
     if seen.state is ConnectionState.DATA_FAILSAFE:
         yield HealthReason.FAILSAFE_DATA
-    # An end that was not read yet says nothing about its state.
+    # The state of an end is unknown until it has been read.
     if any(s.known and not s.in_op for s in ends):
         yield HealthReason.END_NOT_IN_OP
     if (seen.name, HealthReason.RESET) in changes:

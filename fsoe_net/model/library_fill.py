@@ -96,7 +96,7 @@ def fill_from_library(
                 *(() if known.mappings else known.notes),
             ),
         )
-    # Several fit: only a person knows the safety project.
+    # Several fit: only a person has the safety project.
     question = Question(
         ask=Ask.PROCESS_DATA,
         subject=name,

@@ -178,7 +178,7 @@ def _period(row: Mapping[str, Any]) -> Histogram | None:
     values["sum_ns"] = int(row["mean_ns"]) * values["count"]  # a run states the mean alone
     buckets = tuple((int(floor), int(times)) for floor, times in row["buckets"])
     floors = [floor for floor, _ in buckets]
-    # A damaged histogram would give percentiles that nobody measured.
+    # A damaged histogram would give percentiles that were not measured.
     if floors != sorted(set(floors)) or sum(times for _, times in buckets) != values["count"]:
         raise ValueError("buckets of the bus cycle do not rise or are not all there")
     period = Histogram(**values, buckets=buckets)

@@ -121,7 +121,7 @@ def _function(number: int, row: FunctionBudget, inputs: ReportInputs) -> tuple[C
     levels = level_words(f)
     against: Cell = tuple(_against(row))
     tested = function_test(row, inputs)
-    # "Nothing found" only after the test at the machine: before, nobody has looked.
+    # "Nothing found" only after the test at the machine: before that, nothing was tried.
     if not against and tested.level is Level.CLEAR:
         against = (muted("nothing found"),)
     longest = None if reaction is None else reaction.decides.ms

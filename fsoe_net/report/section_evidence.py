@@ -181,7 +181,7 @@ def _scan(path: str, scan: Scan) -> list[Part]:
                 "as read from the devices.",
             )
         )
-    # What was read back is what the device uses, whatever the files contain.
+    # The values that were read back are those in use, whatever the files contain.
     mapped = [row for s in scan.subdevices for row in _mapping_rows(path, s)]
     if mapped:
         read = ("SubDevice", "Sync manager", "Length", "Assigned PDOs")

@@ -136,7 +136,7 @@ def _parts(row: FunctionBudget) -> Table:
                 mission_cell(e.element),
             )
         )
-    # FSoE is a part of the sum although nobody lists it as an element.
+    # FSoE is a part of the sum although it is not listed as an element.
     if row.pfh.fsoe:
         fsoe = stated(
             row.pfh.fsoe, "1/h", "Beckhoff, Application Guide TwinSAFE", f"{row.pfh.fsoe:.2e}"

@@ -101,7 +101,7 @@ def _given(given: GivenPlan, inputs: ReportInputs, points: list[Point]) -> list[
         changed = fingerprint_of(given.plan).changed(fingerprint_of(inputs.plan))
         where = f" (sections: {', '.join(changed)})" if changed else ""
         verdict = Verdict(f"is NOT the plan of these files{where}", Level.ERROR)
-    # A plan file that was not compared, or differs, stays open until somebody has settled it.
+    # A plan file that was not compared, or differs, stays open until a person has settled it.
     if not same:
         points.append(Point(PointKind.OPEN, f"{given.source.path} {verdict.word}"))
     row = (cell(code(given.source.path)), cell(code(given.source.sha256)), cell(verdict))

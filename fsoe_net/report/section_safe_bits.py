@@ -60,7 +60,7 @@ def _rows(e: SafetyElement, frames: Sequence[ElementFrame]) -> Iterator[tuple[Ce
     if e.bits:
         for bit in e.bits:
             yield (cell(strong(bit.name)), element, *_place(bit, frame_of(bit, frames)))
-    # A frame exists but nobody has stated the bit: a person must find it out.
+    # A frame exists but its bit is not stated: a person must find it out.
     elif frames:
         between = tuple(item for f in frames for item in _between(f))
         yield (cell(Verdict("not stated", Level.OPEN)), element, between, (), (), (), ())

@@ -75,7 +75,7 @@ def timing(inputs: ReportInputs) -> ReportSection:
             points += [
                 Point(PointKind.OPEN, f"{row.function.name}: {words}") for words in row.missing
             ]
-            # Values of the library are unverified until somebody takes responsibility for them.
+            # Values of the library are unverified until a person takes responsibility for them.
             if row.parts.unverified:
                 names = ", ".join(row.parts.unverified)
                 words = f"{row.function.name}: values nobody answers for: {names}"

@@ -160,7 +160,7 @@ def run_campaign(
         for index, part in steps:
             parts[index] = part
             reports.finished(len(work[index][1]), part.name)
-    # What has been found so far counts: campaigns run for hours.
+    # The results so far count: campaigns run for hours.
     except KeyboardInterrupt:
         interrupted = True
     # In the order of the work, whatever the order in which processes finish.

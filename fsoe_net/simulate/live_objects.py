@@ -107,7 +107,7 @@ def _parameters_at(port: Port) -> int:
 
 def _connection(index: int, port: Port) -> Iterator[_Row]:
     instance, setup = port.instance, port.setup
-    # A SubInstance knows its parameters only after its MainInstance has sent them.
+    # A SubInstance has its parameters only after its MainInstance has sent them.
     given = port.is_main or instance.state is State.DATA
     values = (
         _VERSION,

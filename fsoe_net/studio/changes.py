@@ -132,7 +132,7 @@ def _connect(request: Mapping[str, object], resolution: Resolution) -> Change:
         # file.
         facts: dict[str, object] = {"main": main, "sub": sub}
         facts |= slots
-        # A drawn line is no proof: a person compares it with the safety project and confirms it.
+        # A drawn line proves nothing: a person compares it with the safety project and confirms it.
         facts["unconfirmed"] = DRAWN
         if own:
             net = row_of(document["nets"], own[0])

@@ -137,7 +137,7 @@ def _names(certificate: str, key: str) -> list[str]:
             f"{certificate} and {key} are no certificate (PEM) with its key without passphrase: "
             f"{why}"
         ) from exc
-    # A wildcard is no address that a person can open.
+    # A person cannot open a wildcard as an address.
     names = [name for kind, name in rows if kind in ("DNS", "IP Address") and "*" not in name]
     if not names:
         raise InputError(

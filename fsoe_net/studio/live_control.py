@@ -135,7 +135,7 @@ class LiveControl:
         symbol = next((s for s in outputs if s.name == name), None)
         if symbol is None or not symbol.restart_relevant:
             raise InputError(f"{name!r} is no output that is armed")
-        # Until somebody has written it, the output has its stop value.
+        # Until it is written, the output has its stop value.
         value, present = _number(symbol, text), symbol.stop_value
         if symbol.client == client.hello.get("client"):
             # Only a value that this client wrote is known: what another client wrote may have

@@ -114,7 +114,7 @@ class MasterFeed(LiveFeed):
     def _watch(self) -> None:
         while not self.closed:
             ring = self.scope
-            # Cycles are requested only while somebody looks: each subscription costs fsn-master
+            # Cycles are requested only while a page is open: each subscription costs fsn-master
             # time.
             if not ring.names or not self.listeners:
                 self._ending.wait(PICTURE_S)

@@ -131,7 +131,7 @@ class Records:
         now = side_of_network(resolution, f"{path}, as it is in the page")
         difference = compare(before, now)
         sections: list[Section] = []
-        # Only an acceptance record knows what was tried; other files name no steps to repeat.
+        # Only an acceptance record lists what was tried; other files name no steps to repeat.
         if other is not None and other.kind is CompanionKind.RECORD:
             plan = plan_to_show(resolution, checked.diagnostics)
             again = since(read_record(other.path), resolution, plan).again

@@ -93,7 +93,7 @@ class Workspace:
         self._undo, self._redo = _Steps(), _Steps()
         self.version = 1
         self.outside = False
-        # A new file must not take the place of one that somebody has created meanwhile.
+        # A new file must not take the place of one that was created meanwhile.
         is_new = new_text is not None and not os.path.lexists(path)
         self._file = _OnDisk() if is_new else _read(path)
         self._signature: tuple[tuple[str, int, int], ...] = ()

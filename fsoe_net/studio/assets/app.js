@@ -36,7 +36,7 @@ const VIEWS = {
 
 const viewOfAddress = () => {
   const name = location.hash.slice(1);
-  // Only known names: an address that somebody typed must not select a property of the object.
+  // Only known names: an address that was typed must not select a property of the object.
   return Object.hasOwn(VIEWS, name) ? name : "network";
 };
 

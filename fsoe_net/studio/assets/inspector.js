@@ -173,7 +173,7 @@ function Field({ label, help, value, most, proposed, isName, set }) {
     sent.current = null;
   }, [value]);
   const text = String(typed).trim();
-  // A value of the file that is out of range stays until somebody changes it.
+  // A value of the file that is out of range stays until a person changes it.
   const isWrong = !isName && text !== "" && !(/^[0-9]+$/.test(text) && Number(text) <= most) && text !== `${value}`;
   const send = () => {
     // Enter sends and then leaving the field would send again.

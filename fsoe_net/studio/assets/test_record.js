@@ -110,7 +110,7 @@ export function TestRecord({ state }) {
   const change = (/** @type {Partial<Kept>} */ values) => {
     const { step, subdevice } = part;
     const before = kept[idOf(part)] ?? {
-      // What the file had when typing began: the server compares it with the file now.
+      // The content of the file when typing began: the server compares it with the file now.
       step, subdevice, before: part.fields, now: part.fields, done: false, sent: null, problem: "", theirs: null,
     };
     const entry = { ...before, ...values };
