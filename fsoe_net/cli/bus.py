@@ -24,6 +24,7 @@ def scan_to_compare(
         click.UsageError: It is given twice.
         InputError: The document is damaged.
     """
+    # A file and a bus may differ: it would be unclear which one was compared.
     if scan_file is not None:
         if interface is not None or socket is not None:
             raise click.UsageError(

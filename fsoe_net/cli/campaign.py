@@ -113,7 +113,9 @@ def command(
     check_target(output, overwrite=overwrite, stdout=True)  # hours may lie between
     _try_folder(save_dir)
     if main or sub:
+        # The device under test is usually a module in the folder of the user.
         sys.path.insert(0, os.getcwd())
+    # Prints of a foreign device must not get into a JSON report.
     with stdout_to_stderr() if main or sub else nullcontext():
         links = campaign_links(
             resolution,
@@ -127,10 +129,12 @@ def command(
             result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
         elapsed_s = time.monotonic() - start_s
         saved, broken = save_recordings(result, save_dir)
+    # Written before a fault is raised: hours of work must not be lost.
     write_report(result, saved, fmt, output, overwrite=overwrite)
     print_end(result, elapsed_s, output)
     if broken is not None:
         raise broken
+    # 130 is what a shell returns after Ctrl-C.
     if result.interrupted:
         ctx.exit(130)
     ctx.exit(0 if result.passed else 1)

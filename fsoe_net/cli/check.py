@@ -94,6 +94,7 @@ def command(
     """
     present = Runtime(runtime)
     scan = scan_to_compare(interface, socket, scan_file, yes=yes)
+    # A fix changes files after a question to a person; a program would wait for ever.
     if fix and fmt != "text":
         raise click.UsageError("--fix shows changes for people: leave out --format")
 
@@ -112,6 +113,7 @@ def command(
         fixes = Fixes.of(checked.diagnostics, checked.network.sources)
         if _is_wanted(fixes, len(checked.diagnostics), yes=yes):
             fixes.write()
+            # Checked again: a fix may have revealed another finding.
             echo(f"written: {', '.join(fixes.after)}")
             checked = once()
     ctx.exit(exit_code(_shown(checked, quiet=quiet)))

@@ -54,10 +54,13 @@ def command(
     path = master_socket(socket, interface)
     if script is not None and text is not None:
         raise click.UsageError("--run and -c exclude each other")
+    # A prompt needs a person; a script reads from the pipe.
     at_prompt = script is None and text is None and sys.stdin.isatty()
     lease_ms = None if lease_ns is None else lease_ns // 1_000_000
+    # At a prompt a restart of fsn-master is normal; a script must stop there.
     link = LeasedClient(path, lease_ms=lease_ms, reconnect=at_prompt)
     try:
+        # A script has its own output; a person needs the warnings.
         level = "warning" if at_prompt else "fallback"
         console = Console(link, _out, _note, notes_level=level)
         if at_prompt:

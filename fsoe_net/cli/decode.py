@@ -80,6 +80,7 @@ def command(
     if output is not None:
         raise click.UsageError("-o belongs to --lua; else redirect standard output")
     captures = [name for name in inputs if name != "-" and is_file(name)]
+    # A misspelt file name would otherwise be decoded as hex.
     if captures and len(captures) < len(inputs):
         hexes = [name for name in inputs if name not in captures]
         raise click.UsageError(f"{hexes[0]!r} is no file; captures and hex go into separate calls")
@@ -93,11 +94,13 @@ def command(
         decode_hex([("argument", " ".join(inputs))], naming, out)
     else:
         stdin = standard_input()
+        # The first bytes show what it is, and are not consumed.
         if is_capture(stdin.peek(4)[:4]):
             decode_capture("stdin", stdin, naming, out, changes=changes, summary=summary)
         else:
             decode_hex(hex_lines(stdin), naming, out)
     out.end()
+    # Frames whose CRC could not be checked are not a pass.
     ctx.exit(int(out.wrong > 0 or out.unchecked))
 
 

@@ -104,13 +104,16 @@ def decode_capture(
     out.begin(name)
     try:
         for s in decoder.sightings():
+            # Counted for all frames, even if only changes are shown.
             out.wrong += s.verdict is CrcVerdict.WRONG
             if not summary and (not changes or said.is_news(s)):
                 out.row(decoder.frame_of(s))
+    # A damaged capture is still worth its first part.
     except InputError as exc:
         out.damaged(str(exc))
     out.end_of_frames()
     connections = decoder.connections()
     ways = [(c.to_sub, c.to_main) for c, *_ in connections]
+    # A way without one checked frame proves nothing.
     out.unchecked |= not ways or any(not sum(d.right + d.wrong for d in way) for way in ways)
     out.found(connections, decoder.counts(), decoder.facts)

@@ -165,6 +165,7 @@ def _connection_lines(
         f"{names.name if names else f'#{number}'}: "
         f"ConnID {c.connection_id}, now {c.state.replace('_', ' ')}"
     )
+    # Roles that were guessed the wrong way round are corrected by the network.
     ways = (c.to_sub, c.to_main)[:: -1 if swapped else 1]
     for way, direction in zip(_ARROWS, ways, strict=True):
         yield f"  {way}  {_counts_text(direction)}"

@@ -58,6 +58,7 @@ def print_emulation(result: EmulateResult) -> None:
     echo(f"\n{counted(c.frames, 'frame')} answered{own}")
     if c.unsent:
         echo(f"{counted(c.unsent, 'answer')} could not be sent: {os.strerror(c.send_errno)}")
+    # Without expectations, the reason for a failure must be found from the states.
     if not result.verdicts and not result.passed and c.frames:
         in_op = all(status.state == "OP" for status in result.states.values())
         missing = "copied the FSoE frames between them" if in_op else "brought all of them to OP"

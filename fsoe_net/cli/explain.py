@@ -81,6 +81,7 @@ def command(code: str | None) -> None:
     if code is None:
         for info in CATALOGUE.values():
             echo(f"{info.code}  {info.severity:7}  {info.title}")
+        # The codes of Python are shown even if the C core is missing.
         with contextlib.suppress(CoreMissing):
             for row in status_table():
                 echo(f"{row.name}  {row.text}")
@@ -88,6 +89,7 @@ def command(code: str | None) -> None:
     if re.match(r"(FSN_)?E_", code.strip().upper()):
         echo(_status_page(code))
         return
+    # Numbers alone and lower case are accepted as well.
     near = nearest_codes(code)
     known = next(iter(near), "")
     if known[3:] != code.strip().upper().removeprefix("FSN"):
@@ -98,6 +100,7 @@ def command(code: str | None) -> None:
         info = CATALOGUE[known]
         text = f"{known} ({info.severity}): {info.title}\n"
     text = text.rstrip("\n") + _other_programs(known)
+    # Markdown is formatted for people only; a pipe receives the text.
     if sys.stdout.isatty():
         import rich.console
         import rich.markdown

@@ -60,4 +60,5 @@ def incident(ctx: click.Context, file: str, fmt: str, output: str | None, overwr
         show(document, width=100)
     else:
         echo(text, nl=False)
+    # A page without a likely cause is not an answer: scripts can see it.
     ctx.exit(0 if facts.verdicts.likely else 1)

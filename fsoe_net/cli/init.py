@@ -109,9 +109,11 @@ def command(
     if own or fmt != "text":
         raise click.UsageError("--device-file and --format belong to --list")
     folder = Path(output or ".")
+    # Before any question is asked: the answers must not be lost at the end.
     if not template:
         check_folder(folder, overwrite=overwrite)
     found = gather(files, loading, answers=answers_file)
+    # Without any input the only result would be an empty network.
     if not files and interface is None and socket is None and not found.answers.subdevices:
         raise click.UsageError("name files of the bus, or --interface IF; `--help` shows examples")
     if interface is not None or socket is not None:
@@ -126,6 +128,7 @@ def command(
         refuse(made)
         echo(answers_template(made, answers_file), nl=False)
         return
+    # Without a terminal no person can answer; open questions are then reported.
     asking = not no_input and sys.stdin.isatty()
     made = answered(inputs, found.answers, asking=asking)
     if not asking:

@@ -43,6 +43,8 @@ def ask(question: Question, answers: Answers, made: Draft) -> Answers:
         except click.Abort:
             echo("\nnothing written", err=True)
             raise
+        # An empty answer leaves a question open, except that without a ring nothing can be
+        # proposed.
         if not text and question.ask is not Ask.SUBDEVICES:
             return replace(answers, passed=answers.passed | {question.key})
         found = (
@@ -87,6 +89,7 @@ def _with_ring(text: str, answers: Answers) -> Answers | None:
 
 def _with(question: Question, text: str, answers: Answers, made: Draft) -> Answers | None:
     words = [_choice(question, w) for w in re.split(r"[,;]\s*", text)]
+    # Several words make sense for MainInstances only.
     if None in words or (len(words) > 1 and question.ask is not Ask.MAIN):
         return None
     chosen = [AnsweredWord(span=_HERE, text=w) for w in words if w is not None]

@@ -48,6 +48,7 @@ def command(
     check_target(str(target), overwrite=overwrite)
     if not without_soem:
         echo(SOEM_TERMS, err=True)
+        # The licence of SOEM binds the user, who must agree and not the script.
         if not yes:
             if not sys.stdin.isatty():
                 raise click.UsageError("nobody is here to agree to these terms: --yes")

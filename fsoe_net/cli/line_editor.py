@@ -26,6 +26,7 @@ def line_editor(console: Console) -> Iterator[None]:
 
     def completer(word: str, state: int) -> str | None:
         nonlocal found
+        # Readline calls with rising states; the list is made once for each word.
         if state == 0:
             before = readline.get_line_buffer()[: readline.get_begidx()]
             try:
@@ -36,6 +37,7 @@ def line_editor(console: Console) -> Iterator[None]:
         return f"{found[state]} " if state < len(found) else None
 
     readline.set_completer(completer)
+    # Without the dot: `drive_1.0x6040` is one word.
     readline.set_completer_delims(" \t\n;=")
     readline.parse_and_bind("tab: complete")
     readline.set_history_length(_HISTORY_LINES)
@@ -49,6 +51,7 @@ def line_editor(console: Console) -> Iterator[None]:
         if path is not None:
             with contextlib.suppress(OSError):
                 readline.write_history_file(path)
+                # The history holds names and values of a machine.
                 path.chmod(0o600)
 
 

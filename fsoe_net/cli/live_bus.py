@@ -61,6 +61,7 @@ class LiveBus:
             ("--priority", self.priority),
             ("--cpu", self.cpu),
             ("--wait", self.wait_ns),
+            # Each of these would be ignored without a bus; an ignored option misleads.
             ("--intervention-log", self.intervention_log),
         ):
             if value is not None:
@@ -90,6 +91,7 @@ class LiveBus:
             raise click.UsageError(
                 f"--capture is for virtual runs; `tcpdump -i {near} -w FILE` records a live bus"
             )
+        # The IgH master has its own redundancy.
         if self.bus == "igh" and self.redundant is not None:
             raise click.UsageError(
                 "--redundant: with igh, the second interface is a setting of IgH"

@@ -99,6 +99,7 @@ class _LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
+        # Click has no hint for a misspelt command, or for a file that is given without one.
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             from fsoe_net.diag.guesses import guesses, one_of
 
@@ -175,6 +176,7 @@ def main() -> None:
         sys.exit(exc.exit_code)
     except BrokenPipeError:
         # The reader (`| head`) has gone; that is no error of ours.
+        # Python flushes at exit and would fail once more.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except OSError as exc:

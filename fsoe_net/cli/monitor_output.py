@@ -53,6 +53,7 @@ def bus_document(view: BusView) -> Document:
         words(health_verdict(reason_text(r, health.bus), r.level)) for r in health.bus.reasons
     ]
     if view.snapshot is not None:
+        # Values that are not current stay visible: they show how the bus was before.
         if not view.current:
             parts.append(words("the values are the last known ones"))
         if view.connections:
@@ -162,6 +163,7 @@ def capture_text(recorder: LiveCapture, path: str | None) -> str:
     text = f"{path}: {counted(recorder.packets, 'frame')}, {how}{lost}"
     if recorder.fault:
         text += f"; it ended early: {recorder.fault}"
+    # Without frames the interface is the wrong one, although it has the same name.
     elif not recorder.packets and not recorder.rebuilt:
         text += "; is fsn-master in another network namespace? --rebuild needs none"
     return text

@@ -33,6 +33,7 @@ def begin_capture(
     if capture is None:
         return None
     status = attached.look(0.0).status
+    # Only SOEM uses a network interface of the kernel.
     on_wire = status is not None and status.backend == "soem" and status.interface
     interface = status.interface if status is not None and on_wire else None
     try:
@@ -76,6 +77,7 @@ def _follow(
                 [e for e in new if e in shown or e.kind is RunEventKind.LINKS]
             ):
                 _print_event(event, display)
+        # Set even if nothing is printed: events must not be shown later.
         shown_events = len(view.events)
         if stop.is_set() or (until is not None and time.monotonic() >= until):
             return view

@@ -42,6 +42,7 @@ class Time(click.ParamType[int]):
         text = str(value)
         found = time_ns(text, bare_ns=self._bare_ns)
         if found is None:
+            # A bare number is only accepted where its unit is obvious.
             if not self._bare_ns and time_ns(text, bare_ns=1) is not None:
                 self.fail(f"{text!r} has no unit; write {text}ms or {text}us", param, ctx)
             example = "30s, 500ms or 2min" if self._bare_ns else "250us or 1ms"
@@ -162,6 +163,7 @@ def interfaces_of(given: Sequence[str], network: NetworkConfig, *, own: bool) ->
     missing = [name for name in names if name not in found]
     if missing:
         raise click.UsageError(f"bus {missing[0]} has no interface: --interface {missing[0]}=IF")
+    # Two buses on one interface would receive the frames of each other.
     if len(set(found.values())) < len(names):
         raise click.UsageError("--interface: two buses on one interface")
     return tuple(found[name] for name in names)

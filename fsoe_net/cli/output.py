@@ -85,6 +85,7 @@ def verdict_line(checked: Checked, scan: Scan | None) -> str:
     if checked.references:
         held += f"{' and' if held else ', compared with'} "
         held += counted(len(checked.references), "other file")
+    # A partial network has no verdict on the whole.
     if network.partial:
         return f"{network.name}: checked as far as this file goes{held}" + (
             f"; {counts}{more}" if counts else ", no findings"

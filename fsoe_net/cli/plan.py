@@ -81,6 +81,7 @@ def command(
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no plan written")
     warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
+    # A plan is written despite warnings, so that they must be visible.
     print_diagnostics(warnings, err=True)
     plan = compile_plan(resolution)
     if output is None:
@@ -93,6 +94,7 @@ def command(
         f"{output}: {len(data)} bytes, {counted(len(plan.copies), 'copy')}, "
         f"{counted(len(plan.connections), 'connection')}, "
         f"fingerprint {fingerprint_of(plan).short}",
+        # The plan itself may be on standard output.
         err=output == STDOUT,
     )
 

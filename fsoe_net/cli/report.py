@@ -108,6 +108,7 @@ def command(
     report. If the network has an error, the report starts with all findings.
     """
     form = Path(output).suffix.lstrip(".").lower()
+    # The PDF library is optional; its absence must show before the work.
     if form == "pdf":
         pdf_library()
     elif form not in REPORT_FORMATS:
@@ -118,6 +119,7 @@ def command(
         raise click.UsageError("--signers FILE goes with --accepted RECORD")
     if revoked is not None and signers is None:
         raise click.UsageError("--revoked FILE goes with --signers FILE")
+    # A report takes evidence and time: the target is checked first.
     check_target(output, overwrite=overwrite)
     named = socket is not None or interface is not None
     address = master_socket(socket, interface) if named else None
@@ -139,6 +141,7 @@ def command(
     )
     print_diagnostics(report.test_record_findings, err=True)
     write_whole(output, report.render(form), overwrite=overwrite)
+    # The report is written even with errors; they are also shown here.
     print_diagnostics(report.errors, err=True)
     run = report.run
     verdict = "" if run is None else f"; run {'passed' if run.passed else 'FAILED'}"

@@ -249,6 +249,7 @@ def _verdicts(result: Run) -> list[Paragraph]:
     if result.passed:
         return lines
     if not result.verdicts:
+        # With all SubDevices in OP the cause is in FSoE; otherwise it is on the bus.
         in_op = in_operation(map(subdevice_health, result.subdevices))
         missing = "" if in_op else " with its SubDevices in OP"
         lines.append(words(f"not every connection is in Data{missing}"))

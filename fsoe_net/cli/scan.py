@@ -57,6 +57,7 @@ def command(
     else:
         show(scan_document(taken.scan))
     if output is not None:
+        # Only for -o: the files are read back, which takes a moment.
         files = scan_files(taken)
         texts = {name: text.encode("utf-8") for name, text in files.texts.items()}
         write_all(output, texts, overwrite=overwrite)

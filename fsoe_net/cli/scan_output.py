@@ -72,6 +72,7 @@ def _hex(value: int | None) -> str:
 
 def _sizes(s: ScannedSubDevice) -> str:
     """``SM2 6 / SM3 6``: bytes of outputs, of inputs."""
+    # Not read is something else than empty.
     if s.sms is None:
         return "-"
     parts = []

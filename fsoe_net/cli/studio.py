@@ -111,6 +111,7 @@ def command(
 
     new_text = empty_network(name) if may_be_new else None
     workspace = Workspace(name, loading, new_text=new_text)
+    # A port of its own for each file: bookmarks and cookies stay valid.
     usual = usual_port(name) if remote is None else 0
     try:
         studio = Studio(
@@ -121,6 +122,7 @@ def command(
             allow_control=allow_control,
         )
     except EnvironmentFault:
+        # A port that the user has chosen must not be replaced.
         if port is not None or not usual:
             raise
         # The usual port is taken.

@@ -68,6 +68,7 @@ def write_snapshot(
         raise click.UsageError(f"--snapshot {target}: write a page, .html")
     check_target(target, overwrite=overwrite)
     bus = None if socket is None else _live(socket)
+    # Without a file, the bus alone is worth a page.
     if bus is not None and may_be_missing and not os.path.exists(name):
         page, what = bus, f"the bus at {socket}"
     else:

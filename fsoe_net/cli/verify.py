@@ -74,6 +74,7 @@ def verify(
     calculates its fingerprint from the tables it has loaded and reports the bus cycle in use.
     """
     live = socket is not None or interface is not None
+    # In the folder of a network, nothing needs to be named.
     if not files and not live and acceptance is None:
         if not os.path.isfile(NETWORK):
             raise click.UsageError(
@@ -92,6 +93,7 @@ def verify(
         print_json(wanted, rows, signed)
     else:
         print_text(wanted, rows, signed)
+    # A signature that does not hold outweighs an equal configuration.
     holds = signed is None or not signed.refusals
     ctx.exit(0 if holds and all(row.same for row in rows) else 1)
 

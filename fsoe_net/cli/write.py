@@ -33,8 +33,11 @@ def check_target(path: str | None, *, overwrite: bool, stdout: bool = False) -> 
         raise EnvironmentFault(f"cannot write {path}: it is a folder; name a file")
     if not target.parent.is_dir():
         raise EnvironmentFault(f"cannot write {path}: there is no folder {target.parent}")
+    # `--overwrite` is needed for each file that exists: results must not vanish by a repeated
+    # command.
     if not overwrite:
         refuse_present(target)
+    # Looked at before the work: after it, the result would be lost.
     if why := _why_closed(target if target.exists() else target.parent, os.W_OK):
         raise EnvironmentFault(f"cannot write {path}: {why}")
 
