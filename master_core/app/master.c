@@ -201,6 +201,7 @@ static void failed(struct master *m, const struct runner_result *result) {
     const bool given_up = !m->wanted;
     m->wanted = false;
     m->follows = false;
+    /* While the predecessor lives the bus runs: this is not a failed bus. */
     if (m->options->standby && m->predecessor != NULL && !m->predecessor->ended) {
         snprintf(text, sizeof text, "the standby takes nothing over: %s", m->fault);
     } else if (m->predecessor != NULL && !m->predecessor->ended) {
@@ -210,6 +211,7 @@ static void failed(struct master *m, const struct runner_result *result) {
         snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
     }
     set_state(m, FAILED, FSN_LOG_ERROR, text);
+    /* A bus that was given up on request needs no incident file. */
     if (!given_up) {
         fsn_control_bus_failed(m->control, m->fault, &result->fault, result->found);
     }
@@ -354,6 +356,7 @@ static void take_result(struct master *m) {
     char text[64];
     struct runner_result result;
     runner_take(m->runner, &result);
+    /* Jobs first: their clients wait, and the state below may close the bus. */
     for (struct fsn_job *job = runner_take_job(m->runner); job != NULL;
          job = runner_take_job(m->runner)) {
         fsn_control_job_done(m->control, job);
@@ -370,6 +373,7 @@ static void take_result(struct master *m) {
     } else if (result.done == RUNNER_CLOSE) {
         set_state(m, STOPPED, FSN_LOG_INFO, "the bus is closed");
     }
+    /* A standby is ready when it follows: systemd would otherwise stop it while it waits. */
     if (m->state == OPENING && !m->follows && runner_follows(m->runner)) {
         m->follows = true;
         snprintf(text, sizeof text, "follows process %d as standby", (int)m->predecessor->pid);
@@ -381,6 +385,7 @@ static void take_result(struct master *m) {
         set_state(m, RUNNING, FSN_LOG_INFO,
                   m->backend->ops->poll != NULL ? "ready: every SubDevice is in OP"
                                                 : "ready: this bus has no states");
+        /* systemd takes READY once; later starts of the bus are states of their own. */
         if (!m->was_ready) {
             m->was_ready = true;
             notify("READY=1");
@@ -554,9 +559,11 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
         log_line(FSN_LOG_ERROR, "out of memory");
         return EXIT_ENVIRONMENT;
     }
+    /* Before anything is opened: a successor may connect at any time. */
     handover_listener_init(&m.handover_listener);
     watch_log(&m);
     m.code = keep_incidents(&m);
+    /* The predecessor still owns the socket of this path; it is taken at the hand-over. */
     m.listener_waits = predecessor != NULL && is_socket_at(predecessor->listener, socket_path);
     if (m.code == -1 && !m.listener_waits) {
         m.code = listen_on(&m, socket_path);
@@ -570,16 +577,19 @@ int master_run(const struct options *options, const struct fsn_plan *plan,
             m.code = EXIT_ENVIRONMENT;
         }
     }
+    /* After the socket and the threads, which need the rights of the start. */
     give_up(options);
     while (m.runner != NULL && !(m.ending && (m.state == STOPPED || m.state == FAILED))) {
         advance(&m);
         turn(&m);
     }
+    /* Only an otherwise correct end: a fault has its own code. */
     if (m.code == EXIT_FINE && options->require_observed && fsn_control_differed(m.control)) {
         log_line(FSN_LOG_ERROR, "ends with %d: a connection had other parameters than the plan",
                  EXIT_DIFFERS);
         m.code = EXIT_DIFFERS;
     }
+    /* Clients must get the last event before the process ends. */
     fsn_control_flush(m.control, 200);
     runner_free(m.runner);
     if (m.predecessor != NULL) {

@@ -232,6 +232,8 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
     const size_t known = schedule_threads(before);
     const uint64_t last = cycles_of(runner);
     fsn_status status = fsn_core_start(runner->core, &thread, fault);
+    /* Locking memory needs a right that a test machine may lack; without it the cycle is only
+     * less sure. */
     if (status == FSN_E_SYS && thread.lock_memory && !strict &&
         (fault->sys_errno == EPERM || fault->sys_errno == ENOMEM)) {
         thread.lock_memory = false;
@@ -243,12 +245,14 @@ static fsn_status start_cycle(struct runner *runner, struct fsn_fault *fault,
     result->locked = thread.lock_memory;
     int error = 0;
     const bool realtime = first_cycle(runner, last);
+    /* The core starts its thread itself: it is found as the one that was not there before. */
     if (o->policy == POLICY_DEADLINE) {
         const pid_t cyclic = schedule_new_thread(before, known, after, schedule_threads(after));
         error = cyclic != 0 ? schedule_deadline(cyclic, thread.cycle_ns) : ESRCH;
     } else if (o->policy == POLICY_FIFO && !realtime) {
         error = EPERM;
     }
+    /* The policy that is reported is the one in use, not the one that was asked for. */
     result->policy = error == 0 ? o->policy : POLICY_OTHER;
     if (error != 0 && strict) {
         *fault = (struct fsn_fault){.status = FSN_E_SYS,

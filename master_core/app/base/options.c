@@ -274,6 +274,7 @@ static int take_dc(int id, const char *text, struct options *o) {
 }
 
 static int take_time(int id, const char *text, struct options *o) {
+    /* The times of distributed clocks share their checks. */
     if (id >= DC_EVERY && id <= DC_WINDOW) {
         return take_dc(id, text, o);
     }
@@ -324,6 +325,7 @@ static bool take_plain(int id, const char *text, struct options *o) {
 }
 
 static int take(int id, const char *text, struct options *o) {
+    /* Options that only store a text or a flag. */
     if (take_plain(id, text, o)) {
         return -1;
     }

@@ -121,17 +121,20 @@ static void let_in(struct handover_listener *handover_listener) {
         return;
     }
     const int pidfd = handover_pidfd(peer, &pid, &uid);
+    /* A successor that has ended makes room for the next one. */
     if (handover_listener->successor >= 0 && handover_has_ended(handover_listener->successor, 0)) {
         close_fd(&handover_listener->successor);
     }
     if (handover_listener->state == HANDOVER_LISTENER_KNOCKS) {
         forget_peer(handover_listener); /* it has sent nothing, and makes room */
     }
+    /* Another user must not get the file descriptors of the bus. */
     if (pidfd < 0 || (uid != 0 && uid != geteuid())) {
         const uint64_t now_ns = fsn_now_ns();
         refuse(peer,
                handover_listener->away_ns != 0 && now_ns - handover_listener->away_ns < again_ns,
                "process %d: it must be of the same user or root, and visible from here", (int)pid);
+        /* Refusals of one kind are logged once in a while: anyone may connect. */
         handover_listener->away_ns =
             handover_listener->away_ns == 0 || now_ns - handover_listener->away_ns >= again_ns
                 ? now_ns

@@ -195,7 +195,9 @@ static bool hear(struct predecessor *predecessor, bool *held) {
 
 fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns,
                               bool (*turn)(void *self), void *self, struct fsn_fault *fault) {
+    /* At most half a cycle, so that no cycle is missed; not less, as that costs processor time. */
     const uint64_t step_ns = cycle_ns / 2 > LEAST_STEP_NS ? cycle_ns / 2 : LEAST_STEP_NS;
+    /* In cycles and in time: a fast bus needs room for the scheduler, a slow one for its cycle. */
     const uint64_t cycles_ns = PREDECESSOR_STILL_CYCLES * cycle_ns;
     const uint64_t least_ns = PREDECESSOR_STILL_MS * UINT64_C(1000000);
     const uint64_t threshold_ns = cycles_ns > least_ns ? cycles_ns : least_ns;
@@ -215,6 +217,7 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
             return fsn_refuse_all(fault, FSN_E_BUS_BUSY,
                                   "the process before closes the bus itself");
         }
+        /* An end during maintenance is intended, and is not a failure to take over. */
         const bool ended = handover_has_ended(predecessor->pidfd, 0);
         if (ended && held) {
             break;

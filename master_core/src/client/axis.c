@@ -234,13 +234,16 @@ static uint16_t command(struct fsn_axis *axis) {
     case FSN_AXIS_READY_TO_SWITCH_ON:
         return on ? SWITCH_ON : SHUTDOWN;
     case FSN_AXIS_SWITCHED_ON:
+        /* A command of before may still act: the drive must have been in a low state first. */
         if (!on || !axis->own.settled) {
             return SHUTDOWN;
         }
+        /* With an unconfirmed mode, the drive would take the target as another quantity. */
         return fsn_axis_mode_is_confirmed(axis) ? ENABLE_OPERATION : SWITCH_ON;
     case FSN_AXIS_OPERATION_ENABLED:
         return command_enabled(axis);
     case FSN_AXIS_QUICK_STOP_ACTIVE:
+        /* Only a request to switch off leaves the state: the drive may hold its position there. */
         return axis->own.goal == GOAL_OFF ? DISABLE_VOLTAGE : QUICK_STOP;
     case FSN_AXIS_FAULT_REACTION_ACTIVE:
         return SHUTDOWN; /* the voltage stays, so that the drive can end its ramp */

@@ -460,8 +460,10 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
     const struct fsn_shared_inputs *inputs = realtime->inputs;
     const uint64_t before = realtime->cycle.cycle;
     uint64_t now_ns = fsn_clock_ns(CLOCK_MONOTONIC);
+    /* Saturated: a caller may wait for ever. */
     const uint64_t until_ns = timeout_ns < UINT64_MAX - now_ns ? now_ns + timeout_ns : UINT64_MAX;
     for (uint32_t sleeps = 1;; sleeps++, now_ns = fsn_clock_ns(CLOCK_MONOTONIC)) {
+        /* Acquire: the values belong to the number that is read here. */
         const uint32_t whole = atomic_load_explicit(&inputs->shown.whole, memory_order_acquire);
         if (whole != realtime->taken && take(realtime, whole)) {
             break;
@@ -470,6 +472,7 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
             return FSN_E_STATE;
         }
         const bool over = now_ns >= until_ns;
+        /* The process is looked at now and then only, as that needs a system call. */
         if ((over || sleeps % LOOK_AFTER == 0) && has_ended(realtime)) {
             return FSN_E_STATE;
         }
@@ -489,6 +492,7 @@ fsn_status fsn_realtime_wait(struct fsn_realtime *realtime, uint64_t timeout_ns,
                                              .expected_wkc = seen->expected_wkc,
                                              .actual_wkc = seen->actual_wkc};
     }
+    /* Outputs that fell back must be noticed in the same call that gives the inputs. */
     return holds_outputs(realtime) ? FSN_OK : FSN_E_CLOSED;
 }
 

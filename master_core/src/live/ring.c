@@ -177,6 +177,7 @@ void fsn_ring_place(const struct fsn_ring_watch *watch, const struct fsn_ring_me
     }
     for (uint32_t n = 0; n < count; n++) {
         const struct fsn_ring_member *m = &members[n];
+        /* The first silent SubDevice marks the gap; those after it follow from it. */
         const bool after_silent = n > 0 && !members[n - 1].answers;
         if (!m->answers && !after_silent) {
             add(&text, "at %.*s (ring position %u), which does not answer", NAME_BYTES, m->name,

@@ -22,6 +22,7 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
             return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(block, sm),
                                  "the block's sync manager does not exist");
         }
+        /* The lengths of ETG.5100: with another one, no end would take the frame. */
         if (!fsn_fsoe_is_frame_length(r.frame_bytes) ||
             r.safe_bytes != safe_bytes_of(r.frame_bytes)) {
             return fsn_refuse_at(
@@ -33,6 +34,7 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
             return fsn_refuse_at(&at, FSN_E_COPY_RANGE, FSN_AT(block, byte_offset),
                                  "the block ends behind its sync manager");
         }
+        /* Sorted blocks need one comparison each, and other rules search them by halving. */
         if (at.number > 0 && (r.sm < last_sm || (r.sm == last_sm && r.byte_offset < last_end))) {
             return fsn_refuse_at(&at, FSN_E_COPY_OVERLAP, FSN_AT(block, byte_offset),
                                  "blocks overlap or are not sorted by sync manager and offset");
@@ -125,6 +127,7 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
             return fsn_refuse_at(&at, FSN_E_PLAN_REFERENCE, FSN_AT(symbol, sm),
                                  "the symbol's sync manager does not exist");
         }
+        /* Unknown flags are of a newer format, whose meaning this version would miss. */
         if (r.flags > 3 || r.reserved != 0) {
             return fsn_refuse_at(
                 &at, FSN_E_PLAN_RESERVED, FSN_AT(symbol, flags),
@@ -137,6 +140,7 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
                 &at, FSN_E_PLAN_VALUE, FSN_AT(symbol, bits),
                 "a symbol has 1 to 64 bits, a known type and the direction of its sync manager");
         }
+        /* Subtracted, not added: the sum of two numbers of 32 bits can overflow. */
         if (r.bit_offset > sm.bits || r.bits > sm.bits - r.bit_offset) {
             return fsn_refuse_at(&at, FSN_E_COPY_RANGE, FSN_AT(symbol, bit_offset),
                                  "the symbol ends behind its sync manager");
@@ -151,6 +155,7 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
             return fsn_refuse_at(&at, FSN_E_PLAN_VALUE, FSN_AT(symbol, factor),
                                  "factor and offset are finite numbers, and the factor is not 0");
         }
+        /* A value that crosses a byte border touches both bytes. */
         const uint32_t first = r.bit_offset / 8;
         const uint32_t last = (r.bit_offset + r.bits - 1) / 8;
         if (fsn_overlap_of(plan, r.sm, first, last - first + 1) != FSN_OVERLAP_NONE) {

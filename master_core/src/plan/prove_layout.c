@@ -157,6 +157,7 @@ static fsn_status prove_one_sm(const struct fsn_at *at, uint32_t owner, int prev
         return fsn_refuse_at(at, FSN_E_PLAN_REFERENCE, FSN_AT(sm, subdevice),
                              "the sync manager belongs to another SubDevice");
     }
+    /* Rising numbers: a sync manager then exists once, and the order of the image is fixed. */
     if (r.index > 15 || (int)r.index <= previous_index || r.direction < FSN_OUTPUT ||
         r.direction > FSN_INPUT || r.watchdog > 2) {
         return fsn_refuse_at(
@@ -178,6 +179,7 @@ static fsn_status prove_one_sm(const struct fsn_at *at, uint32_t owner, int prev
     if (status != FSN_OK) {
         return status;
     }
+    /* Length and flag are stored twice, so that readers need not add them up; both must agree. */
     if (bits != r.bits || registered != (r.registered == 1)) {
         return fsn_refuse_at(at, FSN_E_PLAN_LAYOUT, FSN_AT(sm, bits),
                              "the entries do not add up to length and flags of the sync manager");

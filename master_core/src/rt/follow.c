@@ -21,6 +21,7 @@ static enum fsn_observed observed_state(uint8_t to_sub, uint8_t to_main) {
                                     FSN_CMD_PARAMETER};
     static const enum fsn_observed state[] = {FSN_OBSERVED_RESET, FSN_OBSERVED_SESSION,
                                               FSN_OBSERVED_CONNECTION, FSN_OBSERVED_PARAMETER};
+    /* The lower of both states counts: a connection is as far as its slower end. */
     for (unsigned i = 0; i < sizeof order; i++) {
         if (to_sub == order[i] || to_main == order[i]) {
             return state[i];

@@ -68,6 +68,7 @@ static void write_dc(struct fsn_wire *wire, const struct fsn_wire_frame *frame, 
 
 void fsn_wire_send(struct fsn_wire *wire) {
     wire->unsent = 0;
+    /* 0 marks frames that were never sent. */
     wire->cycle = wire->cycle == UINT32_MAX ? 1 : wire->cycle + 1;
     const bool with_dc = wire->dc_every > 0 && wire->dc_left == 0;
     wire->dc_left = with_dc ? wire->dc_every - 1 : wire->dc_left - (wire->dc_left > 0);
@@ -75,6 +76,7 @@ void fsn_wire_send(struct fsn_wire *wire) {
         struct fsn_wire_frame *frame = &wire->frames[f];
         fsn_put32(frame->sent + FSN_WIRE_MARK, wire->run);
         fsn_put32(frame->sent + FSN_WIRE_MARK + 4, wire->cycle);
+        /* The last frame may hold only the clock datagram. */
         if (f < wire->datagram_count) {
             memcpy(frame->sent + FSN_WIRE_DATA, wire->image + frame->image_byte, frame->size_bytes);
         }
@@ -127,18 +129,21 @@ static enum taken take(struct fsn_wire *wire, uint32_t came_in, const uint8_t *p
     const uint8_t index = packet[FSN_WIRE_NOP + 1];
     const uint32_t number = (uint32_t)(index - FSN_WIRE_FIRST_INDEX) % FSN_WIRE_FRAMES;
     const uint32_t port = (uint32_t)(index - FSN_WIRE_FIRST_INDEX) / FSN_WIRE_FRAMES;
+    /* The mark of this run: replies to a former process, or to another master, are foreign. */
     if (number >= wire->frame_count || wire->sockets[port] < 0 ||
         fsn_get32(packet + FSN_WIRE_MARK) != wire->run) {
         return FOREIGN;
     }
     struct fsn_wire_frame *frame = &wire->frames[number];
     /* Ethernet may have padded a short frame. */
+    /* The header of the reply must be that of the sent frame, apart from the working counter. */
     if (len_bytes < frame->len_bytes || memcmp(packet + 12, frame->sent + 12, 4) != 0 ||
         !same_head(frame->sent + FSN_WIRE_NOP, packet + FSN_WIRE_NOP, index) ||
         !same_head(frame->sent + FSN_WIRE_LRW, packet + FSN_WIRE_LRW, index)) {
         return FOREIGN;
     }
     count_one(&wire->came[port][came_in]);
+    /* A reply of an earlier cycle holds inputs that are older than those in use. */
     if (fsn_get32(packet + FSN_WIRE_MARK + 4) != wire->cycle || frame->back[port]) {
         return OLD;
     }

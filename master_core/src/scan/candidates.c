@@ -133,15 +133,18 @@ static bool is_other_length(struct candidate *c, uint32_t size_bytes) {
 static void consider(struct fsn_scan *scan, struct window *w, uint32_t offset, unsigned kind,
                      uint32_t size_bytes, const uint8_t *frame) {
     uint32_t *slot = &w->slots[offset][kind];
+    /* A frame that does not fit any more at this place: the first length was wrong. */
     if (*slot != NONE && memcmp(w->last + offset, frame, scan->candidates[*slot].size_bytes) != 0 &&
         is_other_length(&scan->candidates[*slot], size_bytes)) {
         drop(scan, slot);
     }
     const uint32_t size = *slot == NONE ? size_bytes : scan->candidates[*slot].size_bytes;
+    /* An unchanged image gives no new fact: a frame is judged when it appears. */
     if (size == 0 || !w->seen || memcmp(w->last + offset, frame, size) == 0) {
         return;
     }
     const uint16_t id = *slot == NONE ? 0 : scan->candidates[*slot].connection_id;
+    /* The connection ID stays the same; another one is data that looked like a frame. */
     if (!plausible(frame, size, id)) {
         if (*slot != NONE) {
             drop(scan, slot);
@@ -155,6 +158,7 @@ static void consider(struct fsn_scan *scan, struct window *w, uint32_t offset, u
         return;
     }
     struct candidate *c = &scan->candidates[*slot];
+    /* The first frames of a session carry ConnID 0. */
     const uint16_t shown = fsn_fsoe_connection_id(frame, size);
     c->connection_id = shown != 0 ? shown : c->connection_id;
     remember(scan, c, frame);
@@ -221,9 +225,11 @@ static void check_place(struct fsn_scan *scan, struct window *w, uint32_t offset
     const uint8_t *frame = data + offset;
     const bool empty = w->slots[offset][0] == NONE && w->slots[offset][1] == NONE;
     const bool command = is_command[frame[0]] != 0;
+    /* The same byte that is not a command was judged before. */
     if (!command && frame[0] == w->last[offset]) {
         return;
     }
+    /* A place that shows a command again becomes trusted again. */
     if (command && empty && w->strikes[offset] > 0) {
         w->strikes[offset]--;
     }
@@ -236,6 +242,8 @@ static void check_place(struct fsn_scan *scan, struct window *w, uint32_t offset
     }
     const uint32_t room = w->size_bytes - offset;
     consider(scan, w, offset, 0, length_by_blocks(frame, room), frame);
+    /* Six bytes are the shortest frame and fit almost anywhere, so that longer ones are tried
+     * first. */
     if (w->slots[offset][0] == NONE || scan->candidates[w->slots[offset][0]].connection == NONE) {
         consider(scan, w, offset, 1, FSN_MIN_FRAME_BYTES, frame);
     }

@@ -34,6 +34,7 @@ static size_t ethercat_start(const uint8_t *bytes, size_t len) {
         return 0;
     }
     unsigned type = big16(bytes + at);
+    /* VLAN tags can be nested, and may be added by a switch with a monitor port. */
     while ((type == ETHERTYPE_VLAN || type == ETHERTYPE_QINQ) && at + 6 <= len) {
         at += 4;
         type = big16(bytes + at);
@@ -42,9 +43,11 @@ static size_t ethercat_start(const uint8_t *bytes, size_t len) {
     if (type == ETHERTYPE_ETHERCAT) {
         return at;
     }
+    /* EtherCAT over UDP has its own port; only IPv4 is specified. */
     if (type != ETHERTYPE_IPV4 || at + 20 > len || bytes[at] >> 4 != 4 || bytes[at + 9] != 17) {
         return 0;
     }
+    /* The header of IPv4 has a length of its own. */
     at += 4u * (bytes[at] & 0x0Fu);
     if (at + 8 > len || big16(bytes + at + 2) != UDP_PORT) {
         return 0;

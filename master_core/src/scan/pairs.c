@@ -205,6 +205,7 @@ static void add_place(struct fsn_scan *scan, const struct candidate *c) {
 static void connect(struct fsn_scan *scan, struct candidate *main, struct candidate *sub,
                     enum fsn_scan_roles roles) {
     const uint32_t number = scan->found_count;
+    /* Bounded, as a capture of noise may contain any number of candidates. */
     if (number == MAX_CONNECTIONS ||
         fsn_monitor_init(&scan->found[number].monitor, main->size_bytes, sub->size_bytes) !=
             FSN_OK) {
@@ -221,6 +222,7 @@ static void connect(struct fsn_scan *scan, struct candidate *main, struct candid
         add_place(scan, ends[i]);
     }
     scan->found[number].unsure = true;
+    /* Both orders of frames in a packet are followed until one of them forms a chain. */
     scan->found[number].other = scan->found[number].monitor;
     uint32_t left[2] = {scan_remembered(main), scan_remembered(sub)};
     while (left[0] > 0 || left[1] > 0) {
@@ -228,6 +230,7 @@ static void connect(struct fsn_scan *scan, struct candidate *main, struct candid
         for (unsigned i = 0; i < 2; i++) {
             next[i] = left[i] > 0 ? scan_shown(ends[i], left[i] - 1) : NULL;
         }
+        /* In the order of their packets, as both directions depend on each other. */
         if (next[0] != NULL && next[1] != NULL && next[0]->packet != next[1]->packet) {
             next[next[0]->packet < next[1]->packet ? 1 : 0] = NULL;
         }
@@ -344,11 +347,13 @@ static bool may_be_ends(const struct fsn_scan *scan, const struct candidate *c,
 
 void scan_pair(struct fsn_scan *scan, uint32_t candidate) {
     struct candidate *c = &scan->candidates[candidate];
+    /* Pairing is costly: it is tried again only after some more frames. */
     if (c->connection_id == 0 || c->count < c->next_try || scan->pair_tries == 0 ||
         !shown_enough(c)) {
         return;
     }
     scan->pair_tries--;
+    /* The same frame at a second place of the image is a copy, not another connection. */
     if (join_as_copy(scan, c)) {
         return;
     }

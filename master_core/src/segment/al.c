@@ -23,12 +23,14 @@ static uint16_t refusal(const struct esc *esc, uint8_t from, uint8_t to) {
     if (to <= from) {
         return 0; /* back is always allowed */
     }
+    /* States are 1, 2, 4 and 8: twice the present one is the next. */
     if (to > 2 * from) {
         return AL_CODE_INVALID_TRANSITION; /* a state was left out: 1, 2, 4, 8 */
     }
     if (to == AL_PREOP && esc->has_mailbox && !esc_sm_mailbox_ok(esc)) {
         return AL_CODE_MAILBOX;
     }
+    /* Outputs before inputs, which decides between two codes when both are wrong. */
     if (to == AL_SAFEOP && !esc_sm_process_data_ok(esc, true)) {
         return AL_CODE_OUTPUTS;
     }

@@ -33,6 +33,7 @@ static uint8_t inside(const struct esc *esc, const struct esc_fmmu *f) {
         if (f->physical >= sm_end || end <= sm->start) {
             continue;
         }
+        /* An FMMU over two sync managers, or over a mailbox, works in no device. */
         if (found != 0 || sm->mailbox || f->physical < sm->start || end > sm_end) {
             return 0;
         }

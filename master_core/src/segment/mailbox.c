@@ -151,6 +151,7 @@ static uint32_t store(struct esc *esc, uint16_t index, uint8_t sub, bool complet
         return ABORT_NO_OBJECT;
     }
     uint32_t at = 0;
+    /* Complete access writes all sub-indexes in turn; otherwise there is one. */
     for (uint32_t s = sub; s <= (complete ? 255u : sub) && (at < size_bytes || s == sub); s++) {
         const struct object *o = objects_find(&esc->objects, index, (uint8_t)s);
         if (o == NULL) {
@@ -163,6 +164,7 @@ static uint32_t store(struct esc *esc, uint16_t index, uint8_t sub, bool complet
             return ABORT_LENGTH;
         }
         memcpy(objects_value(&esc->objects, o), data + at, o->size_bytes);
+        /* With complete access, sub-index 0 takes two bytes: one of padding follows it. */
         at += o->size_bytes + (complete && s == 0 ? 1 : 0);
     }
     return 0;

@@ -186,6 +186,8 @@ static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master
         lose(bus, node);
         return true;
     }
+    /* Between two polls the device was restarted: its outputs must not be used before it is
+     * compared. */
     if (node->checked && node->known.was_in_op && is_silent(node) &&
         (slave.al_state & STATE_BITS) < FSN_AL_SAFEOP) {
         shut_out(node); /* it has been away in between two polls */
@@ -196,6 +198,7 @@ static bool bring_to(struct fsn_igh *bus, struct igh_node *node, const ec_master
         node->known.away || (node->known.was_in_op && (slave.al_state & STATE_BITS) != FSN_AL_OP);
     const bool admitted = admit(bus, node, &slave, now_ns);
     poll_registers(bus, node, false, now_ns);
+    /* A device that was not compared may be another one, and is not asked again. */
     if (slave.error_flag != 0 && admitted) {
         retry_refused(bus, node, &slave, now_ns);
     }

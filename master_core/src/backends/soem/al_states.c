@@ -95,17 +95,22 @@ static void lose(struct fsn_soem *bus, uint16_t slave) {
 
 static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t code) {
     struct place *place = &bus->places[slave];
+    /* At the place of a group, any device may be plugged in: it counts only after it was
+     * compared. */
     const bool is_unknown = place->node != SOEM_NO_NODE &&
                             bus->nodes[place->node].group != FSN_NONE &&
                             !bus->nodes[place->node].taken_in;
     const bool answers = (status & STATE_BITS) != 0 && !is_unknown;
     if (place->node != SOEM_NO_NODE) {
         const struct node *node = &bus->nodes[place->node];
+        /* Inputs are valid from SAFEOP on; the cyclic thread reads this flag without a lock. */
         atomic_store_explicit(&bus->frames.wire.answers[node->known.number],
                               answers && (status & STATE_BITS) >= EC_STATE_SAFE_OP,
                               memory_order_relaxed);
     }
     if (!answers) {
+        /* One answer can be lost with its frame: only several in a row mean that the SubDevice
+         * is gone. */
         place->quiet = (uint8_t)(place->quiet < QUIET_POLLS ? place->quiet + 1 : QUIET_POLLS);
         if (place->quiet >= QUIET_POLLS) {
             lose(bus, slave);
@@ -118,6 +123,7 @@ static void see(struct fsn_soem *bus, uint16_t slave, uint16_t status, uint16_t 
     if (place->node != SOEM_NO_NODE) {
         struct node *node = &bus->nodes[place->node];
         note_state(bus, node, status, code);
+        /* A SubDevice that was in OP and is not is away until OP is reached again. */
         node->known.away = node->known.was_in_op && (node->known.away || status != FSN_AL_OP);
         if (node->known.seen.found == FSN_FOUND_NOTHING) {
             soem_note(bus, node, FSN_FOUND_RIGHT, "%s", "");
@@ -278,6 +284,7 @@ static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint
     const struct place *place = &bus->places[node->slave];
     const uint8_t state = place->al_status & STATE_BITS;
     const bool error = (place->al_status & EC_STATE_ERROR) != 0;
+    /* Also without a request: SubDevices are found in the state that a former process has left. */
     if (state == goal && !error) {
         if (goal == FSN_AL_OP) {
             fsn_node_note_op(&bus->all, &node->known);
@@ -288,19 +295,23 @@ static bool bring_to(struct fsn_soem *bus, struct node *node, uint8_t goal, uint
         node->requested = 0;
         return true;
     }
+    /* A change of state takes time; a second request would restart it in the device. */
     if (node->requested != 0 && state != node->requested && !error) {
         if (now_ns - node->known.requested_ns > patience_ns) {
             give_up(bus, node, now_ns);
         }
         return false;
     }
+    /* The device has refused: its AL status code is read before another try. */
     if (node->requested != 0 && error && state != node->requested) {
         give_up(bus, node, now_ns);
         return false;
     }
+    /* A device that refuses at once must not be asked in each poll. */
     if (now_ns < node->known.retry_ns) {
         return false;
     }
+    /* Down to the goal in one step; up only through each state in its order. */
     if (state > goal) {
         request_state(bus, node, goal, now_ns);
     } else if (error) {
@@ -324,6 +335,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
     struct fsn_soem *bus = context;
     if (now_ns < bus->states_ns && al_state == bus->goal) {
         return bus->all_there;
+        /* A new goal is not delayed by the interval of the polls. */
     }
     bus->goal = al_state;
     poll_states(bus);
@@ -339,6 +351,7 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
             all = all && (al_state != FSN_AL_OP || soem_is_excused(bus, node));
         }
     }
+    /* The search reads registers of the whole ring, so that it runs now and then only. */
     if (is_anybody_lost(bus) && now_ns >= bus->search_ns) {
         (bus->group_count > 0 ? soem_search_groups : soem_search)(bus);
         bus->search_ns = now_ns + SEARCH_NS;
@@ -349,6 +362,8 @@ bool soem_poll(void *context, uint8_t al_state, uint64_t now_ns) {
         poll_links(bus);
         bus->links_ns = now_ns + LINKS_NS;
     }
+    /* Polled again at once while a SubDevice is on its way, so that the start is not slowed
+     * down. */
     bus->states_ns = all ? now_ns + STATES_NS : 0;
     bus->all_there = all;
     return all;

@@ -257,12 +257,15 @@ static fsn_status make_nodes(struct fsn_soem *bus, const struct fsn_plan *plan,
 static fsn_status soem_open(void *context, const struct fsn_plan *plan,
                             struct fsn_bus_layout *layout, struct fsn_fault *fault) {
     struct fsn_soem *bus = context;
+    /* Half a cycle: SYNC0 is then farthest from both the arrival and the departure of frames. */
     bus->cycle_ns = fsn_live_cycle_ns(bus->cycle_ns, plan);
     if (bus->clocks.shift_ns == 0) {
         bus->clocks.shift_ns = (uint32_t)(bus->cycle_ns / 2);
     }
     bus->attached = bus->attach != NULL;
     fsn_status status = make_nodes(bus, plan, fault);
+    /* At a take-over the ring is already in OP: interfaces and states stay as the predecessor
+     * left them. */
     status = status != FSN_OK || bus->attached ? status : soem_take_interfaces(bus, fault);
     status = status != FSN_OK ? status : open_ports(bus, fault);
     status = status != FSN_OK ? status : soem_open_nic(bus, fault);
@@ -274,12 +277,14 @@ static fsn_status soem_open(void *context, const struct fsn_plan *plan,
     status = status != FSN_OK
                  ? status
                  : fsn_nodes_check(&bus->all, bus, bus->attached ? compare : configure, fault);
+    /* Used once: a restart after this one opens the bus from the beginning. */
     bus->attach = NULL;
     if (status != FSN_OK) {
         soem_release(bus);
         return status;
     }
     *layout = fsn_image_layout(&bus->frames.image, bus->frames.bytes);
+    /* The offset exists only when the bus has a reference clock. */
     layout->dc_base_ns = bus->dc_host && bus->dc_station != 0 ? bus->dc_base : 0;
     return FSN_OK;
 }

@@ -15,6 +15,7 @@ static bool whole(const char *text, bool *negative, uint64_t *magnitude) {
     int base = 10;
     *negative = *text == '-';
     text += *text == '-' || *text == '+';
+    /* 0x, 0o and 0b as in Python; a leading 0 alone is decimal. */
     if (text[0] == '0' && text[1] != 0 && strchr("xXoObB", text[1]) != NULL) {
         const int mark = tolower((unsigned char)text[1]);
         base = mark == 'x' ? 16 : mark == 'o' ? 8 : 2;

@@ -12,6 +12,7 @@ static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
     if (first < 0x80) {
         return 1;
     }
+    /* 0xC0 and 0xC1 would be longer forms of ASCII; the check of the least value refuses them. */
     const size_t len = first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : first >= 0xC0 ? 2 : 0;
     if (len == 0 || first > 0xF4 || len > left) {
         return 0;
@@ -24,6 +25,7 @@ static size_t decode(const uint8_t *at, size_t left, uint32_t *character) {
         point = (point << 6) | (at[i] & 0x3Fu);
     }
     *character = point;
+    /* Surrogates and values beyond Unicode would make the JSON of the answer invalid. */
     const bool surrogate = point >= 0xD800 && point <= 0xDFFF;
     return point < least[len - 2] || point > 0x10FFFF || surrogate ? 0 : len;
 }
@@ -122,6 +124,7 @@ const char *fsn_words_split(char *line, size_t len_bytes, struct fsn_words *word
     }
     for (size_t i = 0; i < len_bytes; i++) {
         const unsigned char c = (unsigned char)line[i];
+        /* A line end within a word could forge a line of the log. */
         if ((c < 0x20 && c != '\t') || c == 0x7F) {
             return "the request has a control character";
         }

@@ -137,6 +137,7 @@ static enum fsn_log_level subdevice_level(const struct fsn_bus_subdevice *before
         reported) {
         return FSN_LOG_WARNING;
     }
+    /* Reaching OP is what a person waits for; steps on the way are details. */
     return after->al_status == FSN_AL_OP && before->al_status != FSN_AL_OP ? FSN_LOG_INFO
                                                                            : FSN_LOG_DETAIL;
 }
@@ -180,8 +181,10 @@ static void subdevice_event(struct fsn_changes *changes, uint32_t number,
     if (memcmp(before->link, after->link, sizeof after->link) != 0) {
         put_links(after, links, sizeof links);
     }
+    /* Absent by design and with an answer is a state on the way, not a fault. */
     const bool fine = after->found == FSN_FOUND_RIGHT || after->found == FSN_FOUND_UNKNOWN ||
                       (after->found == FSN_FOUND_ABSENT && after->al_status != FSN_AL_NONE);
+    /* Before the first poll both states are 0, which would read as a loss. */
     const bool unread = fine && (before->al_status | after->al_status) == FSN_AL_NONE;
     const bool moved = before->al_status != after->al_status;
     fsn_event_send(changes->events, reported ? FSN_LOG_DETAIL : subdevice_level(before, after),
@@ -274,6 +277,7 @@ static void poll_groups(struct fsn_changes *changes, bool first, uint64_t now_ns
             fsn_group_state(changes->view->plan, n, changes->view->subdevice);
         const char *detail = changes->view->subdevice[info.first_subdevice].detail;
         const bool wrong = state == FSN_GROUP_WRONG;
+        /* A wrong device is reported again when its reason changes. */
         if (!first && state == seen->state && (!wrong || strcmp(detail, seen->detail) == 0)) {
             continue;
         }
@@ -283,6 +287,7 @@ static void poll_groups(struct fsn_changes *changes, bool first, uint64_t now_ns
         fsn_json_put_text(json, "before", fsn_group_text(seen->state));
         fsn_json_put_text(json, "after", fsn_group_text(state));
         fsn_json_put_text(json, "detail", detail);
+        /* The time from plugging in to OP is the figure that a tool changer needs. */
         const bool came = state == FSN_GROUP_THERE && seen->state == FSN_GROUP_COMING;
         char after[64] = "";
         if (came) {
@@ -306,6 +311,7 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
         return;
     }
     changes->polled_ns = now_ns;
+    /* The place of an open ring explains the losses that follow. */
     poll_ring(changes, now_ns); /* before the SubDevices next to the gap */
     poll_clocks(changes, now_ns);
     const uint32_t count = fsn_plan_subdevice_count(changes->view->plan);
@@ -318,6 +324,7 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
             return; /* a bus without states */
         }
         const bool was = changes->view->subdevice[i].al_status != FSN_AL_NONE;
+        /* Groups may be absent: their members do not count as a lost bus. */
         if (fsn_plan_group_of(changes->view->plan, i) != FSN_NONE) {
             continue;
         }
@@ -326,6 +333,7 @@ static void poll_subdevices(struct fsn_changes *changes, struct fsn_incidents *i
         back += changes->view->subdevices_known && !was && after.al_status != FSN_AL_NONE;
     }
     after.detail[FSN_DETAIL_BYTES - 1] = 0;
+    /* If all are lost at once, one event for the bus replaces one for each SubDevice. */
     const bool reported = whole_bus(changes, always, lost, back, after.detail, now_ns);
     for (uint32_t i = 0; fsn_core_subdevice(changes->view->core, i, &after) == FSN_OK; i++) {
         after.detail[FSN_DETAIL_BYTES - 1] = 0;

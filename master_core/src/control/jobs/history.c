@@ -55,12 +55,14 @@ static uint32_t put_parameter(const uint8_t *at, uint32_t left, struct fsn_json 
         size = 2;
         kind = FSN_KIND_UNSIGNED;
     }
+    /* The type code gives size and kind; other codes have unknown sizes. */
     for (size_t i = 0; type == TYPE_VALUE && i < sizeof types / sizeof types[0]; i++) {
         if (types[i].code == (flags & LENGTH_MASK)) {
             size = types[i].bytes;
             kind = types[i].kind;
         }
     }
+    /* The length comes from the device: it must stay within the message. */
     if (type > TYPE_TEXT_ID || (type == TYPE_VALUE && kind == FSN_KIND_BITS) || size > left - 2) {
         return 0;
     }

@@ -50,6 +50,8 @@ static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, f
         return fsn_refusal_set(r, status,
                                "subdevices shows whether it answers; if so, send it again",
                                "%.80s, 0x%04x:%02x: no answer", name, job->index, sub);
+    /* No CoE or no access to the SII: a property of device or bus, so that a retry would not
+     * help. */
     case FSN_E_ABSENT:
         return fsn_refusal_set(r, status, NULL, "%.80s: %s", name,
                                job->kind == FSN_JOB_SII || job->kind == FSN_JOB_ALIAS
@@ -59,6 +61,7 @@ static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, f
     case FSN_E_BUS_STATE:
         return fsn_refusal_set(r, status, "subdevices says its AL state",
                                "%.80s: its answer makes no sense, or its mailbox is closed", name);
+    /* The same status for a job that took too long and for a bus that stops under it. */
     case FSN_E_STATE:
         return is_late(job)
                    ? fsn_refusal_set(r, status, NULL, "%.80s: not done within %d s", name, MOST_S)

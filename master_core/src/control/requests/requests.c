@@ -338,6 +338,7 @@ static fsn_status answer(struct fsn_request *request) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG, "help lists the requests",
                                "there is no request %.100s", request->name);
     }
+    /* The role comes before the form: a request that is forbidden must not teach its usage. */
     const bool may = request->client->role >= entry->role;
     const bool fits = request->count >= entry->least && request->count <= entry->most;
     if (may && !fits) {
@@ -349,6 +350,7 @@ static fsn_status answer(struct fsn_request *request) {
                                               : entry->answer(request);
     if (found == FSN_OK && entry->event == CHANGES) {
         report_granted(request);
+        /* Refused changes are recorded as well: a client has tried them. */
     } else if (found != FSN_OK && (!may || entry->event != READS)) {
         report_refused(request, entry->name);
     }
@@ -368,6 +370,7 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
     struct fsn_json json = {.limit_bytes = FSN_CLIENT_OUT_BYTES / 2};
     struct fsn_request request = {.services = services, .client = client, .json = &json};
     const char *wrong = fsn_words_split(line, len_bytes, &words);
+    /* A tag comes back with the reply, so that a client can send requests without waiting. */
     const bool tagged = wrong == NULL && words.word[0][0] == '#';
     const char *tag = tagged ? words.word[0] + 1 : NULL;
     fsn_status found;
@@ -384,7 +387,9 @@ void fsn_request_answer(struct fsn_services *services, struct fsn_client *client
         request.name = words.word[tagged];
         found = answer(&request);
     }
+    /* A job answers by itself when it is done. */
     const bool later = found == FSN_OK && request.later; /* only its job answers */
+    /* A reply that did not fit is replaced: half a JSON document helps no client. */
     if (found == FSN_OK && !later && json.failed != FSN_OK) {
         found = refuse_reply(&request);
     }

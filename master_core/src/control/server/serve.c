@@ -22,6 +22,7 @@ enum {
 
 /** Answers the whole lines in the buffer, a few at a time. */
 static void answer_lines(struct fsn_control *control, struct fsn_client *client) {
+    /* Observers get fewer lines in a turn: a flood from them must not delay an operator. */
     const int most = client->role >= FSN_OPERATOR ? TURN_LINES : OBSERVER_LINES;
     size_t at = 0;
     client->more = false;
@@ -31,6 +32,7 @@ static void answer_lines(struct fsn_control *control, struct fsn_client *client)
         if (end == NULL) {
             break;
         }
+        /* The rest is answered in the next turn, after the other clients. */
         if (lines == most) {
             client->more = true;
             break;
@@ -38,6 +40,7 @@ static void answer_lines(struct fsn_control *control, struct fsn_client *client)
         size_t len = (size_t)(end - line);
         at += len + 1;
         len -= len > 0 && line[len - 1] == '\r';
+        /* The end of a line that was too long; its beginning was refused already. */
         if (client->skipping) {
             client->skipping = false;
             continue;
@@ -47,6 +50,7 @@ static void answer_lines(struct fsn_control *control, struct fsn_client *client)
     }
     client->in_bytes -= at;
     memmove(client->in, client->in + at, client->in_bytes);
+    /* More than a line without an end can never become a request. */
     if (client->in_bytes > FSN_LINE_BYTES && !client->more && client->job == NULL) {
         if (!client->skipping) {
             struct fsn_refusal refusal;
@@ -317,6 +321,7 @@ static void serve_client(struct fsn_control *control, struct fsn_client *client,
 static void serve_clients(struct fsn_control *control, const struct pollfd *fds, size_t count) {
     int fd[FSN_CONTROL_CLIENTS]; /* a slot may change hands while this runs */
     bool first[FSN_CONTROL_CLIENTS];
+    /* Clients that may change something are served first and completely. */
     for (size_t i = 0; i < FSN_CONTROL_CLIENTS; i++) {
         fd[i] = control->client[i].fd;
         first[i] = control->client[i].role >= FSN_OPERATOR;
@@ -333,6 +338,7 @@ static void serve_clients(struct fsn_control *control, const struct pollfd *fds,
             client->fd != fd[i]) {
             continue;
         }
+        /* The time of observers is limited; the next turn begins with the one that was left out. */
         if (n > 0 && fsn_now_ns() >= end_ns) {
             control->first_observer = i;
             return;
