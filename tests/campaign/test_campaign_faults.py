@@ -55,7 +55,7 @@ SPAN = {"way": Way.TO_SUB, "start": 40, "until": 43}
     ],
     ids=lambda value: type(value).__name__,
 )
-def test_injectors(fault, shown):
+def test_fault_shows_the_expected_image_and_ends(fault, shown):
     channel, image = _channel(), b"\1\2\3\4\5\6\7"
     if shown is None:
         older = channel.image(Way.TO_SUB, 40)

@@ -201,7 +201,7 @@ def test_session_ids_use_all_bits():
     assert ids.drawn == drawn[-1]
 
 
-def test_impossible_channels():
+def test_cycle_and_delay_must_be_at_least_one():
     good = make_link().channel(1)
     for changes in ({"cycle_ns": 0}, {"delay_cycles": (0, 1)}):
         with pytest.raises(ConfigError, match="at least 1"):

@@ -144,7 +144,7 @@ def test_a_bus_cycle_is_needed_where_cycles_are_left_out_only():
     refused([*lines[:3], skip], 4, "cycles are left out, and the first line has no 'bus_cycle_us'")
 
 
-def test_files(tmp_path):
+def test_file_with_invalid_utf8_or_a_long_line_is_rejected(tmp_path):
     path = tmp_path / "trace.jsonl"
     text = recording_text(ROWS)
     path.write_text(text, "utf-8")
@@ -234,7 +234,7 @@ def _answers_or_refuses(hold, recording):
 
 @settings(max_examples=300)
 @given(st.data())
-def test_mutated_recordings(data):
+def test_changed_recording_is_replayed_or_rejected(data):
     """Values changed, keys and lines taken away or swapped: an answer or a RecordingError."""
     rows = [CONFIG, *(ROWS[n] | {"quirk": "x"} if n == 7 else ROWS[n] for n in range(10))]
     rows = [dict(row) for row in rows]
@@ -255,7 +255,7 @@ def test_mutated_recordings(data):
 
 @settings(max_examples=200)
 @given(st.data())
-def test_mutated_bytes(data):
+def test_damaged_recording_is_replayed_or_rejected(data):
     raw = bytearray(recording_text(ROWS).encode())
     for _ in range(data.draw(st.integers(1, 5))):
         at = data.draw(st.integers(0, len(raw) - 1))

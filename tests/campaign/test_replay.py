@@ -22,7 +22,7 @@ def _lines(run: str) -> list[str]:
 
 @pytest.mark.shows("R17")
 @pytest.mark.parametrize("run", RUNS)
-def test_recorded_run(run):
+def test_recorded_run_has_no_differences(run):
     result = replay_file(need("traces", run))
     assert not result.differences, "\n".join(map(str, result.differences[:5]))
     assert result.compared == 2 * (len(_lines(run)) - 1)
@@ -56,7 +56,7 @@ def test_every_field_is_compared(field):
 
 @pytest.mark.parametrize("right", [True, False])
 @pytest.mark.uncounted
-def test_skipped_cycles(right):
+def test_hash_of_skipped_cycles_is_compared(right):
     bench, rows = own_run(12)
     digest = hashlib.sha256()
     for n in range(12, 12 + 70_000):

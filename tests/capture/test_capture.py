@@ -60,7 +60,7 @@ def rows(data):
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("unit_ns", [1, 1000])
-def test_pcap(order, unit_ns):
+def test_pcap_is_read_in_each_byte_order_and_compressed(order, unit_ns):
     want = [(t, 0, d) for t, d in zip(TIMES_NS, DATA, strict=True)]
     assert rows(pcap(order, unit_ns)) == want
     assert rows(gzip.compress(pcap(order, unit_ns))) == want
@@ -209,7 +209,7 @@ def test_what_is_written_is_read(tmp_path):
 
 
 @given(st.data())
-def test_any_damage(data):
+def test_damaged_capture_is_read_or_rejected_with_its_name(data):
     whole = bytearray(data.draw(st.sampled_from([pcap(), PCAPNG, pcap(">", 1)])))
     for _ in range(data.draw(st.integers(1, 4))):
         at = data.draw(st.integers(0, len(whole) - 1))

@@ -104,7 +104,7 @@ def test_mistakes_are_located(text, message):
 
 
 @given(st.text(alphabet="0123456789abcdefMS<>x:-, #\n", max_size=200))
-def test_any_text(text):
+def test_any_text_is_decoded_or_rejected(text):
     with contextlib.suppress(InputError):
         list(follow_frames(frames(text)))
 

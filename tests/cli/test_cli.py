@@ -29,7 +29,7 @@ def built() -> None:
         pass
 
 
-def test_clean_network():
+def test_clean_network_has_no_findings():
     done = fsn("check", ESTOP)
     assert (done.returncode, done.stderr) == (0, "")
     assert "estop: no findings, 2 SubDevices" in done.stdout
@@ -56,7 +56,7 @@ def test_mistake_is_printed_as_the_design_says(tmp_path: Path):
     assert "  today: ros2-newest starts and copies; the connection never reaches Data" in today
 
 
-def test_machine_formats(tmp_path: Path):
+def test_json_sarif_and_github_formats_have_the_findings(tmp_path: Path):
     (tmp_path / "a.yaml").write_text("nets:\n  - transfers: []\n", "utf-8")
     rows = json.loads(fsn("check", "a.yaml", "--format", "json", cwd=tmp_path).stdout)
     assert rows["errors"] == len([d for d in rows["diagnostics"] if d["severity"] == "error"])
@@ -93,13 +93,13 @@ def test_machine_formats(tmp_path: Path):
         (("report", ESTOP), 2, "-o"),
     ],
 )
-def test_wrong_use(arguments: tuple[str, ...], code: int, words: str):
+def test_usage_error_is_reported_with_its_exit_code(arguments: tuple[str, ...], code: int, words: str):
     done = fsn(*arguments)
     assert done.returncode == code, done.stderr
     assert words in done.stdout + done.stderr
 
 
-def test_explain():
+def test_explain_shows_one_code_or_lists_all():
     assert "FSN203" in fsn("explain", "203").stdout
     assert "FSN601" in fsn("explain").stdout
     optional = fsn("explain", "FSN230").stdout

@@ -76,7 +76,7 @@ def test_standard_input_of_any_bytes(master):
         (["--lease", "-1"], "--lease"),
     ],
 )
-def test_wrong_use(master, arguments, message):
+def test_console_reports_usage_errors(master, arguments, message):
     code, out, err = console(master, *arguments)
     assert (code, out) == (2, "")
     assert re.search(message, err)
@@ -88,7 +88,7 @@ def test_a_script_that_cannot_be_read(master):
     assert err.startswith("error: /no/such: No such file")
 
 
-def test_nobody_answers(tmp_path):
+def test_missing_socket_has_exit_code_3(tmp_path):
     done = fsn("console", "--socket", str(tmp_path / "no"), "-c", "state")
     assert done.returncode == 3
     assert "is fsn-master running" in done.stderr
@@ -160,7 +160,7 @@ class Terminal:
         return os.waitstatus_to_exitcode(status)
 
 
-def test_the_prompt(master, tmp_path):
+def test_prompt_completes_names_and_keeps_a_private_history(master, tmp_path):
     terminal = Terminal(master.path, tmp_path)
     terminal.until("fsn> ")
     terminal.send("set drive_1.0x604\t 7\n")  # completed

@@ -68,7 +68,7 @@ def copies(network: Path) -> list[dict]:
         ("any.thing", ("--to", "eni"), "<EtherCATConfig"),
     ],
 )
-def test_targets(out: str, to: tuple[str, ...], begin: str, tmp_path: Path):
+def test_target_is_chosen_by_extension_or_option(out: str, to: tuple[str, ...], begin: str, tmp_path: Path):
     done = converted(NETWORK, "-o", tmp_path / out, *to)
     assert done.returncode == 0, done.stderr
     assert begin in (tmp_path / out).read_text("utf-8")
@@ -140,7 +140,7 @@ def test_foreign_and_damaged_files_are_refused(name: str, content: bytes, why: s
     assert not (tmp_path / "o").exists()
 
 
-def test_usage(tmp_path: Path):
+def test_unknown_target_and_missing_input_have_their_exit_codes(tmp_path: Path):
     assert converted(NETWORK, "-o", tmp_path / "x.esi.xml").returncode == 2
     assert converted(NETWORK, "-o", tmp_path / "x.what").returncode == 2
     missing = converted(tmp_path / "none.yaml", "-o", tmp_path / "n.yaml")

@@ -48,7 +48,7 @@ def damaged(tmp_path):
     return str(path)
 
 
-def test_one_frame():
+def test_single_frame_is_printed_as_a_row():
     assert run(RIGHT).stdout == (
         "way         command        ConnID  CRC              state          safe data\n"
         "main > sub  Reset               0  right            silent         04 00  4: wrong CRC\n\n"
@@ -85,7 +85,7 @@ def test_standard_input_and_json():
         (["."], 1, "it is a directory"),
     ],
 )
-def test_wrong_use(arguments, code, message):
+def test_decode_reports_usage_errors(arguments, code, message):
     done = fsn("decode", *arguments)
     assert done.returncode == code, done.stderr
     assert message in done.stderr

@@ -158,7 +158,7 @@ def test_texts_of_frames_are_forgotten_when_they_are_too_many(monkeypatch: pytes
         ),
     ],
 )
-def test_a_difference(change: Change, line: str):
+def test_difference_is_printed_as_a_line(change: Change, line: str):
     assert str(change) == line
 
 

@@ -129,7 +129,7 @@ def test_a_log_is_packed_byte_for_byte(folder: Path) -> None:
         (("verify",), 2, "FILES"),
     ],
 )
-def test_wrong_use(folder: Path, arguments: tuple[str, ...], code: int, text: str) -> None:
+def test_usage_error_writes_no_export(folder: Path, arguments: tuple[str, ...], code: int, text: str) -> None:
     (folder.parent / "empty").mkdir()
     assert text in log(*arguments, folder=folder, code=code)
     assert not (folder.parent / "x.zip").exists()

@@ -75,7 +75,7 @@ def test_every_changed_byte_is_found_at_its_step(folder, step, key):
         assert (first["step"], first["line"], first["bytes"]) == (step, step + 2, [at])
 
 
-def test_json(folder):
+def test_json_has_each_file_with_its_differences(folder):
     (folder / "bad.jsonl").write_text(changed(3, "master_pd_valid", True), "utf-8")
     (folder / "broken.jsonl").write_text("{", "utf-8")
     done = run("good.jsonl", "bad.jsonl", "broken.jsonl", "--format", "json", code=1)
@@ -106,7 +106,7 @@ def test_json(folder):
     assert document["replays"] is False
 
 
-def test_skip_lines(folder):
+def test_differing_hash_of_a_skip_is_reported_with_its_line(folder):
     skip = json.dumps({"type": "skip", "n": 5, "sha256": "0" * 64})
     (folder / "bad.jsonl").write_text(recording_text(ROWS) + skip, "utf-8")
     done = run("bad.jsonl", code=1)
@@ -151,5 +151,5 @@ def test_missing_files_and_folders(folder):
 
 
 @pytest.mark.parametrize("name", listed("traces", "p*.jsonl"))
-def test_recorded_runs(name):
+def test_recorded_run_replays(name):
     assert ": replays: " in run(str(need("traces", name)), code=0).stdout

@@ -380,7 +380,7 @@ def test_a_slot_is_that_of_the_connection(tmp_path: Path):
     assert codes(slots(1, 2, 4, 3), split) == ["FSN444"]
 
 
-def test_cycle_time():
+def test_differing_cycle_time_is_found():
     made = bus()
     assert made.cycle_us is not None
     assert codes(replace(made, cycle_us=made.cycle_us + 1)) == ["FSN445"]

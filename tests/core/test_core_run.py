@@ -73,7 +73,7 @@ def test_states_events_and_cycle_time() -> None:
     assert rig.core.events() == []
 
 
-def test_standard_outputs() -> None:
+def test_standard_values_are_written_and_read() -> None:
     rig = Rig()
     symbols = rig.plan.outputs | rig.plan.inputs
     rig.core.set_output(symbols["main.out"], -2)

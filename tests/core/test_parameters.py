@@ -84,7 +84,7 @@ def test_what_passed_unseen_is_not_known(way, number):
 
 @pytest.mark.shows("R16")
 @pytest.mark.parametrize("skipped", range(2, 16))
-def test_joining_late(skipped):
+def test_parameters_are_unknown_after_joining_late(skipped):
     rows = start(2, 2, cycles=20)
     begun = next(n for n, (_, frame) in enumerate(rows) if frame[0] == Command.SESSION)
     known = observed(rows[skipped:], 2, 2)[-1]

@@ -263,7 +263,7 @@ parts = st.one_of(
 @given(st.lists(st.tuples(st.lists(parts, max_size=4), st.integers(0, 200)), max_size=30))
 @settings(max_examples=300)
 @pytest.mark.uncounted
-def test_any_packets(rows):
+def test_any_packets_are_counted_without_a_connection(rows):
     scanner = Scanner()
     for number, (body, cut) in enumerate(rows):
         whole = packet(*body)

@@ -74,7 +74,7 @@ def test_numbers_before_things_are_counted():
         (2, "day", "2 days"),
     ],
 )
-def test_counted(number: int, word: str, text: str):
+def test_number_and_noun_agree(number: int, word: str, text: str):
     assert counted(number, word) == text
 
 

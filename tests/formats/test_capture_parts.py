@@ -81,7 +81,7 @@ def test_an_answer_counts_once():
         pytest.param([b"\x20ABCDEFG"], None, id="the answer to a write"),
     ],
 )
-def test_segments(answers: list[bytes], data: bytes | None):
+def test_segmented_upload_is_joined(answers: list[bytes], data: bytes | None):
     follower = SdoFollower()
     follower.request(ASK)
     assert follower.response(LONG) is None
@@ -146,7 +146,7 @@ ROW = datagram(4, 0x01301001, b"\0\0", 1)
         (packet(ROW)[:12] + b"\x08\x06" + packet(ROW)[14:], None, None),
     ],
 )
-def test_packets(data: bytes, number: int | None, cut: bool | None):
+def test_datagrams_are_found_in_each_kind_of_packet(data: bytes, number: int | None, cut: bool | None):
     found = datagrams(data)
     assert (None if found is None else (len(found[0]), found[1])) == (
         None if number is None else (number, cut)
@@ -179,7 +179,7 @@ def notes(made: Startup) -> tuple[str, ...]:
     return found.subdevices[-1].notes
 
 
-def test_two_identities():
+def test_differing_identities_are_noted():
     made = Startup()
     made.configure()
     made.upload(TERMINAL, 0x1018, 2, struct.pack("<I", 0x12345678))

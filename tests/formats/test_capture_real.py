@@ -52,7 +52,7 @@ def sizes(sub):
 
 
 @pytest.mark.parametrize("name", CAPTURES)
-def test_real_captures(name):
+def test_real_capture_gives_devices_and_sizes(name):
     found = described(need("pcap", name))
     rows = [(s.device.product_code, s.order, sizes(s)) for s in found.subdevices]
     assert rows == CAPTURES[name]

@@ -238,7 +238,7 @@ def test_part_of_a_byte_is_refused():
         write_network(described(*managers, copies=(copy((0, 3, 0), (1, 2, 0), 4),)))
 
 
-def test_long_entries():
+def test_long_padding_is_split_and_a_long_entry_is_rejected():
     gap = write_network(described(output(2, entry(0, 0, 300))))
     assert parse(gap.files["devices/a.yaml"]).rpdos[0].bits == 300
     with pytest.raises(InputError, match="300 bits"):

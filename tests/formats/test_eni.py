@@ -250,7 +250,7 @@ def test_one_line_latin_1_and_cdata():
 
 
 @pytest.mark.parametrize("spelling", ["#x1600", "#X1600", "0x1600", "5632", "005632"])
-def test_number_forms(spelling: str):
+def test_number_is_read_in_each_spelling(spelling: str):
     text = write_eni(bus(1)).replace("<Pdo>5632</Pdo>", f"<Pdo>{spelling}</Pdo>")
     found, _ = read(text)
     assert found is not None

@@ -85,7 +85,7 @@ def test_numbers_in_every_spelling(number):
 REVISIONS = "".join(device(revision=r) for r in ("#x00100000", "#x00120000", "#x00150000"))
 
 
-def test_exact_revision():
+def test_exact_revision_is_preferred():
     assert one(esi_text(REVISIONS), product=16, revision=0x120000).revision == 0x120000
 
 
@@ -162,7 +162,7 @@ def test_list_of_the_ethercat_tool_has_places():
     assert ways == ["output", "input", "output", "input"]
 
 
-def test_catalogue():
+def test_catalogue_lists_devices_with_their_places():
     out = Collector()
     text = esi_text(device() + device(product="5"), modules=module_text(190, ""))
     found = list_esi(text.encode(), out)
@@ -456,7 +456,7 @@ def test_encodings_and_one_line_give_the_same(made):
 
 
 @pytest.mark.parametrize("name", listed("esi", "*.xml"))
-def test_real_files(name):
+def test_real_esi_is_read_without_findings(name):
     out = Collector()
     description = load_esi(need("esi", name), out)
     assert out.diagnostics == []

@@ -100,7 +100,7 @@ def test_files_that_cannot_be_read(tmp_path: Path):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root reads everything")
-def test_unreadable_file(tmp_path: Path):
+def test_unreadable_file_is_reported(tmp_path: Path):
     path = tmp_path / "secret.yaml"
     path.write_text("nets: []", "utf-8")
     path.chmod(0)

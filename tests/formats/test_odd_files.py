@@ -175,7 +175,7 @@ def test_lines_of_a_dump_that_are_no_rows():
     assert binary_of(b"\n".join(rows)) == bytes(range(1, 17)) * 2 + b"\x11"
 
 
-def test_plain_words():
+def test_plain_hexadecimal_words_are_read():
     assert binary_of(b"0x01, 02\n03 " + b"04 " * 16) == b"\1\2\3" + b"\4" * 16
     with pytest.raises(InputError, match="a word of the text is not a byte in hexadecimal"):
         binary_of(b"01 " * 16 + b"0g")

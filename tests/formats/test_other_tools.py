@@ -20,7 +20,7 @@ def lcec(text: str, *codes: str, **options: int):
     return found, out.diagnostics
 
 
-def test_lcec():
+def test_lcec_configuration_is_read():
     found, _ = lcec(LCEC)
     assert found is not None
     assert found.cycle_us == 2000
@@ -56,14 +56,14 @@ def test_lcec_connections_that_cannot_be(find: str, put: str, word: str):
     assert word in out.diagnostics[0].message
 
 
-def test_lcec_numbers():
+def test_invalid_numbers_of_lcec_are_reported():
     lcec(LCEC.replace('vid="00000002"', 'vid="#x2"'), "FSN141")
     lcec(LCEC.replace('bitLen="16"', 'bitLen="0x10"'), "FSN141")
     lcec(LCEC.replace(' bitLen="16"', ""), "FSN141")
     lcec(LCEC.replace('dir="in"', 'dir="left"'), "FSN141")
 
 
-def test_lcec_masters():
+def test_one_of_several_lcec_masters_is_read():
     two = LCEC.replace("</masters>", '<master idx="7"><slave idx="0" type="A"/></master></masters>')
     found, _ = lcec(two, "FSN147")
     assert found is not None
@@ -86,7 +86,7 @@ def ros(text: str, *codes: str):
     return found
 
 
-def test_ros_slaves():
+def test_ethercat_slaves_yaml_is_read():
     found = ros(ROS_SLAVES)
     assert found is not None
     assert found.cycle_us == 500
@@ -123,7 +123,7 @@ def twinsafe(text: str, *codes: str):
     return found
 
 
-def test_twinsafe():
+def test_twinsafe_export_is_read():
     found = twinsafe(TWINSAFE)
     assert found is not None
     assert found.subdevices[0].notes == ("FSoE address 9",)

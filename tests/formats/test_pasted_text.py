@@ -69,7 +69,7 @@ def rows(found: Description) -> list[tuple]:
     ]
 
 
-def test_pdos():
+def test_output_of_ethercat_pdos_is_read():
     found = read(PDOS)
     (sub,) = found.subdevices
     layouts = sub.device.layout.managers
@@ -176,7 +176,7 @@ def test_xml_of_several():
     assert [s.position for s in found.subdevices] == [4, 5]
 
 
-def test_slaves():
+def test_output_of_ethercat_slaves_is_read():
     found = read("Master0\n" + SLAVES + "xxx LINK FAILURE xxx\n")
     assert [(s.position, s.alias, s.order) for s in found.subdevices] == [
         (0, 0, "EK1100"),
@@ -187,14 +187,14 @@ def test_slaves():
     assert found.subdevices[2].device.product_code == 0x077A2C52
 
 
-def test_slaves_verbose():
+def test_verbose_output_of_ethercat_slaves_is_read():
     (sub,) = read(SLAVES_V).subdevices
     assert (sub.position, sub.alias, sub.order, sub.name) == (2, 5, "EK1914", "EK1914 coupler")
     assert (sub.device.vendor_id, sub.revision, sub.serial) == (2, 0x120000, 7)
     assert len(sub.notes) == 2
 
 
-def test_config():
+def test_output_of_ethercat_config_is_read():
     (sub,) = read(CONFIG).subdevices
     assert (sub.position, sub.device.vendor_id, sub.device.product_code) == (1, 2, 0x077E3052)
     assert sub.device.assign_activate == 0x300
@@ -207,7 +207,7 @@ def test_config():
     assert [s.position for s in two.subdevices] == [1, 2]
 
 
-def test_domains():
+def test_output_of_ethercat_domains_is_read():
     found = read(DOMAINS)
     assert [
         (s.position, [(m.sm.index, m.size_bytes) for m in s.device.layout.managers])
@@ -215,7 +215,7 @@ def test_domains():
     ] == [(1, [(2, 9), (3, 8)]), (0, [(2, 8), (3, 8)])]
 
 
-def test_soem():
+def test_output_of_slaveinfo_is_read():
     found = read(SOEM, reader=load_soem_text)
     (sub,) = found.subdevices
     assert (sub.position, sub.name, sub.device.vendor_id) == (0, "Drive", 0x22D2)

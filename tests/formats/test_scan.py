@@ -157,7 +157,7 @@ def test_damage_is_named_at_its_place(case: str, tmp_path: Path):
     assert all(d.hint for d in found)
 
 
-def test_no_file(tmp_path: Path):
+def test_missing_scan_file_is_reported(tmp_path: Path):
     scan, found = load_scan(tmp_path / "scan.json")
     assert scan is None
     assert [d.code for d in found] == ["FSN101"]

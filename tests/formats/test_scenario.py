@@ -177,7 +177,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-def test_mistake(tmp_path: Path, name: str):
+def test_mistake_in_a_scenario_is_reported_at_its_place(tmp_path: Path, name: str):
     text, wanted = MISTAKES[name]
     path = tmp_path / "s.yaml"
     path.write_bytes(text.encode("utf-8", "surrogateescape"))

@@ -180,7 +180,7 @@ def test_shifted_image_is_recognised():
     assert "byte 2" in out.diagnostics[0].hint
 
 
-def test_categories_twice():
+def test_repeated_sii_category_is_reported():
     _, out = load(image(MANAGERS, MANAGERS))
     assert [(d.code, d.level.value) for d in out.diagnostics] == [("FSN138", "warning")]
     body = category(50, pdo(0x1A00, 0xFF, 8))
@@ -198,7 +198,7 @@ def test_pdos_on_wrong_sync_managers(sm, message):
     assert [p.index for p in manager.pdos] == [0x1A00]
 
 
-def test_clock_modes():
+def test_clock_modes_are_read_and_noted():
     mode = struct.pack("<3IhHhBB4x", 0, 0, 0, 0, 0x300, 0, 0, 0)
     out = Collector()
     data = image(category(40, b"\x01\x02\x03\xff"), category(60, mode + mode))
@@ -224,7 +224,7 @@ def test_any_bytes_are_read_or_refused(noise, at):
 
 
 @pytest.mark.parametrize("name", listed("sii", "*"))
-def test_real_images(name):
+def test_real_sii_image_is_read(name):
     out = Collector()
     description = load_sii(need("sii", name), out)
     found = description.subdevices[0]

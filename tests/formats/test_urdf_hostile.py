@@ -132,7 +132,7 @@ def test_directory_and_pipe(tmp_path: Path):
     assert "not a regular file" in _only(tmp_path / "pipe").message
 
 
-def test_too_large(tmp_path: Path):
+def test_urdf_above_the_size_limit_is_rejected(tmp_path: Path):
     path = tmp_path / "r.urdf"
     with path.open("wb") as file:
         file.truncate(32 * 1024 * 1024 + 1)
@@ -140,7 +140,7 @@ def test_too_large(tmp_path: Path):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
-def test_unreadable(tmp_path: Path):
+def test_unreadable_urdf_is_reported_with_chmod(tmp_path: Path):
     path = tmp_path / "r.urdf"
     path.write_bytes(BASE)
     path.chmod(0)
@@ -148,7 +148,7 @@ def test_unreadable(tmp_path: Path):
 
 
 @pytest.mark.parametrize("path", ["a\0b", "x" * 5000, ""])
-def test_impossible_paths(path: str):
+def test_impossible_path_is_reported(path: str):
     (found,) = load_urdf(path).diagnostics
     assert found.code == "FSN101"
 
@@ -187,7 +187,7 @@ def _load_without_expansion(path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
 @FUZZ
 @given(data=st.binary(max_size=400))
-def test_random_bytes(data: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_random_bytes_do_not_raise(data: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     path = tmp_path / "r.urdf"
     path.write_bytes(data)
     _load_without_expansion(path, monkeypatch)
@@ -206,7 +206,7 @@ def test_random_bytes(data: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPat
         max_size=6,
     )
 )
-def test_random_mutations(
+def test_random_mutations_do_not_raise(
     edits: list[tuple[int, int, bytes]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     data = BASE
@@ -219,7 +219,7 @@ def test_random_mutations(
 
 @FUZZ
 @given(values=st.lists(st.text(max_size=30), min_size=6, max_size=6))
-def test_random_values(values: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_random_values_do_not_raise(values: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Well-formed files with any text in every number and word."""
     text = BASE.decode()
     olds = [">1000<", '"alias">7<', '"position">2<', ">false<", "GenericEcSlave", '"required"']

@@ -136,7 +136,7 @@ def test_packages_are_found_through_the_ament_prefix_path(
     assert system.modules[0].slave_config == f"{share}/input.yaml"
 
 
-def test_unknown_package(monkeypatch: pytest.MonkeyPatch):
+def test_unknown_package_is_reported_at_its_use(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     found = _only(CELL)
     assert (found.code, str(found.span)) == ("FSN119", f"{TERMINAL}:14:34")
@@ -145,7 +145,7 @@ def test_unknown_package(monkeypatch: pytest.MonkeyPatch):
     assert [f"{r.span}" for r in found.related] == [f"{TERMINAL}:6:17", f"{CELL}:13:5"]
 
 
-def test_undefined_argument(write: Write):
+def test_undefined_argument_is_reported_with_the_option(write: Write):
     found = _only(write('<a>\n  <b c="$(arg side)"/></a>'))
     assert (found.code, found.span.line, found.span.column) == ("FSN119", 3, 3)
     assert found.hint == "pass --arg side:=VALUE"

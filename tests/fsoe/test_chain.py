@@ -29,7 +29,7 @@ def _pair(sequence: int = 1) -> tuple[Chain, Chain]:
     return left, right
 
 
-def test_advance():
+def test_sequence_number_skips_zero():
     numbers = (1, 2, 65534, 65535)
     assert [advance(n) for n in numbers] == [2, 3, 65535, 1]
     assert [before(advance(n)) for n in numbers] == list(numbers)
@@ -89,7 +89,7 @@ def test_a_wrong_frame_changes_nothing():
 
 @pytest.mark.parametrize("collide", [False, True])
 @pytest.mark.parametrize("start", [65530, 65531, 65532, 65533])
-def test_wrap(start, collide):
+def test_sequence_number_wraps_with_and_without_collisions(start, collide):
     left, right = _pair(start)
     numbers = []
     for turn in range(8):

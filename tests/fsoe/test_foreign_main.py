@@ -121,7 +121,7 @@ PARAMETERS = {
 
 @pytest.mark.parametrize("sizes", [(1, 1), (2, 6), (14, 4), (16, 16)], ids=str)
 @pytest.mark.parametrize("name", PARAMETERS)
-def test_application_parameters(make_pair, sizes, name):
+def test_application_parameters_reach_the_sub(make_pair, sizes, name):
     told = []
     pair = make_pair(*sizes, PARAMETERS[name], verify=lambda given: told.append(given) or 0)
     pair.to_data()
@@ -133,14 +133,14 @@ def test_application_parameters(make_pair, sizes, name):
 
 
 @given(st.lists(st.integers(0, 0xFFFF), max_size=40))
-def test_sra_crc(words):
+def test_sra_crc_is_that_of_the_foreign_main(words):
     ours = sra_crc(b"".join(word.to_bytes(2, "little") for word in words))
     assert ours == foreign.calculate_sra_crc(words)
 
 
 @pytest.mark.parametrize("sizes", [(1, 1), (2, 2), (14, 6)], ids=str)
 @pytest.mark.parametrize("who", ["their main", "our sub", "our sub, power cycle"])
-def test_resets_recover(make_pair, sizes, who):
+def test_connection_recovers_from_a_reset(make_pair, sizes, who):
     pair = make_pair(*sizes)
     pair.to_data()
     pair.exchange(pattern(sizes[0], 1), pattern(sizes[1], 2))

@@ -71,7 +71,7 @@ def test_process_data_of_all_size_pairs(out):
         assert not [e for e in bench.main.take_events() if e.code]
 
 
-def test_known_start():
+def test_start_up_has_the_known_frames():
     """The complete start-up of §2."""
     bench = Bench(
         main=make_main(ids=counted(0x1122), watchdog_ms=100), sub=make_sub(ids=counted(0x3344))
@@ -165,7 +165,7 @@ def test_events_do_not_pile_up():
 
 
 @pytest.mark.parametrize("who", ["main", "sub"])
-def test_power_cycle(who):
+def test_power_cycle_starts_the_connection_again(who):
     bench = Bench().to_data()
     bench.main.enable = bench.sub.enable = True
     bench.cycle()

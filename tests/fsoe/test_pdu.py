@@ -45,12 +45,12 @@ def pdus(draw):
 
 @pytest.mark.shows("R17")
 @pytest.mark.parametrize("row", KNOWN["reset_frames"], ids=lambda row: row["frame"])
-def test_reset_frames(row):
+def test_reset_frames_have_the_known_bytes(row):
     assert reset_frame(row["code"], row["safe_bytes"]).hex() == row["frame"]
     assert fits_start(decode_pdu(bytes.fromhex(row["frame"])))
 
 
-def test_sizes():
+def test_other_frame_lengths_are_rejected():
     assert sorted(SAFE_SIZES)[:4] == [1, 2, 4, 6]
     assert len(SAFE_SIZES) == 64
     lengths = {frame_length(size): size for size in SAFE_SIZES}
@@ -81,7 +81,7 @@ def test_codec_places_bytes():
 
 @settings(deadline=None)
 @given(pdus())
-def test_encode_decode(pdu):
+def test_encoded_pdu_is_decoded_to_itself(pdu):
     frame = pdu.encode()
     assert len(frame) == frame_length(len(pdu.safe_data))
     assert decode_pdu(frame) == pdu
@@ -91,7 +91,7 @@ def test_encode_decode(pdu):
 
 @settings(deadline=None)
 @given(st.binary(max_size=260))
-def test_decode_encode(frame):
+def test_decoded_frame_is_encoded_to_itself(frame):
     if is_frame_length(len(frame)):
         assert decode_pdu(frame).encode() == frame
     else:
@@ -130,7 +130,7 @@ def test_encoding_the_impossible(pdu):
         pdu.encode()
 
 
-def test_texts():
+def test_each_reset_code_has_its_own_text():
     texts = [reset_code_text(code) for code in range(14)]
     assert len(set(texts[:10])) == 10
     assert all(text for text in texts)
@@ -148,7 +148,7 @@ def test_sra_known_answers():
 
 
 @pytest.mark.shows("R17")
-def test_sra_vectors():
+def test_sra_crc_has_the_known_values():
     vectors = json.loads(need("traces", "sra_crc.json").read_text("utf-8"))["vectors"]
     assert vectors
     for vector in vectors:

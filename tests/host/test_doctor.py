@@ -222,7 +222,7 @@ def test_a_driver_that_says_nothing_is_not_known(tmp_path):
         (None, status(user=0), "bad", "lacks"),  # root of a container that was given nothing
     ],
 )
-def test_capabilities(granted, mine, level, text, tmp_path):
+def test_missing_capabilities_are_reported_with_setcap(granted, mine, level, text, tmp_path):
     made = good(tmp_path)
     made.seam.granted = granted
     made.write({"proc/self/status": mine})
@@ -351,7 +351,7 @@ def test_an_interface_that_is_not_there_is_told_once(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["", "..", "../../etc", "a b", "x" * 16, "eth1/statistics"])
-def test_strange_names(name, tmp_path):
+def test_invalid_interface_name_is_reported_once(name, tmp_path):
     rows = [f for f in look(good(tmp_path), name).findings if f.name.startswith("interface")]
     assert [f.level for f in rows] == [MachineLevel.BAD]
 
@@ -425,7 +425,7 @@ def test_the_command_on_this_machine():
     assert "\x1b" not in text.stdout
 
 
-def test_wrong_use():
+def test_doctor_reports_usage_errors():
     done = fsn("doctor", "--interface")
     assert (done.returncode, "requires an argument" in done.stderr) == (2, True)
     assert fsn("doctor", "x").returncode == 2

@@ -472,7 +472,7 @@ BOTH_DAMAGED = link(
         ),
     ],
 )
-def test_candidates(found, said):
+def test_candidates_have_key_score_title_and_evidence(found, said):
     assert [(c.key, c.score, c.title, *c.evidence) for c in found] == said
 
 

@@ -77,5 +77,5 @@ RESETS = Facts(
         ),
     ],
 )
-def test_one_sentence(facts: Facts, sentence: str):
+def test_incident_is_described_in_one_sentence(facts: Facts, sentence: str):
     assert _sentence(facts) == sentence

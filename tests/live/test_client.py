@@ -58,7 +58,7 @@ def line(document):
     return json.dumps(document).encode() + b"\n"
 
 
-def test_nobody_there(folder):
+def test_missing_socket_is_reported(folder):
     with pytest.raises(EnvironmentFault, match="is fsn-master running"):
         Client(folder / "none")
     with pytest.raises(EnvironmentFault):
@@ -127,7 +127,7 @@ def test_what_came_before_the_end_is_still_told(folder):
         ([line({"ok": False, "text": "this user may not connect"})], "may not connect"),
     ],
 )
-def test_strange_servers(folder, answers, message):
+def test_invalid_server_is_reported(folder, answers, message):
     with server(folder, *answers) as (path, _), pytest.raises(EnvironmentFault, match=message):
         Client(path)
 

@@ -36,7 +36,7 @@ def words(text):
     return [list(c.words) for c in parse(text)]
 
 
-def test_the_language():
+def test_words_quotes_and_comments_are_split():
     assert words("a b;c # d\n\n 'e;f' \"g # h\"x # i") == [
         ["a", "b"],
         ["c"],
@@ -157,7 +157,7 @@ def test_what_is_seen(master, rig):
     assert told == ["U info gone"]
 
 
-def test_devices(master, rig, tmp_path):
+def test_device_commands_send_their_requests(master, rig, tmp_path):
     assert rig.do("sdo read drive_1 0x1c12:0a uint16") == ["drive_1 0x1c12:0a  551  2 bytes: 27 02"]
     rig.do("sdo write drive_1 0x6060 int8 -1")
     assert rig.do("sii drive_1")[1] == "0010  00 11 22 33 00 11 22 33 00 11 22 33 00 11 22 33"
@@ -312,7 +312,7 @@ def test_every_command_has_help_and_an_example_that_parses(rig):
         assert rig.do(f"help {name}")[2] == f"  example: {form.example}"
 
 
-def test_quit(rig):
+def test_quit_ends_the_console(rig):
     with pytest.raises(ConsoleEnd):
         rig.do("quit")
 
@@ -335,7 +335,7 @@ def test_quit(rig):
         ("watch a ", "e", ["every"]),
     ],
 )
-def test_completion(rig, before, word, found):
+def test_word_is_completed(rig, before, word, found):
     names = rig.console.names()
     assert complete(before, word, names, list(COMMANDS)) == found
 

@@ -66,7 +66,7 @@ def check_files(folder, found):
     assert "prefers-color-scheme:dark" in text
 
 
-def test_nobody_answers(tmp_path):
+def test_silent_bus_is_reported_with_the_next_step(tmp_path):
     seen = on_the_wire("silent", ESTOP, tmp=tmp_path)
     assert seen["code"] == 1
     assert "FSN_E_BUS_SILENT" in seen["err"]

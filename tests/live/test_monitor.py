@@ -182,12 +182,12 @@ def test_events_come_as_lines_until_interrupted(master):
         (["--socket", "a", "--rebuild"], "--rebuild belongs to --capture"),
     ],
 )
-def test_wrong_use(words, text):
+def test_monitor_reports_usage_errors(words, text):
     done = fsn("monitor", *words)
     assert (done.returncode, text in done.stderr) == (2, True), done.stderr
 
 
-def test_nobody_there(tmp_path):
+def test_monitor_reports_a_missing_socket_or_folder(tmp_path):
     done = fsn("monitor", "--socket", str(tmp_path / "none"), "--once")
     assert (done.returncode, "is fsn-master running" in done.stderr) == (3, True)
     done = fsn("monitor", "--socket", "x", "--duration", "1s", "--capture", str(tmp_path / "no/f"))

@@ -323,7 +323,7 @@ def test_the_leading_bus_may_be_lost_too(slow, tmp_path):
         (["--bus", "soem", "--redundant", "eth3"], "--redundant goes with a network of one bus"),
     ],
 )
-def test_wrong_interfaces(options, text):
+def test_wrong_interfaces_are_usage_errors(options, text):
     done = fsn("run", NETWORK, *options)
     assert done.returncode == 2
     assert text in done.stderr

@@ -35,7 +35,7 @@ def errors(replies: list[Any]) -> list[str | None]:
 
 
 @pytest.mark.shows("R20")
-def test_objects(tmp_path: Path) -> None:
+def test_objects_are_read_and_written(tmp_path: Path) -> None:
     replies = seen("objects", tmp_path)
     vendor, name, kind, absent, no_sub = replies[:5]
     assert (vendor["value"], vendor["bytes"], vendor["data"]) == (8914, 4, "d2220000")

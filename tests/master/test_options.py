@@ -61,7 +61,7 @@ USAGE = [
 
 
 @pytest.mark.parametrize(("arguments", "text"), USAGE, ids=[" ".join(a) for a, _ in USAGE])
-def test_usage(tmp_path: Path, arguments: list[str], text: str) -> None:
+def test_invalid_options_are_reported(tmp_path: Path, arguments: list[str], text: str) -> None:
     plan = str(write_plan(tmp_path))
     done = run_to_end(*[plan if a == "PLAN" else a for a in arguments])
     assert done.returncode == 2

@@ -69,7 +69,7 @@ def test_a_doubtful_frame_of_the_same_lengths_keeps_a_pair_open():
     assert pair_by_lengths(mains, subs, [pair(2, 0, 6, 6)]).settled
 
 
-def test_nothing_fits():
+def test_pair_without_equal_lengths_stays_open():
     found = pair_by_lengths([pair(0, 0, 6, 6)], [pair(1, 0, 7, 6)])
     assert found.open[0].candidates == ()
     assert found.open[0].proposed is None

@@ -53,7 +53,7 @@ safety_functions:
 
 @pytest.mark.shows("R4")
 @pytest.mark.parametrize("name", GOLDEN)
-def test_golden_values(name: str) -> None:
+def test_fingerprint_has_the_known_value(name: str) -> None:
     found = fingerprint_of(compile_plan(example(name)))
     assert found.whole == GOLDEN[name]
     assert found.short.replace(" ", "").lower() == GOLDEN[name][:16]

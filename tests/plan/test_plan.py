@@ -32,7 +32,7 @@ GOLDEN = {
 
 
 @pytest.mark.parametrize("name", GOLDEN)
-def test_golden_bytes(name: str):
+def test_plan_has_the_known_bytes(name: str):
     data = compile_plan(example(name)).to_bytes()
     assert hashlib.sha256(data).hexdigest() == GOLDEN[name]
     assert compile_plan(example(name)).to_bytes() == data
@@ -269,7 +269,7 @@ def test_image_follows_the_order_of_the_driver():
     assert (domain.size_bytes, domain.working_counter) == (33, 6)
 
 
-def test_large_networks(tmp_path):
+def test_large_network_is_compiled_and_loaded(tmp_path):
     path = write_big_network(tmp_path, 500, 424)
     checked = check_files([str(path)])
     assert [d for d in checked.diagnostics if d.level.value == "error"] == []

@@ -117,7 +117,7 @@ def test_a_connection_of_a_project_when_there_are_two_logics():
         (Answers(frames={"nobody": AnsweredWord(text="yes")}), "FSN155"),
     ],
 )
-def test_wrong_answers(answers: Answers, code: str):
+def test_wrong_answer_is_reported_with_a_hint(answers: Answers, code: str):
     made = proposed(sub("logic", LOGIC, SIX, SEVEN), EL1904, answers=answers)
     assert [d.code for d in made.findings] == [code]
     assert made.findings[0].hint

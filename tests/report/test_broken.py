@@ -8,7 +8,7 @@ from networks import EXAMPLES
 
 
 @pytest.mark.parametrize("path", sorted((EXAMPLES / "broken").glob("*.yaml")), ids=lambda p: p.stem)
-def test_broken_example(path, tmp_path):
+def test_report_of_a_broken_example_names_its_errors(path, tmp_path):
     out = tmp_path / "r.html"
     done = fsn("report", str(path), "-o", str(out))
     first = out.read_text("utf-8").partition("</header>")[0]

@@ -107,7 +107,7 @@ def test_a_reset_that_is_over_already_is_an_error_for_a_time(
         ({"al": "none", "found": 9}, OK, "absent, as it may be"),
     ],
 )
-def test_a_subdevice(
+def test_subdevice_has_level_and_message(
     watched: Watched,
     monkeypatch: pytest.MonkeyPatch,
     change: dict[str, object],

@@ -25,7 +25,7 @@ NAMES = {
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_names(name: str) -> None:
+def test_name_is_made_legal_for_ros(name: str) -> None:
     assert legal_token(name) == NAMES[name]
     assert is_node_name(NAMES[name])
     assert is_node_name(name) is (name == NAMES[name])

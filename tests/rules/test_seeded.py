@@ -66,7 +66,7 @@ def seed(folder: Path, file: str, old: str, new: str) -> None:
 
 @pytest.mark.shows("R6")
 @pytest.mark.parametrize("name", SEEDED)
-def test_seeded_mistake(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_seeded_mistake_is_found(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     file, old, new, codes = SEEDED[name]
     seed(tmp_path, file, old, new)
     monkeypatch.chdir(tmp_path)

@@ -132,7 +132,7 @@ def test_commands_reach_the_segment():
         ("nonsense", "known: break"),
     ],
 )
-def test_refused(line, says):
+def test_invalid_command_is_refused_with_the_reason(line, says):
     answer = estop().command(line, 1, 0)
     assert answer.startswith("refused: ")
     assert says in answer

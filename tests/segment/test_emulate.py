@@ -34,13 +34,13 @@ from fsoe_net.simulate.session import counted_session_ids
         (["absent.yaml", "--interface", "lo"], 1, "nothing started"),
     ],
 )
-def test_refusals(arguments, code, message):
+def test_emulate_refuses_with_exit_code_and_reason(arguments, code, message):
     done = fsn("emulate", *arguments)
     assert done.returncode == code, done.stderr
     assert message in done.stderr
 
 
-def test_nobody_speaks():
+def test_emulation_without_a_main_device_fails():
     why = missing()
     if why:
         pytest.skip(why)

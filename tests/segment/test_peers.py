@@ -34,7 +34,7 @@ def run(peer, package, network):
 
 @pytest.mark.parametrize(("peer", "package"), [("soem", "pysoem"), ("kickcat", "kickcat")])
 @pytest.mark.parametrize("cabling", ["ring", "gap"])
-def test_redundancy(peer, package, cabling):
+def test_main_device_reaches_data_over_a_ring_and_a_gap(peer, package, cabling):
     """Two cables to the segment: as a closed ring, and with a gap behind the first SubDevice."""
     seen = run(f"{peer}-{cabling}", package, str(EXAMPLES / "estop" / "network.yaml"))
     assert seen["found"] == 2

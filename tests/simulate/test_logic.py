@@ -22,7 +22,7 @@ STORIES = {
 
 
 @pytest.mark.parametrize("name", STORIES)
-def test_story(name: str):
+def test_outputs_follow_inputs_and_reset(name: str):
     steps, wanted = STORIES[name]
     logic = SafetyLogic()
     seen = []

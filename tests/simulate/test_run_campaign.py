@@ -171,7 +171,7 @@ def test_failing_cases_are_saved(tmp_path):
     assert "-> " in text_of(result, {key: str(path) for key, path in saved.items()})
 
 
-def test_reports(tmp_path):
+def test_json_and_text_name_the_same_results(tmp_path):
     result = run_campaign(_config(), ("corruption", "loss+torn_copy"), 200, jobs=1)
     found = to_json(result)
     assert json.loads(json.dumps(found)) == found
@@ -218,7 +218,7 @@ def fsn(monkeypatch, capsys):
     return lambda *arguments: _call(monkeypatch, capsys, *arguments)
 
 
-def test_text(fsn):
+def test_text_report_has_a_row_per_class(fsn):
     code, out, err = fsn(NETWORK, "--faults", "late_cycle,loss", "--cycles", "64")
     assert code == 0
     assert out.splitlines()[:3] == [

@@ -20,7 +20,7 @@ def test_stated_facts_are_taken_as_they_are():
     assert setup.chosen == ()
 
 
-def test_nothing_stated():
+def test_missing_facts_are_chosen():
     setups = choose_setups(with_facts(load(ROBOT), None, None, None, None))
     assert [s.main.connection_id for s in setups] == [1, 2, 3, 4]
     assert [s.main.address for s in setups] == [1, 2, 3, 4]

@@ -125,7 +125,7 @@ expect:
     assert result.statistics.wkc_errors == 300
 
 
-def test_unplugged_master(tmp_path: Path):
+def test_unplugged_logic_comes_back(tmp_path: Path):
     result = run(
         ESTOP,
         """\
