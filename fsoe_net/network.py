@@ -105,7 +105,7 @@ class Network:
             return Findings(self._checked.diagnostics)
         seen, damage = load_scan(os.fspath(scan))
         if seen is None:
-            raise InputError(f"{os.fspath(scan)} is no whole scan document", damage)
+            raise InputError(f"{os.fspath(scan)} is not a complete scan document", damage)
         return Findings(check_loaded(self._loaded, scan=seen).diagnostics)
 
     def compile(self) -> Plan:

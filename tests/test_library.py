@@ -172,7 +172,7 @@ def test_what_cannot_be_used_is_said():
     network = fsoe_net.load(EXAMPLES / "estop" / "network.yaml")
     with pytest.raises(fsoe_net.InputError, match="no-such-plan cannot be compared"):
         network.diff("no-such-plan")
-    with pytest.raises(fsoe_net.InputError, match="is no whole scan document"):
+    with pytest.raises(fsoe_net.InputError, match="is not a complete scan document"):
         network.check(scan=EXAMPLES / "estop" / "network.yaml")
     with pytest.raises(ValueError, match="start"):
         network.report(against="a", accepted="b")

@@ -138,7 +138,7 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
     for r in g.reasons:
         if r.subject not in out.used:
             out.refuse(
-                f"--justify {r.subject}: there is no such warning or open step",
+                f"--justify {r.subject}: no warning or open step has this name",
                 "write CODE@file:line as the report shows it, the id of a step, or `loss *`; the "
                 "others as a refusal names them",
             )
@@ -184,25 +184,25 @@ def _people(g: Grounds, out: _Gathered) -> None:
             out.refuse(f"the {role} has no name", f"name a person with --{role}")
         elif not names_a_person(person.name):
             out.refuse(
-                f"the {role} is {person.name!r}: that names nobody",
+                f"the {role} is {person.name!r}: that is not a person",
                 f"write the name of the person with --{role}",
             )
         # Invisible characters make two names look like one.
         elif not person.name.isprintable():
             out.refuse(
-                f"the name of the {role} holds characters that nobody sees: {person.name!r}",
+                f"the name of the {role} contains invisible characters: {person.name!r}",
                 "write it without them",
             )
     for r in g.reasons:
         if not names_a_person(r.by):
             out.refuse(
-                f"--justify {r.subject} is by {r.by!r}: that names nobody",
-                "write the name of the person behind `by`",
+                f"--justify {r.subject} is by {r.by!r}: that is not a person",
+                "write the name of the person after `by`",
             )
     if g.author.name.strip() and same_person(g.author.name, g.verifier.name):
         out.refuse(
             f"author and verifier are one person: {g.verifier.name}",
-            "somebody who is not the author verifies",
+            "a person other than the author must verify",
         )
 
 
@@ -233,18 +233,18 @@ def _report(g: Grounds, whole: str, out: _Gathered) -> None:
         out.refuse(
             f"the report is not of this configuration: its fingerprint begins with {code}, that of "
             f"the network with {whole[:16].upper()}",
-            "write the report anew, and have it signed",
+            "write the report again, and have it signed",
         )
     if g.report.against and not any(f.level is Severity.ERROR for f in g.report.findings):
         out.refuse(
-            f"the report says: {g.report.against}",
-            "fix what its first page names, and write it anew",
+            f"the report states: {g.report.against}",
+            "fix what its first page names, and write it again",
         )
     # People sign pages; no person reads the JSON form.
     if not g.report.pages:
         out.refuse(
-            "there is no page of the report among the files: people sign that one",
-            "name it with --report beside the JSON form",
+            "the files contain no page of the report, which people sign",
+            "name it with --report in addition to the JSON form",
         )
     # A page without the hash of this record was made from other results.
     for path, hashes in g.report.hashes.items():
@@ -270,7 +270,7 @@ def _findings(g: Grounds, out: _Gathered) -> None:
         if d.level is not Severity.INFO and reported[key] < 0:
             out.refuse(
                 f"{d.code} at {d.span} is not in the report: {d.message}",
-                "write the report anew from the files of today, and have it signed",
+                "write the report again from the current files, and have it signed",
             )
     for f in g.report.findings:
         if f.level is Severity.ERROR:
@@ -351,7 +351,7 @@ def _devices(g: Grounds, out: _Gathered) -> None:
     for device in g.test_record.devices:
         for key in device.blank():
             what = f"{key} {device.subdevice}"
-            why = f"{what} at {device.span}: nobody has read it at the machine"
+            why = f"{what} at {device.span}: it was not read at the machine"
             fix = "read it; where there is none, write `not applicable: why`"
             _let_pass(what, why, fix, g, out)
 
@@ -363,7 +363,7 @@ def _done(step: TestStep, g: Grounds, out: _Gathered) -> None:
     who, day = step.machine.by, step.machine.date.strip()[:10]
     if not names_a_person(who):
         out.refuse(
-            f"step {step.id} at {step.span}: done by {who!r}, which names nobody",
+            f"step {step.id} at {step.span}: done by {who!r}, which is not a person",
             "write the name of who did it",
         )
     # A step after the signatures was not known to the people who signed.
@@ -371,7 +371,7 @@ def _done(step: TestStep, g: Grounds, out: _Gathered) -> None:
         out.refuse(
             f"step {step.id} at {step.span}: done on {day}, after the day of the signatures, "
             f"{g.verifier.date}",
-            "sign after the last step, --date says when",
+            "sign after the last step; --date sets the day",
         )
     doubts = [text for text in (_too_early(day, g), _doubt(step, g)) if text]
     if doubts:
@@ -382,7 +382,7 @@ def _done(step: TestStep, g: Grounds, out: _Gathered) -> None:
 def _too_early(day: str, g: Grounds) -> str:
     """Say that a step was done before there was such a configuration; empty when it was not."""
     made = g.test_record.made.strip()[:10]
-    return "" if day >= made else f"done on {day}, before this configuration was there: {made}"
+    return "" if day >= made else f"done on {day}, before this configuration existed: {made}"
 
 
 def _doubt(step: TestStep, g: Grounds) -> str:
@@ -435,6 +435,6 @@ def _missing(step: TestStep) -> str:
 def _history(g: Grounds, whole: str, out: _Gathered) -> None:
     if g.before is not None and g.before.whole != whole and not g.interventions:
         out.refuse(
-            "this configuration is not the one accepted before, and nothing says what was changed",
+            "this configuration is not the one accepted before, and the change is not stated",
             '--intervention "what was changed and why by NAME"',
         )

@@ -20,7 +20,7 @@ from fsoe_net.project.known import AcceptedRecord, read_record
 
 ROLES = ("author", "verifier")
 _MOST_BYTES = 1 << 16
-_AS_SIGNED = "take it as it was signed, or have the record made and signed anew"
+_AS_SIGNED = "take it as it was signed, or have the record made and signed again"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ def sign_record(path: str, role: str, key: str, *, overwrite: bool) -> CheckedSi
     person = _person(found.record, role)
     principal = _principal(role, person)
     signature, made_by = ssh_sign(data, key)
-    write_whole(_beside(path, role), signature, overwrite=overwrite)
+    write_whole(_signature_path(path, role), signature, overwrite=overwrite)
     return CheckedSignature(
         role=role, name=person.name, principal=principal, date=person.date, key=made_by
     )
@@ -84,13 +84,13 @@ def check_signatures(path: str, signers: SshSigners) -> SignedRecord:
 def _read(path: str) -> tuple[AcceptedRecord, bytes]:
     """Return a record and its bytes, read once: the checked bytes are the signed ones."""
     if path == STDOUT:
-        raise InputError("name the record by its file: signatures are beside it")
+        raise InputError("name the record by its file: the signatures are next to it")
     _, data = read_source(path, most=MAX_RECORD_BYTES)
     with replaced_files({path: data}):
         return read_record(path), data
 
 
-def _beside(path: str, role: str) -> str:
+def _signature_path(path: str, role: str) -> str:
     return f"{path}.{role}.sig"
 
 
@@ -106,7 +106,7 @@ def _principal(role: str, person: SignedBy) -> str:
     found = principal_of(person.name)
     if not found:
         raise InputError(
-            f"the {role} {person.name!r} has no principal behind the name; make the record with "
+            f"the {role} {person.name!r} has no principal after the name; make the record with "
             f'--{role} "NAME <PRINCIPAL>", as the file of allowed signers has it'
         )
     return found
@@ -118,15 +118,17 @@ def _checked(
     principal = _principal(role, person)
     if person.date > datetime.date.today().isoformat():
         raise InputError(f"the {role} {person.name} signed on {person.date}, a day to come")
-    beside = _beside(path, role)
+    signature_path = _signature_path(path, role)
     try:
-        _, signature = read_source(beside, most=_MOST_BYTES)
+        _, signature = read_source(signature_path, most=_MOST_BYTES)
     except InputError as exc:
         raise InputError(f"no signature of the {role} {person.name}: {_why(exc)}") from exc
     try:
         key = signers.key_of(data, signature, principal=principal, day=person.date)
     except InputError as exc:
-        raise InputError(f"{beside} is no signature of {path} by {person.name}: {exc}") from exc
+        raise InputError(
+            f"{signature_path} is not a signature of {path} by {person.name}: {exc}"
+        ) from exc
     return CheckedSignature(
         role=role, name=person.name, principal=principal, date=person.date, key=key
     )
@@ -141,7 +143,7 @@ def _alike(signatures: list[CheckedSignature]) -> Iterator[Refusal]:
         return
     author, verifier = signatures  # of two principals: a record with one is FSN163
     if author.key == verifier.key:
-        fix = "somebody who is not the author verifies, and signs with a key of their own"
+        fix = "a person other than the author must verify, and sign with a key of their own"
         yield Refusal(what=f"author and verifier signed with one key: {author.key}", fix=fix)
 
 

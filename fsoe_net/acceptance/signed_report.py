@@ -69,7 +69,7 @@ def read_signed_report(files: Sequence[tuple[SourceFile, bytes]]) -> SignedRepor
         AttributeError,
         RecursionError,
     ) as exc:
-        raise InputError(f"{source.path} is no report of fsoe-net in JSON") from exc
+        raise InputError(f"{source.path} is not a report of fsoe-net in JSON") from exc
     # A PDF cannot be searched for hashes; its JSON form has them.
     pages = [(s.path, d) for s, d in files if s is not source and not d.startswith(b"%PDF")]
     hashes = {
@@ -96,8 +96,8 @@ def _json_form(files: Sequence[tuple[SourceFile, bytes]]) -> tuple[SourceFile, b
         names = ", ".join(source.path for source, _ in files)
         raise InputError(
             f"{names}: {'no' if not documents else 'more than one'} report in JSON; write it with "
-            "`fsoe-net report … -o report.json` beside the page, with the same options, and name "
-            "both with --report"
+            "`fsoe-net report … -o report.json` in addition to the page, with the same options, "
+            "and name both with --report"
         )
     return documents[0]
 

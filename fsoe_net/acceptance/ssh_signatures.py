@@ -102,7 +102,7 @@ def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
         raise InputError(f"{key} is not a file with an SSH key; ssh-keygen -t ed25519 makes one")
     done = _keygen("sign", "-f", os.path.abspath(key), data=data, asks=True)
     if done.returncode != 0:
-        words = "see what ssh-keygen says above"
+        words = "see the output of ssh-keygen above"
         raise InputError(f"nothing signed: ssh-keygen does not sign with {key}; {words}")
     # The key of the signature is read back, as an agent may have used another one.
     with tempfile.TemporaryDirectory(prefix="fsn-signed-") as name:

@@ -120,18 +120,18 @@ class Torn(_Span):
 class Slip(_Span):
     """The copy starts at a wrong byte: ``shift`` bytes too late or (negative) too early.
 
-    The gap is filled with the bytes next to the frame, ``beside``, repeated.
+    The gap is filled with repeated copies of ``filler``, the bytes next to the frame.
     """
 
     shift: int
-    beside: bytes = b"\0"
+    filler: bytes = b"\0"
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
         """Return the shifted bytes."""
         if image is None or not self._on(channel) or not self.shift:
             return image
         size, gap = len(image), min(abs(self.shift), len(image))
-        fill = (self.beside * (-(-gap // len(self.beside))))[:gap]
+        fill = (self.filler * (-(-gap // len(self.filler))))[:gap]
         return (image + fill)[-size:] if self.shift > 0 else (fill + image)[:size]
 
 

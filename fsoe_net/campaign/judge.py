@@ -25,7 +25,7 @@ class TrialOutcome(enum.Enum):
     DETECTED = "detected"
     """An end left the state it was in: Reset, new Session, watchdog."""
     TOLERATED = "tolerated"
-    """No end had to notice, and none has: the right frames went on."""
+    """No end had to notice, and none has: the correct frames continued."""
     COLLISION = "collision"
     """A wrong frame was accepted, and its CRCs fit by accident: shown by computing them."""
     WRONGLY_ACCEPTED = "wrongly_accepted"

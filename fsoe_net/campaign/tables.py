@@ -226,7 +226,7 @@ class StateTable:
                 return None  # the same Reset again; its image does not change
             return Departure(text=f"sends nothing, {due}")
         if sent.command != _RESET:
-            return Departure(text=f"goes on with {describe(sent)}, {due}", accepted=True)
+            return Departure(text=f"continues with {describe(sent)}, {due}", accepted=True)
         if sent.safe_data[0] not in codes:
             return Departure(text=f"sends Reset {sent.safe_data[0]}, {due}")
         if not _fits_start(sent) or sent.connection_id:

@@ -328,7 +328,7 @@ def _classes(name: str) -> list[FaultClass]:
     rows = []
     for part in name.split("+"):
         if part not in CATALOGUE or (part in _UNDRAWN and part != name):
-            raise ConfigError(f"{part!r} is no class of faults that can be drawn")
+            raise ConfigError(f"{part!r} is not a class of faults that can be drawn")
         rows.append(CATALOGUE[part])
     return rows
 

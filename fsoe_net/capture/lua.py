@@ -19,7 +19,7 @@ from fsoe_net.plan.model import Plan
 _WAYS = ("to_sub", "to_main")
 _HEAD = """\
 -- FSoE frames of one network, for Wireshark and tshark: wireshark -X lua_script:THIS_FILE
--- Written by fsoe-net from the network file; write it anew when that changes.
+-- Written by fsoe-net from the network file; write it again when that changes.
 -- Looks at frames only. Compared with independent implementations, not checked against ETG.5100.
 """
 

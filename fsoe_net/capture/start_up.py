@@ -107,7 +107,7 @@ class _Capture:
             self._out.add("FSN150", Span(self._path), f"this cannot be used: {words}", hint=hint)
             return
         place = Span(self._path, self._packets, 1)
-        hint = "copy the file again; what stands before is used"
+        hint = "copy the file again; the part before this place is used"
         self._out.add("FSN151", place, words, hint=hint)
 
     def _take(self, packet: bytes) -> None:

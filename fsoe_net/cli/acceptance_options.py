@@ -18,7 +18,7 @@ def day_of_signature(value: str | None) -> str:
     """Return the day (ISO 8601), today without one.
 
     Raises:
-        ValueError: It is no day, or one to come.
+        ValueError: It is not a day, or is in the future.
     """
     if value is None:
         return datetime.date.today().isoformat()
@@ -27,7 +27,7 @@ def day_of_signature(value: str | None) -> str:
     except ValueError as exc:
         raise ValueError(f"{value!r} is not a date; write YYYY-MM-DD") from exc
     if day > datetime.date.today():
-        raise ValueError(f"{value} is in the future; nobody has signed then")
+        raise ValueError(f"{value} is in the future; write today or an earlier day")
     return day.isoformat()
 
 

@@ -35,7 +35,7 @@ Signatures, each by the key of that person; names then are "NAME <PRINCIPAL>":
 Exit codes: 0 written, 1 refused with every reason, or a file cannot be used, 2 usage error, 3 no
 ssh-keygen, or no disk.
 
-A record is evidence. It is no certificate. A signature says who agreed, not that it is right."""
+A record is evidence, not a certificate. A signature shows who agreed, not that it is right."""
 
 
 def print_refusals(refusals: tuple[Refusal, ...]) -> None:

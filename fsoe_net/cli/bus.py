@@ -34,7 +34,7 @@ def scan_to_compare(
 
         scan, found = load_scan(scan_file)
         if scan is None:
-            raise InputError(f"{scan_file} is no whole scan document", found)
+            raise InputError(f"{scan_file} is not a complete scan document", found)
         return scan
     if interface is None and socket is None:
         return None
@@ -63,6 +63,7 @@ def take_scan(
 def _ask(source: ScanSource) -> None:
     if not sys.stdin.isatty():
         raise click.UsageError(
-            "this changes states on the bus, and nobody is here to be asked: --yes"
+            "this changes states on the bus and needs a terminal to ask for confirmation; confirm "
+            "with --yes"
         )
     click.confirm("Go on?", abort=True, err=True)

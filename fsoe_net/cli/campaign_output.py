@@ -59,7 +59,7 @@ def write_report(
 
 
 def save_recordings(result: CampaignResult, folder: str | None) -> tuple[Saved, Exception | None]:
-    """Return the recordings, and what went wrong: the report is printed all the same."""
+    """Return the recordings, and an error if there was one: the report is printed in any case."""
     saved: dict[tuple[str, int], str] = {}
     if not folder:
         return saved, None

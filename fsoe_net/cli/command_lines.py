@@ -15,7 +15,7 @@ class CommandLines:
     """Reads lines without waiting for them, and prints an answer to each.
 
     Args:
-        descriptor: Of the file to read; its end is no reason to stop.
+        descriptor: Of the file to read; its end does not stop the emulation.
     """
 
     def __init__(self, descriptor: int) -> None:

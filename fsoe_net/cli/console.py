@@ -128,7 +128,7 @@ def _prompt(console: Console) -> int:
             except KeyboardInterrupt:
                 echo()
             except UnicodeDecodeError:
-                echo("error: that was no UTF-8 text", err=True)
+                echo("error: that was not UTF-8 text", err=True)
             except FsnError as exc:
                 echo(f"error: {exc}", err=True)
     _say_fallback(console)

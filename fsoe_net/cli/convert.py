@@ -34,8 +34,9 @@ Write a description of a bus in another format; several FILES of one bus are joi
 FILES: {", ".join(f.title for f in all_formats().values())}, or a folder that this command wrote. An
 ESI or SII image gives the process data of devices named elsewhere.
 
-What the format of OUT cannot hold becomes a note. A network and an ENI of the same bus into an
-ENI: the copies of the network in that ENI, all else byte for byte."""
+Content that the format of OUT cannot hold becomes a note. With a network
+and an ENI of the same bus, an ENI as output gets the copies of the network; all other bytes of the
+ENI are unchanged."""
 
 
 @click.command("convert", help=_HELP, epilog=_EPILOG)

@@ -83,7 +83,9 @@ def command(
     # A misspelt file name would otherwise be decoded as hex.
     if captures and len(captures) < len(inputs):
         hexes = [name for name in inputs if name not in captures]
-        raise click.UsageError(f"{hexes[0]!r} is no file; captures and hex go into separate calls")
+        raise click.UsageError(
+            f"{hexes[0]!r} is not a file; captures and hex go into separate calls"
+        )
     naming = _naming(network)
     out: Output = JsonOutput() if fmt == "json" else TextOutput()
     if captures:

@@ -23,7 +23,7 @@ from fsoe_net.fsoe.pdu import safe_data_of
 
 
 def is_file(name: str) -> bool:
-    """Whether an argument names a file; long hex is no name a system would take."""
+    """Whether an argument names a file; long hex is not a valid file name."""
     try:
         return bool(name.strip()) and Path(name).exists()
     except (OSError, ValueError):

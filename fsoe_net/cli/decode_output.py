@@ -62,7 +62,7 @@ class _Lines:
 
 
 def _meaning(row: DecodedFrame, data: bytes) -> str:
-    """Return what the frame says beyond its columns."""
+    """Return the meaning of the frame beyond its columns."""
     if row.frame[0] == Command.RESET:
         return f"{data[0]}: {reset_code_text(data[0])}"
     if row.frame[0] == Command.PROCESS_DATA and row.names is not None:
@@ -269,7 +269,7 @@ class JsonOutput:
 
     @staticmethod
     def _constant(row: DecodedFrame, data: bytes) -> tuple[str, str]:
-        """Return the members that do not change from frame to frame; nothing stands behind."""
+        """Return the members that do not change from frame to frame; they are the last ones."""
         item: dict[str, object] = {
             "connection": row.names.name if row.names else None,
             "connection_number": row.number + 1,

@@ -15,7 +15,7 @@ _BANNER = """\
 ############################################################################
 #  TEST RIG: this build answers on REAL network interfaces.                #
 #  Emulated e-stops, safety logic and drives with valid FSoE addresses.    #
-#  On a machine they would stand in for devices that protect people.       #
+#  On a machine they would act as devices that protect people.             #
 #  Never connect it to one.                                                #
 ############################################################################"""
 
@@ -24,13 +24,13 @@ def check_rig(vouched: bool) -> None:
     """Say loudly what a test rig is; it takes a word of the user, and nothing else takes it.
 
     Raises:
-        EnvironmentFault: This is no test rig, or one for which nobody has vouched.
+        EnvironmentFault: This is not a test rig, or the user has not vouched for it.
     """
     if not is_test_rig():
         if vouched:
             raise EnvironmentFault(
-                "--no-machine-on-this-wire: this is no test rig and answers on veth and tap only; "
-                "a test rig is built with -DFSN_TEST_RIG=ON"
+                "--no-machine-on-this-wire: this is not a test rig and answers on veth and tap "
+                "only; a test rig is built with -DFSN_TEST_RIG=ON"
             )
         return
     echo(_BANNER, err=True)

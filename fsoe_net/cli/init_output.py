@@ -1,4 +1,4 @@
-"""What ``fsoe-net init`` writes, and says about it."""
+"""The files that ``fsoe-net init`` writes, and its summary of them."""
 
 from __future__ import annotations
 

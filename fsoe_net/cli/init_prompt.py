@@ -25,12 +25,12 @@ def ask(question: Question, answers: Answers, made: Draft) -> Answers:
     """Ask until there is an answer, and return the answers with it.
 
     Args:
-        question: What to ask.
-        answers: What is known.
-        made: What was proposed with it.
+        question: The question.
+        answers: Known answers.
+        made: The proposal based on them.
 
     Raises:
-        click.Abort: The user wants to stop (Ctrl-D, Ctrl-C).
+        click.Abort: The user stops (Ctrl-D, Ctrl-C).
     """
     echo(f"\n{question.text}", err=True)
     for fact in question.facts:
@@ -129,7 +129,7 @@ def refuse(made: Draft) -> None:
 
 
 def answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
-    """Propose; with somebody to ask, ask and propose again until nothing is left to ask."""
+    """Propose; at a terminal, ask and propose again until no question is left."""
     made = make_draft(inputs, answers)
     refuse(made)
     while asking and made.questions:
@@ -144,7 +144,7 @@ def answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
 
 
 def report_questions(made: Draft, *, answered: bool) -> None:
-    """Say what was not answered; without a ring, or when nobody allowed it, refuse.
+    """Report open questions; without a ring, or if open ones are not allowed, refuse.
 
     Raises:
         InputError: Answers are needed.
@@ -153,5 +153,5 @@ def report_questions(made: Draft, *, answered: bool) -> None:
     needed = [d for d in found if d.level is Severity.ERROR]
     if needed:
         print_diagnostics(sort_diagnostics(made.inputs.found.out.diagnostics), err=True)
-        raise InputError("nothing written: nobody is here to be asked", needed)
+        raise InputError("nothing written: answers are needed, and there is no terminal", needed)
     print_diagnostics(found, err=True)

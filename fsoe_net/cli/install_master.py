@@ -25,7 +25,7 @@ Exit codes: 0 built; 2 usage error; 3 a tool, the network or a permission is mis
 
 
 @click.command("install-master", epilog=_EPILOG)
-@output_option("The program; default: beside the Python that runs this.")
+@output_option("The program; default: next to the Python that runs this.")
 @click.option("--soem", type=FOLDER, metavar="DIR", help="Folder with the source of SOEM 1.4.")
 @click.option("--without-soem", is_flag=True, help="Build without the SOEM backend.")
 @click.option(
@@ -51,7 +51,9 @@ def command(
         # The licence of SOEM binds the user, who must agree and not the script.
         if not yes:
             if not sys.stdin.isatty():
-                raise click.UsageError("nobody is here to agree to these terms: --yes")
+                raise click.UsageError(
+                    "these terms need consent, and there is no terminal to ask for it: --yes"
+                )
             click.confirm("Fetch and build it?", abort=True, err=True)
     echo("building, about half a minute", err=True)
     version = build_master(

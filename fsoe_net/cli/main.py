@@ -175,7 +175,7 @@ def main() -> None:
         echo(f"error: {exc}", err=True)
         sys.exit(exc.exit_code)
     except BrokenPipeError:
-        # The reader (`| head`) has gone; that is no error of ours.
+        # The reader (`| head`) has gone; that is not an error.
         # Python flushes at exit and would fail once more.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)

@@ -58,7 +58,7 @@ CYCLE = Time("50us", "1s", bare=False)  # as fsn-master takes it
 
 
 class _Path(click.ParamType[str]):
-    """A path. Nothing is opened here: the reader says what is wrong, with one exit code."""
+    """A path. Nothing is opened here: the reader reports errors, with one exit code."""
 
     def __init__(self, name: str, completion: str) -> None:
         self.name = name
@@ -193,7 +193,7 @@ def master_socket(socket: str | None, interface: str | None) -> str:
         click.UsageError: It is not named, or twice.
     """
     if (socket is None) == (interface is None):
-        raise click.UsageError("one of --socket PATH and --interface IF says which fsn-master")
+        raise click.UsageError("give either --socket PATH or --interface IF")
     if socket is not None:
         return socket
     from fsoe_net.live.sockets import control_socket
@@ -221,7 +221,7 @@ def output_option(
 
 
 def read_by(read: Callable[[Any], object]) -> Callable[..., object]:
-    """Return a click callback that reads a value; its ``ValueError`` is wrong use of the option."""
+    """Return a click callback that reads a value; its ``ValueError`` is a usage error."""
 
     def callback(_ctx: click.Context, _param: click.Parameter, value: object) -> object:
         try:

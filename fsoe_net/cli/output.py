@@ -77,7 +77,7 @@ def verdict_line(checked: Checked, scan: Scan | None) -> str:
     counts = summary(checked.diagnostics)
     network = checked.network
     codes = sorted({d.code for d in checked.diagnostics if d.level is not Severity.INFO})
-    more = f"; `fsoe-net explain {codes[0]}` says more" if codes else ""
+    more = f"; `fsoe-net explain {codes[0]}` explains it" if codes else ""
     if network is None or checked.resolution is None:
         return f"nothing checked: {counts}{more}"
     there = counted(len(scan.subdevices), "SubDevice") if scan else ""

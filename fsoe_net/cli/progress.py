@@ -18,7 +18,7 @@ def progress_bar(first: str) -> Iterator[Progress | None]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    # The time goes on by itself, also while a slow device starts up.
+    # The time continues by itself, also while a slow device starts up.
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),

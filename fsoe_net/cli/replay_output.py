@@ -13,7 +13,7 @@ from fsoe_net.diag.words import counted
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayOutcome:
-    """What became of one file; ``reason`` says why it was not read to its end."""
+    """The outcome of one file; ``reason`` is why it was not read to its end."""
 
     file: str
     result: ReplayResult | None = None

@@ -69,7 +69,7 @@ Show = Callable[[RunUpdate], None]
 
 @contextmanager
 def display(name: str) -> Iterator[Show]:
-    """Show a run on the terminal while it goes on; gives what takes the updates."""
+    """Show a run on the terminal while it lasts; yields the function for updates."""
     from rich.live import Live
 
     with Live(refresh_per_second=10, transient=True, console=terminal()) as live:
@@ -220,7 +220,7 @@ def event_line(event: RunEvent) -> str:
 
 
 def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
-    """Return the events a person wants to read: not every step of a start-up."""
+    """Return the events of interest to a person: not every step of a start-up."""
     quiet = (RunEventKind.STATE, RunEventKind.WORKING_COUNTER, RunEventKind.LINKS)
     return [e for e in events if e.kind not in quiet or e.in_data]
 
@@ -232,7 +232,7 @@ def _stall_text(result: Run) -> str:
         return ""
     return (
         f"this machine stood still for {result.stalled_ms:.0f} ms, longer than an FSoE watchdog "
-        f"({min(watchdogs)} ms): what follows from that is no fault of the files; run it again, "
+        f"({min(watchdogs)} ms): its effects are not caused by the files; run it again, "
         "with --virtual-time, or see `fsoe-net doctor`"
     )
 

@@ -12,7 +12,7 @@ ENDS_OR_HANGS_UP = (*ENDS, signal.SIGHUP)
 def stop_on(signals: tuple[signal.Signals, ...]) -> threading.Event:
     """Return an event that these signals set from now on.
 
-    They raise nothing: in the middle of a request that would leave half a reply behind. A signal
+    They raise nothing: in the middle of a request that would leave half a reply. A signal
     that was ignored before, as Ctrl-C is for a job in the background, stays ignored.
     """
     stop = threading.Event()

@@ -56,7 +56,7 @@ def write_snapshot(
         loading: How it is read.
         target: The page.
         socket: Control socket of a running ``fsn-master``, or ``None``.
-        may_be_missing: Whether the bus alone is shown where there is no such file.
+        may_be_missing: Whether the bus alone is shown if the file is missing.
         overwrite: Whether a page that is there is replaced.
 
     Raises:

@@ -42,7 +42,7 @@ def listening(*given: str | None) -> Listening | None:
 
 
 def check_control(live: str | None, listen: str | None) -> None:
-    """Refuse control of a bus where none is named, or where nobody could say who did it.
+    """Refuse control of a bus if none is named, or if the person could not be identified.
 
     Raises:
         click.UsageError: It is refused.

@@ -32,8 +32,8 @@ def show(document: Document, *, width: int | None = None, err: bool = False) -> 
     """Print a document: as wide as a terminal is; elsewhere with all columns.
 
     Args:
-        document: What to print.
-        width: Cells of running text where this is no terminal; ``None`` for whole paragraphs.
+        document: The document to print.
+        width: Cells of running text where this is not a terminal; ``None`` for whole paragraphs.
         err: Print to standard error.
     """
     from fsoe_net.document.write_terminal import TerminalView, document_text

@@ -24,7 +24,7 @@ class PersonAtTerminal:
     def guarded(self, step: TestStep) -> bool:
         """Ask whether the area is guarded; the answer is the name of the SubDevice."""
         echo(f"\n{step.id}: {step.what}", err=True)
-        echo("Machines may move or stop. Is the area guarded and nobody in it?", err=True)
+        echo("Machines may move or stop. Is the area guarded, with no person in it?", err=True)
         answer = click.prompt(
             printable(f"write {step.subject} to go on, Enter to leave this step out"),
             default="",

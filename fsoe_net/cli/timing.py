@@ -44,7 +44,7 @@ class _Share(click.ParamType[float]):
         match = re.fullmatch(r"([0-9]+(?:\.[0-9]+)?)\s*(%?)", str(value))
         share = float(match[1]) / (100 if match[2] else 1) if match else -1.0
         if not 0 <= share <= 0.1:
-            self.fail(f"{value!r} is no share up to 10%; write 1% or 0.01", param, ctx)
+            self.fail(f"{value!r} is not a share up to 10%; write 1% or 0.01", param, ctx)
         return share
 
 
@@ -126,7 +126,7 @@ def _measured(path: str) -> dict[str, float]:
     """Return the longest FSoE cycle of each connection of a run, ms.
 
     Raises:
-        InputError: It is no result of a run.
+        InputError: It is not the result of a run.
     """
     try:
         with open_file(path) as stream:
@@ -136,6 +136,6 @@ def _measured(path: str) -> dict[str, float]:
         }
     except (ValueError, KeyError, TypeError, RecursionError) as exc:
         raise InputError(
-            f"{path} is no result of a run; make one with fsoe-net run --format json"
+            f"{path} is not the result of a run; make one with fsoe-net run --format json"
         ) from exc
     return {name: ms for name, ms in times.items() if ms is not None}

@@ -82,7 +82,7 @@ def verify(
             )
         files = (NETWORK,)
     if (accepted is None) == (acceptance is None):
-        raise click.UsageError("one of --accepted FILE and --acceptance RECORD says what was")
+        raise click.UsageError("give either --accepted FILE or --acceptance RECORD")
     address = master_socket(socket, interface) if live else None
     signed = _signed(acceptance, signers, revoked)
     wanted = _wanted(accepted, signed, loading)

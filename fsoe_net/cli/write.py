@@ -32,7 +32,7 @@ def check_target(path: str | None, *, overwrite: bool, stdout: bool = False) -> 
     if target.is_dir():
         raise EnvironmentFault(f"cannot write {path}: it is a folder; name a file")
     if not target.parent.is_dir():
-        raise EnvironmentFault(f"cannot write {path}: there is no folder {target.parent}")
+        raise EnvironmentFault(f"cannot write {path}: missing folder {target.parent}")
     # `--overwrite` is needed for each file that exists: results must not vanish by a repeated
     # command.
     if not overwrite:

@@ -117,10 +117,12 @@ def _missing(out: FindingList, network: NetworkConfig, scan: Scan, match: Match)
             severity=None if sub.required else Severity.INFO,
         )
     for place in match.free_missing:
-        behind = next((s for s in network.subdevices if not s.alias and s.position > place), None)
+        following = next(
+            (s for s in network.subdevices if not s.alias and s.position > place), None
+        )
         out.add(
             "FSN501",
-            place_of(behind) if behind is not None else network.span,
+            place_of(following) if following is not None else network.span,
             f"position {place}, which the network leaves free, is missing: all following moved "
             "one place forward",
             hint=f"{SECURED}put the coupler or terminal back, or correct the positions here"
@@ -176,7 +178,7 @@ def _extra(out: FindingList, network: NetworkConfig, match: Match) -> None:
             hint=f"{SECURED}take it off the bus, or add it to the network (`fsoe-net scan -o DIR` "
             f"writes its file){ACCEPTED}",
         )
-    for found in match.behind:
+    for found in match.trailing:
         out.add(
             "FSN502",
             network.span,

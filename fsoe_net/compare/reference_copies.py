@@ -146,7 +146,7 @@ def _size(copy: DescribedCopy) -> int:
 
 
 def _is_aligned(copy: DescribedCopy) -> bool:
-    """Whether it copies whole bytes; single bits are no frame."""
+    """Whether it copies whole bytes; single bits are not a frame."""
     return not copy.source.bit_offset % 8 and not copy.destination.bit_offset % 8
 
 

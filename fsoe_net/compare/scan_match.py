@@ -34,7 +34,7 @@ class Match:
         free_missing: Empty free positions of the network (a coupler, say) that shift the following
             SubDevices.
         extra: On the bus but not in the network, with process data or between listed SubDevices.
-        behind: On the bus, without process data, after all SubDevices of the network.
+        trailing: On the bus, without process data, after all SubDevices of the network.
         cost: Cost of the differences.
     """
 
@@ -47,7 +47,7 @@ class Match:
     missing: list[tuple[SubDevice, int | None]] = field(default_factory=list)
     free_missing: list[int] = field(default_factory=list)
     extra: list[ScannedSubDevice] = field(default_factory=list)
-    behind: list[ScannedSubDevice] = field(default_factory=list)
+    trailing: list[ScannedSubDevice] = field(default_factory=list)
     cost: int = 0
 
     def take(self, sub: SubDevice, found: ScannedSubDevice) -> None:
@@ -208,7 +208,7 @@ def _add(rows: _Rows, match: Match, found: ScannedSubDevice) -> None:
         return
     end = max((f.position for _, f in (*match.pairs, *match.other)), default=-1)
     if rows.is_plain(found) and (end < found.position or not any(rows.planned)):
-        match.behind.append(found)
+        match.trailing.append(found)
         return
     match.cost += _SMALL if rows.is_plain(found) else _GONE
     match.extra.append(found)

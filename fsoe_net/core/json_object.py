@@ -57,7 +57,7 @@ class JsonObject:
         if value is None and missing is not None:
             return missing
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST:
-            raise self.bad(key, "is missing" if value is None else "is no whole number from 0 on")
+            raise self.bad(key, "is missing" if value is None else "must be a non-negative integer")
         return value
 
     def count(self, key: str) -> int:
@@ -85,7 +85,7 @@ class JsonObject:
         if value is None:
             return ""
         if not isinstance(value, str):
-            raise self.bad(key, "is no text")
+            raise self.bad(key, "is not a text")
         return value if most is None else clean(value, most)
 
     def label(self, key: str) -> str:
@@ -97,7 +97,7 @@ class JsonObject:
         rows = self._list(key)
         for value in rows:
             if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST:
-                raise self.bad(key, "holds something that is no whole number")
+                raise self.bad(key, "contains a value that is not an integer")
         return tuple(rows)
 
     def words(self, key: str, known: Sequence[str]) -> tuple[str, ...]:
@@ -111,7 +111,7 @@ class JsonObject:
         for row in self._list(key):
             good = isinstance(row, list) and len(row) == 2
             if not good or any(type(n) is not int or not 0 <= n <= _MOST for n in row):
-                raise self.bad(key, "holds something that is no pair of numbers")
+                raise self.bad(key, "contains a value that is not a pair of numbers")
             found.append((row[0], row[1]))
         return tuple(found)
 
@@ -121,14 +121,14 @@ class JsonObject:
         if value is None:
             value = {}
         if not isinstance(value, dict):
-            raise self.bad(key, "is no object")
+            raise self.bad(key, "is not an object")
         return type(self)(value, *self._at, f"{self._path}{key}.")
 
     def children(self, key: str) -> Iterator[JsonObject]:
         """Yield the objects of a list; absent or null is an empty one."""
         for number, value in enumerate(self._list(key)):
             if not isinstance(value, dict):
-                raise self.bad(f"{key}[{number}]", "is no object")
+                raise self.bad(f"{key}[{number}]", "is not an object")
             yield type(self)(value, *self._at, f"{self._path}{key}[{number}].")
 
     def plain(self) -> dict[str, str]:
@@ -144,7 +144,7 @@ class JsonObject:
         if value is None:
             return []
         if not isinstance(value, list):
-            raise self.bad(key, "is no list")
+            raise self.bad(key, "is not a list")
         if len(value) > _MOST_ROWS:
             raise self.bad(key, f"has more than {_MOST_ROWS} entries")
         return value

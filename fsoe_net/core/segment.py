@@ -353,9 +353,9 @@ class Segment:
         error = self._ffi.new("int *")
         status = self._lib.fsn_segment_link(self._pointer, options, error)
         if status == self._lib.FSN_E_ARG:
-            kinds = "is no veth or tap interface"
+            kinds = "is not a veth or tap interface"
             if link.interface2 is not None:
-                kinds = "are no two veth or tap interfaces"
+                kinds = "are not two veth or tap interfaces"
             raise EnvironmentFault(
                 f"{link} {kinds}; emulated SubDevices answer on no other, lest they meet a real "
                 "machine: ip link add veth0 type veth peer name veth1"

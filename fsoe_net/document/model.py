@@ -69,7 +69,7 @@ class Verdict:
 
 Item = Text | Number | Verdict
 Cell = tuple[Item, ...]
-"""What stands in one cell, one below the other."""
+"""The content of one cell, one item below the other."""
 
 BLANK: Cell = (Text("", Style.BLANK),)
 

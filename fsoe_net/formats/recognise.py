@@ -234,7 +234,7 @@ def _guesses(head: bytes, path: str) -> Iterator[Format]:
 def _refuse(found: Recognised | None, path: str, out: Collector) -> None:
     place = Span(path, 1, 1)
     if found is None:
-        message = "no reader knows this file"
+        message = "unsupported file type"
     else:
         message = f"this is {found.words}, which is not read"
     if found is not None and found.next_step:

@@ -69,7 +69,7 @@ def differences(
         stated, there = configured.text(name), observed.text(name)
         planned = f", {stated} in the plan" if stated else ""
         if there is None:
-            there = "not known now, another than planned at an earlier start-up"
+            there = "unknown now; different from the plan at an earlier start-up"
         rows.append(f"{_TEXTS[name]} {there}{planned}")
     return tuple(rows)
 

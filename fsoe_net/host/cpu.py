@@ -187,7 +187,7 @@ def _siblings(host: Host) -> Iterator[MachineFacts]:
         shared |= cpu_list(host.maybe(place) or "") - isolated
     if isolated and not shared:
         yield MachineFacts(
-            level=MachineLevel.GOOD, text="in use, but isolated cores share with nobody"
+            level=MachineLevel.GOOD, text="in use, but isolated cores are not shared"
         )
         return
     text = f"CPU {range_text(shared)} shares a core with an isolated one" if shared else "in use"

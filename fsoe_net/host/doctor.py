@@ -80,7 +80,7 @@ def _of_interface(host: Host, interface: str) -> list[MachineFinding]:
             MachineFinding(
                 name="interface.exists",
                 level=MachineLevel.BAD,
-                text=f"{interface!r} is no name of an interface",
+                text=f"{interface!r} is not a valid name of an interface",
                 why=why,
                 now=("ip -br link shows their names",),
                 keep=(),

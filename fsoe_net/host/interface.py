@@ -44,7 +44,7 @@ def _exists(host: Host, name: str) -> Iterator[MachineFacts]:
         others = ", ".join(n for n in names if n != "lo") or "none"
         yield MachineFacts(
             level=MachineLevel.BAD,
-            text=f"there is no interface {name}; there are: {others}",
+            text=f"unknown interface {name}; there are: {others}",
             now=("ip -br link shows their names and MAC addresses",),
         )
         return
@@ -225,7 +225,7 @@ def _sockets(host: Host, name: str) -> Iterator[MachineFacts]:
     # Protocol 0 listens on all interfaces.
     inodes = {r[8]: r[3] for r in rows if len(r) > 8 and r[4] in (str(index), "0")}
     if not inodes:
-        yield MachineFacts(level=MachineLevel.GOOD, text="nobody has a packet socket on it")
+        yield MachineFacts(level=MachineLevel.GOOD, text="no packet socket is open on it")
         return
     owners = _owners(host, set(inodes))
     hidden = len(set(inodes) - {inode for found in owners.values() for inode in found})
@@ -296,7 +296,7 @@ def _offloads(host: Host, name: str) -> Iterator[MachineFacts]:
     def ask() -> Iterator[MachineFacts]:
         gro, lro = ethtool.generic_receive(host, name), ethtool.large_receive(host, name)
         if not gro and not lro:
-            yield MachineFacts(level=MachineLevel.GOOD, text="frames are gathered by nobody")
+            yield MachineFacts(level=MachineLevel.GOOD, text="frames are not merged")
             return
         yield MachineFacts(
             level=MachineLevel.WARNING if lro else MachineLevel.NOTE,

@@ -21,7 +21,7 @@ def _interrupts(host: Host, name: str) -> list[int]:
     """
     folder = f"/sys/class/net/{name}/device"
     if not host.exists(folder):
-        raise Unreadable(f"{name} has no device behind it, so no interrupt")
+        raise Unreadable(f"{name} is a virtual interface without interrupt")
     found = {int(n) for n in host.names(f"{folder}/msi_irqs") if n.isdecimal()}
     listed = set()
     for line in host.read("/proc/interrupts").splitlines():
@@ -76,8 +76,8 @@ def _thread(host: Host, name: str) -> Iterator[MachineFacts]:
             threads[pid] = how
     if not threads:
         raise Unreadable(
-            "its interrupts have no thread of their own, or it is not seen: without PREEMPT_RT or "
-            "`threadirqs` they run in the kernel's softirq"
+            "its interrupts have no thread of their own, or it is not visible: without "
+            "PREEMPT_RT or `threadirqs` they run in the kernel's softirq"
         )
     # 50 is the priority of each interrupt thread by default.
     low = {pid: p for pid, (policy, p) in threads.items() if policy != "fifo" or p <= 50}
@@ -88,7 +88,7 @@ def _thread(host: Host, name: str) -> Iterator[MachineFacts]:
     wanted = _MASTER_PRIORITY + 5
     yield MachineFacts(
         level=MachineLevel.NOTE,
-        text=f"{text}: no more urgent than the interrupts of every other device",
+        text=f"{text}: not more urgent than the interrupts of every other device",
         now=tuple(f"chrt -f -p {wanted} {pid}" for pid in low),
         keep=("a unit that runs that after boot, or rtirq, or tuned with [scheduler]",),
     )

@@ -60,7 +60,7 @@ def _preemption(host: Host) -> Iterator[MachineFacts]:
     elif model is None:
         raise Unreadable(
             f"{release(host)}: neither /sys/kernel/debug/sched/preempt nor the kernel's "
-            "configuration can be read; as root more is seen"
+            "configuration can be read; root can read more"
         )
     else:
         yield MachineFacts(
@@ -153,7 +153,7 @@ def _clocksource(host: Host) -> Iterator[MachineFacts]:
             text=f"{name}: each reading takes microseconds; the kernel has found the TSC unfit",
             now=now,
             keep=(
-                "journalctl -k | grep -i tsc says why; then firmware, or "
+                "journalctl -k | grep -i tsc shows the reason; then firmware, or "
                 + _GRUB.format("tsc=reliable")
                 + " when the TSC is known to be good",
             ),

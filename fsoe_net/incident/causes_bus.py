@@ -45,7 +45,7 @@ def _other_main(e: IncidentEvidence) -> Iterator[Candidate]:
         "other_main_device",
         98,
         f"{counted(e.bus.foreign_frames, 'EtherCAT frame')} of another MainDevice within "
-        f"{ms(e.bus.last_ns - e.bus.first_ns)}, beside {counted(e.bus.cycles, 'cycle')} of "
+        f"{ms(e.bus.last_ns - e.bus.first_ns)}, during {counted(e.bus.cycles, 'cycle')} of "
         f"this one",
         f"{c.foreign_frames} since the start" if c is not None and c.cycles else "",
     )
@@ -63,7 +63,7 @@ def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
     # A loss that does not concern the devices of this connection explains it only in part.
     score = 92 if _own(e, [s.name for s in gone]) else 45
     facts = [*_facts_of_gone(e, gone), *_when(e, gone), *_ring(e)]
-    facts.append(f"the bus says of {first.name}: {first.detail}" if first.detail else "")
+    facts.append(f"the bus reports for {first.name}: {first.detail}" if first.detail else "")
     before = line[: line.index(first)]
     # All of a line are gone and the interface is down: the fault is before the first device.
     if len(gone) == len(line) and _interface_down(e):
@@ -255,7 +255,7 @@ def _state(e: IncidentEvidence) -> Iterator[Candidate]:
             "device_state",
             (86 if error else 62) - (0 if mine else 45),
             f"{seen.name} is in {seen.al}{code}",
-            f"the bus says: {seen.detail}" if seen.detail else "",
+            f"the bus reports: {seen.detail}" if seen.detail else "",
             device=seen.name,
         )
 
@@ -278,7 +278,7 @@ def _is_late(e: IncidentEvidence) -> bool:
 def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
     """Bursts in which no data returned, and which ended."""
     start, end = e.window_ns
-    # A burst that goes on until the end is a loss, not interference.
+    # A burst that lasts until the end is a loss, not interference.
     bursts = [r for r in e.bus.short_between(start, end) if _is_burst(r) and not _goes_on(e, r)]
     lost = e.bus.lost_between(start, end)
     if not bursts and not lost:

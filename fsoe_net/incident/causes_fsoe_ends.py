@@ -71,7 +71,7 @@ def _parameters(e: IncidentEvidence, codes: Counter[tuple[str, int]]) -> Iterato
             f"{link.sent_app_bytes} bytes of application parameters"
             if link and sent is not None
             else "",
-            f"the configuration says a watchdog of {planned} ms" if differs else "",
+            f"the configuration has a watchdog of {planned} ms" if differs else "",
         )
 
 

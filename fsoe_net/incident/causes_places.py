@@ -201,7 +201,7 @@ def swapped(e: IncidentEvidence) -> Iterator[Candidate]:
             e,
             swapped_key(e, *round_),
             96 if sub and sub not in round_ else 98,
-            *(f"{s} says it has address {has[s]}, expected is {wanted[s]}" for s in round_[:6]),
+            *(f"{s} reports address {has[s]}, expected is {wanted[s]}" for s in round_[:6]),
             device=round_[0],
             other=", ".join(round_[1:6]),
         )
@@ -253,9 +253,9 @@ def _both_refuse(e: IncidentEvidence, one: PlannedConnection, two: PlannedConnec
 def _address(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
     """The device refuses the address, or reports another one."""
     refused = sum(n for (by, c), n in reported_codes(e).items() if c == ResetCode.ADDRESS)
-    says = e.address_of(plan.sub)
+    reported = e.address_of(plan.sub)
     expected = _expected_address(e, plan, link)
-    differs = says is not None and expected is not None and says != expected
+    differs = reported is not None and expected is not None and reported != expected
     if not refused and not (differs and e.never):
         return
     # The plan and the MainInstance may differ: then both numbers are worth showing.
@@ -266,8 +266,8 @@ def _address(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
         92 if refused else 60,
         f"{plan.sub} reset {refused} times with {code_text(ResetCode.ADDRESS)}" if refused else "",
         f"the main asks for address {expected}",
-        f"{plan.sub} says it has {says}" if says is not None else "",
-        f"the configuration says {plan.address}" if planned else "",
+        f"{plan.sub} reports {reported}" if reported is not None else "",
+        f"the configuration has {plan.address}" if planned else "",
     )
 
 
@@ -306,8 +306,8 @@ def _shifted(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
                 94 if shift.times >= _FEW else 75,
                 f"{counted(shift.times, 'whole frame')} of {device} begin "
                 f"{counted(abs(shift.offset_bytes), 'byte')} "
-                f"{'behind' if shift.offset_bytes > 0 else 'before'} the planned place",
-                f"{bad} times the bytes at the planned place were no right frame",
+                f"{'after' if shift.offset_bytes > 0 else 'before'} the planned place",
+                f"{bad} times the bytes at the planned place were not a correct frame",
                 device=device,
             )
         else:
@@ -317,7 +317,7 @@ def _shifted(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
                 94 if shift.times >= 2 else 80,
                 f"{counted(shift.times, 'frame')} of {device} are whole with "
                 f"{shift.size_bytes} bytes",
-                f"{bad} times they were no right frame with the planned length",
+                f"{bad} times they were not a correct frame with the planned length",
                 device=device,
             )
 

@@ -36,7 +36,7 @@ def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
     """Yield matching causes for a bus that did not open, or SubDevices that are not as planned."""
     trigger = e.head.trigger
     failed = trigger.kind is TriggerKind.BUS_FAILED
-    text = f"the bus says: {trigger.text}" if failed else ""
+    text = f"the bus reports: {trigger.text}" if failed else ""
     stopped_at = ""
     if failed:
         if trigger.fault is not None:
@@ -84,7 +84,7 @@ def _by_status(e: IncidentEvidence, fault: BusFault, text: str) -> Iterator[Cand
     other = why = ""
     if key == "wrong_device":
         key, other = _identity(e, device)
-        why = f"what stands at the place of {device} is what the plan has as {other}"
+        why = f"the device at the position of {device} is the one planned as {other}"
     elif key == "wrong_address":
         other = _owner(e, device)
         key = swapped_key(e, device, other) if other else key
@@ -142,7 +142,7 @@ def _exchanged(
                 e,
                 "devices_swapped_places",
                 98,
-                f"at the place of {one.name} stands a device of the type of {other}, and the other "
+                f"the device at the position of {one.name} has the type of {other}, and the other "
                 "way round",
                 fault,
                 device=one.name,

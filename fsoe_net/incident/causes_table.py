@@ -12,7 +12,7 @@ SECURE = (
     "Secure the machine before anybody reaches into it: outputs can come on again as soon as a "
     "connection is back in Data."
 )
-"""What stands before everything that sends hands to cables, plugs and devices."""
+"""Begins each step in which a person touches cables, plugs or devices."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +40,7 @@ _ROWS = (
         "no_link",
         "The interface of the MainDevice has no link.",
         "Nothing comes up; the LED of the network port is dark.",
-        "Look at the LEDs at both ends of the first cable; `ip link show`.",
+        "Check the LEDs at both ends of the first cable; `ip link show`.",
         "Plug in or replace the first cable, switch the SubDevices on, `ip link set IF up`.",
     ),
     (
@@ -53,9 +53,9 @@ _ROWS = (
     ),
     (
         "other_main_device",
-        "Another MainDevice talks on this segment.",
+        "Another MainDevice is active on this segment.",
         "The bus is refused, or states change by themselves and connections drop now and then.",
-        "Find the other one: a PLC, a second fsn-master, a commissioning laptop on the line.",
+        "Find the other MainDevice: a PLC, a second fsn-master, a commissioning laptop.",
         "Stop or unplug it; only one MainDevice may drive a segment.",
     ),
     (
@@ -67,11 +67,11 @@ _ROWS = (
     ),
     (
         "wrong_device",
-        "Another device stands in the place of {device}.",
+        "A different device is at the position of {device}.",
         "After a change or an exchange of modules the bus does not come up, or {device} stays "
         "away from it.",
         "Compare the type labels with the configuration: `fsoe-net check NETWORK --interface IF`.",
-        "Put the right device there, or correct position and identity in the configuration.",
+        "Put in the right device, or correct position and identity in the configuration.",
     ),
     (
         "wrong_revision",
@@ -83,7 +83,7 @@ _ROWS = (
     ),
     (
         "wrong_mapping",
-        "{device} maps other process data than the configuration says.",
+        "{device} maps other process data than the configuration states.",
         "The bus does not come up; the device is named with a sync manager or PDO.",
         "Compare its PDO assignment with the slave configuration: `fsoe-net scan`.",
         "Correct the slave configuration, or set the device back to the mapping it had.",
@@ -92,21 +92,22 @@ _ROWS = (
         "sdo_refused",
         "{device} refuses a start-up SDO.",
         "The bus does not come up; an abort code is reported.",
-        "Look the object up in the manual of {device}; the abort code says why.",
+        "Look up the object in the manual of {device}; the abort code gives the reason.",
         "Correct object, size or value in the slave configuration, or its firmware.",
     ),
     (
         "sdo_unanswered",
-        "{device} does not answer an SDO; it is on the bus.",
-        "The bus does not come up; the object that has no answer is named.",
+        "{device} is on the bus but does not answer an SDO.",
+        "The bus does not come up; the object without an answer is named.",
         "Look at the AL state of {device}, at the error counters of its ports, and whether replies "
         "are late (`late_replies`, `fsoe-net doctor`).",
-        "Let `--wait 30s` try again; where it lasts, the firmware of {device} or its maker.",
+        "Retry with `--wait 30s`; if it persists, update the firmware of {device} or ask its "
+        "maker.",
     ),
     (
         "state_refused",
         "{device} does not go to the requested state.",
-        "Its ERR or RUN LED blinks; the AL status code says why.",
+        "Its ERR or RUN LED blinks; the AL status code gives the reason.",
         "Read the AL status code below; check sync manager lengths, DC set-up and the device's own "
         "error memory.",
         "Correct what the code names, acknowledge the error in the device, start again.",
@@ -114,16 +115,17 @@ _ROWS = (
     # -- the bus while it runs ---------------------------------------------------------------------
     (
         "cable_cut",
-        "The line is interrupted before {device}: it and everything behind it is gone.",
-        "All devices from {device} on fall out at the same moment.",
+        "The line is interrupted before {device}: it and all following devices are gone.",
+        "All devices from {device} on drop out at the same moment.",
         "Check the cable between {other} and {device}, its plugs and its bending radius, and the "
         "power of {device}; look at the link LEDs on both sides.",
-        "Replace the cable or plug; where it moves, use a cable made for that.",
+        "Replace the cable or plug; if it moves, use a cable made for that.",
     ),
     (
         "ring_open",
         "The ring has opened {device}; frames were lost while it did.",
-        "All SubDevices go on, from both ends of the ring; connections with little time left fell.",
+        "All SubDevices continue, from both ends of the ring; connections with little time left "
+        "dropped.",
         "Check the cable that is named, its plugs and its bending radius; look at the link LEDs on "
         "both sides.",
         "Replace the cable or plug; until then the next break interrupts the bus.",
@@ -131,14 +133,14 @@ _ROWS = (
     (
         "device_lost",
         "{device} no longer answers on the bus: unplugged, without power, or broken.",
-        "{device} falls out alone; the others go on.",
+        "{device} drops out alone; the others continue.",
         "Check power, fuse and plug of {device}; look at its RUN and link LEDs.",
         "Restore power or plug; exchange the device when it stays dark.",
     ),
     (
         "device_restarted",
         "{device} has restarted: it no longer knew the running connection.",
-        "{device} was back after a moment; the connection starts anew.",
+        "{device} was back after a moment; the connection restarts.",
         "Have a meter, fitted while the machine was secured, record its supply under the heaviest "
         "load; read its error memory for a "
         "restart, a watchdog or an undervoltage.",
@@ -147,7 +149,7 @@ _ROWS = (
     (
         "device_interrupted",
         "{device} was gone from the bus for a while and came back: loose plug or supply dip.",
-        "{device} falls out alone and returns by itself, often when something moves or switches.",
+        "{device} drops out alone and returns by itself, often when something moves or switches.",
         "With the machine secured, move its plugs and cables while `fsoe-net monitor` runs; have "
         "a meter, fitted while it was secured, record the supply under the heaviest load; read the "
         "device's error memory for a restart.",
@@ -174,15 +176,15 @@ _ROWS = (
     ),
     (
         "device_state",
-        "{device} has left OP on its own account.",
-        "Its ERR LED blinks; its inputs stand still.",
+        "{device} has left OP by itself.",
+        "Its ERR LED blinks; its inputs no longer change.",
         "Read its AL status code below and its own error memory.",
         "Correct what the code names (sync manager watchdog, synchronisation, process data).",
     ),
     (
         "lost_frames",
-        "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
-        "All connections hiccup or drop together, then go on by themselves.",
+        "EtherCAT frames were lost in bursts: for a while no data came back.",
+        "All connections stall or drop together, then recover by themselves.",
         "Compare the error counters of all ports: the fault lies before the first port that counts "
         "(bad plug, moved cable, shield and earth, interference).",
         "Replace that cable or plug, lay it apart from motor cables, connect the shield on both "
@@ -200,7 +202,7 @@ _ROWS = (
     ),
     (
         "stalled_main_device",
-        "The MainDevice stood still: no cycle ran for longer than a connection bears.",
+        "The MainDevice stalled: no cycle ran for longer than a connection tolerates.",
         "All connections drop at the same moment; devices report a missing sync manager watchdog.",
         "`fsoe-net doctor`: kernel, throttling, isolated CPU, power saving; what else ran then?",
         "Give fsn-master a CPU of its own and a real-time priority; remove what blocked it.",
@@ -216,7 +218,7 @@ _ROWS = (
     (
         "foreign_frames",
         "Frames that are not from this cycle came back: a second MainDevice or an old frame.",
-        "Working counters do not fit, old replies are counted, states change by themselves.",
+        "Working counters do not match, old replies are counted, states change by themselves.",
         "Record the wire (`tcpdump -i IF`) and look for a second sender; look for a switch or "
         "converter in the line.",
         "Take the second MainDevice, switch or converter out of the segment.",
@@ -242,11 +244,12 @@ _ROWS = (
     ),
     (
         "end_silent",
-        "The FSoE end in {device} has stopped answering while its EtherCAT side goes on.",
+        "The FSoE end in {device} has stopped answering while its EtherCAT side continues.",
         "{device} stays in OP; only its connection drops.",
         "Read the safety status of {device} (LEDs, error memory, 0x10F3): its safety part may be "
         "in an error or stopped.",
-        "Clear the error in the device as its manual says; exchange it when that comes back.",
+        "Clear the error in the device as described in its manual; replace it if the error "
+        "returns.",
     ),
     (
         "wrong_address",
@@ -254,7 +257,7 @@ _ROWS = (
         "{name} never reaches Data; the device resets with `wrong FSoE address`.",
         "Read the address at {sub} (DIP switches, rotary switch, software) and in the safety "
         "program.",
-        "Set the address at the device as planned, switch it off and on, accept it anew.",
+        "Set the address at the device as planned, switch it off and on, accept it again.",
     ),
     (
         "devices_swapped",
@@ -262,15 +265,14 @@ _ROWS = (
         "address switches.",
         "After work on the machine their connections stay out of Data.",
         "Compare type labels, serial numbers and address switches of {device} and {other} with the "
-        "drawing: does each device stand in its place?",
+        "drawing: is each device at its position?",
         "Devices in each other's place: put them or their cables back; do not exchange the "
         "addresses, since the wiring of sensors and actuators belongs to the device. Devices in "
         "their place: set the address switches back as planned, switch them off and on.",
     ),
     (
         "addresses_swapped",
-        "{device} and {other} have exchanged FSoE addresses, while each device stands in its "
-        "place.",
+        "{device} and {other} have exchanged FSoE addresses, while each device is at its place.",
         "Their connections stay out of Data; the devices reset with `wrong FSoE address`.",
         "Compare the addresses at {device} and {other} (DIP switches, rotary switch, software) "
         "with the drawing.",
@@ -289,7 +291,7 @@ _ROWS = (
         "The copies of {name} and {other} are crossed: each end talks to the wrong peer.",
         "Both connections stay out of Data; the frames of one answer the other.",
         "Compare the transfers of both in the network file with the slots of the safety program.",
-        "Correct index and subindex of the transfers; `fsoe-net check`, `plan`, accept it anew.",
+        "Correct index and subindex of the transfers; `fsoe-net check`, `plan`, accept it again.",
     ),
     (
         "duplicate_connection_id",
@@ -300,7 +302,7 @@ _ROWS = (
     ),
     (
         "connection_id",
-        "The connection IDs of {name} do not fit: safety program and configuration differ.",
+        "The connection IDs of {name} do not match: safety program and configuration differ.",
         "The connection drops or never comes up with `wrong connection ID`.",
         "Compare the connection ID in the safety program with the network file.",
         "Correct the one that is wrong; download the safety program again if it is that.",
@@ -308,7 +310,7 @@ _ROWS = (
     (
         "parameters_refused",
         "{sub} refuses the parameters of the safety program.",
-        "{name} gets as far as Parameter and starts anew, again and again.",
+        "{name} reaches Parameter and restarts repeatedly.",
         "Compare parameter set, its length, its checksum (SRA CRC) and the watchdog in {sub} with "
         "those in the safety program; reset codes 8 to 11 say which of them.",
         "Download the same parameter set to both, or enter the new checksum after the change was "
@@ -316,7 +318,7 @@ _ROWS = (
     ),
     (
         "frames_damaged",
-        "{device} sends frames whose CRC does not fit.",
+        "{device} sends frames with a wrong CRC.",
         "The connection drops with `wrong CRC`; only connections of {device} do.",
         "Exchange {device} for another one; look for firmware that writes its frame in pieces.",
         "Repair, update or exchange the device.",
@@ -340,7 +342,7 @@ _ROWS = (
     ),
     (
         "sub_silent",
-        "{sub} does not answer though the frames for it are sent.",
+        "{sub} does not answer although its frames are sent.",
         "{name} stays in Reset; {main} tries again and again.",
         "Is the safety part of {sub} configured and without error? Is the slot of {main} the one "
         "for {sub}, and the mapped FSoE object the right one?",
@@ -348,10 +350,10 @@ _ROWS = (
     ),
     (
         "mapping_shifted",
-        "The frames of {device} lie beside the planned bytes: its mapping is shifted.",
-        "{name} never comes up; the bytes at the planned place are no FSoE frame.",
+        "The frames of {device} are next to the planned bytes: its mapping is shifted.",
+        "{name} never comes up; the bytes at the planned place are not an FSoE frame.",
         "Compare PDO order, padding and gaps of {device} with its slave configuration.",
-        "Correct the slave configuration (a missing or extra padding entry) and compile anew.",
+        "Correct the slave configuration (a missing or extra padding entry) and compile again.",
     ),
     (
         "frame_size",
@@ -380,17 +382,17 @@ _ROWS = (
     ),
     (
         "local_reset",
-        "{device} has reset {name} itself (code 0): nobody found a fault in a frame.",
+        "{device} has reset {name} itself (code 0): no frame had a fault.",
         "The connection drops without an error and comes back.",
         "Was the safety program stopped, changed, or the connection switched off in it?",
-        "Nothing when it was meant; else look into the log of {device}.",
+        "Nothing if it was intended; otherwise read the log of {device}.",
     ),
     (
         "main_restarted",
         "{main} has restarted or its safety program was stopped: it reset all its connections.",
         "All connections of {main} drop at the same moment with code 0.",
         "Measure its supply; was the safety program downloaded, stopped or started?",
-        "Nothing when it was meant; else repair the supply.",
+        "Nothing if it was intended; otherwise repair the supply.",
     ),
 )
 

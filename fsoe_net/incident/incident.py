@@ -26,7 +26,7 @@ class TriggerKind(enum.Enum):
     REFUSED = "refused"
     """A SubDevice is not as planned, or refuses a state or an object, while the bus runs."""
     BUS_FAILED = "bus_failed"
-    """The bus did not open; there are no cycles."""
+    """The bus did not open; the file has no cycles."""
     REQUEST = "request"
     """A client requested it."""
 

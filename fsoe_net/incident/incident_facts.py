@@ -14,7 +14,8 @@ from fsoe_net.incident.evidence_frames import FrameSeen
 from fsoe_net.incident.incident import TriggerKind
 
 NO_STATEMENT = (
-    "This page says what the evidence fits. It is no safety statement and certifies nothing"
+    "This page shows causes that match the evidence. It is not a safety statement and certifies "
+    "nothing"
 )
 _EVENTS = 12
 _BEFORE, _AFTER = 8, 4
@@ -184,7 +185,7 @@ def _end(e: IncidentEvidence, by: str) -> str:
 def _last_reset(e: IncidentEvidence) -> str:
     errors = [r for r in e.link.resets if r.code] if e.link else []
     if not errors:
-        return ", and nobody reset it with an error"
+        return ", and it was not reset with an error"
     last = errors[-1]
     return (
         f"; {counted(len(errors), 'reset')} with an error, the last by the {_end(e, last.by)} "

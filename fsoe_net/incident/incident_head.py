@@ -39,7 +39,7 @@ def head_of(values: JsonObject) -> IncidentHead:
     version = values.whole("incident", missing=0)
     # Any JSON object could be here: the version key is what makes it an incident file.
     if version == 0:
-        raise values.bad("incident", "is missing: this is no incident file")
+        raise values.bad("incident", "is missing: this is not an incident file")
     if version > _VERSION:
         raise values.bad("incident", f"is {version}; this fsoe-net reads version {_VERSION}")
     remarks: list[str] = []
@@ -95,7 +95,7 @@ def _trigger(row: JsonObject) -> Trigger:
     code = row.optional("reset_code")
     by = row.label("reset_by")
     if code is not None and code > 0xFF:
-        raise row.bad("reset_code", "is no byte")
+        raise row.bad("reset_code", "is not a byte")
     return Trigger(
         kind=TriggerKind(kind),
         connection=row.label("connection"),

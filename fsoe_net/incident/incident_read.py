@@ -51,7 +51,7 @@ class IncidentReader:
             raise IncidentError("no head: the file is empty or begins with an empty line", name, 1)
         document = _object(line)
         if isinstance(document, str):
-            reason = f"this is no incident file: {document} in its first line"
+            reason = f"this is not an incident file: {document} in its first line"
             # A disk that was full cuts the head; a file of another tool is something else.
             if line.startswith(b"{") and not line.endswith(b"\n"):
                 reason = f"the head is cut off: {document}"
@@ -129,10 +129,10 @@ class IncidentReader:
         try:
             image = bytes.fromhex(text)
         except ValueError as exc:
-            raise values.bad("image", "is no hex") from exc
+            raise values.bad("image", "is not hexadecimal") from exc
         if self.head.layout.image_bytes and len(image) != self.head.layout.image_bytes:
             raise values.bad(
-                "image", f"has {len(image)} bytes, the layout says {self.head.layout.image_bytes}"
+                "image", f"has {len(image)} bytes, the layout has {self.head.layout.image_bytes}"
             )
         return image
 
@@ -157,4 +157,4 @@ def _object(line: bytes) -> Mapping[str, Any] | str:
 
 
 def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is no number")
+    raise ValueError(f"{name} is not a number")

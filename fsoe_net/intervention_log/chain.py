@@ -259,20 +259,20 @@ class LogChain:
         torn = self._torn
         if torn.size_bytes and not torn.ends and torn.file == self._files[-1].name:
             self._remarks.append(
-                f"{torn.file}:{torn.line}: the last line is not whole: it is being written, or the "
-                "program was stopped in the middle of it; the next start marks it"
+                f"{torn.file}:{torn.line}: the last line is incomplete: it is being written, or "
+                "the program was stopped in the middle of it; the next start marks it"
             )
         elif torn.size_bytes and not torn.marked:
             self._add(torn.file, torn.line, torn.text)
         if self._entry is None:
             name = self._files[-1].name if self._files else ""
-            self._add(name, 0, "there is no entry: not an intervention log, or all was removed")
+            self._add(name, 0, "no entry: not an intervention log, or all entries were removed")
         elif self._wanted and not self._wanted_at:
             self._add(
                 self._entry.file,
                 self._entry.line,
                 f"no entry has the SHA-256 {self._wanted}: the end was cut off, or entries up to "
-                "there were written anew",
+                "there were rewritten",
             )
         return LogCheck(
             files=tuple(self._files),
@@ -294,7 +294,7 @@ class LogChain:
             if count := self._counts.get(event, 0):
                 yield one if count == 1 else many.format(count)
         if self._is_newer:
-            yield "a file is in another form than this version knows: entries may mean more"
+            yield "a file has a newer form than this version reads: entries may contain more"
         if self._back:
             yield f"times go back by more than 1 s: {self._back} (the clock was set)"
 
@@ -313,13 +313,13 @@ class LogChain:
             text = f"{_numbers(before.number + 1, entry.number - 1)} missing before entry "
             text += str(entry.number)
         elif entry.number == 1 and stated is None:
-            text = f"another log begins here, behind entry {before.number}"
+            text = f"another log begins here, after entry {before.number}"
         elif entry.number <= before.number:
-            text = f"entry {entry.number} comes behind entry {before.number}: lines were moved, "
+            text = f"entry {entry.number} comes after entry {before.number}: lines were moved, "
             text += "repeated or put in"
         elif stated != before.sha256:
             text = f"entry {before.number} was changed, or entry {entry.number} is not the one "
-            text += "that was written behind it: its SHA-256 does not match"
+            text += "that was written after it: its SHA-256 does not match"
         else:
             return
         if text:
@@ -384,8 +384,10 @@ class _Torn:
 
     @property
     def text(self) -> str:
-        what = "a line is no entry" if self.lines == 1 else f"{self.lines} lines are no entries"
-        return f"{what}, and no entry says why: put in, or changed"
+        what = f"{self.lines} lines are not entries"
+        if self.lines == 1:
+            what = "a line is not an entry"
+        return f"{what}, and no entry explains it: inserted, or changed"
 
 
 def _numbers(first: int, last: int) -> str:
@@ -471,5 +473,5 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _finite(text: str) -> float:
     if not math.isfinite(number := float(text)):
-        raise ValueError(f"{text} is no number")
+        raise ValueError(f"{text} is not a number")
     return number

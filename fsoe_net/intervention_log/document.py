@@ -37,7 +37,7 @@ _FILE_COLUMNS = (
 _LEVELS = {"warning": Level.WARNING, "error": Level.ERROR}
 _NO_END = (
     "The chain alone does not show that its last entry was changed, that its end was cut off, or "
-    "that all of it was written anew: compare it with a SHA-256 that was kept elsewhere (--last "
+    "that all of it was rewritten: compare it with a SHA-256 that was kept elsewhere (--last "
     "HASH)."
 )
 _EVIDENCE = (
@@ -166,7 +166,7 @@ def _lead(check: LogCheck) -> tuple[Part, ...]:
     if check.since_last is None:
         parts.append(words(_NO_END, note=True))
     else:
-        since = f"Entries behind the one with the SHA-256 of --last: {check.since_last}."
+        since = f"Entries after the one with the SHA-256 of --last: {check.since_last}."
         parts.append(words(since))
     return tuple(parts)
 

@@ -22,7 +22,7 @@ _SHA256 = "4be98d8531e492f2ee5d21f6ef51e51493a10ee1322ed22e909c91a8bcfff950"
 
 SOEM_TERMS = (
     f"SOEM 1.4 (from pysoem {_PYSOEM}) drives the bus. It is under the GPL, version 2, with an "
-    "exception for linking. Who passes on the fsn-master that is built with it passes on SOEM too. "
+    "exception for linking. A copy of fsn-master that is built with it contains SOEM. "
     "EtherCAT is a patented technology of Beckhoff Automation GmbH: using a MainDevice needs the "
     "licence that the EtherCAT Technology Group arranges."
 )

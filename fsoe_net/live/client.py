@@ -42,7 +42,7 @@ from fsoe_net.live.control_values import (
 from fsoe_net.live.realtime import RealTime
 
 ACYCLIC_S = 70.0
-"""fsn-master ends a mailbox exchange after 60 s; others may stand before it."""
+"""fsn-master ends a mailbox exchange after 60 s; others may be queued before it."""
 SCAN_S = 600.0
 _SILENT_S = 5.0
 _T = TypeVar("_T")
@@ -191,7 +191,7 @@ class Client(ControlLink):
                 # of the time.
                 if not found and left_s >= _SILENT_S:
                     raise EnvironmentFault(
-                        f"no cycle has come for {_SILENT_S:g} s on {self.path}; `status` says "
+                        f"no cycle has come for {_SILENT_S:g} s on {self.path}; `status` shows "
                         "whether the bus is stopped"
                     )
                 yield from found

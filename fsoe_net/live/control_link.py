@@ -56,13 +56,13 @@ class ControlLink:
             self.hello = self.request("hello")
             if self.hello.get("protocol") != PROTOCOL:
                 raise EnvironmentFault(
-                    f"{self.path} speaks protocol {self.hello.get('protocol')}, this fsoe-net "
+                    f"{self.path} uses protocol {self.hello.get('protocol')}, this fsoe-net "
                     f"{PROTOCOL}; install fsoe-net and fsn-master of one version"
                 )
         except OSError as exc:
             self.close()
             raise EnvironmentFault(
-                f"nobody answers on {self.path}: {exc.strerror or exc}; is fsn-master running, and "
+                f"no answer on {self.path}: {exc.strerror or exc}; is fsn-master running, and "
                 "as which user?"
             ) from exc
         except EnvironmentFault:
@@ -212,9 +212,9 @@ class ControlLink:
         try:
             found = json.loads(line)
         except ValueError as exc:
-            raise self._broken("a line that is no JSON") from exc
+            raise self._broken("a line that is not JSON") from exc
         if not isinstance(found, dict):
-            raise self._broken("a line that is no JSON object")
+            raise self._broken("a line that is not a JSON object")
         return found
 
     def _read(self, reply: dict[str, Any], read: Callable[[Mapping[str, Any]], _T]) -> _T:

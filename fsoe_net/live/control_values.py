@@ -16,7 +16,7 @@ from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 
 Value = bool | int | float | None
-"""A value of the process image; ``None`` for a real that is no number."""
+"""A value of the process image; ``None`` for a real that is not a number."""
 
 
 class BusState(enum.StrEnum):

@@ -380,7 +380,7 @@ def _not_in_op(health: SubDeviceHealth) -> str:
     s = health.seen
     state = "no answer" if s.al == "none" else s.al
     code = f", AL status code 0x{s.al_code:04x}" if s.al_code else ""
-    return f"{state}{code}: {s.detail or s.found_text or 'nothing is known about it'}"
+    return f"{state}{code}: {s.detail or s.found_text or 'its state is unknown'}"
 
 
 def _bus_failed(health: BusHealth) -> str:

@@ -64,4 +64,4 @@ def emulated_bus(status: Status) -> str:
         driver = network_driver(Host(), status.interface) if status.interface else ""
     except (OSError, Unreadable):
         return ""
-    return f"{status.interface} is no network card ({driver})" if driver in _NO_CARDS else ""
+    return f"{status.interface} is not a network card ({driver})" if driver in _NO_CARDS else ""

@@ -270,5 +270,5 @@ def run_on_bus(
 def _located(text: str, names: Collection[str], resolution: Resolution) -> str:
     """Add the locations of SubDevices in the user's files."""
     rows = resolution.network.subdevices
-    places = "".join(f"\n  {s.name} stands at {s.span}" for s in rows if s.name in names)
+    places = "".join(f"\n  {s.name} is at {s.span}" for s in rows if s.name in names)
     return text + places

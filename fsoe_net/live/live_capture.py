@@ -58,7 +58,7 @@ class LiveCapture:
         if not prefer_wire:
             self.rebuilt = "as requested"
         elif interface is None:
-            self.rebuilt = "there is no network interface to listen on"
+            self.rebuilt = "no network interface to listen on"
         else:
             # Needs CAP_NET_RAW. Without it, frames are rebuilt from process images that fsn-master
             # gives to clients.

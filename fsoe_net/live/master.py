@@ -44,7 +44,7 @@ def find_master() -> str:
         # requested.
         if os.access(stated, os.X_OK) and os.path.isfile(stated):
             return stated
-        raise EnvironmentFault(f"FSN_MASTER={stated} is no program that can be started")
+        raise EnvironmentFault(f"FSN_MASTER={stated} is not an executable program")
     # First the environment of this Python: its fsn-master has the version of this package.
     beside = Path(sys.executable).parent / _PROGRAM
     if os.access(beside, os.X_OK) and beside.is_file():
@@ -162,7 +162,7 @@ class Master:
             raise EnvironmentFault(
                 f"fsn-master (process {self.pid}) was killed by {name} while it drove the bus: "
                 "without it no frame is sent, the watchdogs of the SubDevices and of FSoE expire; "
-                "the kernel log (`dmesg`) says whether memory ran out"
+                "the kernel log (`dmesg`) shows whether memory ran out"
             )
         if code == REFUSED:
             findings = "".join(f"\n  {text}" for text in log.findings)
@@ -174,8 +174,7 @@ class Master:
                 "install fsoe-net and fsn-master of one version"
             )
         raise EnvironmentFault(
-            log.error
-            or f"fsn-master (process {self.pid}) was ended by somebody else during the run"
+            log.error or f"fsn-master (process {self.pid}) was ended from outside during the run"
         )
 
     def stop(self) -> None:

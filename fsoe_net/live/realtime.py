@@ -182,7 +182,7 @@ class RealTime:
         lib, pointer = self._lib, self._here()
         status = lib.fsn_realtime_wait(pointer, max(0, int(timeout_s * 1e9)), self._cycle)
         if status == lib.FSN_E_BUSY:
-            raise EnvironmentFault(f"no cycle has come for {timeout_s:g} s; does the bus run?")
+            raise EnvironmentFault(f"no cycle has come for {timeout_s:g} s; is the bus running?")
         if status == lib.FSN_E_STATE:
             raise EnvironmentFault(
                 "the bus was stopped, or fsn-master has ended; enter the cycle again when it runs"

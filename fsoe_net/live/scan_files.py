@@ -159,7 +159,7 @@ def _device(sub: ScannedSubDevice) -> str:
         managers = [s for s in sub.process_data if s.kind == kind]
         # ethercat_driver_ros2 has one list of PDOs for each direction.
         if len(managers) > 1:
-            raise _NotExpressible(f"{kind} on {len(managers)} sync managers; the format knows one")
+            raise _NotExpressible(f"{kind} on {len(managers)} sync managers; the format allows one")
         if not managers:
             continue
         # A PDO that is missing here would shift all entries after it.

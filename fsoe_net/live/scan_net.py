@@ -50,7 +50,7 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
         (
             "# Proposed from what the devices report of their connections. Compare it with the "
             "safety project",
-            "# before you use it in place of the line above: nobody has confirmed it.",
+            "# before you use it in place of the line above: it is not confirmed.",
             "# nets:",
             *(f"# {line}" for line in lines),
             "",

@@ -143,7 +143,7 @@ def _why_not(rows: list[Placed]) -> str:
     """
     base = next((r for r in rows if r.entry.bits == 8 and not r.entry.is_gap), None)
     if base is None:
-        return "there is no command of 8 bits"
+        return "no command of 8 bits was found"
     if base.bit_offset % 8:
         return f"its command {base.entry.address} starts at bit {base.bit_offset}, inside a byte"
     crcs = [r for r in rows if _CRC.search(r.entry.name)]
@@ -165,7 +165,7 @@ def _wrong_crc(row: Placed, number: int, bits: int, wanted: list[int]) -> str:
         return f"{what} has {row.entry.bits} bits instead of 16"
     if bits not in wanted:
         places = " or ".join(map(str, wanted))
-        return f"{what} starts {bits} bits behind the command instead of {places}"
+        return f"{what} starts {bits} bits after the command instead of {places}"
     return ""
 
 
@@ -246,9 +246,9 @@ def _names(command: Placed, words: list[Entry], inside: list[Entry]) -> tuple[in
     if len(named) == 1 and _COMMAND.search(named[0]):
         speaking.append(named[0])
     if speaking:
-        return 10, [f"names speak of FSoE, such as {speaking[0][:40]!r}"]
+        return 10, [f"names mention FSoE, such as {speaking[0][:40]!r}"]
     # Names that speak of something else are strong evidence against it.
-    return -40, [f"no name speaks of FSoE, CRC or connection: {', '.join(named[:3])[:80]}"]
+    return -40, [f"no name mentions FSoE, CRC or connection: {', '.join(named[:3])[:80]}"]
 
 
 def _by_names(

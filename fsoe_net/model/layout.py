@@ -271,12 +271,12 @@ def _place(device: Device, sm: SyncManager, number: int) -> SmLayout:
     placed = place_entries(pdos)
     bits = placed[-1].end_bit if placed else 0
     known_bits: int | None = None
-    behind = 0
+    end_bit = 0
     for pdo in pdos:
         if not pdo.entries and known_bits is None:
             # From the first PDO without entries on, no offset is known offline.
-            known_bits = behind
-        behind += pdo.bits
+            known_bits = end_bit
+        end_bit += pdo.bits
     return SmLayout(
         number=number,
         sm=sm,

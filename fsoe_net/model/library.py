@@ -153,9 +153,7 @@ def contradictions(device: LibraryDevice) -> list[tuple[Located, str]]:
     found: list[tuple[Located, str]] = []
     # A role at the device and roles at its mappings would contradict each other.
     if bool(device.role) is bool(device.mappings):
-        found.append(
-            (device, "a role stands at the device where it has no mapping, and only there")
-        )
+        found.append((device, "a role is at the device if it has no mapping, and only then"))
     names = [m.name for m in device.mappings]
     for mapping in device.mappings:
         if names.count(mapping.name) > 1:
@@ -206,7 +204,7 @@ def _restart(mapping: LibraryMapping, layout: DeviceLayout) -> list[tuple[Locate
         if sm.block_at(p.bit_offset) is None
     }
     return [
-        (mapping, f"restart relevant {index:04X}:{sub:02X} is no standard output of the mapping")
+        (mapping, f"restart relevant {index:04X}:{sub:02X} is not a standard output of the mapping")
         for index, sub in mapping.restart_relevant
         if (index, sub) not in outputs
     ]

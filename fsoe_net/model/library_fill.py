@@ -102,7 +102,7 @@ def fill_from_library(
         subject=name,
         span=sub.span,
         text=f"Which process data does {name} ({known.name}) have?",
-        facts=("No file says; the device library has several.",),
+        facts=("No file states it; the device library has several.",),
         choices=tuple((m.name, _shown(m, known)) for m in chosen),
     )
     names = ", ".join(f"{m.name!r}" for m in chosen)

@@ -22,7 +22,7 @@ TYPE_BITS: Mapping[str, int] = MappingProxyType(
         "real64": 64,
     }
 )
-"""Length in bits of each type word that ethercat_driver_ros2 knows, apart from ``bitN``."""
+"""Length in bits of each type word of ethercat_driver_ros2, apart from ``bitN``."""
 
 DRIVER_WORD: Mapping[str, str] = MappingProxyType(
     {

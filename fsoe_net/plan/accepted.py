@@ -18,7 +18,7 @@ def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerpri
         out: Takes FSN162 if the record is inconsistent: an invalid plan, safety functions that are
             not those of the plan, or a fingerprint that differs from the stated one.
     """
-    fix = "take the record from version control, or make it anew"
+    fix = "take the record from version control, or make it again"
     try:
         plan = decode_plan(record.plan)
     except PlanFormatError as exc:

@@ -211,11 +211,11 @@ def _open(data: bytes) -> tuple[list[tuple[int, int]], int]:
     magic, major, minor, total, crc, cycle_ns, count, reserved = _HEADER.unpack_from(data)
     # From general to specific: the first message must name the real problem.
     if magic != MAGIC:
-        raise PlanFormatError("this is no .fsnplan file; `fsoe-net plan NETWORK -o OUT` makes one")
+        raise PlanFormatError("not a .fsnplan file; `fsoe-net plan NETWORK -o OUT` makes one")
     if major != MAJOR:
         raise PlanFormatError(f"plan format {major} is not known here (1 is); compile it again")
     if total != len(data):
-        raise PlanFormatError(f"the plan says {total} bytes, the file has {len(data)}")
+        raise PlanFormatError(f"the plan states {total} bytes, the file has {len(data)}")
     if crc != zlib.crc32(data[:_CRC_OFFSET] + bytes(4) + data[_CRC_OFFSET + 4 :]):
         raise PlanFormatError("CRC-32 does not fit: the file was changed; compile it again")
     if (minor, count) not in _FORMS or reserved:
@@ -328,7 +328,7 @@ def _symbol_attributes(row: dict[str, Any]) -> None:
 
 def _connection_attributes(row: dict[str, Any]) -> None:
     if not _APP_PARAMETERS.fullmatch(row["app_parameters"]):
-        raise PlanFormatError("application parameters that are no pairs of hex digits")
+        raise PlanFormatError("application parameters that are not pairs of hex digits")
     known = row.pop("known")
     row |= {name: None for bit, name in enumerate(_KNOWN) if not known >> bit & 1}
 

@@ -54,11 +54,11 @@ def compile_plan(resolution: Resolution) -> Plan:
         if not row.usable or row.transfer.size_bytes == 0:
             raise InputError(
                 f"{row.transfer.span}: {row.transfer.source} -> {row.transfer.destination} does "
-                "not resolve to bytes; `fsoe-net check` says why"
+                "not resolve to bytes; `fsoe-net check` shows the reason"
             )
     if resolution.single:
         span = resolution.single[0].transfer.span
-        raise InputError(f"{span}: this transfer has no partner; `fsoe-net check` says more")
+        raise InputError(f"{span}: this transfer has no partner; `fsoe-net check` explains it")
     return _Compiler(resolution).compile()
 
 

@@ -74,7 +74,8 @@ def whole_network(checked: Checked, refusal: str) -> Resolution:
         raise InputError(f"{refusal}: {summary(errors) or 'nothing was read'}", errors)
     if resolution.network.partial:
         raise InputError(
-            f"{refusal}: these files alone are no whole network; name the URDF or network file too"
+            f"{refusal}: these files alone are not a complete network; name the URDF or network "
+            "file too"
         )
     layouts = [sub.layout for sub in resolution.network.subdevices]
     if not resolution.transfers and any(layout and layout.blocks for layout in layouts):

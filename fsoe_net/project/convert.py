@@ -183,8 +183,8 @@ def _read_yaml(files: list[str], out: Collector, options: LoadOptions) -> tuple[
         raise InputError("nothing written: nothing was read")
     if network.partial and network.nets:
         raise InputError(
-            "nothing written: these files alone are no whole network; name the URDF or network "
-            "file too"
+            "nothing written: these files alone are not a complete network; name the URDF or "
+            "network file too"
         )
     made = describe(network)
     return made.without_positions() if network.partial else made, not network.partial

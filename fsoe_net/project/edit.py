@@ -117,7 +117,7 @@ class EditedText:
                 lines next to a change does not allow it.
         """
         why = (
-            "cannot be edited: the lines beside the change are laid out in an odd way; change it "
+            "cannot be edited: the lines next to the change have an unusual layout; change it "
             "in the text"
         )
         try:

@@ -112,7 +112,7 @@ def _plan_of(plan_file: str, fresh: bytes) -> bytes:
     if Plan.load(plan_file).to_bytes() != fresh:
         raise InputError(
             f"{plan_file} was not compiled from these files; `fsoe-net plan … -o {plan_file}` "
-            "compiles it anew"
+            "compiles it again"
         )
     return fresh
 

@@ -160,7 +160,7 @@ def make_draft(inputs: Inputs, answers: Answers) -> Draft:
             Diagnostic(
                 code="FSN156",
                 span=answers.at("subdevices"),
-                message=f"{where} says what is on the ring",
+                message=f"{where} states what is on the ring",
                 hint="delete subdevices: from the answers, or leave that file out",
             )
         )
@@ -231,12 +231,12 @@ def question_findings(made: Draft, *, answered: bool) -> list[Diagnostic]:
 def _ask_ring(inputs: Inputs) -> Question:
     files = [t for t in inputs.types if t.path != "device library"]
     orders = list(dict.fromkeys(t.order for t in files))
-    facts = ["No file says what is on the ring; an ESI or SII image only describes types."]
+    facts = ["No file states what is on the ring; an ESI or SII image only describes types."]
     if orders:
         more = f" and {len(orders) - 30} more" if len(orders) > 30 else ""
         facts.append(f"Types in these files: {', '.join(orders[:30])}{more}")
     known = ", ".join(d.name for d in inputs.library.devices)
-    facts.append(f"Types the device library knows: {known}")
+    facts.append(f"Types in the device library: {known}")
     if inputs.found.part is not None:
         facts.append(
             f"{inputs.found.part.span.file} has transfers between "

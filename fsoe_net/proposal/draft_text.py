@@ -52,12 +52,12 @@ _SLOT = (
     "slot: which pair of FSoE frames of the MainInstance, from 0, in the order of its process data."
 )
 _UNCONFIRMED = (
-    "unconfirmed: its slot is the next one in turn, which says nothing. Correct main, sub and slot "
+    "unconfirmed: its slot is only the next one in turn. Correct main, sub and slot "
     "by the safety project, then delete the key; until then `fsoe-net plan` refuses the network."
 )
 _TRUST = (
     "Compare it with the safety project before you use it: this tool is part of the black channel "
-    "and knows nothing of what has to be connected."
+    "and cannot know the required connections."
 )
 
 
@@ -146,7 +146,8 @@ def _comments(texts: Iterable[str]) -> list[str]:
 def _template_head(name: str, answered: str | None) -> list[str]:
     if answered is not None:
         return [
-            f"# What is open beside the answers in {answered}: complete it there. The answers",
+            f"# Open points in addition to the answers in {answered}: complete them there. The "
+            "answers",
             "# themselves are not repeated here, so do not write this over that file.",
         ]
     return [

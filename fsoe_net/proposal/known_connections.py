@@ -287,12 +287,12 @@ def _has_roles(
 ) -> bool:
     """Report an end that has the other role."""
     if main is not None and main.role != "main":
-        key, text = "main", f"{main.name} is no MainInstance here"
+        key, text = "main", f"{main.name} is not a MainInstance here"
     elif sub.role != "sub":
-        key, text = "sub", f"{sub.name} is no SubInstance here"
+        key, text = "sub", f"{sub.name} is not a SubInstance here"
     else:
         return True
-    hint = "main: in the answers says which SubDevices are MainInstances"
+    hint = "main: in the answers lists the MainInstances"
     out.add("FSN156", row.at(key), text, hint=hint)
     return False
 
@@ -370,7 +370,7 @@ def _is_linked(
         "FSN156",
         row.at("slot" if row.slot is not None else "main"),
         f"{row.sub} is connected to another slot: slot {wrong.main.slot}, {wrong.why}",
-        hint="correct the answer, or the file that says so",
+        hint="correct the answer, or the file that states this",
     )
     return True
 
@@ -451,7 +451,7 @@ def state_facts(link: CopyLink, row: ConnectionFacts, out: FindingList) -> None:
             out.add(
                 "FSN156",
                 row.at(key),
-                f"{key} {new} is answered, and {link.facts.span} says {old}",
+                f"{key} {new} is answered, and {link.facts.span} has {old}",
                 hint="correct one of them; the safety project counts",
             )
     link.facts = replace(

@@ -136,7 +136,7 @@ class _Maker:
             if not fill.sub.device.product_code:
                 what = "vendor and product are not known"
                 self._remarks[number].append(
-                    f"TODO {what}: no file says which, put them into its config"
+                    f"TODO {what}: no file states them, put them into its config"
                 )
                 self._open_device(name, what)
             if fill.question is not None:
@@ -169,7 +169,7 @@ class _Maker:
                 answer.span,
                 "its process data are in a file already"
                 if known
-                else "the device library does not know this device",
+                else "this device is not in the device library",
                 hint="delete this answer" if known else "give its ESI or the output of ethercat",
             )
 
@@ -235,7 +235,7 @@ class _Maker:
                 self._out.add(
                     "FSN156",
                     word.span,
-                    f"{word.text} has no pair of FSoE frames, so it is no MainInstance",
+                    f"{word.text} has no pair of FSoE frames, so it is not a MainInstance",
                     hint="name another SubDevice, or give a file with its process data",
                 )
         if self._answers.main is None:
@@ -271,7 +271,7 @@ class _Maker:
         doubtful = [*free[""], *(p for e in ends for p in e.doubtful), *disputed]
         pairing = pair_by_lengths(free["main"], free["sub"], doubtful)
         for main, sub in pairing.settled:
-            why = f"settled by lengths: {_bytes(sub)} are there only once on each side"
+            why = f"settled by lengths: {_bytes(sub)} occur only once on each side"
             self._add(CopyLink(main=main, sub=sub, why=why), ends)
         for row in pairing.open:
             self._open_pair(row, ends, has_main=any(e.role == "main" for e in ends))

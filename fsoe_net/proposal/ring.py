@@ -127,7 +127,7 @@ def ring_of(
             out.add(
                 "FSN156",
                 row.at("position"),
-                f"position {row.position} stands behind position {position - 1}",
+                f"position {row.position} follows position {position - 1}",
                 hint="list the SubDevices in ring order",
             )
             good = False
@@ -198,10 +198,10 @@ def _types_of(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) 
 def _unknown_type(row: AnsweredDevice, types: Sequence[DeviceType], out: Collector) -> None:
     names = list(dict.fromkeys(t.order for t in types))[:_MOST_NAMES]
     close = [repr(c) for c in guesses(row.type.upper(), names, cutoff=0.5)]
-    hint = "give its ESI; leave out what has no process data: position: says where it goes on"
+    hint = "give its ESI; leave out SubDevices without process data: position: continues the list"
     if close:
         hint = f"did you mean {one_of(close)}? else {hint}"
-    message = f"no file and no device library knows {row.type!r}"
+    message = f"no file and no device library contains {row.type!r}"
     out.add("FSN155", row.at("type"), message, hint=hint)
 
 

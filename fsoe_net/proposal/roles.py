@@ -218,7 +218,7 @@ def give_roles(
         )
         return None
     for end in open_ends:
-        end.remarks.append("TODO: MainInstance (safety logic) or SubInstance? No file says")
+        end.remarks.append("TODO: MainInstance (safety logic) or SubInstance? No file states it")
     return _which_is_main(open_ends, subdevices[open_ends[0].number].span)
 
 

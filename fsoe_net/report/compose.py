@@ -44,7 +44,7 @@ from fsoe_net.report.section_timing import timing
 _ROWS_ON_FIRST_PAGE = 14
 _Make = Callable[[ReportInputs], ReportSection]
 _MAIN: tuple[_Make, ...] = (causes_and_effects, architecture, role, change_log, sign_off)
-"""After the pages of the safety functions; open points, which gathers from all, is behind them."""
+"""After the pages of the safety functions; open points, which gathers from all, follows them."""
 _APPENDICES: tuple[_Make, ...] = (
     identity,
     tests,

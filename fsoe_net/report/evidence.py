@@ -106,13 +106,13 @@ def read_evidence(path: str) -> Evidence:
         try:
             return Evidence(source=source, run=_run(document))
         except (KeyError, TypeError, ValueError, AttributeError) as exc:
-            raise InputError(f"{path} is no whole result of a run: {exc}; {_NEXT}") from exc
+            raise InputError(f"{path} is not a complete result of a run: {exc}; {_NEXT}") from exc
     from fsoe_net.incident.incident_read import IncidentReader  # most reports need none of it
 
     try:
         return Evidence(source=source, incident=IncidentReader(path, io.BytesIO(data)).head)
     except InputError as exc:
-        raise InputError(f"{path} is no evidence: {exc}; {_NEXT}") from exc
+        raise InputError(f"{path} is not evidence: {exc}; {_NEXT}") from exc
 
 
 def _document(data: bytes) -> dict[str, Any] | None:
@@ -197,7 +197,7 @@ def measured_ms(value: Any) -> float | None:
     """
     ms = None if value is None else float(value)
     if ms is not None and not 0 <= ms < math.inf:
-        raise ValueError(f"{value} is no time in ms")
+        raise ValueError(f"{value} is not a time in ms")
     return ms
 
 

@@ -91,7 +91,7 @@ def _what(inputs: ReportInputs) -> str:
 
 def _by_whom(given: GivenRecord | None) -> Cell:
     if given is None:
-        return cell(Verdict("nobody: no acceptance record", Level.OPEN))
+        return cell(Verdict("not accepted: no acceptance record", Level.OPEN))
     record, path = given.record, code(given.source.path)
     if not given.fits:
         word = "the record is of ANOTHER configuration"
@@ -105,7 +105,7 @@ def _signatures(inputs: ReportInputs) -> Cell:
     if given is None:
         return cell(Verdict("none", Level.OPEN))
     if signed is None:
-        word = "not checked; --signers FILE checks those beside the record"
+        word = "not checked; --signers FILE checks those next to the record"
         return cell(Verdict(word, Level.OPEN))
     items: list[Item] = []
     for s in signed.signatures:

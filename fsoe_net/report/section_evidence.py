@@ -91,7 +91,7 @@ def bus_evidence(inputs: ReportInputs) -> ReportSection:
     if inputs.live is not None:
         parts += _live(inputs.live, inputs)
     if not parts:
-        text = "There is no evidence of the machine; all else is what the files say."
+        text = "There is no evidence of the machine; all other facts are from the files."
         parts.append(Paragraph((Text(text),)))
     words = [*_other_plans(inputs), *_unread(inputs)]
     points = tuple(Point(PointKind.OPEN, text) for text in words)

@@ -29,7 +29,7 @@ from fsoe_net.report.self_test_result import self_test_parts
 ROLE = (
     "The EtherCAT MainDevice is part of the black channel: it copies FSoE frames and takes no part "
     "in the safety function. This tool is not certified and is an off-line support tool; this "
-    "report is evidence for a review and no certificate. It is not for personnel protection by "
+    "report is evidence for a review, not a certificate. It is not for personnel protection by "
     "itself. The safety manuals of the devices prevail."
 )
 
@@ -125,7 +125,7 @@ def role(_: ReportInputs) -> ReportSection:
         "configuration, how watchdogs relate to the bus, what differs from what was compared.",
         "Not shown: whether the safety functions, the wiring and the safety project of each logic "
         "are the right ones; category, diagnostic coverage and common causes of the parts.",
-        "What ran on an emulated bus is marked EMULATED and is no evidence for this machine.",
+        "Runs on an emulated bus are marked EMULATED and are not evidence for this machine.",
     )
     parts: tuple[Part, ...] = (
         Paragraph((Text(ROLE),), note=True),

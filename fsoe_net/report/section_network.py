@@ -117,7 +117,7 @@ def _groups(network: NetworkConfig) -> list[Part]:
             columns=(Column("Group"), Column("Place"), Column("SubDevices")),
             rows=rows,
             remark="Groups of one place are never there together. While one is absent, its "
-            "connections are not in Data, and that is no fault.",
+            "connections are not in Data, which is not a fault.",
         ),
         Heading("Combinations"),
         Bullets(tuple((Text(", ".join(names) or "none of them"),) for names in found)),

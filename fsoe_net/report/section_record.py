@@ -61,7 +61,7 @@ def fingerprint(inputs: ReportInputs) -> ReportSection:
             key="fingerprint",
             title=title,
             parts=(
-                Paragraph((Text("No fingerprint: a network with errors is no configuration."),)),
+                Paragraph((Text("No fingerprint: a network with errors is not a configuration."),)),
             ),
             points=(Point(PointKind.OPEN, "there is no fingerprint"),),
         )

@@ -78,7 +78,7 @@ def timing(inputs: ReportInputs) -> ReportSection:
             # Values of the library are unverified until a person takes responsibility for them.
             if row.parts.unverified:
                 names = ", ".join(row.parts.unverified)
-                words = f"{row.function.name}: values nobody answers for: {names}"
+                words = f"{row.function.name}: values without a responsible person: {names}"
                 points.append(Point(PointKind.OPEN, words))
             if row.function.required_reaction_ms is None:
                 words = f"{row.function.name}: no required reaction time is stated"

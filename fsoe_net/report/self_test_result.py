@@ -95,7 +95,7 @@ def read_self_test(path: str, here: str) -> SelfTestResult:
         if document["result"] != ("fail" if "fail" in dict(parts).values() else "pass"):
             raise ValueError("its result does not fit its parts")
     except (ValueError, KeyError, TypeError, RecursionError) as exc:
-        raise InputError(f"{path} is no result of a self-test: {exc}; {_NEXT}") from exc
+        raise InputError(f"{path} is not the result of a self-test: {exc}; {_NEXT}") from exc
     return SelfTestResult(source=source, version=version, build=build, here=here, parts=parts)
 
 

@@ -42,8 +42,8 @@ _COLUMNS = (
 _READ = ("SubDevice", "Firmware", "Serial number", "CRC of the safety project")
 _NOTE = (
     "The EtherCAT MainDevice is part of the black channel and takes no part in the safety "
-    "function. This tool is not certified. What was tried on emulated devices is "
-    f"{EMULATED_NOTE}; it closes no step. The safety manuals of the devices prevail."
+    f"function. This tool is not certified. A test on emulated devices is {EMULATED_NOTE}; it "
+    "closes no step. The safety manuals of the devices prevail."
 )
 
 

@@ -70,9 +70,9 @@ class NodeControl:
             access = str(client.hello.get("access", ""))
         if access == "observer":
             raise EnvironmentFault(
-                "--allow-control: your role at this fsn-master is observer, which only reads. Who "
-                "runs it gives another one: --allow-user NAME:operator may set outputs, "
-                "NAME:maintainer also start and stop the bus"
+                "--allow-control: your role at this fsn-master is observer, which only reads. "
+                "The user who runs it gives another one: --allow-user NAME:operator may set "
+                "outputs, NAME:maintainer also start and stop the bus"
             )
         self.access = access
 
@@ -119,7 +119,7 @@ class NodeControl:
     ) -> str:
         if topic is None:
             short = printable(name[:_LONGEST_NAME])
-            return self._refuse(f"{short} is no output that nodes may set")
+            return self._refuse(f"{short} is not an output that nodes may set")
         if value is None or not topic.kind.takes(value):
             return self._refuse(f"{name} takes a value as std_msgs/msg/{topic.kind.value} has it")
         return self._set_value(topic, topic.kind.python(value), who)

@@ -38,7 +38,7 @@ _MOST_UNREADABLE = 1000  # one after the other; then others have their turn
 _WAIT = duration(milliseconds=100)
 
 Received = Callable[[Any, str], None]
-"""Gets a message, and a text that stands for the process that sent it."""
+"""Gets a message, and a text that identifies the process that sent it."""
 
 
 def header() -> Header:

@@ -13,7 +13,7 @@ from fsoe_net.model.resolve import Resolution
 from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer
 
 ACCEPTED = "; after a change: calculate the reaction times again, accept again"
-"""End of a hint that lets somebody change what was accepted."""
+"""End of a hint about a change of the accepted configuration."""
 SECURED = "secure the machine, then "
 """Begin of a hint that sends hands to a device or a cable."""
 

@@ -189,8 +189,7 @@ def _sync_manager_size(ctx: Context, sm: SmLayout, sub: SubDevice) -> None:
             "FSN419",
             sm.placed[-1].entry.at("type"),
             f"{describe_sm(sm)}: the entries add up to {counted(sm.bits, 'bit')}, which is "
-            f"no whole number of "
-            "bytes; a device with FSoE frames maps whole bytes",
+            "not a whole number of bytes; a device with FSoE frames maps whole bytes",
             hint=f"padding here is {counted(over, 'bit')} too long or {8 - over} too short; "
             "compare with `ethercat pdos`",
         )

@@ -27,7 +27,7 @@ _ROS2_EFFECT = {
     "FSN113": "cuts an index to 16 bits; a subindex above 255 is never found, then " + _CRASH,
     "FSN114": "reads octal in slave YAML, decimal in transfer YAML",
     "FSN115": "reads it as a decimal number",
-    "FSN116": "treats an unknown word as absent, a sync manager of an unknown type too",
+    "FSN116": "treats an unknown word as absent, and also a sync manager of an unknown type",
     "FSN120": _EXCEPTION,
     "FSN121": "skips the module; every later module is addressed as its neighbour",
     "FSN122": "does not find the class and does not start",

@@ -115,9 +115,8 @@ def _unrecognised(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd, sm: SmL
         ctx.add(
             "FSN212",
             endpoint.at("index"),
-            f"{intruder} inside the {counted(size, 'byte')} from {endpoint}, so they are no "
-            f"FSoE frame as "
-            "mapped here",
+            f"{intruder} inside the {counted(size, 'byte')} from {endpoint}, so they are not "
+            "an FSoE frame as mapped here",
             hint="compare the PDO with `ethercat pdos` or the ESI; an entry is missing, too long "
             "or too short",
         )
@@ -233,12 +232,12 @@ def _wrong_size(ctx: Context, row: ResolvedTransfer, frame_bytes: int) -> None:
     size = row.transfer.size_bytes
     if size > frame_bytes:
         end = row.destination
-        behind = _entry_behind(end, frame_bytes)
+        following = _entry_after(end, frame_bytes)
         ctx.add(
             "FSN209",
             row.transfer.at("size"),
-            f"size {size} runs {counted(size - frame_bytes, 'byte')} past the "
-            f"{frame_bytes}-byte frame" + (f" and would overwrite {behind}" if behind else ""),
+            f"size {size} runs {counted(size - frame_bytes, 'byte')} past the {frame_bytes}-byte "
+            "frame" + (f" and would overwrite {following}" if following else ""),
             hint=_size_fix(row, frame_bytes),
         )
         return
@@ -256,7 +255,7 @@ def _size_fix(row: ResolvedTransfer, frame_bytes: int) -> Fix:
     return Fix(hint=f"write size: {frame_bytes}", edits=(edit,))
 
 
-def _entry_behind(end: ResolvedEnd, frame_bytes: int) -> str:
+def _entry_after(end: ResolvedEnd, frame_bytes: int) -> str:
     if end.sm is None:
         return ""
     bit = 8 * (end.byte_offset + frame_bytes)
@@ -272,14 +271,14 @@ def _ends(ctx: Context, row: ResolvedTransfer) -> None:
     for end in (row.source, row.destination):
         if end.sm is None:
             continue
-        _, behind = touched_bytes(end, size)
-        if behind > end.sm.size_bytes:
+        _, end_byte = touched_bytes(end, size)
+        if end_byte > end.sm.size_bytes:
             ctx.add(
                 "FSN209",
                 row.transfer.at("size"),
                 f"size {size} from {end.endpoint} runs "
-                f"{counted(behind - end.sm.size_bytes, 'byte')} past the "
-                f"end of SM{end.sm.sm.index} ({counted(end.sm.size_bytes, 'byte')})",
+                f"{counted(end_byte - end.sm.size_bytes, 'byte')} past the end of "
+                f"SM{end.sm.sm.index} ({counted(end.sm.size_bytes, 'byte')})",
                 hint="there is room for at most "
                 f"{counted(end.sm.size_bytes - end.byte_offset, 'byte')}",
             )
@@ -289,9 +288,9 @@ def _standard(ctx: Context, row: ResolvedTransfer, end: ResolvedEnd) -> bool:
     """Return whether FSN233 was found."""
     if end.sm is None:
         return False
-    first, behind = touched_bytes(end, row.transfer.size_bytes)
+    first, end_byte = touched_bytes(end, row.transfer.size_bytes)
     for block in end.sm.blocks:
-        if first < block.end_byte and block.byte_offset < behind:
+        if first < block.end_byte and block.byte_offset < end_byte:
             ctx.add(
                 "FSN233",
                 row.transfer.at("kind"),
@@ -308,12 +307,12 @@ def _overwritten(ctx: Context, row: ResolvedTransfer) -> None:
     end = row.destination
     if end.sm is None:
         return
-    first, behind = touched_bytes(end, row.transfer.size_bytes)
+    first, end_byte = touched_bytes(end, row.transfer.size_bytes)
     if end.block is not None:
-        behind = min(behind, end.block.end_byte)  # an excessive size is another finding
+        end_byte = min(end_byte, end.block.end_byte)  # an excessive size is another finding
     # Only entries that the driver writes: others stay as they were copied.
     for placed in end.sm.written:
-        inside = placed.bit_offset < 8 * behind and 8 * first < placed.end_bit
+        inside = placed.bit_offset < 8 * end_byte and 8 * first < placed.end_bit
         why = placed.entry.written_by
         if inside and why is not None:
             ctx.add(

@@ -59,18 +59,18 @@ def _destinations(ctx: Context) -> None:
         # A transfer that is wrong by itself would overlap as a consequence.
         if ctx.is_blamed(row):
             continue  # its length or place is wrong already
-        first, behind = touched_bytes(end, row.transfer.size_bytes)
-        by_sm[end.subdevice.name, end.sm.sm.index].append((first, behind, row))
+        first, end_byte = touched_bytes(end, row.transfer.size_bytes)
+        by_sm[end.subdevice.name, end.sm.sm.index].append((first, end_byte, row))
     for group in by_sm.values():
         # Sorted by place: overlaps are found between neighbours in one pass.
         group.sort(key=lambda item: (item[0], item[1], item[2].transfer.span))
         reach, owner = -1, group[0][2]
-        for first, behind, row in group:
+        for first, end_byte, row in group:
             if first < reach:
-                _overlap(ctx, owner, row, min(reach, behind) - first)
+                _overlap(ctx, owner, row, min(reach, end_byte) - first)
             # The one that reaches furthest can overlap the next ones as well.
-            if behind > reach:
-                reach, owner = behind, row
+            if end_byte > reach:
+                reach, owner = end_byte, row
 
 
 def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: int) -> None:

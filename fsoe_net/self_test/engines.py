@@ -165,5 +165,5 @@ def _beside_the_cycle(
         last = bus.read_outputs(destination)[:size]
         torn += len(set(last)) > 1
     core.stop()
-    yield TriedValue(f"frames that arrived torn, of {_WRITES} written beside the cycle", 0, torn)
+    yield TriedValue(f"frames that arrived torn, of {_WRITES} written during the cycle", 0, torn)
     yield TriedValue("last frame", bytes([_WRITES & 0xFF]).hex() * size, last.hex())

@@ -57,7 +57,7 @@ def _number(text: str, high: int) -> int:
     try:
         value = int(text, 0) if len(text) <= 24 else -1
     except ValueError:
-        raise CommandError(f"{text!r} is no number; write 12 or 0x0c") from None
+        raise CommandError(f"{text!r} is not a number; write 12 or 0x0c") from None
     if not 0 <= value <= high:
         raise CommandError(f"{text[:24]} is not in 0 … {high}")
     return value

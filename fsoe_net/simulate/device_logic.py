@@ -82,7 +82,7 @@ def _find(name: str) -> Callable[[MainConfig | SubConfig], Any]:
             "folder and in PYTHONPATH"
         ) from exc
     except SyntaxError as exc:
-        raise InputError(f"{name}: module {module!r} is no Python: {exc}") from exc
+        raise InputError(f"{name}: module {module!r} is not valid Python: {exc}") from exc
     # A module may have a `__getattr__` of its own, which can raise anything.
     with _blaming(name, f"reading {attribute} of the module"):
         found = getattr(loaded, attribute, None)
@@ -104,8 +104,8 @@ def _takes_configuration(name: str, found: Callable[..., Any]) -> None:
         signature.bind(None)
     except TypeError as exc:
         raise InputError(
-            f"{name} is no factory: it is called with one argument, the configuration, and takes "
-            f"{_short(str(signature), quote=False)}"
+            f"{name} is not a factory: it is called with one argument, the configuration, and "
+            f"takes {_short(str(signature), quote=False)}"
         ) from exc
 
 
@@ -186,7 +186,7 @@ class _Guard:
         if len(data) != self._data_bytes:
             raise self._wrong(
                 f"received_safe_data has {len(data)} bytes ({_short(data)}) while data_valid; the "
-                f"configuration says {self._data_bytes}"
+                f"configuration has {self._data_bytes}"
             )
         return data
 

@@ -48,10 +48,10 @@ def change_of(request: Mapping[str, object], checked: Checked) -> Change:
         InputError: The change is impossible; with the reason and the next step.
     """
     if checked.resolution is None:
-        raise InputError("the text is no network at present: correct it first")
+        raise InputError("the text is not a valid network at present: correct it first")
     make = _MAKERS.get(str(request.get("change")))
     if make is None:
-        raise InputError(f"there is no change {str(request.get('change'))!r}")
+        raise InputError(f"unknown change {str(request.get('change'))!r}")
     return make(request, checked.resolution)
 
 
@@ -59,7 +59,7 @@ def _connection(request: Mapping[str, object], resolution: Resolution) -> Connec
     rows = resolution.connections
     number = number_of(request, "connection", max(len(rows) - 1, 0))
     if number >= len(rows):
-        raise InputError("there is no such connection")
+        raise InputError("unknown connection")
     return rows[number]
 
 
@@ -166,8 +166,8 @@ def _network(request: Mapping[str, object], resolution: Resolution) -> Change:
         new = {key: value for key, value in values.items() if key not in document}
         document.update({key: value for key, value in values.items() if key in document})
         if new:  # in front, where a person looks for it
-            behind = list(document)[int(next(iter(document), None) == "version") :]
-            document.update(new | {key: document.pop(key) for key in behind})
+            following = list(document)[int(next(iter(document), None) == "version") :]
+            document.update(new | {key: document.pop(key) for key in following})
 
     return change
 

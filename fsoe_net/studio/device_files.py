@@ -74,7 +74,7 @@ class DeviceFiles:
         for path in wanted:
             if os.path.lexists(path) and _content(path) != self.contents[path]:
                 raise InputError(
-                    f"nothing written: somebody has made {path} meanwhile; undo, and add the "
+                    f"nothing written: {path} was created meanwhile; undo, and add the "
                     "SubDevice again: its file then gets another name"
                 )
         absent = {path: self.contents[path] for path in wanted if not os.path.lexists(path)}

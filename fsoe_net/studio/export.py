@@ -88,7 +88,7 @@ def _converted(workspace: Workspace, version: int, target: str, esis: Sequence[s
         raise StaleVersion
     known = all_targets().get(target)
     if known is None:
-        raise InputError(f"there is no format {target!r}; there are {', '.join(all_targets())}")
+        raise InputError(f"unknown format {target!r}; there are {', '.join(all_targets())}")
     name = _stem(workspace) + (known.suffixes[0] if known.suffixes else "")
     with workspace.read_as_edited():
         return convert_files([workspace.path, *esis], target, name=name)

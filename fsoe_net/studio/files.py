@@ -89,7 +89,7 @@ async def _received(request: Request, uploads: Uploads) -> Response | None:
         async for data in request.stream():
             got += len(data)
             if got > room:
-                return _refused("the files together are too large; put some away first", 413)
+                return _refused("the files together are too large; remove some first", 413)
             await run_in_threadpool(file.write, data)
         whole = True
     except ClientDisconnect:

@@ -31,4 +31,4 @@ class Folder:
         for here, row in self.look():
             if str(here) == str(number) and row.kind in kinds:
                 return row
-        raise InputError("this file is there no more; look at the list again")
+        raise InputError("this file no longer exists; look at the list again")

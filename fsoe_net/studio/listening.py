@@ -91,7 +91,7 @@ def _readable(path: str) -> Iterator[None]:
     except OSError as exc:
         raise InputError(f"cannot read {path}: {exc.strerror or exc}") from exc
     except UnicodeDecodeError as exc:
-        raise InputError(f"{path} is no text in UTF-8") from exc
+        raise InputError(f"{path} is not UTF-8 text") from exc
 
 
 def _closed(path: str, bits: int, step: str) -> None:
@@ -134,7 +134,7 @@ def _names(certificate: str, key: str) -> list[str]:
     except ssl.SSLError as exc:
         why = (exc.reason or str(exc)).lower().replace("_", " ")
         raise InputError(
-            f"{certificate} and {key} are no certificate (PEM) with its key without passphrase: "
+            f"{certificate} and {key} are not a certificate (PEM) with its key without passphrase: "
             f"{why}"
         ) from exc
     # A person cannot open a wildcard as an address.

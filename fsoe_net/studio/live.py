@@ -170,13 +170,13 @@ class Live:
         controls = name in self._control.acts
         act = self._control.acts[name] if controls else self._acts.get(name)
         if act is None:
-            return JSONResponse({"error": "there is no such request"}, 404)
+            return JSONResponse({"error": "unknown request"}, 404)
         try:
             body = await request.json()
         except (ValueError, UnicodeDecodeError, RecursionError):
-            return JSONResponse({"error": "the request is no JSON"}, 400)
+            return JSONResponse({"error": "the request is not valid JSON"}, 400)
         if not isinstance(body, dict):
-            return JSONResponse({"error": "the request is no JSON object"}, 400)
+            return JSONResponse({"error": "the request is not a JSON object"}, 400)
         try:
             # One after the other: presses come in order. No run that starts delays a lease.
             async with self._controlling if controls else self._starting:
@@ -240,13 +240,13 @@ def _open(body: Body) -> Row:
     try:
         document = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as exc:
-        raise InputError(f"this is no JSON: {exc}") from exc
+        raise InputError(f"not valid JSON: {exc}") from exc
     view = {"run": "", "source": "file", **recorded_view(document), "scope": None}
     return {"view": printed(view)}
 
 
 def _no_number(word: str) -> object:
-    raise ValueError(f"{word} is no number of JSON")
+    raise ValueError(f"{word} is not a JSON number")
 
 
 def _refused(exc: FsnError) -> Response:

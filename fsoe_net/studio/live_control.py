@@ -82,9 +82,9 @@ class LiveControl:
             access = str(client.hello.get("access", ""))
             if access == "observer":
                 raise InputError(
-                    "your role at this fsn-master is observer, which only reads. Who runs it gives "
-                    "another one: --allow-user NAME:operator may set outputs, NAME:maintainer also "
-                    "start and stop the bus"
+                    "your role at this fsn-master is observer, which only reads. The user who "
+                    "runs it gives another one: --allow-user NAME:operator may set outputs, "
+                    "NAME:maintainer also start and stop the bus"
                 )
             client.lease(LEASE_MS)
         except BaseException:
@@ -134,7 +134,7 @@ class LiveControl:
         outputs = (s for s in client.symbols() if s.is_output)
         symbol = next((s for s in outputs if s.name == name), None)
         if symbol is None or not symbol.restart_relevant:
-            raise InputError(f"{name!r} is no output that is armed")
+            raise InputError(f"{name!r} is not an output that is armed")
         # Until it is written, the output has its stop value.
         value, present = _number(symbol, text), symbol.stop_value
         if symbol.client == client.hello.get("client"):

@@ -16,9 +16,9 @@ from fsoe_net.live.result import RunEvent
 from fsoe_net.studio.live_rows import Row, event_row
 
 PICTURE_S = 0.05
-"""Between two pictures while a page listens."""
+"""Between two updates while a page listens."""
 ALONE_S = 1.0
-"""Between two looks while nobody does."""
+"""Between two updates while no page listens."""
 KEPT_EVENTS = 50_000
 MOST_SIGNALS = 20
 _SCOPE_MS = 10_000.0
@@ -174,7 +174,7 @@ class LiveFeed(abc.ABC):
         known = {str(row["name"]) for row in self.signals()}
         unknown = [name for name in names if name not in known]
         if unknown:
-            raise InputError(f"there is no signal {unknown[0]!r}; the list shows those that are")
+            raise InputError(f"unknown signal {unknown[0]!r}; the list shows all signals")
         if len(names) > MOST_SIGNALS:
             raise InputError(f"at most {MOST_SIGNALS} signals at once; take one away first")
         self.scope = ScopeRing(tuple(dict.fromkeys(names)), self.scope.choice + 1)

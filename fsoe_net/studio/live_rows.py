@@ -144,7 +144,7 @@ def recorded_view(document: object) -> Row:
         return _recorded(document)
     except (KeyError, TypeError, ValueError, AttributeError) as exc:
         raise InputError(
-            f"this is no recorded run ({type(exc).__name__}: {exc}); `fsoe-net run network.yaml "
+            f"this is not a recorded run ({type(exc).__name__}: {exc}); `fsoe-net run network.yaml "
             "--format json > run.json` and `fsoe-net monitor --format json` write one"
         ) from exc
 

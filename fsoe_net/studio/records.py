@@ -93,7 +93,7 @@ class Records:
     async def _document(self, request: Request) -> Response:
         make = self._makers.get(request.path_params["kind"])
         if make is None:
-            return JSONResponse({"error": "there is no such document"}, 404)
+            return JSONResponse({"error": "unknown document"}, 404)
         try:
             async with self._making:  # one at a time: a report of a large network takes seconds
                 document = await run_in_threadpool(make, request.query_params)
@@ -104,7 +104,7 @@ class Records:
     def _network(self) -> tuple[Checked, Resolution]:
         checked = self._workspace.checked
         if checked.resolution is None:
-            raise InputError("the text is no network at present: correct it first")
+            raise InputError("the text is not a valid network at present: correct it first")
         return checked, checked.resolution
 
     def _of(self, query: Query, key: str, *kinds: CompanionKind) -> CompanionFile | None:

@@ -228,11 +228,11 @@ class Studio:
     async def _act(self, request: Request) -> Response:
         act = self._acts.get(request.path_params["act"])
         if act is None:
-            return JSONResponse({"error": "there is no such request"}, 404)
+            return JSONResponse({"error": "unknown request"}, 404)
         try:
             body = await request.json()
         except (ValueError, UnicodeDecodeError, RecursionError):
-            return JSONResponse({"error": "the request is no JSON"}, 400)
+            return JSONResponse({"error": "the request is not valid JSON"}, 400)
         version = body.get("version") if isinstance(body, dict) else None
         # `bool` is an `int` in Python; only a real number is a version.
         if type(version) is not int:

@@ -42,7 +42,7 @@ def added(
     """
     network = resolution.network
     if bus and bus >= len(network.buses):
-        raise InputError("there is no such bus")
+        raise InputError("unknown bus")
     # An alias starts a count of positions of its own: those SubDevices cannot collide here.
     there = [sub for sub in network.subdevices if sub.master_id == bus and not sub.alias]
     taken = {sub.position: sub.name for sub in there}
@@ -54,7 +54,7 @@ def added(
         if position in taken:
             raise InputError(f"position {position} is taken by {taken[position]}")
         if position > _MOST_POSITION:
-            raise InputError("no position is left behind the last SubDevice")
+            raise InputError("no position is left after the last SubDevice")
         name = _free_name(row.name, names)
         names.add(name)
         taken[position] = name

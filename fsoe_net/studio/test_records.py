@@ -68,7 +68,7 @@ class TestRecords:
         except (ValueError, UnicodeDecodeError, RecursionError):
             body = None
         if not isinstance(body, dict):
-            return JSONResponse({"error": "the request is no JSON"}, 400)
+            return JSONResponse({"error": "the request is not valid JSON"}, 400)
         return await _answered(self._entered, body)
 
     def _state(self, number: str | None) -> Row:

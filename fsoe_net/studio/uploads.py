@@ -189,7 +189,7 @@ class Uploads:
         rows = [_possible(row) for row in chosen]
         resolution = workspace.checked.resolution
         if resolution is None:
-            raise InputError("the text is no network at present: correct it first")
+            raise InputError("the text is not a valid network at present: correct it first")
         files = [(row.config, self._named(row.config_text)) for row in rows]
         workspace.change_with_files(version, files, added(resolution, rows, bus))
         said = (f"{row.name}: {note}" for row in rows for note in row.notes)

@@ -238,7 +238,7 @@ class Workspace:
             if not self.is_new:
                 read_unchanged(self.path, self._file.sha256, next_step=step)
             elif os.path.lexists(self.path):
-                raise InputError(f"nothing written: somebody has made {self.path}; {step}")
+                raise InputError(f"nothing written: {self.path} was created meanwhile; {step}")
             mark = self._file.mark
             data = mark + self.text.encode("utf-8")
             self._new.write(self.text)
@@ -371,5 +371,5 @@ def _read(path: str) -> _OnDisk:
     try:
         text = data[len(mark) :].decode("utf-8")
     except UnicodeDecodeError as exc:
-        raise InputError(f"{path} is no text in UTF-8, which a network file is: {exc}") from exc
+        raise InputError(f"{path} is not UTF-8 text, as a network file must be: {exc}") from exc
     return _OnDisk(text=text, sha256=source.sha256, mark=mark)

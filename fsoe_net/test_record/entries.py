@@ -36,7 +36,7 @@ class Conflict(InputError):
     """
 
     def __init__(self, present: Fields) -> None:
-        super().__init__("somebody has entered something else meanwhile")
+        super().__init__("another person has entered something else meanwhile")
         self.present = present
 
 
@@ -160,7 +160,7 @@ def _measured(text: str) -> str:
     try:
         return _ms(float(text.replace(",", ".")))
     except (ValueError, OverflowError) as exc:
-        raise InputError(f"not entered: {text!r} is no time in ms, such as 61.5") from exc
+        raise InputError(f"not entered: {text!r} is not a time in ms, such as 61.5") from exc
 
 
 def _ms(value: float) -> str:

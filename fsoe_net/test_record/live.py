@@ -230,7 +230,7 @@ class _Watch:
 
     def _start_up(self, name: str) -> StepResult:
         if name not in self._states():
-            return _not_run("fsn-master knows no connection of this name")
+            return _not_run("fsn-master has no connection of this name")
         reached = self._until(lambda: self._states()[name].in_data, self._settle_s)
         return StepResult(
             outcome=StepOutcome.AS_EXPECTED if reached else StepOutcome.NOT_AS_EXPECTED,
@@ -249,7 +249,7 @@ class _Watch:
                 f"{idle} sends FailSafeData: outputs are off already. Press reset before you go on."
             )
         if not self._person.guarded(step):
-            return _not_run("nobody confirmed that the area is guarded")
+            return _not_run("it was not confirmed that the area is guarded")
         # Asked for twice: a person needs time, and the bus may have changed meanwhile.
         if why := self._unfit(step.subject, own):
             return _not_run(why)
@@ -314,7 +314,7 @@ class _Watch:
     def _unfit(self, name: str, own: set[str]) -> str:
         states = self._states()
         if missing := sorted(own - states.keys()):
-            return f"fsn-master knows no connection {missing[0]}"
+            return f"fsn-master has no connection {missing[0]}"
         if idle := sorted(n for n in own if not states[n].in_data):
             return f"its connections were not in Data: {idle[0]} in {states[idle[0]].text}"
         return f"{name} was not in OP" if name in self._off() else ""

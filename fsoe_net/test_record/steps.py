@@ -169,7 +169,7 @@ def keep_machine(new: TestRecord, old: TestRecord) -> TestRecord:
     lost = sorted(written.keys() - {step.id for step in new.steps})
     if lost:
         raise InputError(
-            f"that file holds results at the machine for steps that are no more: {lost[0]}; "
+            f"that file contains results at the machine for steps that no longer exist: {lost[0]}; "
             "write to another file"
         )
     before = {step.id: step for step in old.steps}

@@ -129,7 +129,7 @@ class WatchdogBudget:
             WatchdogJudgement.NO_TIMES: "not judged: no times",
             WatchdogJudgement.BELOW: "below the least",
             WatchdogJudgement.ABOVE: "above the greatest",
-            WatchdogJudgement.UNLIMITED: "not below the least; nothing limits it above",
+            WatchdogJudgement.UNLIMITED: "not below the least value; no upper limit",
             WatchdogJudgement.WITHIN: "inside the interval",
         }[self.judgement]
 

@@ -137,7 +137,7 @@ int acceptance_check(const uint8_t *plan, size_t plan_bytes, struct options *opt
     char path[PATH_MAX];
     if (!find_program(path)) {
         log_line(FSN_LOG_ERROR,
-                 "fsoe-net is neither beside fsn-master nor on PATH, so nothing checks the "
+                 "fsoe-net is neither next to fsn-master nor on PATH, so nothing checks the "
                  "signatures of %s; install it, or name the accepted plan with --accepted HASH",
                  options->acceptance);
         return EXIT_ENVIRONMENT;
@@ -160,7 +160,7 @@ int acceptance_check(const uint8_t *plan, size_t plan_bytes, struct options *opt
     if (code == EXIT_FINE) {
         return -1;
     }
-    log_line(FSN_LOG_ERROR, "the plan is not as %s says that it was signed, by %s verify: code %d",
+    log_line(FSN_LOG_ERROR, "the plan is not the one signed in %s, according to %s verify: code %d",
              options->acceptance, path, code);
     return code == EXIT_REFUSED || code == EXIT_USAGE ? EXIT_REFUSED : EXIT_ENVIRONMENT;
 }

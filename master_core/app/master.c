@@ -178,7 +178,7 @@ static void advance(struct master *m) {
         m->again = false;
         handover_listener_close(&m->handover_listener);
         fsn_control_close_outputs(m->control);
-        set_state(m, LEAVING, FSN_LOG_INFO, "stops: SubDevices leave OP, copying goes on");
+        set_state(m, LEAVING, FSN_LOG_INFO, "stops: SubDevices leave OP, copying continues");
         runner_ask(m->runner, RUNNER_LEAVE);
     } else if (m->state == OPENING && leave) {
         runner_give_up(m->runner);
@@ -205,7 +205,7 @@ static void failed(struct master *m, const struct runner_result *result) {
     if (m->options->standby && m->predecessor != NULL && !m->predecessor->ended) {
         snprintf(text, sizeof text, "the standby takes nothing over: %s", m->fault);
     } else if (m->predecessor != NULL && !m->predecessor->ended) {
-        snprintf(text, sizeof text, "the take-over is refused, and process %d goes on: %s",
+        snprintf(text, sizeof text, "the take-over is refused, and process %d continues: %s",
                  (int)m->predecessor->pid, m->fault);
     } else {
         snprintf(text, sizeof text, "the bus does not open: %s", m->fault);
@@ -255,7 +255,7 @@ static void took_over(struct master *m, const struct runner_result *result) {
         predecessor->listener = -1;
     }
     if (m->taken(m->self) != -1) {
-        log_line(FSN_LOG_ERROR, "goes on without it: the bus is not given up for that");
+        log_line(FSN_LOG_ERROR, "continues without it: the bus is more important");
     }
     log_line(FSN_LOG_WARNING,
              "took the bus over from process %d: %.3f ms and %llu cycles from its last frame to "

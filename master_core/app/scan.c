@@ -29,7 +29,7 @@ static int print(const struct fsn_survey *survey) {
         code = EXIT_ENVIRONMENT;
     } else if (fwrite(json.bytes, 1, json.len_bytes, stdout) != json.len_bytes ||
                fflush(stdout) != 0) {
-        log_line(FSN_LOG_ERROR, "stdout takes no more; write it elsewhere");
+        log_line(FSN_LOG_ERROR, "stdout is full or closed; write to another place");
         code = EXIT_ENVIRONMENT;
     }
     fsn_json_free(&json);

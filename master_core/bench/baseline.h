@@ -23,7 +23,7 @@ struct constant_part {
     const uint32_t (*offset)[2]; /**< source, destination */
 };
 
-/** One memcpy of a size the compiler knows for every copy, one loop per size, nothing to decide
+/** One memcpy of constant size for every copy, one loop per size, nothing to decide
  *  but which loop comes next: the fastest code that moves these bytes from a table. */
 void constant_sizes(uint8_t *image, const struct constant_part *parts, size_t count);
 

@@ -7,7 +7,7 @@
  * that answers are there when send() returns: what is left is our own time.
  *
  * Busy is the time from the wake-up until a cycle has read its replies and sent its frames: SOEM's
- * does nothing else, the core observes and shows behind that, which the free run counts. */
+ * does nothing else, the core observes and shows after that, which the free run counts. */
 #define _GNU_SOURCE
 
 #include <errno.h>
@@ -126,7 +126,7 @@ static bool soem_cycle(struct bare *b) {
     return ecx_receive_processdata(&b->context, EC_TIMEOUTRET) == expected;
 }
 
-/** The same frames by send() and recv() alone, made once and looked into by nobody: what no
+/** The same frames by send() and recv() alone, made once and never read: what no
  *  MainDevice on a packet socket can be faster than. */
 static bool least_cycle(struct bare *b) {
     static uint8_t frames[8][EC_BUFSIZE];

@@ -83,7 +83,7 @@ static void request(struct rig *rig, uint16_t station, uint8_t state) {
     put(rig, FPWR, station, 0x0120, bytes, 2);
 }
 
-/** Outputs of all in front, inputs of all behind, as MainDevices lay them out. */
+/** Outputs of all first, then inputs of all, as MainDevices lay them out. */
 static void bring_up(struct rig *rig, uint32_t count, uint16_t size) {
     for (uint16_t i = 0; i < count; i++) {
         const uint16_t station = (uint16_t)(1001 + i);

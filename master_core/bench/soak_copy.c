@@ -85,7 +85,7 @@ static void send_out(void *bus) {
     s->differing += memcmp(s->image, s->shadow, IMAGE_BYTES) != 0;
 }
 
-/** Each main has its subs behind it, with a frame for each. */
+/** The subs of each main follow it, with a frame for each. */
 static struct fsn_plan *lay_out(struct soak *s) {
     uint32_t at = 0;
     uint32_t pair = 0;

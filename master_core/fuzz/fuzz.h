@@ -34,7 +34,7 @@ struct chain {
     uint16_t own[2];      /**< CRC_0 of the last frame */
     bool has_own[2];
     uint16_t last_crc; /**< CRC_0 of the last frame of either direction */
-    uint8_t last_way;  /**< who sent it; 2: nobody */
+    uint8_t last_way;  /**< who sent it; 2: no end */
 };
 
 /** Begins a chain, as a Reset does. */
@@ -43,7 +43,7 @@ void chain_clear(struct chain *chain);
 /** Returns an FSoE frame length, made from any number. */
 size_t chain_length(unsigned number);
 
-/** Finishes a frame whose command, data and ConnID are there: writes its CRCs, goes on in the
+/** Finishes a frame whose command, data and ConnID are there: writes its CRCs, continues the
  *  chain. */
 void chain_finish(struct chain *chain, unsigned way, uint8_t *frame, size_t len_bytes);
 

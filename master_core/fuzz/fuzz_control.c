@@ -93,7 +93,7 @@ static fsn_status noisy_sii(void *bus, uint32_t position, uint32_t offset, uint8
     if (offset >= 0x80 && noise() < 200) { /* often a category there is */
         data[0] = types[noise() % 5];
         data[1] = data[3] = 0;
-        data[2] = 30; /* the next one begins behind this step */
+        data[2] = 30; /* the next one begins after this step */
     }
     return noise() < 250 ? FSN_OK : FSN_E_BUS_MISSING;
 }

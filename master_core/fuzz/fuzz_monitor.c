@@ -1,7 +1,7 @@
 /** Fuzz target: any bytes as a script of what a monitor sees. Fits libFuzzer and driver.c.
  *
- *  Bytes alone never form a chain, so the script orders right frames, built beside the core, and
- *  disturbs them. Layout: two bytes for the frame lengths, then operations of one byte (low four
+ *  Bytes alone never form a chain, so the script orders right frames, built outside of the core,
+ * and disturbs them. Layout: two bytes for the frame lengths, then operations of one byte (low four
  *  bits: enum order, bit 4: direction, bits 5 to 7: command) with what each of them needs. */
 #include "fuzz.h"
 
@@ -164,7 +164,7 @@ static void session(struct bench *b) {
         return;
     }
     CHECK(verdict == FSN_VERDICT_RIGHT);
-    /* By chance it may fit the chain before as well; then that one goes on. */
+    /* By chance it may fit the chain before as well; then that one continues. */
     const struct fsn_followed *followed = b->monitor.followed;
     b->known = followed[0].sequence == 2 && followed[1].sequence == 1 && !followed[1].has_own;
     b->chain = chain;

@@ -154,7 +154,7 @@ static void cycles(struct wire *w, uint8_t command) {
     }
 }
 
-/** Reset, then the main's Session: a start-up tells the roles. Or only other numbers, as after many
+/** Reset, then the main's Session: a start-up shows the roles. Or only other numbers, as after many
  *  collisions: then a guess of the roles by the numbers is wrong. */
 static void start(struct wire *w, unsigned c) {
     const uint8_t how = input_byte(&w->in);

@@ -35,7 +35,7 @@ static const struct fsn_plan *the_plan(void) {
     return plan;
 }
 
-/** Every input begins anew: what it finds is repeated by that input alone. */
+/** Every input begins from the start: a finding is repeated by that input alone. */
 static struct rig *make_rig(void) {
     struct rig *rig = calloc(1, sizeof *rig);
     CHECK(rig != NULL);

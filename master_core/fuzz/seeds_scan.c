@@ -14,7 +14,7 @@ static const uint8_t swapped[] = {0x21, 0x00, 0x00, 0x05, 0x02, 0x03, 0x0C, 0x05
 /* A datagram that ends inside a frame. */
 static const uint8_t cut[] = {0x00, 0x00, 0x00, 0x03, 0x0C, 0x06, 0x00,
                               0x0B, 0x00, 0x00, 0x01, 0x03, 0x0C};
-/* Packets cut off behind a VLAN tag, twice, and EtherCAT in UDP, whole and cut off. */
+/* Packets cut off after a VLAN tag, twice, and EtherCAT in UDP, whole and cut off. */
 static const uint8_t headers[] = {
     0x11, 0x20, 0x02, 0x03, 0x0C, /* a connection, then packets */
     0x02, 14,   0,    0,    0,    0,    0,    0,    0,    0,    0,    0,    0,    0,    0,    0x81,

@@ -78,7 +78,7 @@ static void look_at(void *block) {
     }
     for (const uint8_t *at = (uint8_t *)block + end->bytes; at < (uint8_t *)end; at++) {
         if (*at != FILL) {
-            static const char text[] = "heap: something was written behind a block\n";
+            static const char text[] = "heap: bytes after a block were overwritten\n";
             (void)!write(STDERR_FILENO, text, sizeof text - 1);
             abort();
         }

@@ -281,7 +281,7 @@ static void arguments_are_looked_at(void) {
     CHECK(strcmp(fsn_found_text(99), "?") == 0 && fsn_core_kept_cycles(NULL) == 0);
     CHECK(strcmp(fsn_al_code_text(0), "no error is named") == 0);
     CHECK(strcmp(fsn_al_code_text(0x7FFF), "not a code of ETG.1000.6") == 0);
-    CHECK(strcmp(fsn_al_code_text(0x8000), "an error of its maker, see its manual") == 0);
+    CHECK(strcmp(fsn_al_code_text(0x8000), "a vendor-specific error, see its manual") == 0);
     CHECK(fsn_core_record(NULL, 1, NULL, NULL, NULL) == FSN_E_ARG);
     struct fsn_emulated *bus = NULL;
     CHECK(fsn_emulated_create(NULL, &bus) == FSN_E_ARG && bus == NULL);

@@ -170,7 +170,7 @@ static void what_is_refused(void) {
         const char *text;
     } cases[] = {
         {"motor", 0, 8, NULL, FSN_E_ARG,
-         "axis 0 of motor: 0x6040 is not mapped as an output: there"},
+         "axis 0 of motor: 0x6040 is not mapped as an output: unknown axis"},
         {"drive.a", 2, 8, NULL, FSN_E_ARG, "0x7040 is not mapped as an output"},
         {"drive.a", 8, 8, NULL, FSN_E_ARG, "axes 0 to 7"},
         {"drive.a", 0, 8, "drive.a.word", FSN_E_ARG, "0x6041 is not mapped as an input"},
@@ -178,7 +178,7 @@ static void what_is_refused(void) {
         {"drive.a", 0, 9, "drive.a.0x60FF:00", FSN_E_ARG, "0x60ff is not mapped as an output"},
         {"drive.a", 0, 10, "drive.a.0x6071:00", FSN_E_ARG, "0x6071 is not mapped as an output"},
         {"drive.a", 0, 9, "drive.a.position", FSN_E_ARG,
-         "0x6064 is not mapped as an input: the fi"},
+         "0x6064 is not mapped as an input: the first target is the position"},
         {"drive.a", 0, 8, "drive.a.0x6061:00", FSN_E_ARG, "0x6061 is not mapped as an input"},
         {"drive.a", 1, 9, NULL, FSN_E_ARG, "0x68ff is not mapped"},
         {"drive.a", 0, 2, NULL, FSN_E_ARG, "its mode is none of PP, PV"},

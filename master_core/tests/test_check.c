@@ -116,7 +116,7 @@ static void identities_are_compared(void) {
     CHECK(!fsn_check_identity(&info, 2, 3, 21, detail));
     CHECK(!fsn_check_identity(&info, 1, 3, 10, detail));
     CHECK(!fsn_check_identity(&info, 2, 4, 10, detail));
-    same(detail, "found vendor 0x00000002 product 0x00000004 revision 0x0000000a, the plan says "
+    same(detail, "found vendor 0x00000002 product 0x00000004 revision 0x0000000a, the plan has "
                  "0x00000002 0x00000003 0x0000000a to 0x00000014");
 }
 
@@ -172,7 +172,7 @@ static void addresses_are_compared_where_both_tell_them(struct fsn_plan *plan) {
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==
           FSN_E_BUS_ADDRESS);
     CHECK(readable && wrong_address == 264);
-    same(detail, "it has FSoE address 264, the plan says 7");
+    same(detail, "it has FSoE address 264, the plan has 7");
     same(objects.made, " f980:1 f980:1 f980:0 f980:2 f980:3 f980:4 f980:5 f980:6 f980:7 f980:8");
     objects = (struct objects){.status = FSN_OK, .value = 0xFF};
     CHECK(fsn_check_address(plan, SUB, &reached, &readable, &wrong_address, detail) ==

@@ -92,7 +92,7 @@ static struct handover_answer answer_at(int fd, int *fds) {
 static int given(struct takeover_rig *rig) {
     const int fd = knock(rig);
     const struct handover_hello hello = hello_of();
-    static const char known[] = "what the bus knows";
+    static const char known[] = "the state of the bus";
     struct handover_listener_gift gift = {.attachment = {.bytes = known,
                                                          .len_bytes = sizeof known,
                                                          .lock = rig->listening,
@@ -141,8 +141,7 @@ static void refused(const struct handover_hello *hello, bool again, const char *
 static void who_does_not_fit_is_refused(void) {
     struct handover_hello hello = hello_of();
     hello.format++;
-    refused(&hello, false,
-            "its version hands a bus over in another way; stop the bus, and start that version");
+    refused(&hello, false, "its handover protocol differs; stop the bus, and start that version");
     hello = hello_of();
     hello.plan[31] ^= 1;
     refused(&hello, false,

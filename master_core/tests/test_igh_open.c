@@ -101,7 +101,7 @@ static void other_devices_are_refused(void) {
     }
     rig = set_up();
     fake_object(1, 0xF980, 1, ADDRESS + 1, 2, true);
-    refuses(rig, FSN_E_BUS_ADDRESS, "FSoE address 15, the plan says 14");
+    refuses(rig, FSN_E_BUS_ADDRESS, "FSoE address 15, the plan has 14");
 }
 
 static void mappings_are_checked(void) {
@@ -110,7 +110,7 @@ static void mappings_are_checked(void) {
     refuses(rig, FSN_E_BUS_MAPPING, "PDO 0x1a00, entry 3 is 0x60000310");
     rig = set_up();
     fake_object(1, 0x1A00, 0, 7, 1, true);
-    refuses(rig, FSN_E_BUS_MAPPING, "PDO 0x1a00 has 7 entries, the plan says 8");
+    refuses(rig, FSN_E_BUS_MAPPING, "PDO 0x1a00 has 7 entries, the plan has 8");
     rig = set_up();
     fake_object(0, 0x1C12, 1, 0x1601, 2, true);
     refuses(rig, FSN_E_BUS_MAPPING, "an assigned PDO is 0x1601");
@@ -128,7 +128,7 @@ static void mappings_are_checked(void) {
     rig = set_up();
     fake.device[0].object_count = 0;
     fake.device[0].sii_bits[2] = 80;
-    refuses(rig, FSN_E_BUS_MAPPING, "SM2: its length in bits by the SII is 80, the plan says 72");
+    refuses(rig, FSN_E_BUS_MAPPING, "SM2: its length in bits by the SII is 80, the plan has 72");
 }
 
 static void sdos_are_written(void) {
@@ -273,18 +273,18 @@ static void igh_is_told_clocks_and_watchdogs(void) {
 static void sizes_of_igh_are_checked(void) {
     struct rig *rig = set_up();
     record(rig, FSN_SEC_SM, 3)[4] = 1;
-    refuses(rig, FSN_E_BUS_IMAGE, "IgH gives it 0 bytes, the plan says 8");
+    refuses(rig, FSN_E_BUS_IMAGE, "IgH gives it 0 bytes, the plan has 8");
 }
 
 static void what_does_not_come_is_not_waited_for(void) {
     struct rig *rig = set_up();
     fake.scans = 1000000;
     CHECK(open_with(rig, 0) == FSN_E_BUS_STATE);
-    CHECK(strcmp(rig->fault.rule, "IgH does not come to the end of its scan") == 0);
+    CHECK(strcmp(rig->fault.rule, "IgH does not finish its scan") == 0);
     tear_down(rig);
     rig = set_up();
     fake.device[1].al = 1;
-    refuses(rig, FSN_E_BUS_STATE, "PREOP refused: AL status 0x01; the kernel log says why");
+    refuses(rig, FSN_E_BUS_STATE, "PREOP refused: AL status 0x01; see the kernel log");
     for (uint8_t al = 4; al <= 8; al = (uint8_t)(2 * al)) {
         rig = set_up();
         fake.device[1].al = al;

@@ -631,7 +631,7 @@ static void a_hundred_are_enough(void) {
     logged[0] = 0;
     for (int i = 0; i < 3; i++) {
         CHECK(!fsn_incident_begin(rig.control->services.incidents, &trigger));
-        is_logged(logged, "w 100 incidents were kept since the start; no more will be\n");
+        is_logged(logged, "w 100 incidents were kept since the start; later ones are not kept\n");
     }
     CHECK(tear_down(&rig) == 1);
 }
@@ -650,17 +650,17 @@ static void folders_are_checked(void) {
     CHECK(fsn_incidents_create(path, &with->view, &with->events, &with->jobs, &none, &refusal) ==
               FSN_E_SYS &&
           none == NULL);
-    snprintf(text, sizeof text, "incidents: %s is no folder to write to: Not a directory", path);
+    snprintf(text, sizeof text, "incidents: %s is not a writable folder: Not a directory", path);
     CHECK(strcmp(refusal.text, text) == 0);
     CHECK(fsn_incidents_create("/nonexistent", &with->view, &with->events, &with->jobs, &none,
                                &refusal) == FSN_E_SYS);
-    CHECK(strcmp(refusal.text, "incidents: /nonexistent is no folder to write to: No such file or "
+    CHECK(strcmp(refusal.text, "incidents: /nonexistent is not a writable folder: No such file or "
                                "directory") == 0);
     fails.access = EACCES;
     CHECK(fsn_incidents_create(rig.folder, &with->view, &with->events, &with->jobs, &none,
                                &refusal) == FSN_E_SYS);
     fails.access = 0;
-    snprintf(text, sizeof text, "incidents: %s is no folder to write to: Permission denied",
+    snprintf(text, sizeof text, "incidents: %s is not a writable folder: Permission denied",
              rig.folder);
     CHECK(strcmp(refusal.text, text) == 0 && none == NULL);
     CHECK(strcmp(refusal.hint, "mkdir it, and let this user write there") == 0);

@@ -351,9 +351,9 @@ static void places_are_checked(void) {
     CHECK(unlink(path_of(1)) == 0 && symlink("/dev/null", path_of(1)) == 0);
     expect_refusal(FSN_E_SYS, "symbolic link");
     CHECK(unlink(path_of(1)) == 0 && mkfifo(path_of(1), 0600) == 0);
-    expect_refusal(FSN_E_SYS, "no regular file");
+    expect_refusal(FSN_E_SYS, "not a regular file");
     CHECK(unlink(path_of(1)) == 0 && mkdir(path_of(1), 0700) == 0);
-    expect_refusal(FSN_E_SYS, "no regular file");
+    expect_refusal(FSN_E_SYS, "not a regular file");
     char long_name[INTERVENTION_PATH_BYTES + 1];
     memset(long_name, 'a', sizeof long_name - 1);
     long_name[sizeof long_name - 1] = 0;

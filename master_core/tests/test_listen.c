@@ -211,7 +211,7 @@ static void paths_are_refused(void) {
     snprintf(path, sizeof path, "%s/file", rig.folder);
     const int file = open(path, O_CREAT | O_WRONLY | O_CLOEXEC, 0600);
     CHECK(file >= 0 && close(file) == 0);
-    snprintf(text, sizeof text, "%s is there and is no socket", path);
+    snprintf(text, sizeof text, "%s exists and is not a socket", path);
     refused(path, FSN_E_ARG, text, another);
     snprintf(path, sizeof path, "%s/file/s", rig.folder);
     snprintf(text, sizeof text, "the control socket %s: Not a directory", path);

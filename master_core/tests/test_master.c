@@ -267,8 +267,8 @@ static void a_failed_start_later_is_told_and_mended(void) {
     ask(&run, "start\n", reply, sizeof reply);
     ask_until(&run, "status\n", "\"state\":\"failed\"");
     ask(&run, "status\n", reply, sizeof reply);
-    CHECK(strstr(reply, "FSN_E_BUS_IDENTITY: SubDevice 1 (t): a SubDevice is another one than the "
-                        "plan says: found vendor 2 product 3; compare the bus") != NULL);
+    CHECK(strstr(reply, "FSN_E_BUS_IDENTITY: SubDevice 1 (t): a SubDevice is not the one in the "
+                        "plan: found vendor 2 product 3; compare the bus") != NULL);
     ask(&run, "start\n", reply, sizeof reply);
     ask_until(&run, "status\n", "\"state\":\"running\"");
     ask(&run, "shutdown\n", reply, sizeof reply);

@@ -139,13 +139,13 @@ static void assignments_are_written_once(void) {
     put(ASSIGNED, 1, 0x1601);
     on.locked = ASSIGNED;
     CHECKED(FSN_E_BUS_MAPPING, "1c12:00=0/1 1c12:01=1600/2! 1c12:00=1/1 ",
-            "SM2: an assigned PDO is 0x1601, the plan says 0x1600");
+            "SM2: an assigned PDO is 0x1601, the plan has 0x1600");
     set_up();
     on.locked = ASSIGNED;
     put(ASSIGNED, 0, 0); /* nothing was assigned, and its place keeps another one */
     put(ASSIGNED, 1, 0x1607);
     CHECKED(FSN_E_BUS_MAPPING, "1c12:00=0/1 1c12:01=1600/2! 1c12:00=1/1 ",
-            "SM2: an assigned PDO is 0x1607, the plan says 0x1600");
+            "SM2: an assigned PDO is 0x1607, the plan has 0x1600");
 }
 
 /** What takes nothing at all is not filled either, and how many there are is compared. */
@@ -163,7 +163,7 @@ static void numbers_are_compared(void) {
         on.locked = ASSIGNED;
         on.locked_whole = true;
         snprintf(detail, sizeof detail,
-                 "SM2: the number of assigned PDOs is 0x%x, the plan says 0x1",
+                 "SM2: the number of assigned PDOs is 0x%x, the plan has 0x1",
                  (unsigned)believed[i]);
         CHECKED(FSN_E_BUS_MAPPING, "1c12:00=0/1! 1c12:00=1/1! ", detail);
     }
@@ -172,7 +172,7 @@ static void numbers_are_compared(void) {
     on.locked = PDO;
     on.locked_whole = true;
     CHECKED(FSN_E_BUS_MAPPING, "1600:00=0/1! 1600:00=8/1! ",
-            "PDO 0x1600 has 7 entries, the plan says 8");
+            "PDO 0x1600 has 7 entries, the plan has 8");
 }
 
 static void what_cannot_be_read_is_left_to_the_device(void) {
@@ -234,7 +234,7 @@ static void mappings_are_written_once(void) {
     put(PDO, 3, 0x60000210);
     on.locked = PDO;
     CHECKED(FSN_E_BUS_MAPPING, "1600:00=0/1 1600:01=60000008/4! 1600:00=8/1 ",
-            "PDO 0x1600, entry 3 is 0x60000210, the plan says 0x60000208 (index, subindex, bits)");
+            "PDO 0x1600, entry 3 is 0x60000210, the plan has 0x60000208 (index, subindex, bits)");
     set_up();
     put(PDO, 0, 9);
     put(PDO, 9, 0x70000008);
@@ -292,7 +292,7 @@ static void padding_may_be_split(void) {
     put(PDO, 4, 9);
     on.locked = PDO;
     CHECK(fsn_pdo_check(plan, 0, &objects, said) == FSN_E_BUS_MAPPING);
-    CHECK(strcmp(said, "PDO 0x1600, entry 3 is 0x00000019, the plan says 0x00000018 (index, "
+    CHECK(strcmp(said, "PDO 0x1600, entry 3 is 0x00000019, the plan has 0x00000018 (index, "
                        "subindex, bits)") == 0);
     fsn_plan_free(padded);
     plan = kept;
@@ -340,7 +340,7 @@ static void lengths_are_compared(void) {
     char said[FSN_DETAIL_BYTES] = "";
     CHECK(fsn_pdo_check_bits(plan, SM, 64, said) == FSN_OK && said[0] == 0);
     CHECK(fsn_pdo_check_bits(plan, SM, 63, said) == FSN_E_BUS_MAPPING);
-    CHECK(strcmp(said, "SM2: its length in bits by the SII is 63, the plan says 64") == 0);
+    CHECK(strcmp(said, "SM2: its length in bits by the SII is 63, the plan has 64") == 0);
 }
 
 int main(void) {

@@ -60,8 +60,8 @@ static void header_rules(void) {
         bool crc; /**< corrected again */
         const char *says;
     } table[] = {
-        {0, 'f', false, "PLAN_MAGIC 0.-1+0: these bytes are no plan"},
-        {7, 1, false, "PLAN_MAGIC 0.-1+0: these bytes are no plan"},
+        {0, 'f', false, "PLAN_MAGIC 0.-1+0: these bytes are not a plan"},
+        {7, 1, false, "PLAN_MAGIC 0.-1+0: these bytes are not a plan"},
         {8, 2, false, "PLAN_VERSION 0.-1+8: the plan format has another version"},
         {9, 1, false, "PLAN_VERSION 0.-1+8: the plan format has another version"},
         {12, 0, false, "PLAN_LENGTH 0.-1+12: the stated length is not that of the file"},

@@ -342,7 +342,7 @@ static void refusals_are_reported(void) {
         set_up();
         os.no_interface = true;
         CHECK(opens[i]() == FSN_E_SYS);
-        TOLD(FSN_E_SYS, ENODEV, "there is no such interface", "eth7");
+        TOLD(FSN_E_SYS, ENODEV, "unknown interface", "eth7");
         set_up();
         os.socket_fails = EPERM;
         CHECK(opens[i]() == FSN_E_SYS);

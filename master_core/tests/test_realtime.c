@@ -455,7 +455,7 @@ static void who_does_not_fit_is_refused(void) {
         const char *text;
     } wrong[] = {{"nothing", FSN_E_ARG, "no input or output is called nothing"},
                  {"nothing*", FSN_E_ARG, "no input or output begins with nothing"},
-                 {"h*", FSN_E_ARG, "no output that a client may write is called so"},
+                 {"h*", FSN_E_ARG, "no writable output has this name"},
                  {"start", FSN_E_CLOSED, "start can restart a machine"},
                  {"height", FSN_E_CLOSED, "height is an input"},
                  {"copied", FSN_E_CLOSED, "copied belongs to a copy"},

@@ -59,7 +59,7 @@ static void fail_in_every_way(void) {
                                         .reset_text = "wrong CRC",
                                         .reset_code = 4,
                                         .now_ns = UINT64_C(999000000000),
-                                        .text = "the test says so"};
+                                        .text = "the test refuses"};
     on.control->services.incidents->pending.active = false;
     CHECK(fsn_incident_begin(on.control->services.incidents, &trigger));
     do_job();
@@ -242,7 +242,7 @@ static void change(const char *word) {
                                           .dc_time_ns = 12345};
         on.seen[1].al_status = FSN_AL_SAFEOP | FSN_AL_ERROR;
         on.seen[1].al_code = 0x1B;
-        snprintf(on.seen[1].detail, FSN_DETAIL_BYTES, "it wants a restart");
+        snprintf(on.seen[1].detail, FSN_DETAIL_BYTES, "it needs a restart");
         on.seen[2] = (struct fsn_bus_subdevice){.found = FSN_FOUND_NOTHING};
         cycle();
     } else if (strcmp(word, "breaks-off") == 0) {

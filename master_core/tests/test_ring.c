@@ -170,7 +170,7 @@ static const struct place places[] = {
      9,
      {0, 0},
      "between b (ring position 1, port 2) and d (ring position 3, port 0)"},
-    {{3, 7, 1, 3}, {3, 3, 1, 3}, {true, true}, 9, {0, 0}, "behind b (ring position 1, port 2)"},
+    {{3, 7, 1, 3}, {3, 3, 1, 3}, {true, true}, 9, {0, 0}, "after b (ring position 1, port 2)"},
     /* SubDevices without power. */
     {LINE,
      {3, 1, GONE, 2},

@@ -29,8 +29,8 @@ static const struct broken broken_rules[] = {
                                                                                           symbol in
                                                                                           an input
                                                                                         */
-    {6, 0, 8, 4, 65, FSN_E_COPY_RANGE, 0, "the symbol ends behind its sync manager"},
-    {6, 0, 8, 4, 0xFFFFFFF8u, FSN_E_COPY_RANGE, 0, "the symbol ends behind its sync manager"},
+    {6, 0, 8, 4, 65, FSN_E_COPY_RANGE, 0, "the symbol ends after its sync manager"},
+    {6, 0, 8, 4, 0xFFFFFFF8u, FSN_E_COPY_RANGE, 0, "the symbol ends after its sync manager"},
     {6, 0, 8, 4, 47, FSN_E_COPY_FRAME, 0,
      "a symbol must not touch an FSoE block"}, /* last bit of the frame */
     {6, 0, 12, 2, 0, FSN_E_PLAN_VALUE, 0,
@@ -46,8 +46,8 @@ static const struct broken broken_rules[] = {
     {7, 1, 0, 4, 4, FSN_E_PLAN_REFERENCE, 1, "the block's sync manager does not exist"},
     {7, 1, 0, 4, 0, FSN_E_COPY_OVERLAP, 1,
      "blocks overlap or are not sorted by sync manager and offset"}, /* two blocks at one place */
-    {7, 0, 4, 4, 4, FSN_E_COPY_RANGE, 0, "the block ends behind its sync manager"},
-    {7, 0, 4, 4, 0xFFFFFFFFu, FSN_E_COPY_RANGE, 0, "the block ends behind its sync manager"},
+    {7, 0, 4, 4, 4, FSN_E_COPY_RANGE, 0, "the block ends after its sync manager"},
+    {7, 0, 4, 4, 0xFFFFFFFFu, FSN_E_COPY_RANGE, 0, "the block ends after its sync manager"},
     {7, 0, 4, 4, 1, FSN_E_COPY_FRAME, 0,
      "a symbol must not touch an FSoE block"}, /* block moved: symbol 0 or copy 0 cuts it */
     {7, 0, 8, 2, 8, FSN_E_PLAN_VALUE, 0,

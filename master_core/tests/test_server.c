@@ -172,7 +172,7 @@ static void long_lines_are_refused_once(void) {
     text[FSN_LINE_BYTES] = '\n';
     say(0, text);
     turn();
-    CHECK(strstr(heard(0), "there is no request xxx") != NULL); /* just not too long */
+    CHECK(strstr(heard(0), "unknown request xxx") != NULL); /* just not too long */
     memset(text, 'x', FSN_LINE_BYTES + 1);
     text[FSN_LINE_BYTES + 1] = 0;
     say(0, text);

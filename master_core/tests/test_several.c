@@ -482,7 +482,7 @@ static void a_refusal_names_the_bus(void) {
     struct fsn_several *several;
     struct fsn_core *core;
     struct fsn_fault why = {
-        .status = FSN_E_BUS_MISSING, .section = 1, .copy_index = 1, .detail = "nobody there"};
+        .status = FSN_E_BUS_MISSING, .section = 1, .copy_index = 1, .detail = "no answer"};
     CHECK(fsn_plan_part(plan, 0, &part) == FSN_OK && fsn_emulated_create(part, &first) == FSN_OK);
     const struct fsn_several_member members[] = {{fsn_emulated_ops(), first, part},
                                                  {&refusing, &why, NULL}};
@@ -492,7 +492,7 @@ static void a_refusal_names_the_bus(void) {
     CHECK(fsn_core_create(plan, fsn_several_ops(several), several, &core, &fault) ==
           FSN_E_BUS_MISSING);
     CHECK(fault.status == FSN_E_BUS_MISSING && fault.section == 1 && fault.copy_index == 3);
-    CHECK(strcmp(fault.detail, "bus t: nobody there") == 0);
+    CHECK(strcmp(fault.detail, "bus t: no answer") == 0);
     why = (struct fsn_fault){.status = FSN_E_BUS_IMAGE, .section = 2, .copy_index = 2};
     CHECK(fsn_core_create(plan, fsn_several_ops(several), several, &core, &fault) ==
           FSN_E_BUS_IMAGE);

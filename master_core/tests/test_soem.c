@@ -498,7 +498,7 @@ static void refusals(void) {
     CHECK(fsn_backend_soem()->create(&absent, &second, NULL) == FSN_OK);
     rig = set_up();
     CHECK(fsn_core_create(rig->plan, fsn_backend_soem()->ops, second, &none, &fault) == FSN_E_SYS);
-    CHECK(strstr(fault.rule, "no such interface") != NULL && strcmp(fault.detail, "absent") == 0);
+    CHECK(strstr(fault.rule, "unknown interface") != NULL && strcmp(fault.detail, "absent") == 0);
     fsn_backend_soem()->free(second);
     tear_down(rig);
 }

@@ -113,7 +113,7 @@ static void wrong_tools_stay_out(void) {
     static const struct fsn_segment_identity other = {0x1234, 0x5678, 0x9};
     struct rig *rig = begin();
     plug(rig, 3, true);
-    find(rig, 3, FSN_FOUND_ABSENT, "it stands at ring position 3 while t is at t");
+    find(rig, 3, FSN_FOUND_ABSENT, "it is at ring position 3 while t is at t");
     CHECK(look(rig, 3).al_status == FSN_AL_NONE && flows(rig, 1));
     CHECK(fsn_segment_al_status(rig->segment, 3, NULL) == FSN_AL_INIT);
     plug(rig, 3, false);

@@ -121,8 +121,7 @@ static void some_have_no_mailbox_and_some_have_clocks(void) {
     rig = set_up_changed(have_no_mailbox);
     uint8_t *pdo = record(rig->plan, FSN_SEC_SM, 5);
     pdo[8] = (uint8_t)(pdo[8] - 8);
-    is_refused(rig, FSN_E_BUS_MAPPING,
-               "SM1: its length in bits by the SII is 48, the plan says 40");
+    is_refused(rig, FSN_E_BUS_MAPPING, "SM1: its length in bits by the SII is 48, the plan has 40");
     tear_down(rig);
 }
 
@@ -156,7 +155,7 @@ static void what_has_no_place_is_refused(void) {
         fsn_segment_set_present(rig->segment, n, false);
     }
     CHECK(system("ip link set far down") == 0);
-    is_refused(rig, FSN_E_BUS_SILENT, "near2 has a link, but no EtherCAT SubDevice behind it");
+    is_refused(rig, FSN_E_BUS_SILENT, "near2 has a link, but no EtherCAT SubDevice answers on it");
     CHECK(!rig->fault.link_down);
     CHECK(system("ip link set far2 down") == 0);
     close_bus(rig);

@@ -61,7 +61,7 @@ static void collect(void) {
     static const char none[] = "not a code of ETG.1000.6";
     add_all("status", 0, 500, status_name, "FSN_E_?");
     add_all("text", 0, 500, status_text, "unknown status");
-    add_all("next", 0, 500, next_step, "fsoe-net plan NETWORK -o PLAN makes the plan anew");
+    add_all("next", 0, 500, next_step, "fsoe-net plan NETWORK -o PLAN makes the plan again");
     add_all("al", 0, 0x8000, al_code, none);
     add_all("found", 0, 255, found, "?");
     add_all("abort", 0, 0xFFFF, abort_code, none);

@@ -225,7 +225,7 @@ static void both_answer(struct rig *rig) {
 
 static void somebody_else_speaks(struct rig *rig) {
     wall.monotonic_ns += UINT64_C(700000000);
-    CHECK(send(rig->far[0], "somebody else", 13, 0) == 13);
+    CHECK(send(rig->far[0], "another sender", 14, 0) == 14);
 }
 
 /** Waiting ends with the last reply, or at the timeout, whatever other stations send meanwhile. */

@@ -133,7 +133,7 @@ def test_a_place_out_of_all_numbers_is_no_report() -> None:
 def test_people_sign_a_page() -> None:
     alone = read_signed_report([(source("r.json"), report_with())])
     assert refused(grounds_of(report=alone)) == [
-        "there is no page of the report among the files: people sign that one"
+        "the files contain no page of the report, which people sign"
     ]
 
 
@@ -154,7 +154,7 @@ def test_a_person_has_a_name(name: str) -> None:
 @pytest.mark.parametrize("name", ["A. Kaya\u200b", "A.\nKaya", "\u202eA. Kaya", "A.\x1b[31mKaya"])
 def test_a_name_holds_nothing_unseen(name: str) -> None:
     (found,) = refused(grounds_of(author=SignedBy(name=name, date="2026-11-21", competence="x1")))
-    assert found.startswith("the name of the author holds characters that nobody sees")
+    assert found.startswith("the name of the author contains invisible characters")
 
 
 def test_nobody_signs_before_the_last_step() -> None:
@@ -232,7 +232,7 @@ def test_another_place_is_another_warning(subject: str) -> None:
     found = refused(_with_finding("warning", Reason(subject=subject, reason="x", by="Yi")))
     assert found == [
         "FSN607 at cells/a.yaml:7:3 is not justified: says so",
-        f"--justify {subject}: there is no such warning or open step",
+        f"--justify {subject}: no warning or open step has this name",
     ]
 
 
@@ -240,7 +240,7 @@ def test_a_report_with_something_against_it_is_not_signed() -> None:
     verdict = {"type": "verdict", "level": "error", "word": "no findings, but 1 verdict against it"}
     report = signed_report(report_with(verdict=verdict))
     assert refused(grounds_of(report=report)) == [
-        "the report says: no findings, but 1 verdict against it"
+        "the report states: no findings, but 1 verdict against it"
     ]
 
 
@@ -355,8 +355,7 @@ def test_a_time_that_is_hard_to_believe_needs_a_reason(measured: float, doubt: s
 def test_nobody_tests_what_is_not_there_yet() -> None:
     grounds = with_step(grounds_of(), StepKind.TRIGGER, date="2026-11-20")
     early = (
-        "step trigger estop at : done on 2026-11-20, before this configuration was there: "
-        "2026-11-21"
+        "step trigger estop at : done on 2026-11-20, before this configuration existed: 2026-11-21"
     )
     assert refused(grounds) == [early]
     assert refused(with_step(grounds, StepKind.TRIGGER, date="2026-11-20", measured_ms=0)) == [
@@ -387,8 +386,8 @@ def with_logic(text: str) -> Grounds:
 def test_what_was_not_read_at_a_device_needs_a_reason(text: str) -> None:
     grounds = with_logic(text)
     assert refused(grounds) == [
-        "firmware logic at : nobody has read it at the machine",
-        "safety_project_crc logic at : nobody has read it at the machine",
+        "firmware logic at : it was not read at the machine",
+        "safety_project_crc logic at : it was not read at the machine",
     ]
     reasons = [
         Reason(subject="firmware *", reason="no display", by="B. Kaya"),
@@ -424,17 +423,17 @@ def test_a_doubtful_time_does_not_close_an_open_step() -> None:
     )
 
 
-def test_one_letter_names_nobody() -> None:
+def test_one_letter_is_not_a_person() -> None:
     grounds = with_step(grounds_of(), StepKind.TRIGGER, by="A")
     grounds = replace(
         grounds,
         author=SignedBy(name="A.", date=DAY),
         reasons=[Reason(subject="loss *", reason="soldered in", by="B")],
     )
-    assert [text for text in refused(grounds) if "names nobody" in text] == [
-        "the author is 'A.': that names nobody",
-        "--justify loss * is by 'B': that names nobody",
-        "step trigger estop at : done by 'A', which names nobody",
+    assert [text for text in refused(grounds) if text.endswith("not a person")] == [
+        "the author is 'A.': that is not a person",
+        "--justify loss * is by 'B': that is not a person",
+        "step trigger estop at : done by 'A', which is not a person",
     ]
 
 
@@ -463,7 +462,7 @@ def test_a_change_is_explained_and_history_is_kept(tmp_path: Path) -> None:
     old = source("acceptance.yaml")
     now = grounds_of(path, before=before, before_source=old, again=["loss io2"])
     (found,) = refused(now)
-    assert "nothing says what was changed" in found
+    assert "the change is not stated" in found
     first = Intervention(what="new drive", by="C. Okoro", date="2026-11-22")
     record, _ = sign_off(replace(now, interventions=[first]))
     assert record is not None

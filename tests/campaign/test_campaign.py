@@ -73,7 +73,7 @@ def test_faults_that_happen_together():
     assert result.injected == 200
     assert result.interval is None
     for bad in ("loss+", "nothing", "loss+bit_errors", ""):
-        with pytest.raises(ConfigError, match="no class"):
+        with pytest.raises(ConfigError, match="not a class"):
             run_trials(make_config(), bad, range(1))
 
 

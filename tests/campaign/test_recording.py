@@ -112,7 +112,7 @@ def test_a_missing_key_is_named(key):
 
 def test_a_command_that_is_no_string():
     rows = [ROWS[0] | {"commands": [1]}]
-    refused(recording_text(rows).splitlines(), 2, "command 1 is no string")
+    refused(recording_text(rows).splitlines(), 2, "command 1 is not a string")
 
 
 @pytest.mark.parametrize("text", COMMAND_MISTAKES)

@@ -122,7 +122,7 @@ def test_from_the_test_record_to_a_change_and_its_record(folder: Path) -> None:
     ]
     done = fsn(*second)
     assert done.returncode == 1
-    assert "nothing says what was changed" in done.stderr
+    assert "the change is not stated" in done.stderr
     assert not (folder / "second.yaml").exists()
     done = fsn(*second, "--intervention", "io2 has a new ID after its exchange by C. Okoro")
     assert done.returncode == 0, done.stderr
@@ -194,7 +194,10 @@ def test_wrong_words_and_files_are_refused(folder: Path) -> None:
     (folder / "link.yaml").symlink_to("away.yaml")
     for more, wanted in (
         (["-o", "a.yaml", "--date", "21.11.2026"], "YYYY-MM-DD"),
-        (["-o", "a.yaml", "--date", "9999-12-31"], "is in the future; nobody has signed then"),
+        (
+            ["-o", "a.yaml", "--date", "9999-12-31"],
+            "is in the future; write today or an earlier day",
+        ),
         (["-o", "a.yaml", "--justify", "loss *=no name"], "by NAME"),
         (["-o", "a.yaml", "--intervention", "by nobody"], "by NAME"),
         (["-o", "a.yaml", "--justify", "loss *=- by ."], "by NAME"),

@@ -83,9 +83,9 @@ def test_json_sarif_and_github_formats_have_the_findings(tmp_path: Path):
         (("check", "nowhere.yaml"), 1, "no such file"),
         (("explain", "FSN999"), 2, "no code"),
         (("check", ESTOP, "--runtime", "ros2-2026"), 2, "'ros2-2026-06', 'ros2-2026-08'"),
-        (("plan", "--show", ESTOP), 1, "no .fsnplan file"),
+        (("plan", "--show", ESTOP), 1, "not a .fsnplan file"),
         (("plan", "--show", "nowhere"), 1, "no such file"),
-        (("plan", ESTOP, "-o", "/nonexistent/x.fsnplan"), 3, "no folder /nonexistent"),
+        (("plan", ESTOP, "-o", "/nonexistent/x.fsnplan"), 3, "missing folder /nonexistent"),
         (("run", "nowhere.yaml"), 1, "no such file"),
         (("run", ESTOP, "--scenario", "nowhere.yaml"), 1, "no such file"),
         (("run", ESTOP, "--duration", "0"), 2, "duration"),
@@ -93,7 +93,9 @@ def test_json_sarif_and_github_formats_have_the_findings(tmp_path: Path):
         (("report", ESTOP), 2, "-o"),
     ],
 )
-def test_usage_error_is_reported_with_its_exit_code(arguments: tuple[str, ...], code: int, words: str):
+def test_usage_error_is_reported_with_its_exit_code(
+    arguments: tuple[str, ...], code: int, words: str
+):
     done = fsn(*arguments)
     assert done.returncode == code, done.stderr
     assert words in done.stdout + done.stderr

@@ -69,7 +69,7 @@ def test_standard_input_of_any_bytes(master):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["-c", "stat"], r"error: -c:1:1: there is no command stat; did you mean"),
+        (["-c", "stat"], r"error: -c:1:1: unknown command stat; did you mean"),
         (["-c", "echo 'a"], r"error: -c:1:6: this quote ' has no end"),
         (["-c", "state", "--run", "x"], "exclude each other"),
         (["x"], "unexpected extra argument"),

@@ -68,7 +68,9 @@ def copies(network: Path) -> list[dict]:
         ("any.thing", ("--to", "eni"), "<EtherCATConfig"),
     ],
 )
-def test_target_is_chosen_by_extension_or_option(out: str, to: tuple[str, ...], begin: str, tmp_path: Path):
+def test_target_is_chosen_by_extension_or_option(
+    out: str, to: tuple[str, ...], begin: str, tmp_path: Path
+):
     done = converted(NETWORK, "-o", tmp_path / out, *to)
     assert done.returncode == 0, done.stderr
     assert begin in (tmp_path / out).read_text("utf-8")
@@ -125,7 +127,7 @@ def test_nothing_is_overwritten(tmp_path: Path):
     ("name", "content", "why"),
     [
         ("a.xml", b"<Project1/>", "FSN117"),
-        ("a.txt", b"hello", "no reader knows this file"),
+        ("a.txt", b"hello", "unsupported file type"),
         ("a.yaml", b"x: [", "FSN1"),
         ("a.sii", b"\0" * 20, "FSN138"),
         ("a.eni.xml", b"<EtherCATConfig><Config>", "FSN118"),

@@ -109,7 +109,9 @@ VERDICT = Facts(held=False, place="s.yaml:4", text="x = 1", seen="was 0")
         ),
     ],
 )  # fmt: skip
-def test_end_of_an_emulation_is_printed(result: Any, lines: list[str], capsys: pytest.CaptureFixture[str]):
+def test_end_of_an_emulation_is_printed(
+    result: Any, lines: list[str], capsys: pytest.CaptureFixture[str]
+):
     emulate_output.print_emulation(result)
     assert capsys.readouterr().out.splitlines()[1:] == lines
 

@@ -319,7 +319,7 @@ def test_wrong_answers_are_named_at_their_place(rows: str, code: str, at: str, t
         (
             "{type: EL1904, position: 0}",
             "1:55: error[FSN156]",
-            "position 0 stands behind position 0",
+            "position 0 follows position 0",
             "list the SubDevices in ring order",
         ),
         (
@@ -341,7 +341,7 @@ def test_a_ring_that_cannot_be(row: str, at: str, message: str, hint: str, tmp_p
 def test_a_type_nobody_knows(tmp_path: Path):
     done = init(*devices(tmp_path), out=tmp_path / "o", answers="subdevices: [{type: EL1094}]\n")
     assert done.returncode == 1
-    assert "answers.yaml:1:21: error[FSN155]: no file and no device library knows" in done.stderr
+    assert "answers.yaml:1:21: error[FSN155]: no file and no device library contains" in done.stderr
     assert "did you mean 'EL1904'?" in done.stderr
 
 
@@ -362,7 +362,7 @@ def test_the_template_is_taken_as_it_is_and_when_completed(tmp_path: Path):
     answers.write_text(RING, "utf-8")
     files = devices(tmp_path)
     text = fsn("init", *files, "--answers", str(answers), "--answers-template").stdout
-    assert f"open beside the answers in {answers}" in text
+    assert f"in addition to the answers in {answers}" in text
     assert "name: " not in text.splitlines()[2]  # it is in the answers
     plain = init(*files, out=tmp_path / "one", answers=text + RING)
     assert plain.returncode == 1, plain.stderr
@@ -383,7 +383,7 @@ def test_the_template_is_taken_as_it_is_and_when_completed(tmp_path: Path):
 def test_nobody_is_asked_without_a_terminal(tmp_path: Path):
     done = fsn("init", str(BASE / "lcec.xml"), "-o", str(tmp_path / "out"))
     assert done.returncode == 1
-    assert "nobody is here to be asked" in done.stderr
+    assert "answers are needed" in done.stderr
     assert "--no-input leaves it open" in done.stderr
     assert fsn("init").returncode == 2
 

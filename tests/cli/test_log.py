@@ -124,12 +124,14 @@ def test_a_log_is_packed_byte_for_byte(folder: Path) -> None:
         (("show", "log", "--since", "soon"), 2, "write 2026-11-23 or"),
         (("export", "log"), 2, "--output"),
         (("export", "log", "-o", "-"), 2, "only written into a file"),
-        (("export", "log", "-o", "none/x.zip"), 3, "there is no folder"),
+        (("export", "log", "-o", "none/x.zip"), 3, "missing folder"),
         (("export", "none", "-o", "x.zip"), 1, "no such file"),
         (("verify",), 2, "FILES"),
     ],
 )
-def test_usage_error_writes_no_export(folder: Path, arguments: tuple[str, ...], code: int, text: str) -> None:
+def test_usage_error_writes_no_export(
+    folder: Path, arguments: tuple[str, ...], code: int, text: str
+) -> None:
     (folder.parent / "empty").mkdir()
     assert text in log(*arguments, folder=folder, code=code)
     assert not (folder.parent / "x.zip").exists()
@@ -151,5 +153,5 @@ def test_a_whole_file_of_one_line_is_read_in_pieces(folder: Path) -> None:
     path = folder / "interventions-000002.jsonl"
     path.write_bytes(b"x" * (4 << 20))
     found = json.loads(log("verify", "log", "--format", "json", folder=folder))
-    assert "the last line is not whole" in found["remarks"][0]
+    assert "the last line is incomplete" in found["remarks"][0]
     assert found["files"][1]["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()

@@ -85,7 +85,7 @@ def test_any_byte_of_the_record_counts(folder: Path, before: str, after: str) ->
     found = refused()
     assert len(found) == 2
     for row, role in zip(found, ("author", "verifier"), strict=True):
-        assert row.startswith(f"{RECORD}.{role}.sig is no signature of {RECORD} by ")
+        assert row.startswith(f"{RECORD}.{role}.sig is not a signature of {RECORD} by ")
         assert row.endswith("Signature verification failed: incorrect signature")
 
 
@@ -153,7 +153,7 @@ def nobody_allowed(folder: Path) -> None:
     ("spoil", "words"),
     [
         (missing, ["no signature of the author A. Meier <"]),
-        (swapped, ["author.sig is no signature", "verifier.sig is no signature"]),
+        (swapped, ["author.sig is not a signature", "verifier.sig is not a signature"]),
         (of_another_namespace, ["namespace does not match"]),
         (of_nobody_we_know, [f"revoked, or not one of {ANNA} in signers"]),
         (cut_short, ["Couldn't parse signature"]),
@@ -289,7 +289,7 @@ def test_a_name_without_a_principal_is_not_signed(folder: Path, author: str) -> 
     replace(RECORD, f"A. Meier <{ANNA}>", author)
     done = fsn("acceptance", "sign", RECORD, "--key", "anna", "--as", "author", "--overwrite")
     assert done.returncode == 1
-    words = f"the author {author!r} has no principal behind the name"
+    words = f"the author {author!r} has no principal after the name"
     assert words in done.stderr
     sign(folder, "bert", "verifier")
     (found,) = refused()
@@ -352,14 +352,14 @@ def test_a_signature_is_not_replaced_unasked_and_no_day_to_come_counts(folder: P
         (
             ("acceptance", "verify", "timed.yaml"),
             2,
-            "one of --accepted FILE and --acceptance RECORD",
+            "give either --accepted FILE or --acceptance RECORD",
         ),
         (
             ("acceptance", "verify", "--acceptance", RECORD),
             2,
             "--acceptance RECORD and --signers FILE belong",
         ),
-        ((*VERIFY, "--accepted", RECORD), 2, "one of --accepted FILE and --acceptance RECORD"),
+        ((*VERIFY, "--accepted", RECORD), 2, "give either --accepted FILE or --acceptance RECORD"),
         (
             ("acceptance", "verify", "x", "--accepted", "x", "--revoked", "x"),
             2,

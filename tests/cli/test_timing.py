@@ -82,7 +82,7 @@ def test_a_run_counts_where_it_was_slower(tmp_path: Path) -> None:
     ("option", "words"),
     [
         (("--cycle", "4"), "has no unit; write 4ms or 4us"),
-        (("--drift", "50%"), "no share up to 10%"),
+        (("--drift", "50%"), "not a share up to 10%"),
         (("--copy-cycles", "0"), "copy-cycles"),
     ],
 )
@@ -112,7 +112,7 @@ def test_what_is_no_run_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     done = fsn("timing", str(TIMED), "--measured", str(path))
     assert done.returncode == 1
-    assert "is no result of a run" in done.stderr
+    assert "is not the result of a run" in done.stderr
 
 
 def test_the_picture_has_a_curve_of_each_school(tmp_path: Path) -> None:

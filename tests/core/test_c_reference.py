@@ -63,7 +63,7 @@ def test_explain_knows_every_status() -> None:
         done = fsn("explain", word)
         assert done.stdout == (
             "FSN_E_BUS_SILENT (-64): no SubDevice answers on this interface\n\nNext step: "
-            "secure the machine, then check cable, power and --interface; --wait 30s tries again.\n"
+            "secure the machine, then check cable, power and --interface; --wait 30s retries.\n"
         )
     wrong = fsn("explain", "FSN_E_BUS_SILNT")
     assert wrong.returncode == 2

@@ -30,7 +30,7 @@ def test_names_and_sizes(plan: CorePlan):
 
 
 def test_refusal_names_record_and_rule():
-    with pytest.raises(PlanFormatError, match="no plan"):
+    with pytest.raises(PlanFormatError, match="not a plan"):
         CorePlan.load(b"x" * 300)
 
 

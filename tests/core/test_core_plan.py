@@ -38,7 +38,7 @@ def poke(raw: bytes, kind: int, offset: int, layout: str, value: int) -> bytes:
     [
         ((8, 32 + 4, "<I", 4), r"copy 1: a copy starts on a byte \(FSN_E_COPY_ALIGN\)"),
         ((8, 0, "<I", 2), r"copy 0: .*reads a registered input .*FSN_E_COPY_DIRECTION"),
-        ((8, 4, "<I", 24), r"copy 0: .*ends behind its sync manager"),
+        ((8, 4, "<I", 24), r"copy 0: .*ends after its sync manager"),
         ((8, 4, "<I", 8), r"copy 0: .*whole FSoE block"),
         ((2, 24 + 8, "<I", 72), r"sync manager 1: the entries do not add up"),
         ((6, 44, "<I", 0xFFFF), r"symbol 1: the name lies outside"),
@@ -48,8 +48,8 @@ def poke(raw: bytes, kind: int, offset: int, layout: str, value: int) -> bytes:
         ((9, 8, "<I", 1), r"connection 0: main and sub are the same"),
         ((1, 48 + 42, "<H", 2), r"SubDevice 1: a flag of the SubDevice is unknown"),
         ((1, 48 + 44, "<I", 0xFFFF), r"SubDevice 1: what the driver reads lies outside"),
-        ((9, 36, "<I", 0xFFFF), r"connection 0: the application parameters are no pairs"),
-        ((9, 36, "<I", 1), r"connection 0: the application parameters are no pairs"),
+        ((9, 36, "<I", 0xFFFF), r"connection 0: the application parameters are not pairs"),
+        ((9, 36, "<I", 1), r"connection 0: the application parameters are not pairs"),
     ],
 )
 def test_refusal_names_record_and_rule(change: tuple[int, int, str, int], expected: str) -> None:
@@ -64,7 +64,7 @@ def test_refusals_of_the_whole_file() -> None:
     good = estop().build()
     for data, word in [
         (b"", "shorter"),
-        (b"\0" * 400, "no plan"),
+        (b"\0" * 400, "not a plan"),
         (good[:-1], "length"),
         (good + b"\0", "length"),
         (good[:-1] + b"\1", "CRC"),

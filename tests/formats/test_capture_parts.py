@@ -146,7 +146,9 @@ ROW = datagram(4, 0x01301001, b"\0\0", 1)
         (packet(ROW)[:12] + b"\x08\x06" + packet(ROW)[14:], None, None),
     ],
 )
-def test_datagrams_are_found_in_each_kind_of_packet(data: bytes, number: int | None, cut: bool | None):
+def test_datagrams_are_found_in_each_kind_of_packet(
+    data: bytes, number: int | None, cut: bool | None
+):
     found = datagrams(data)
     assert (None if found is None else (len(found[0]), found[1])) == (
         None if number is None else (number, cut)

@@ -273,5 +273,5 @@ def test_source_that_no_command_brings_is_refused():
     said = r"^no cyclic command of this ENI brings input bits 100000 to 100048$"
     with pytest.raises(InputError, match=said):
         replace_copies(write_eni(bus(1)).encode(), [(100_000, 0, 48)], header_bits=0)
-    with pytest.raises(InputError, match="no ENI"):
+    with pytest.raises(InputError, match="this ENI cannot be changed"):
         replace_copies(b"<a", [], header_bits=0)

@@ -138,7 +138,7 @@ def test_a_device_of_the_users_own():
         ("      - {sm: 3, byte: 0, frame_bytes: 6, safe_bytes: 1}\n", "", "FSN139", "not stated"),
         ('"6760:01/8', '"6790:01/8', "FSN139", "none there"),
         ("source: file\n    sync", "source: book\n    sync", "FSN139", "'book'"),
-        ('["2000:00"]', '["6640:00"]', "FSN139", "no standard output"),
+        ('["2000:00"]', '["6640:00"]', "FSN139", "not a standard output"),
         (
             '"6760:01/8 6641:01-08/1 6760:03/16 6760:02/16"',
             '"6900:01/8 6641:01-08/1 6900:03/16 6900:02/16"',

@@ -104,7 +104,7 @@ def test_the_hint_is_what_was_meant_or_what_is_allowed(text: str, what: str, hin
 @pytest.mark.parametrize(
     ("text", "hint"),
     [
-        ("1ms", "write the number alone; cycle_us says its unit"),
+        ("1ms", "write the number alone; the unit is in the name cycle_us"),
         ("fast", "write a number, such as 1000 or 1.5"),
         ("nan", "write .nan"),
         ("inf", "write .inf"),

@@ -98,7 +98,7 @@ def test_messages_of_a_logic_are_frames(tmp_path: Path):
     signals = outputs.placed[-1].entry
     assert (signals.address, signals.bits) == ("0xf788:00", 8)
     assert brain.notes == (
-        "its objects are numbered as the device library says, not as TwinCAT does: compare them "
+        "its objects are numbered as in the device library, not as in TwinCAT: compare them "
         "with the device (`ethercat pdos`)",
         "Standard In Var 1 (Restart) is linked to MAIN.restart",
     )
@@ -261,7 +261,7 @@ def test_two_masters_and_a_frame_that_leaves_the_ring():
         (
             "FSOE_6</Type>",
             "ODD_TYPE</Type>",
-            ("FSN147", "EL6910: nothing says how long 'ODD_TYPE' is, so the process data of SM3"),
+            ("FSN147", "EL6910: the length of 'ODD_TYPE' is not stated, so the process data"),
         ),
         (
             "USINT</Type>",

@@ -219,7 +219,9 @@ def test_random_mutations_do_not_raise(
 
 @FUZZ
 @given(values=st.lists(st.text(max_size=30), min_size=6, max_size=6))
-def test_random_values_do_not_raise(values: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_random_values_do_not_raise(
+    values: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     """Well-formed files with any text in every number and word."""
     text = BASE.decode()
     olds = [">1000<", '"alias">7<', '"position">2<', ">false<", "GenericEcSlave", '"required"']

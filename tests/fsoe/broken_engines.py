@@ -298,7 +298,7 @@ BROKEN = (
     Broken(
         "a number two off is taken",
         "forged",
-        r"goes on with .* Reset 4",
+        r"continues with .* Reset 4",
         Chain,
         "receive",
         _any_near_number,
@@ -306,7 +306,7 @@ BROKEN = (
     Broken(
         "the next number is taken too",
         "forged",
-        r"goes on with .* Reset 4",
+        r"continues with .* Reset 4",
         Chain,
         "receive",
         _next_number_too,
@@ -314,7 +314,7 @@ BROKEN = (
     Broken(
         "main ignores the ConnID",
         "forged",
-        r"the main: goes on with .* Reset 3",
+        r"the main: continues with .* Reset 3",
         MainInstance,
         "_error",
         _main_error(ResetCode.CONNECTION_ID),
@@ -322,7 +322,7 @@ BROKEN = (
     Broken(
         "main ignores the echo",
         "forged",
-        r"the main: goes on with .* Reset 7",
+        r"the main: continues with .* Reset 7",
         MainInstance,
         "_error",
         _main_error(ResetCode.ECHO),
@@ -386,7 +386,7 @@ BROKEN = (
     Broken(
         "a frame at the end of the watchdog is taken",
         "watchdog_edge",
-        r"goes on with .*Reset 5",
+        r"continues with .*Reset 5",
         Instance,
         "_watchdog_expired",
         _one_late,
@@ -466,7 +466,7 @@ BROKEN = (
     Broken(
         "sub takes a Session with a wrong CRC",
         "forged",
-        r"the sub: goes on with Session.*Reset 4",
+        r"the sub: continues with Session.*Reset 4",
         SubInstance,
         "_on_session",
         _any_session,
@@ -493,7 +493,7 @@ HANDLERS = (
     Broken(
         "sub ignores the ConnID",
         "forged",
-        r"the sub: goes on with .*Reset 3",
+        r"the sub: continues with .*Reset 3",
         State.DATA,
         "",
         _in_data,
@@ -502,7 +502,7 @@ HANDLERS = (
         Broken(
             f"sub compares the bits {mask:04x} of the ConnID",
             "forged",
-            r"the sub: goes on with .*Reset 3",
+            r"the sub: continues with .*Reset 3",
             State.DATA,
             "",
             _connection_id_under(mask),
@@ -512,7 +512,7 @@ HANDLERS = (
     Broken(
         "sub ignores the address",
         "parameters",
-        r"the sub: goes on with .*Reset 6",
+        r"the sub: continues with .*Reset 6",
         State.CONNECTION,
         "",
         _without_address,
@@ -520,7 +520,7 @@ HANDLERS = (
     Broken(
         "sub ignores the parameter length",
         "parameters",
-        r"the sub: goes on with .*Reset 8",
+        r"the sub: continues with .*Reset 8",
         State.PARAMETER,
         "",
         _told(_right_length),
@@ -528,7 +528,7 @@ HANDLERS = (
     Broken(
         "sub ignores the application length",
         "parameters",
-        r"the sub: goes on with .*Reset 10",
+        r"the sub: continues with .*Reset 10",
         State.PARAMETER,
         "",
         _told(_right_app_length),
@@ -536,7 +536,7 @@ HANDLERS = (
     Broken(
         "sub takes a watchdog of 0",
         "parameters",
-        r"the sub: goes on with .*Reset 9",
+        r"the sub: continues with .*Reset 9",
         State.PARAMETER,
         "",
         _told(_some_watchdog),
@@ -544,7 +544,7 @@ HANDLERS = (
     Broken(
         "sub takes data in Parameter",
         "forged",
-        r"the sub: goes on with .*Reset 1 ",
+        r"the sub: continues with .*Reset 1 ",
         State.PARAMETER,
         "",
         _data_in_parameter,

@@ -162,7 +162,7 @@ FAULTS = {
     "reflect": (lambda run, span: Reflect(**span), 1),
     "reflect long": (lambda run, span: Reflect(**span), 25),
     "torn": (lambda run, span: Torn(**span, head_bytes=3), 1),
-    "slip": (lambda run, span: Slip(**span, shift=1, beside=b"\x36"), 2),
+    "slip": (lambda run, span: Slip(**span, shift=1, filler=b"\x36"), 2),
     "two writers": (lambda run, span: Alternate(**span, frame=run.channel.newest(TO_SUB)), 9),
 }
 

@@ -346,7 +346,7 @@ def test_a_bond_and_a_slow_interrupt_thread(tmp_path):
 def test_an_interface_that_is_not_there_is_told_once(tmp_path):
     rows = [f for f in look(good(tmp_path), "eth7").findings if f.name.startswith("interface")]
     assert [(f.level, f.text) for f in rows] == [
-        (MachineLevel.BAD, "there is no interface eth7; there are: eth1")
+        (MachineLevel.BAD, "unknown interface eth7; there are: eth1")
     ]
 
 

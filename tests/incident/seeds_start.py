@@ -97,7 +97,7 @@ def start(status: str, text: str, *wrong: Any, **more: Any) -> Callable[[Path], 
     return seed
 
 
-_OTHER = "found vendor 0x00000002 product 0x1afe3052 revision 0x00120000, the plan says ..."
+_OTHER = "found vendor 0x00000002 product 0x1afe3052 revision 0x00120000, the plan has ..."
 
 # The fault alone: of all other SubDevices nothing is known.
 _ALONE: dict[str, tuple[str, tuple[int, str, str, dict[str, Any]] | None, str]] = {
@@ -172,7 +172,7 @@ START: dict[str, Seed] = {
         "no_link",
     ),
     "nobody answers": (
-        start("SILENT", "eth1 has a link, but no EtherCAT SubDevice behind it answers"),
+        start("SILENT", "eth1 has a link, but no EtherCAT SubDevice answers on it"),
         "bus_silent",
     ),
     "device missing at start": (
@@ -186,7 +186,7 @@ START: dict[str, Seed] = {
     "wrong revision at start": (
         start(
             "IDENTITY",
-            "a SubDevice is another one than the plan says: el2904",
+            "a SubDevice is not the one in the plan: el2904",
             (2, "another device", "found vendor ... revision 0x00120000", {"revision": 0x120000}),
         ),
         "wrong_revision",
@@ -194,7 +194,7 @@ START: dict[str, Seed] = {
     "wrong device at start": (
         start(
             "IDENTITY",
-            "a SubDevice is another one than the plan says: el1904",
+            "a SubDevice is not the one in the plan: el1904",
             (1, "another device", _OTHER, {"vendor_id": 7, "product_code": 9}),
         ),
         "wrong_device",
@@ -202,8 +202,8 @@ START: dict[str, Seed] = {
     "mapping differs at start": (
         start(
             "MAPPING",
-            "a SubDevice maps other process data than the plan says: drive_1",
-            (3, "other process data", "SM2: 0x1c12:00 is 0x2, the plan says 0x3", {}),
+            "a SubDevice maps other process data than the plan: drive_1",
+            (3, "other process data", "SM2: 0x1c12:00 is 0x2, the plan has 0x3", {}),
         ),
         "wrong_mapping",
     ),
@@ -234,11 +234,11 @@ START: dict[str, Seed] = {
     "wrong FSoE address at start": (
         start(
             "ADDRESS",
-            "a SubDevice has another FSoE address than the plan says: drive_1",
+            "a SubDevice has another FSoE address than the plan: drive_1",
             (
                 3,
                 "another FSoE address",
-                "it has FSoE address 250, the plan says 201",
+                "it has FSoE address 250, the plan has 201",
                 {"fsoe_address": 250},
             ),
             fsoe=({"subdevice": "drive_1", "address": 250, "connections": []},),
@@ -248,17 +248,17 @@ START: dict[str, Seed] = {
     "drives swapped at start": (
         start(
             "ADDRESS",
-            "a SubDevice has another FSoE address than the plan says: drive_1",
+            "a SubDevice has another FSoE address than the plan: drive_1",
             (
                 3,
                 "another FSoE address",
-                "it has FSoE address 202, the plan says 201",
+                "it has FSoE address 202, the plan has 201",
                 {"fsoe_address": 202},
             ),
             (
                 4,
                 "another FSoE address",
-                "it has FSoE address 201, the plan says 202",
+                "it has FSoE address 201, the plan has 202",
                 {"fsoe_address": 201},
             ),
             fsoe=(

@@ -130,7 +130,7 @@ def older_firmware(tmp: Path) -> Path:
     """After an exchange the drive stays in PREOP: its release maps other process data."""
     rig = Rig(network(CELL, tmp), tmp, steps="  - {at_ms: 500, break: drive_2}\n")
     rig.run(1_700)
-    detail = "PDO 0x1a00 has 3 entries, the plan says 4"
+    detail = "PDO 0x1a00 has 3 entries, the plan has 4"
     return found(rig.end(), "drive_2", al="PREOP", found_text="other process data", detail=detail)
 
 
@@ -154,7 +154,7 @@ SYMPTOMS: dict[str, Seed] = {
     "two safety programs on one bus": (two_programs, "duplicate_connection_id"),
     "processor taken away for 180 ms": (backup_at_night, "stalled_main_device"),
     "cable that moves with an axis": (moved_cable, "lost_frames"),
-    "commissioning laptop on the line": (commissioning_laptop, "other_main_device"),
+    "commissioning laptop": (commissioning_laptop, "other_main_device"),
     "device with an older firmware": (older_firmware, "wrong_mapping"),
     "reset was not pressed": (motion_group_stopped, "failsafe"),
 }

@@ -57,7 +57,7 @@ def away_and_back(tmp: Path, *names: str, resolution: Resolution | None = None) 
 
 
 def refused_address(path: Path, name: str, has: int, planned: int) -> Path:
-    detail = f"it has FSoE address {has}, the plan says {planned}"
+    detail = f"it has FSoE address {has}, the plan has {planned}"
     text = "another FSoE address"
     return found(path, name, al="PREOP", found_text=text, detail=detail, fsoe_address=has)
 
@@ -91,7 +91,7 @@ def wrong_while_running(tmp: Path) -> Path:
         rig.end(),
         "drive_2",
         found_text="another device",
-        detail="found vendor 0x00000002 product 0x00000003 revision 0x00000000, the plan says ...",
+        detail="found vendor 0x00000002 product 0x00000003 revision 0x00000000, the plan has ...",
         vendor_id=2,
         product_code=3,
     )
@@ -106,7 +106,7 @@ def wrong_in_the_middle(tmp: Path) -> Path:
         rig.end(),
         "el2904",
         found_text="another device",
-        detail="found vendor 0x00000002 product 0x00000003 revision 0x00000000, the plan says ...",
+        detail="found vendor 0x00000002 product 0x00000003 revision 0x00000000, the plan has ...",
         vendor_id=2,
         product_code=3,
     )

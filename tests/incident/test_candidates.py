@@ -202,7 +202,7 @@ BOTH_DAMAGED = link(
             causes_bus._gone(
                 evidence(
                     subdevices=(
-                        device("x", 0, **GONE, detail="link behind 3 is down", link_down=True),
+                        device("x", 0, **GONE, detail="link after 3 is down", link_down=True),
                     )
                 )
             ),
@@ -210,9 +210,9 @@ BOTH_DAMAGED = link(
                 (
                     "cable_cut",
                     49,
-                    "The line is interrupted before x: it and everything behind it is gone.",
+                    "The line is interrupted before x: it and all following devices are gone.",
                     "does not answer: x",
-                    "the bus says of x: link behind 3 is down",
+                    "the bus reports for x: link after 3 is down",
                 )
             ],
             id="one device is gone and its link too",
@@ -266,7 +266,7 @@ BOTH_DAMAGED = link(
                 (
                     "stalled_main_device",
                     93,
-                    "The MainDevice stood still: no cycle ran for longer than a connection bears.",
+                    "The MainDevice stalled: no cycle ran for longer than a connection tolerates.",
                     "cycle 1 came 50 ms late, 1 ms before the moment; the bus cycle is 1 ms",
                     "1 late cycle in the 150 ms before the moment, 50 ms in all; the watchdog "
                     "is 100 ms",
@@ -288,7 +288,7 @@ BOTH_DAMAGED = link(
                 (
                     "lost_frames",
                     60,
-                    "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+                    "EtherCAT frames were lost in bursts: for a while no data came back.",
                     "around the moment 1 burst, 5 ms without data, the watchdog is 100 ms",
                     "in the whole file 1 burst, the longest 5 ms",
                     "1 frame could not be sent: Network is down",
@@ -308,7 +308,7 @@ BOTH_DAMAGED = link(
                 (
                     "lost_frames",
                     90,
-                    "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+                    "EtherCAT frames were lost in bursts: for a while no data came back.",
                     "around the moment 1 burst, 60 ms without data, the watchdog is 100 ms",
                     "60 frames counted as lost",
                     "receive errors are counted first at x (4)",
@@ -322,7 +322,7 @@ BOTH_DAMAGED = link(
                 (
                     "lost_frames",
                     30,
-                    "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+                    "EtherCAT frames were lost in bursts: for a while no data came back.",
                     "around the moment 1 burst, 1 ms without data, the watchdog is 100 ms",
                     "1 frame counted as lost",
                 )
@@ -355,7 +355,7 @@ BOTH_DAMAGED = link(
                 (
                     "lost_frames",
                     84,
-                    "EtherCAT frames were lost in bursts: nobody's data came back for a while.",
+                    "EtherCAT frames were lost in bursts: for a while no data came back.",
                     "around the moment 1 burst, 80 ms without data, the watchdog is 100 ms",
                     "in the whole file 1 burst, the longest 80 ms",
                     "30 frames counted as lost",
@@ -393,7 +393,7 @@ BOTH_DAMAGED = link(
                 (
                     "local_reset",
                     78,
-                    "logic has reset a itself (code 0): nobody found a fault in a frame.",
+                    "logic has reset a itself (code 0): no frame had a fault.",
                     "logic reset with code 0, all frames before were right",
                 ),
                 (

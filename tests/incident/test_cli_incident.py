@@ -68,7 +68,9 @@ def test_another_file_is_refused_with_its_place(tmp_path):
     path.write_text("hello\n")
     done = CliRunner().invoke(incident, [str(path)])
     assert isinstance(done.exception, IncidentError)
-    assert str(done.exception).endswith("x:1: this is no incident file: no JSON in its first line")
+    assert str(done.exception).endswith(
+        "x:1: this is not an incident file: no JSON in its first line"
+    )
 
 
 def test_the_folder_is_made_but_none_above_it(tmp_path):
@@ -80,7 +82,7 @@ def test_the_folder_is_made_but_none_above_it(tmp_path):
     target = tmp_path / "typo" / "incidents"
     done = CliRunner().invoke(run, [str(ESTOP / "network.yaml"), *quick, f"--incidents={target}"])
     assert isinstance(done.exception, EnvironmentFault)
-    assert str(done.exception).endswith(f"there is no folder {tmp_path / 'typo'}")
+    assert str(done.exception).endswith(f"missing folder {tmp_path / 'typo'}")
     assert not target.parent.exists()
 
 

@@ -53,7 +53,7 @@ RESETS = Facts(
         (
             evidence(TriggerKind.NOT_CONNECTED),
             "Connection c1 did not reach Data; at 2026-11-21 10:00:00 UTC it was in an unknown "
-            "state, and nobody reset it with an error.",
+            "state, and it was not reset with an error.",
         ),
         (
             evidence(TriggerKind.NOT_CONNECTED, link=RESETS),

@@ -106,7 +106,7 @@ def test_what_was_removed_is_named() -> None:
     assert findings(log[1:], after=hash_of(log[0][3])) == []
     assert findings(log[1:], after="0" * 64) == ["1:1: entry 5 does not follow --after"]
     assert findings([[], []]) == [
-        "2:0: there is no entry: not an intervention log, or all was removed"
+        "2:0: no entry: not an intervention log, or all entries were removed"
     ]
 
 
@@ -114,18 +114,20 @@ def test_what_was_changed_moved_or_put_in_is_named() -> None:
     log = a_log(5)
     log[0][2] = log[0][2].replace(b"what", b"WHAT")
     assert findings(log) == [
-        "1:4: entry 3 was changed, or entry 4 is not the one that was written behind it: its "
+        "1:4: entry 3 was changed, or entry 4 is not the one that was written after it: its "
         "SHA-256 does not match"
     ]
     log = a_log(2, 2, 2)
     assert findings([log[0], log[2], log[1]]) == [
         "2:1: entries 3 to 4 are missing before entry 5",
-        "3:1: entry 3 comes behind entry 6: lines were moved, repeated or put in",
+        "3:1: entry 3 comes after entry 6: lines were moved, repeated or put in",
     ]
     log = a_log(3)
     log[0].insert(1, b"hello\n")
-    assert findings(log) == ["1:2: a line is no entry, and no entry says why: put in, or changed"]
-    assert findings([*a_log(3), *a_log(2)]) == ["2:1: another log begins here, behind entry 3"]
+    assert findings(log) == [
+        "1:2: a line is not an entry, and no entry explains it: inserted, or changed"
+    ]
+    assert findings([*a_log(3), *a_log(2)]) == ["2:1: another log begins here, after entry 3"]
     forged = a_log(3)
     forged[0][0] = chained(forged[0][0], number=1)
     assert findings(forged)[0] == "1:1: entry 1 holds the hash of an entry before it"
@@ -142,7 +144,7 @@ def test_a_cut_end_shows_with_the_last_hash_only() -> None:
     assert findings(log) == []
     assert findings(log, last=kept) == [
         f"1:3: no entry has the SHA-256 {kept}: the end was cut off, or entries up to there were "
-        "written anew"
+        "rewritten"
     ]
 
 
@@ -186,7 +188,7 @@ def test_a_line_that_is_being_written_is_a_remark_at_most(rest: bytes) -> None:
     check = walk(log)
     assert check.holds
     said = (
-        "1:4: the last line is not whole: it is being written, or the program was stopped in the "
+        "1:4: the last line is incomplete: it is being written, or the program was stopped in the "
         "middle of it; the next start marks it",
     )
     assert check.remarks == (() if rest.endswith(b"\n") else said)
@@ -211,7 +213,7 @@ def test_a_newer_form_is_a_remark() -> None:
     entries = [chained(log[0][-1], event="file", log=version) for version in (1, 2)]
     assert walk([*log, [entries[0]]]).remarks == ()
     assert walk([*log, [entries[1]]]).remarks == (
-        "a file is in another form than this version knows: entries may mean more",
+        "a file has a newer form than this version reads: entries may contain more",
     )
 
 

@@ -21,7 +21,7 @@ def cable(network, _other):
         page = stack.enter_context(opened(stack.enter_context(launched()), f"{studio.url}#live"))
         strips, events = page.locator(".strips"), page.locator(".events")
         strips.get_by_text("✔ 1 of 1 in Data").wait_for()
-        page.get_by_text("✔ 2 as they should be").wait_for()
+        page.get_by_text("✔ 2 in the expected state").wait_for()
         resets = events.get_by_text("SubInstance resets: watchdog expired")
         before = resets.count()  # a busy machine has Resets of its own
         emulator.do("cut ek1914")
@@ -38,7 +38,7 @@ def cable(network, _other):
         }
         emulator.do("splice ek1914")
         strips.get_by_text("✔ 1 of 1 in Data").wait_for()
-        page.get_by_text("✔ 2 as they should be").wait_for()
+        page.get_by_text("✔ 2 in the expected state").wait_for()
         seen["back"] = gone.inner_text()
     running.end(signal.SIGINT)
     emulator.end()

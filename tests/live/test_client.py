@@ -119,9 +119,9 @@ def test_what_came_before_the_end_is_still_told(folder):
 @pytest.mark.parametrize(
     ("answers", "message"),
     [
-        ([line(HELLO | {"protocol": 2})], "speaks protocol 2"),
-        ([b"what?\n"], "no JSON"),
-        ([b"[]\n"], "no JSON object"),
+        ([line(HELLO | {"protocol": 2})], "uses protocol 2"),
+        ([b"what?\n"], "not JSON"),
+        ([b"[]\n"], "not a JSON object"),
         ([b'{"ok":'], "has closed it"),
         ([b"x" * ((16 << 20) + (1 << 17))], "broke: a line without an end"),
         ([line({"ok": False, "text": "this user may not connect"})], "may not connect"),
@@ -187,7 +187,7 @@ def program(folder, text):
             "it takes: setcap x",
         ),
         ("import os; os.kill(os.getpid(), 11)", EnvironmentFault, "killed by SIGSEGV"),
-        ("", EnvironmentFault, "ended by somebody else"),
+        ("", EnvironmentFault, "ended from outside"),
     ],
 )
 def test_a_master_that_ends(folder, monkeypatch, text, error, message):
@@ -220,9 +220,7 @@ time.sleep(600)
 """
 
 
-@pytest.mark.parametrize(
-    ("binds", "message"), [(True, "nobody answers on"), (False, "has not opened ")]
-)
+@pytest.mark.parametrize(("binds", "message"), [(True, "no answer on"), (False, "has not opened ")])
 def test_a_master_that_never_answers_is_killed(folder, monkeypatch, binds, message):
     monkeypatch.setenv("FSN_MASTER", program(folder, BOUND.format(binds=binds)))
     monkeypatch.setattr("fsoe_net.live.master._CONNECT_S", 1.0)

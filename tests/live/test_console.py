@@ -116,7 +116,7 @@ def test_an_input_and_an_output_of_one_name_are_never_mistaken(master, rig):
     assert master.outputs["drive_1.position"] == 9
     assert master.inputs["drive_1.position"] == 0
     assert rig.do("get in:drive_*")[-1].split() == ["in:drive_1.position", "0"]
-    with pytest.raises(ConsoleError, match="stands for inputs only"):
+    with pytest.raises(ConsoleError, match="selects inputs only"):
         rig.do("set in:drive_1.position 1")
     with pytest.raises(ConsoleError, match=r"no output is called drive_1\.0x6041"):
         rig.do("get out:drive_1.0x6041")
@@ -196,16 +196,16 @@ def test_watch_tells_cycles_and_those_left_out(master, rig):
         ("set drive_1.0x6040", "gets no value"),
         ("set all 0x9999 1", "no SubDevice has an output 0x9999"),
         ("set drive_*.0x6041 1", "inputs only"),
-        ("get drive_1.0x6041 --type", "no option --type"),
+        ("get drive_1.0x6041 --type", "unknown option --type"),
         ("wait", "usage: wait"),
         ("wait 5", "not a time"),
         ("wait 1000h", "more than a week"),
         ("watch drive_1 every x", "no number of cycles"),
         ("sdo read drive_1", "usage: sdo"),
-        ("sdo read drive_1 0x1018:100", "no subindex"),
+        ("sdo read drive_1 0x1018:100", "not a subindex"),
         ("alias drive_1 99999", "from 0 to 65535"),
         ("on-error x", "usage: on-error"),
-        ("help nix", "no command nix"),
+        ("help nix", "unknown command nix"),
         ("stat", "did you mean state"),
         ("run /no/such", "No such file"),
         ("lease 999999", "from 0 to 600000"),
@@ -227,7 +227,7 @@ def test_scripts_call_scripts(master, rig, tmp_path):
     with pytest.raises(ConsoleError, match="inside each other"):
         rig.do(f"run {tmp_path}/loop")
     (tmp_path / "bad").write_bytes(b"\xff")
-    with pytest.raises(ConsoleError, match="no UTF-8"):
+    with pytest.raises(ConsoleError, match="not UTF-8"):
         rig.do(f"run {tmp_path}/bad")
 
 
@@ -240,7 +240,7 @@ def test_a_script_says_where_it_failed(master, rig):
 
 def test_nothing_is_done_when_a_word_is_no_command(master, rig):
     asked = list(master.asked)
-    with pytest.raises(ConsoleError, match=r"^s\.fsn:3:2: there is no command sett") as caught:
+    with pytest.raises(ConsoleError, match=r"^s\.fsn:3:2: unknown command sett") as caught:
         rig.script("set drive_1 0x6040 1\n\n sett x 1")
     assert caught.value.is_usage
     assert master.asked == asked
@@ -370,7 +370,7 @@ def test_names_are_asked_for_in_portions_a_request_can_hold():
         ("get", "usage: get NAME…|SUBDEVICE|all [--typed]"),
         ("set a", "a gets no value; set NAME VALUE"),
         ("lease x", "'x' is no lease in ms; write 12 or 0x0c"),
-        ("release x", "there is no command release; did you mean lease?"),
+        ("release x", "unknown command release; did you mean lease?"),
     ],
 )
 def test_words_that_are_wrong(rig, line, message):

@@ -85,7 +85,7 @@ def test_a_script_that_is_too_long(rig, tmp_path):
     path.write_bytes(b"#" * ((4 << 20) + 1))
     with pytest.raises(ConsoleError) as caught:
         rig.do(f"run {path}")
-    assert str(caught.value).endswith(f"{path} is no script: more than 4 MiB")
+    assert str(caught.value).endswith(f"{path} is too long for a script: more than 4 MiB")
 
 
 def test_a_bus_that_does_not_come_up(master, rig, monkeypatch):

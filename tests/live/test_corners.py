@@ -55,7 +55,7 @@ def test_which_interface_is_no_network_card(driver: str, monkeypatch: pytest.Mon
     monkeypatch.setattr(in_use, "network_driver", lambda _, name: driver)
     status: Any = Facts(backend="soem", interface="eth7")
     card = driver == "igb"
-    assert in_use.emulated_bus(status) == ("" if card else f"eth7 is no network card ({driver})")
+    assert in_use.emulated_bus(status) == ("" if card else f"eth7 is not a network card ({driver})")
     status = Facts(backend="emulated", interface="")
     assert in_use.emulated_bus(status) == "the bus of fsn-master is emulated"
 

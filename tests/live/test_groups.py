@@ -174,7 +174,7 @@ def test_groups_go_with_one_bus(tmp_path):
     text = text.replace("\nnets:", "\ngroups:\n  - {name: a, subdevices: [drive_1]}\nnets:")
     path.write_text(text.replace("../el6910", str(EXAMPLES / "el6910")), "utf-8")
     done = fsn("check", path)
-    assert "error[FSN165]: groups stand beside buses" in done.stdout + done.stderr
+    assert "error[FSN165]: groups are next to buses" in done.stdout + done.stderr
 
 
 def test_other_formats_hold_no_groups(tmp_path):

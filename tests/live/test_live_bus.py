@@ -79,7 +79,7 @@ def test_another_network_on_the_bus(tmp_path):
     seen = on_the_wire("wrong", ESTOP, ROBOT, tmp=tmp_path)
     assert seen["code"] == 1
     assert "FSN_E_BUS_IDENTITY: SubDevice 0 (ek1914)" in seen["err"]
-    assert "ek1914 stands at" in seen["err"]
+    assert "ek1914 is at" in seen["err"]
     assert "network.yaml:8:5" in seen["err"]
 
 
@@ -229,7 +229,7 @@ def test_killing_the_master_is_told(tmp_path):
 def test_another_client_ends_it(tmp_path):
     seen = on_the_wire("stopped", ESTOP, tmp=tmp_path)
     assert seen["code"] == 3
-    assert "was ended by somebody else" in seen["err"]
+    assert "was ended from outside" in seen["err"]
 
 
 def test_an_interrupt_stops_orderly(tmp_path):
@@ -278,7 +278,7 @@ def test_a_missing_master_names_the_next_step(monkeypatch, tmp_path):
     monkeypatch.setenv("FSN_MASTER", str(tmp_path / "none"))
     done = fsn("run", ESTOP, "--interface", "x")
     assert done.returncode == 3
-    assert "is no program that can be started" in done.stderr
+    assert "is not an executable program" in done.stderr
     monkeypatch.delenv("FSN_MASTER")
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))

@@ -161,14 +161,14 @@ def test_an_fsn_master_that_has_ended_says_why_and_where(process: Process):
     with pytest.raises(InputError) as refused:
         run(process, updates)
     (sub,) = [s for s in RESOLUTION.network.subdevices if s.name == "ek1914"]
-    assert str(refused.value) == (f"SubDevice 0 (ek1914) is missing\n  ek1914 stands at {sub.span}")
+    assert str(refused.value) == (f"SubDevice 0 (ek1914) is missing\n  ek1914 is at {sub.span}")
 
 
 def test_nobody_answers_any_more(process: Process):
     def updates(_number: int, _stop: threading.Event) -> None:
         process.fake.close()
 
-    with pytest.raises(EnvironmentFault, match="nobody answers on"):
+    with pytest.raises(EnvironmentFault, match="no answer on"):
         run(process, updates)
 
 

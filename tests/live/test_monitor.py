@@ -88,14 +88,14 @@ def test_what_is_wrong_is_named(master):
         "observed_state": 1,
         "to_main": direction(command=0x2A, resets=2, reset_code=5, wrong=3),
     }
-    gone = subdevice("drive", al="none", detail="the link behind logic is down")
+    gone = subdevice("drive", al="none", detail="the link after logic is down")
     master.subdevices = [subdevice("logic", link_lost=[0, 4], rx_errors=[9, 0], returns=2), gone]
     done = monitor(master, "--once")
     assert done.returncode == 1
     for text in (
         "Reset",
         "SubInstance sent: watchdog expired",
-        "drive: no answer: the link behind logic is down",
+        "drive: no answer: the link after logic is down",
         "logic: lost and back 2 times, link lost (port 1: 4), receive errors (port 0: 9)",
     ):
         assert text in done.stdout
@@ -175,8 +175,8 @@ def test_events_come_as_lines_until_interrupted(master):
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ([], "one of --socket"),
-        (["--socket", "a", "--interface", "b"], "one of --socket"),
+        ([], "give either --socket"),
+        (["--socket", "a", "--interface", "b"], "give either --socket"),
         (["--socket", "a", "--once", "--duration", "1s"], "--once looks once"),
         (["--socket", "a", "--once", "--capture", "x"], "--once looks once"),
         (["--socket", "a", "--rebuild"], "--rebuild belongs to --capture"),
@@ -191,7 +191,7 @@ def test_monitor_reports_a_missing_socket_or_folder(tmp_path):
     done = fsn("monitor", "--socket", str(tmp_path / "none"), "--once")
     assert (done.returncode, "is fsn-master running" in done.stderr) == (3, True)
     done = fsn("monitor", "--socket", "x", "--duration", "1s", "--capture", str(tmp_path / "no/f"))
-    assert (done.returncode, "there is no folder" in done.stderr) == (3, True)
+    assert (done.returncode, "missing folder" in done.stderr) == (3, True)
 
 
 def images_of_a_run(folder):
@@ -393,5 +393,5 @@ def test_a_live_bus_that_comes_and_goes(tmp_path):
 
 def test_fallback_needs_a_process_image(master, tmp_path):
     master.known -= {"layout"}
-    with pytest.raises(EnvironmentFault, match="no capture: there is no network interface"):
+    with pytest.raises(EnvironmentFault, match="no capture: no network interface"):
         LiveCapture(tmp_path / "c", str(master.path), None)

@@ -188,7 +188,7 @@ def test_a_watchdog_counts_the_way_between_the_buses(changed):
 def test_keys_of_one_bus_beside_several(changed):
     done = fsn("check", changed(("\nbuses:", "\ncycle_us: 1000\nbuses:")))
     assert done.returncode == 1
-    assert "error[FSN164]: cycle_us stands beside buses; which bus it is of is not known" in (
+    assert "error[FSN164]: cycle_us is next to buses; the bus that it belongs to is unknown" in (
         done.stdout + done.stderr
     )
 

@@ -76,7 +76,7 @@ def test_a_former_that_is_frozen_is_left_alone_and_thaws(tmp_path):
     seen = case("frozen", tmp_path, ROBOT, good=lambda s: s["data"] and set(s["al"]) == {"OP"})
     check_one_after_the_other(seen, 0)
     assert seen["code"] == 1
-    assert "the take-over is refused, and the process before goes on" in seen["text"]
+    assert "the take-over is refused, and the predecessor continues" in seen["text"]
 
 
 def test_a_standby_takes_over_from_a_frozen_process_that_thaws_later(tmp_path):

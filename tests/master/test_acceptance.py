@@ -75,7 +75,7 @@ def test_the_signed_plan_runs(folder: Path) -> None:
     (folder / "revoked").write_text((folder / "bert.pub").read_text("utf-8"))
     done = run(folder, *SIGNED, "--revoked", "revoked")
     assert done.returncode == 1
-    assert "verifier.sig is no signature" in done.stderr
+    assert "verifier.sig is not a signature" in done.stderr
 
 
 def test_the_status_says_who_signed(folder: Path) -> None:
@@ -123,7 +123,7 @@ def test_another_plan_or_other_files_do_not(folder: Path) -> None:
     rows = [json.loads(line) for line in done.stderr.splitlines()]
     assert {row["level"] for row in rows} == {"error"}
     assert "NOT as signed: report.html: not the file" in done.stderr
-    assert f"the plan is not as {RECORD} says that it was signed" in rows[-1]["text"]
+    assert f"the plan is not the one signed in {RECORD}" in rows[-1]["text"]
     assert not (folder / "s").exists()
 
 
@@ -133,7 +133,7 @@ def test_it_is_refused_where_nothing_can_check_it(folder: Path) -> None:
     for path in ("", ".", ":", "bin", "/none"):
         done = run(folder, *SIGNED, path=path)
         assert done.returncode == 3
-        assert "fsoe-net is neither beside fsn-master nor on PATH" in done.stderr
+        assert "fsoe-net is neither next to fsn-master nor on PATH" in done.stderr
         assert "--accepted HASH" in done.stderr
     (folder / "bin" / "fsoe-net").symlink_to(Path(sys.executable).parent / "fsoe-net")
     done = run(folder, *SIGNED, path="/none")

@@ -194,7 +194,7 @@ def test_a_bus_without_subdevices_says_so() -> None:
         (["--scan"], 2, "--interface: is missing"),
         (["--scan", "a.fsnplan", "--interface", "nix"], 2, "takes no plan"),
         (["--scan", "--bus", "emulated"], 1, "cannot be scanned"),
-        (["--scan", "--interface", "nosuchif"], 3, "no such interface"),
+        (["--scan", "--interface", "nosuchif"], 3, "unknown interface"),
     ],
 )
 def test_scans_that_cannot_be(arguments: list[str], code: int, text: str) -> None:

@@ -49,7 +49,7 @@ def test_a_live_bus_needs_each_interface(tmp_path: Path):
 def test_a_scan_looks_at_one_bus():
     done = run_to_end("--scan", "--bus", "soem", *CELL, *DRIVES)
     assert done.returncode == 2
-    assert "--scan: looks at one bus: one --interface" in done.stderr
+    assert "--scan: reads one bus: give one --interface" in done.stderr
 
 
 def test_there_are_sixteen_buses_at_most():

@@ -296,7 +296,7 @@ def test_a_role_allows_what_the_reference_says(role: str) -> None:
 DROPPED = {
     "ok": False,
     "error": "FSN_E_BUSY",
-    "text": "dropped: silent, and another client needed the place",
+    "text": "dropped: silent, and its place was needed for another client",
     "hint": "connect again when there is something to ask",
 }
 

@@ -128,7 +128,7 @@ def test_a_folder_that_cannot_be_written_is_refused_at_the_start(tmp_path, folde
     plan = write_plan(tmp_path)
     done = run_to_end(plan, "--bus", "emulated", "--incidents", tmp_path / folder)
     assert done.returncode == 3
-    assert "is no folder to write to" in done.stderr
+    assert "is not a writable folder" in done.stderr
 
 
 def test_without_the_option_the_request_says_what_to_do():

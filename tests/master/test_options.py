@@ -45,10 +45,10 @@ USAGE = [
     (["PLAN", "--bus", "emulated", "--acceptance", "a"], "belongs together with --signers FILE"),
     (["PLAN", "--bus", "emulated", "--signers", "a"], "belongs together with --signers FILE"),
     (["PLAN", "--bus", "emulated", "--revoked", "a"], "--revoked a: goes with --signers FILE"),
-    (["PLAN", "--bus", "emulated", "--allow-user", "no such"], "there is no such user"),
-    (["PLAN", "--bus", "emulated", "--allow-group", "no such"], "there is no such group"),
+    (["PLAN", "--bus", "emulated", "--allow-user", "no such"], "unknown user"),
+    (["PLAN", "--bus", "emulated", "--allow-group", "no such"], "unknown group"),
     (["PLAN", "--bus", "emulated", "--allow-user", "root:all"], "observer, operator or maintainer"),
-    (["PLAN", "--bus", "emulated", "--allow-user", "x" * 300], "there is no such user"),
+    (["PLAN", "--bus", "emulated", "--allow-user", "x" * 300], "unknown user"),
     (["PLAN", "--bus", "emulated", "--log", "xml"], "--log xml: text or json"),
     (["PLAN", "--bus", "emulated", "--redundant", "b"], "takes no second interface"),
     (["PLAN", "--bus", "soem", "--interface", "a", "--redundant", "a"], "same interface twice"),
@@ -75,7 +75,7 @@ def test_help_and_version() -> None:
     assert "example: fsn-master" in done.stdout
     done = run_to_end("--version")
     assert done.returncode == 0
-    for text in ("bus soem:", "bus igh:", "bus emulated:", "no safety function"):
+    for text in ("bus soem:", "bus igh:", "bus emulated:", "not a safety function"):
         assert text in " ".join(done.stdout.replace("It is\nno", "no").split())
 
 
@@ -151,7 +151,7 @@ def test_a_socket_that_cannot_be(tmp_path: Path) -> None:
     assert "No such file or directory; --socket" in done.stderr
     done = run_to_end(*common, plan)
     assert done.returncode == 3
-    assert "is no socket" in done.stderr
+    assert "is not a socket" in done.stderr
     assert plan.exists()
     done = run_to_end(*common, "/" + "x" * 200)
     assert done.returncode == 3
@@ -204,7 +204,7 @@ def test_the_default_socket(tmp_path: Path) -> None:
         (directory / "fsn-master-em_0.sock").write_text("")  # in the way: the refusal names it
         done = run_to_end(*common, "--interface", "em/0", env=env)
         assert done.returncode == 3
-        assert f"{directory}/fsn-master-em_0.sock is there" in done.stderr
+        assert f"{directory}/fsn-master-em_0.sock exists" in done.stderr
 
 
 @pytest.mark.shows("R24")

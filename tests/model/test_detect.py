@@ -112,7 +112,7 @@ def test_broken_mapping_is_named_with_the_place_that_fails():
     placed = place_entries((pdo(five),))
     assert detect_fsoe(placed, SM3) == ()
     (miss,) = near_misses(placed, SM3)
-    assert "13 bits behind the command instead of 16 or 24" in miss.why
+    assert "13 bits after the command instead of 16 or 24" in miss.why
 
 
 NO_ID = "no connection ID of 16 bits follows the last CRC"
@@ -121,7 +121,7 @@ NO_ID = "no connection ID of 16 bits follows the last CRC"
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("6000:01/16=CMD 6000:02/16=CRC 6000:03/16=ConnID", "there is no command of 8 bits"),
+        ("6000:01/16=CMD 6000:02/16=CRC 6000:03/16=ConnID", "no command of 8 bits was found"),
         (
             "-/1 6000:01/8 6001:01/8 6000:02/16=CRC 6000:03/16=Conn",
             "its command 0x6000:01 starts at bit 1, inside a byte",
@@ -132,7 +132,7 @@ NO_ID = "no connection ID of 16 bits follows the last CRC"
         ),
         (
             "6000:01/8 6001:01/16 6000:02/16=CRC 6001:02/8 6000:04/16=CRC 6000:03/16=Conn",
-            "CRC 1 (0x6000:04) starts 48 bits behind the command instead of 56",
+            "CRC 1 (0x6000:04) starts 48 bits after the command instead of 56",
         ),
         ("6000:01/8 6001:01/8 6000:02/16=CRC 6000:03/8=Conn", NO_ID),
         ("6000:01/8 6001:01/8 6000:01/16=CRC -/16=Conn", NO_ID),
@@ -213,6 +213,6 @@ def test_nothing_to_say_about_frames_and_plain_data():
 
 def test_names_in_a_guess_are_cut():
     (named,) = guesses(f"7000:01/8={'FSoE_' + 'n' * 60} 7001:01/8 7000:03/16 7000:02/16")
-    assert f"names speak of FSoE, such as {'FSoE ' + 'n' * 35!r}" in named.reasons
+    assert f"names mention FSoE, such as {'FSoE ' + 'n' * 35!r}" in named.reasons
     (other,) = guesses("7000:01/8=a 7001:01/8=b 7000:03/16=c 7000:02/16=d")
-    assert "no name speaks of FSoE, CRC or connection: a, c, d" in other.doubts
+    assert "no name mentions FSoE, CRC or connection: a, c, d" in other.doubts

@@ -301,10 +301,10 @@ def test_application_parameters_are_pairs_of_hex_digits(digits):
     plan = compile_plan(example("estop"))
     row = replace(plan.connections[0], app_parameters=digits)
     data = replace(plan, connections=(row,)).to_bytes()
-    with pytest.raises(PlanFormatError, match="application parameters that are no pairs of hex"):
+    with pytest.raises(PlanFormatError, match="application parameters that are not pairs of hex"):
         decode_plan(data)
     try:
-        with pytest.raises(PlanFormatError, match="application parameters are no pairs of hex"):
+        with pytest.raises(PlanFormatError, match="application parameters are not pairs of hex"):
             CorePlan.load(data)
     except CoreMissing as exc:
         pytest.skip(str(exc))

@@ -169,11 +169,11 @@ def test_names_of_symbols_are_one_of_a_kind(tmp_path: Path) -> None:
         (
             "02_wrong_index",
             ":14:9: ek1914 0x6001:03 -> el1918 0x7080:01 does not resolve to bytes; "
-            "`fsoe-net check` says why",
+            "`fsoe-net check` shows the reason",
         ),
         (
             "05_one_way",
-            ":14:9: this transfer has no partner; `fsoe-net check` says more",
+            ":14:9: this transfer has no partner; `fsoe-net check` explains it",
         ),
     ],
 )
@@ -211,9 +211,9 @@ TABLE = 32
 WRONG = [
     (b"", "0 bytes are too short for a plan; is the file cut off?"),
     (GOOD[:191], "191 bytes are too short for a plan; is the file cut off?"),
-    (GOOD[:192], f"the plan says {len(GOOD)} bytes, the file has 192"),
-    (GOOD + b"\0", f"the plan says {len(GOOD)} bytes, the file has {len(GOOD) + 1}"),
-    (b"F" * 192, "this is no .fsnplan file; `fsoe-net plan NETWORK -o OUT` makes one"),
+    (GOOD[:192], f"the plan states {len(GOOD)} bytes, the file has 192"),
+    (GOOD + b"\0", f"the plan states {len(GOOD)} bytes, the file has {len(GOOD) + 1}"),
+    (b"F" * 192, "not a .fsnplan file; `fsoe-net plan NETWORK -o OUT` makes one"),
     (put(GOOD, 8, "<H", 2), "plan format 2 is not known here (1 is); compile it again"),
     (GOOD[:-2] + b"x\0", "CRC-32 does not fit: the file was changed; compile it again"),
     (put(GOOD, 10, "<H", 1), "section table is damaged, or of a newer format than 1.3"),
@@ -393,7 +393,7 @@ def test_the_plan_in_a_record_is_compiled_again() -> None:
         )
     ]
     assert {d.hint for d in out.diagnostics} == {
-        "take the record from version control, or make it anew"
+        "take the record from version control, or make it again"
     }
 
 

@@ -133,7 +133,7 @@ def test_a_value_that_a_file_contradicts():
         answers=Answers(connections=(answer,)),
     )
     assert [d.code for d in made.findings] == ["FSN156"]
-    assert "project.xml:4:2 says 7" in made.findings[0].message
+    assert "project.xml:4:2 has 7" in made.findings[0].message
 
 
 def test_a_safety_project_names_devices_by_their_order_number():
@@ -192,7 +192,7 @@ def test_answers_that_leave_out_a_main_instance_of_a_file():
 def test_a_main_instance_without_frames():
     answers = Answers(main=(AnsweredWord(text="plain"),))
     made = proposed(bare("plain", 1), sub("stop", INPUT, (6, 6)), answers=answers)
-    what = "plain has no pair of FSoE frames, so it is no MainInstance"
+    what = "plain has no pair of FSoE frames, so it is not a MainInstance"
     hint = "name another SubDevice, or give a file with its process data"
     assert ("FSN156", what, hint) in said(made)
 

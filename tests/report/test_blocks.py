@@ -38,7 +38,7 @@ Identity: the machine is not named; write project: in the network file
 Tests: no test record: nothing was tried at the machine
 FSoE connections: logic-io is unconfirmed: asked by mail
 FSoE connections: logic-io2 is unconfirmed
-Timing: estop: values nobody answers for: ES1
+Timing: estop: values without a responsible person: ES1
 Timing: estop: no required reaction time is stated
 Timing: local stop: no sensor is stated; write time_ms: 0 and zero_because: for what takes no time
 Timing: local stop: no input is stated; write time_ms: 0 and zero_because: for what takes no time

@@ -62,7 +62,7 @@ def test_the_first_table_says_what_by_whom_and_what_was_tried() -> None:
     found = facts(compose_report(inputs_of(TIMED)), "what is accepted")
     assert found == {
         "What": ["5 copies per bus cycle for 2 FSoE connections and 1 safety function"],
-        "By whom": ["nobody: no acceptance record"],
+        "By whom": ["not accepted: no acceptance record"],
         "Signatures": ["none"],
         "Tests at the machine": ["NOT TESTED"],
         "Findings": ["no findings"],
@@ -235,7 +235,7 @@ def test_who_accepted_and_which_signatures_hold_stands_in_front() -> None:
         "verifier B. Kaya, 2026-11-21",
         "acceptance.yaml",
     ]
-    assert found["Signatures"] == ["not checked; --signers FILE checks those beside the record"]
+    assert found["Signatures"] == ["not checked; --signers FILE checks those next to the record"]
     one = CheckedSignature(
         role="author", name="A. Meier", principal="a@example.org", date="2026-11-20", key="ED 25519"
     )

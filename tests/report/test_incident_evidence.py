@@ -29,5 +29,5 @@ def test_an_incident_file_is_told(tmp_path):
     assert "el1918-ek1914" in shown
     assert "this plan" in shown
     path.write_bytes(b'{"incident": 1}\n')
-    with pytest.raises(InputError, match="is no evidence"):
+    with pytest.raises(InputError, match="is not evidence"):
         read_evidence(str(path))

@@ -152,5 +152,5 @@ def test_a_histogram_that_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, 
     assert found.period == histogram(4, 1, 0)
     row.update(wrong)
     path.write_text(json.dumps(document))
-    with pytest.raises(InputError, match="is no whole result of a run"):
+    with pytest.raises(InputError, match="is not a complete result of a run"):
         read_evidence(str(path))

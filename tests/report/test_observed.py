@@ -50,7 +50,7 @@ DRIVE = "el6910-drive_1"
             [
                 (
                     "error",
-                    f"{DRIVE}: FSoE address not known now, another than planned at an earlier "
+                    f"{DRIVE}: FSoE address unknown now; different from the plan at an earlier "
                     "start-up, 201 in the plan",
                 )
             ],

@@ -232,7 +232,7 @@ def test_a_request_that_cannot_be_read_is_counted_and_the_next_one_served(robot:
         while not int(dict(pairs(next(seen)["cell: control"]))["unreadable"]):
             pass
         (result,) = Caller(domain, "/cell/set_parameters", *kinds).call([parameter("x", 1)]).results
-        assert result.reason == "x is no output that nodes may set"
+        assert result.reason == "x is not an output that nodes may set"
 
 
 def pairs(row: Any) -> list[tuple[str, str]]:
@@ -384,15 +384,15 @@ def test_a_service_sets_outputs_and_says_why_not(robot: Master, lamp: Client) ->
         assert [(r.successful, r.reason) for r in reply.results] == [
             (True, ""),
             (False, f"{LAMP} takes a value as std_msgs/msg/Bool has it"),
-            (False, "drive_1.0x6060:00 is no output that nodes may set"),
-            (False, "el6910.logic_control is no output that nodes may set"),
-            (False, "no\\u001b[2J.lamp is no output that nodes may set"),
+            (False, "drive_1.0x6060:00 is not an output that nodes may set"),
+            (False, "el6910.logic_control is not an output that nodes may set"),
+            (False, "no\\u001b[2J.lamp is not an output that nodes may set"),
         ]
         lights(lamp, on)
         (many,) = caller.call([parameter(LAMP, True)] * 257).results
         assert many.reason == "more than 256 parameters at once: nothing was set"
         (long,) = caller.call([parameter("\x1b" * 100_000, True)]).results
-        assert long.reason == "\\u001b" * 100 + " is no output that nodes may set"
+        assert long.reason == "\\u001b" * 100 + " is not an output that nodes may set"
         assert caller.call([]).results == []
 
 
@@ -528,7 +528,7 @@ def test_the_command_says_what_it_shows(robot: Master, tmp_path: Path) -> None:
 def test_what_the_command_does_not_take(tmp_path: Path) -> None:
     done = _command("--socket", tmp_path / "nobody")
     assert done.returncode == 3
-    assert "nobody answers" in done.stderr
+    assert "no answer" in done.stderr
     done = _command("--socket", "x", "--name", "my cell")
     assert done.returncode == 2
     assert "'my cell' is not a name of a node; 'my_cell' would be" in done.stderr

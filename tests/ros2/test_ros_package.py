@@ -257,7 +257,7 @@ def test_an_axis_by_ros2_control(program: Path, tmp_path: Path) -> None:
         (["c:el2904/standard_1=on"], "init", "initial_value of el2904/standard_1 is not a number"),
         (["c:el6910/logic_control"], "activate", "logic_control"),
         (["misses=x"], "init", "param `misses` of the hardware is no whole number: x"),
-        (["socket=/nowhere/s"], "configure", "nobody answers on /nowhere/s"),
+        (["socket=/nowhere/s"], "configure", "no answer on /nowhere/s"),
         (["socket="], "init", "the hardware has no param `socket`"),
     ],
 )

@@ -68,7 +68,7 @@ def test_what_a_line_says(line, action, target, number, values):
         ("break", "write: break SUBDEVICE"),
         ("press it", "write: press"),
         ("wrong a 1", "write: wrong SUBDEVICE VENDOR PRODUCT [REVISION]"),
-        ("lose many", "no number"),
+        ("lose many", "not a number"),
         ("lose -1", "not in 0"),
         ("lose " + "9" * 5000, "not in 0"),
         ("delay 5", "not a time"),
@@ -76,7 +76,7 @@ def test_what_a_line_says(line, action, target, number, values):
         ("stall 500us", "not a whole number of ms"),
         ("stall 5000s", "more than an hour"),
         ("swap a a", "itself"),
-        ("sdo-abort a 0x1c12: 7", "no number"),
+        ("sdo-abort a 0x1c12: 7", "not a number"),
     ],
 )
 def test_what_is_no_command(line, says):

@@ -30,7 +30,7 @@ from fsoe_net.simulate.session import counted_session_ids
         ([ESTOP, "--interface", "lo"], 3, "lo"),
         ([ESTOP, "--interface", "eth99"], 3, "no such interface: 'eth99'; `ip link` lists them"),
         ([ESTOP, "--interface", "x" * 300], 3, "no such interface: 'xxx"),
-        ([ESTOP, "--interface", "lo", "--no-machine-on-this-wire"], 3, "this is no test rig"),
+        ([ESTOP, "--interface", "lo", "--no-machine-on-this-wire"], 3, "this is not a test rig"),
         (["absent.yaml", "--interface", "lo"], 1, "nothing started"),
     ],
 )

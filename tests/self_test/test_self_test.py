@@ -123,7 +123,7 @@ def test_fsn_master_is_not_tried_where_it_is_not_and_fails_where_it_cannot_start
     state = run.master_state()
     if program == "missing":
         assert (result.result, state) == ("not tried", None)
-        assert "is no program that can be started" in result.not_tried
+        assert "is not an executable program" in result.not_tried
     else:
         assert result.result == "fail"
         assert state is not None
@@ -381,7 +381,7 @@ def test_what_is_no_result_is_refused(what: str, tmp_path: Path):
     network = str(EXAMPLES / "estop" / "network.yaml")
     done = fsn("report", network, "--self-test-result", str(result), "-o", str(page))
     assert (done.returncode, page.exists()) == (1, False)
-    assert "is no result of a self-test" in done.stderr
+    assert "is not the result of a self-test" in done.stderr
     assert "fsoe-net doctor --self-test --format json > self-test.json" in done.stderr
 
 

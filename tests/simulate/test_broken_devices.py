@@ -105,7 +105,7 @@ def test_fitting_values_of_other_types_are_taken(fsn):
         (
             "def (",
             1,
-            r"mod\w+:S: module 'mod\w+' is no Python: invalid syntax \(mod\w+\.py, line 1",
+            r"mod\w+:S: module 'mod\w+' is not valid Python: invalid syntax \(mod\w+\.py, line 1",
         ),
         ("import nothing_of_this_name", 1, "cannot be imported .*nothing_of_this_name"),
         ("1 / 0", 3, r"importing mod\w+ raised ZeroDivisionError\(.*\) \(mod\w+\.py, line 1\)"),
@@ -121,8 +121,8 @@ def test_fitting_values_of_other_types_are_taken(fsn):
         ),
         ("x = 1", 1, "has no 'S'"),
         ("S = 'x' * 999", 1, r"S is 'x+\.\.\. and cannot be called"),
-        ("def S(): pass", 1, r"is no factory: .*takes \(\)"),
-        ("def S(a, b): pass", 1, r"is no factory: .*takes \(a, b\)"),
+        ("def S(): pass", 1, r"is not a factory: .*takes \(\)"),
+        ("def S(a, b): pass", 1, r"is not a factory: .*takes \(a, b\)"),
         ("S = range", 3, "the factory raised TypeError"),
     ],
 )

@@ -101,7 +101,7 @@ def test_own_plan_runs_and_foreign_plan_does_not(fsn, tmp_path: Path):
     ("name", "data", "message"),
     [
         ("none.fsnplan", None, "no such file"),
-        ("x.fsnplan", b"version: 1\n" * 50, "this is no .fsnplan file"),
+        ("x.fsnplan", b"version: 1\n" * 50, "not a .fsnplan file"),
         ("empty.fsnplan", b"", "too short for a plan"),
     ],
 )

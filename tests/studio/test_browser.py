@@ -116,7 +116,7 @@ def test_text_and_drawing_follow_each_other(page: Any) -> None:
     area.fill(text.replace("el2904, position: 3", "el2904, position: 33"))
     page.wait_for_selector("text=position 33")
     area.fill(text.replace("subdevices:", "subdevices"))
-    page.wait_for_selector("text=The text is no network at present")
+    page.wait_for_selector("text=The text is not a valid network at present")
     assert page.locator(".card").count() == 5  # the last network stays in sight
     area.fill(text.replace("size: 6", "size: 5", 1))
     finding = page.locator(".findings li.error").first
@@ -138,8 +138,8 @@ def test_two_tabs_and_a_file_that_changes(page: Any, cell: Path) -> None:
     area.fill(area.input_value() + "# one\n")
     _holds(second, "# one\n")
     cell.write_text(cell.read_text("utf-8") + "# theirs\n", "utf-8")
-    page.wait_for_selector("text=Somebody has changed the file on the disk")
-    page.get_by_role("button", name="Take the file").click()
+    page.wait_for_selector("text=The file on the disk was changed")
+    page.get_by_role("button", name="Use the text of the file").click()
     _holds(page, "# theirs\n")
     page.get_by_role("button", name="Undo").click()
     _holds(page, "# one\n")

@@ -194,7 +194,7 @@ def test_an_output_that_can_restart_a_machine_stays_armed_by_nothing(
         page.good("arm-output", name=START, value="3")
         for name in (LAMP, "nothing"):
             text = page.refused("arm-output", name=name, value="1")
-            assert text == f"{name!r} is no output that is armed"
+            assert text == f"{name!r} is not an output that is armed"
         page.good("give-control")
         whys = [watch.event("fallback")["why"] for _ in range(2)]
         assert whys == ["stop", "disconnected"]
@@ -319,7 +319,7 @@ def test_control_ends_with_the_connection_and_with_a_refusal_behind_arming(
     master.refuse["lease"] = {"error": "FSN_E_BUSY", "text": "not now"}
     assert "not now" in str(browser.post("live/take-control", {})[1]["error"])
     master.close()
-    assert "nobody answers" in str(browser.post("live/take-control", {})[1]["error"])
+    assert "no answer" in str(browser.post("live/take-control", {})[1]["error"])
 
 
 def test_control_ends_with_its_lease(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -97,7 +97,7 @@ def test_an_export_that_cannot_be_made_says_why(browser: Browser, end: str) -> N
     for target, version, words in (
         ("eni", "2", "something else has changed meanwhile"),
         ("eni", "x", "something else has changed meanwhile"),
-        ("word", "1", "there is no format 'word'; there are"),
+        ("word", "1", "unknown format 'word'; there are"),
     ):
         status, _, data = browser.ask(f"/api/export/{target}{end}?version={version}")
         assert status == 422
@@ -134,7 +134,7 @@ def test_files_that_are_too_large_together_leave_nothing(
     monkeypatch.setattr(file_routes.Uploads, "room_bytes", lambda _: 10)
     status, answer = browser.give("a.xml", b"12345678901")
     assert status == 413
-    assert b"too large; put some away first" in answer
+    assert b"too large; remove some first" in answer
     assert browser.json("/api/offers")["files"] == []
     assert browser.give("a.xml", b"1234567890")[0] == 200
 

@@ -244,10 +244,10 @@ def test_files_that_cannot_be_used_are_named_with_the_next_step(
         other.write_text(text)
         assert "needs 12 to 1024: openssl rand" in refused(cert, key, str(other))
     other.write_bytes(b"\xff" * 20)
-    assert f"{other} is no text in UTF-8" in refused(cert, key, str(other))
+    assert f"{other} is not UTF-8 text" in refused(cert, key, str(other))
     missing = str(tmp_path / "missing")
     assert f"cannot read {missing}" in refused(missing, key, password)
-    assert "no certificate (PEM) with its key" in refused(password, key, password)
+    assert "not a certificate (PEM) with its key" in refused(password, key, password)
     open_key = tmp_path / "key.pem"
     shutil.copy(key, open_key)
     open_key.chmod(0o644)

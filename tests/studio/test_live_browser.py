@@ -121,7 +121,7 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         page.get_by_role("button", name="Release the e-stop at ek1914").click()
         events.get_by_text("command: set ek1914").nth(3).wait_for()
         after(page, 0.1)  # reset counts where the logic has every input already
-        reset = page.get_by_role("button", name="Reset (hold")
+        reset = page.get_by_role("button", name="Reset (active")
         reset.focus()
         reset.hover()
         page.keyboard.down("Enter")  # a button that is held, by keyboard
@@ -132,11 +132,11 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         assert events.get_by_text("command: release reset").count() == 0
         page.keyboard.up("Enter")
         events.get_by_text("command: release reset").wait_for()
-        page.get_by_role("button", name="Pull it", exact=True).click()
+        page.get_by_role("button", name="Disconnect it", exact=True).click()
         events.get_by_text("resets: watchdog expired").first.wait_for()
         strips.get_by_text("last Reset: watchdog expired").wait_for()
         page.get_by_text("1 of 2 not in OP").wait_for()
-        page.get_by_role("button", name="Put it back").click()
+        page.get_by_role("button", name="Reconnect it").click()
         strips.get_by_text("Data · FailSafeData").wait_for()
         assert drawn(page, "strip-process")
         assert drawn(page, "strip-low")
@@ -145,7 +145,7 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         page.get_by_role("button", name="Hold the frames for 150 ms").click()
         page.wait_for_selector("text=outputs of el1918: off")
         assert "longer than each FSoE watchdog" in page.locator(".expect").inner_text()
-        page.get_by_label("or so many ms").fill("20")
+        page.get_by_label("or for (ms)").fill("20")
         page.keyboard.press("Enter")
         events.get_by_text("bus: no frames for 20 ms").wait_for()
         assert "shorter than each FSoE watchdog" in page.locator(".expect").inner_text()
@@ -161,7 +161,7 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         assert page.locator("output").inner_text() == shown  # paused
         accessible(page, "dark")
         with page.expect_download() as saved:
-            page.get_by_role("link", name="Save what was seen").click()
+            page.get_by_role("link", name="Save the record").click()
         path = tmp_path / "run.json"
         saved.value.save_as(path)
         document = json.loads(path.read_text("utf-8"))
@@ -189,7 +189,7 @@ def test_people_learn_what_an_e_stop_and_a_pulled_subdevice_do(
         assert drawn(page, "main")
         path.write_text("{}", "utf-8")
         page.get_by_label("Open a recorded run").set_input_files(path)
-        page.get_by_text("this is no recorded run").wait_for()
+        page.get_by_text("this is not a recorded run").wait_for()
 
 
 def test_a_running_bus_is_shown_and_its_signals_drawn(chromium: Any, tmp_path: Path) -> None:
@@ -273,7 +273,7 @@ def test_a_person_controls_a_bus_for_as_long_as_the_page_is_in_sight(
         assert second.locator(".outputs").count() == 0
         second.close()
         page.get_by_role("button", name="Stop the bus …").click()
-        dialog.get_by_text("This is no emergency stop").wait_for()
+        dialog.get_by_text("This is not an emergency stop").wait_for()
         dialog.get_by_role("button", name="Stop the bus").click()
         page.get_by_text(": stopped").wait_for()
         page.get_by_text("None now.").wait_for()

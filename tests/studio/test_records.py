@@ -108,7 +108,7 @@ def test_a_report_is_of_the_text_as_it_is(browser: Browser) -> None:
     assert "<li>start-up" in text
     browser.post("text", {"version": answer["version"], "text": "nets: ["})
     for where in ("report?", "difference?file="):
-        assert "the text is no network at present" in _page(browser, where, 422)
+        assert "the text is not a valid network at present" in _page(browser, where, 422)
     _, answer = browser.get("state")
     browser.post("take", {"version": answer["version"]})
     text = _page(browser, "difference?file=")
@@ -135,7 +135,7 @@ def test_only_what_is_listed_is_opened(browser: Browser, path: Path) -> None:
         f"difference?file={number['test-record.yaml']}",
         "report?test_record=99",
     ):
-        assert "this file is there no more" in _page(browser, where, 422)
+        assert "this file no longer exists" in _page(browser, where, 422)
     assert browser.ask("/records/secret")[0] == 404
     broken = path.parent / "broken.fsnincident"
     broken.write_text("<script>alert(1)</script>")

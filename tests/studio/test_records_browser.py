@@ -110,19 +110,19 @@ def test_what_was_entered_survives_tab_and_server(tablet: Any, path: Path) -> No
         page = tablet.new_page()
         page.goto(f"{server.studio.url}#test-record")
         page.goto(f"http://127.0.0.1:{server.port}/#test-record")
-        page.get_by_role("button", name="Enter, and go on").wait_for()
+        page.get_by_role("button", name="Enter, and continue").wait_for()
         boxes = page.locator(".step button, .step label.big, .step input[type=text], .list button")
         for box in boxes.all():
             assert box.bounding_box()["height"] >= 44
         _enter(page, "✔ as expected", "quick")
         accessible(page, "light", "dark")
         with page.expect_response("**/api/test-record/enter"):
-            page.get_by_role("button", name="Enter, and go on").click()
+            page.get_by_role("button", name="Enter, and continue").click()
         page.wait_for_selector("text=1 of ")
         assert _machine(path, 0)["remark"] == "quick"
         server.stop()  # killed while a person goes on
         _enter(page, "✖ not as expected", "too slow")
-        page.get_by_role("button", name="Enter, and go on").click()
+        page.get_by_role("button", name="Enter, and continue").click()
         page.wait_for_selector("text=1 not sent yet")
         page.get_by_label("Remark").fill("half a sen")
         page.close()
@@ -135,11 +135,11 @@ def test_what_was_entered_survives_tab_and_server(tablet: Any, path: Path) -> No
         assert _machine(path, 1)["result"] == "not as expected"
         assert _machine(path, 1)["by"] == "A. Person"
         assert _machine(path, 0)["remark"] == "quick"
-        assert page.get_by_text("Kept here for another test record").count() == 0
+        assert page.get_by_text("Entries for another test record").count() == 0
         page.evaluate("() => localStorage.setItem('fsoe-net test record x', 'no entry')")
         page.evaluate(OF_ANOTHER)
         page.locator(".list button", has_text="not finished").click()
-        page.get_by_text("Kept here for another test record (1)").click()
+        page.get_by_text("Entries for another test record (1)").click()
         page.get_by_text("trigger old: as expected").wait_for()
         assert page.get_by_label("Remark").input_value() == "half a sen"
     finally:
@@ -151,15 +151,15 @@ def test_two_people_at_one_step(tablet: Any, path: Path) -> None:
         page = tablet.new_page()
         page.goto(studio.url)
         page.get_by_role("link", name="Test record").click()
-        page.get_by_role("button", name="Enter, and go on").wait_for()
+        page.get_by_role("button", name="Enter, and continue").wait_for()
         test_record = path.parent / "test-record.yaml"
         document = yaml.safe_load(test_record.read_text("utf-8"))
         theirs = {"result": "as expected", "remark": "theirs", "by": "B. Other"}
         document["steps"][0]["machine"] |= theirs | {"date": "2026-11-20"}
         test_record.write_text(yaml.safe_dump(document, sort_keys=False))
         _enter(page, "✖ not as expected", "mine")
-        page.get_by_role("button", name="Enter, and go on").click()
-        page.locator(".list button", has_text="somebody else has entered").click()
+        page.get_by_role("button", name="Enter, and continue").click()
+        page.locator(".list button", has_text="another person has entered").click()
         page.get_by_text("as expected, theirs, B. Other, 2026-11-20").wait_for()
         page.get_by_role("button", name="Enter mine; theirs stays in the remark").click()
         page.locator(".list button", has_text="failed").wait_for()

@@ -107,7 +107,7 @@ def test_what_was_read_at_a_subdevice(path: str) -> None:
     ("wrong", "said"),
     [
         ({"result": "good"}, "result is one of as expected, not as expected, not run"),
-        ({"measured_ms": "soon"}, "'soon' is no time in ms"),
+        ({"measured_ms": "soon"}, "'soon' is not a time in ms"),
         ({"measured_ms": "1e999"}, "not entered: "),
         ({"measured_ms": "-1"}, "not entered: "),
         ({"measured_ms": "900"}, "900 ms is longer than the limit"),

@@ -223,8 +223,8 @@ def test_a_network_without_nets_gets_one(estop: Workspace) -> None:
 @pytest.mark.parametrize(
     ("request_", "text"),
     [
-        ({}, "there is no change 'None'"),
-        ({"change": "erase"}, "there is no change 'erase'"),
+        ({}, "unknown change 'None'"),
+        ({"change": "erase"}, "unknown change 'erase'"),
         ({"change": "set", "connection": 0, "key": "main", "value": 1}, "is nothing that is set"),
         ({"change": "set", "connection": 0, "key": [], "value": 1}, "is nothing that is set"),
         ({"change": "set", "connection": 1, "key": "address", "value": 1}, "a number from 0 to 0"),
@@ -267,7 +267,7 @@ def test_a_part_that_is_not_in_the_file_is_left_to_the_text(estop: Workspace) ->
 def test_a_text_that_is_no_network_is_kept_and_said(estop: Workspace) -> None:
     estop.replace(estop.version, "nets: [")
     assert estop.checked.resolution is None
-    with pytest.raises(InputError, match="the text is no network at present"):
+    with pytest.raises(InputError, match="the text is not a valid network at present"):
         estop.change(estop.version, {"change": "place", "subdevice": "ek1914", "position": 2})
     shown = state_of(estop)
     assert shown["is_network"] is False

@@ -59,13 +59,13 @@ def test_losses_are_asked_for_measured_and_marked(network, tmp_path):
     ]
     for step in steps.values():
         assert step["result"] == "as expected", step["remark"]
-        assert step["remark"].startswith(f"{EMULATED_NOTE}: near is no network card (veth)")
+        assert step["remark"].startswith(f"{EMULATED_NOTE}: near is not a network card (veth)")
     assert 0 < steps["loss logic"]["measured_ms"] < 2 * WATCHDOG_MS
     assert "bus cycle of 10 ms" in steps["loss logic"]["time_is"]
     # io2 stands before the logic: both ends of its connection are off the bus.
     assert "logic-io2 fell silent with both ends off the bus" in steps["loss io2"]["remark"]
     assert steps["loss io"]["measured_ms"] is None  # the first one of the line: everybody is off
-    assert seen["told"].count("Is the area guarded and nobody in it?") == 3
+    assert seen["told"].count("Is the area guarded, with no person in it?") == 3
     assert "6 of 6 open at the machine" in seen["told"]
 
 
@@ -82,7 +82,7 @@ def test_what_was_measured_is_kept_when_it_breaks_off(network, tmp_path):
     assert TAKE not in left_out["told"]
     assert live_of(left_out)["loss io"] == live_of(interrupt)["loss io"]
     for name in ("io2", "logic"):
-        assert "nobody confirmed" in live_of(left_out)[f"loss {name}"]["remark"]
+        assert "not confirmed" in live_of(left_out)[f"loss {name}"]["remark"]
     assert gone["code"] == 3
     assert live_of(gone) == live_of(left_out)
     assert "Traceback" not in interrupt["told"] + left_out["told"] + gone["told"]

@@ -178,7 +178,7 @@ def test_a_live_reaction_that_comes_too_late_is_said() -> None:
 @pytest.mark.parametrize(
     ("more", "remark"),
     [
-        ({"confirms": False}, "nobody confirmed that the area is guarded"),
+        ({"confirms": False}, "it was not confirmed that the area is guarded"),
         ({"acts": False}, "stayed on the bus"),
         ({"wrong": "io2"}, "io stayed on the bus; io2 left instead"),
     ],
@@ -217,7 +217,7 @@ def test_a_connection_that_is_not_in_data_is_said() -> None:
 @pytest.mark.parametrize(
     ("more", "why"),
     [
-        ({"interface": "veth0"}, "veth0 is no network card (veth)"),
+        ({"interface": "veth0"}, "veth0 is not a network card (veth)"),
         ({"interface": "", "backend": "emulated"}, "the bus of fsn-master is emulated"),
     ],
 )
@@ -326,8 +326,8 @@ def test_a_connection_that_fsn_master_does_not_know(monkeypatch: pytest.MonkeyPa
     test_record, _ = fresh_record(timed())
     steps = live(Person(_bus()), test_record)
     for name, remark in (
-        ("start-up logic-io", "soem on eth1; fsn-master knows no connection of this name"),
-        ("loss io", "soem on eth1; fsn-master knows no connection logic-io"),
+        ("start-up logic-io", "soem on eth1; fsn-master has no connection of this name"),
+        ("loss io", "soem on eth1; fsn-master has no connection logic-io"),
     ):
         seen = steps[name].live
         assert seen is not None

@@ -151,7 +151,7 @@ class _Reader:
 
     def _order(self, row: Row, text: object) -> Order:
         if not isinstance(text, str):
-            raise row.error(f"command {short(text)} is no string")
+            raise row.error(f"command {short(text)} is not a string")
         who, dot, what = text.partition(".")
         name, _, value = what.partition("=")
         if not dot or who not in {s.value for s in SideName}:

@@ -88,7 +88,7 @@ def header_bits(slaves: list[EniSlave], parts: EniParts, out: Collector) -> int 
         out.add(
             "FSN142",
             b.span,
-            f"this window stands {two} bits behind the offset of its command, another {one}",
+            f"this window stands {two} bits after the offset of its command, another {one}",
             hint="one file has one header size (0 or 80 bits); export the ENI again",
             related=(Related(span=a.span, message=f"{one} bits here"),),
         )
@@ -108,9 +108,9 @@ def _delta(window: Window, fmmu: Fmmu, commands: list[CyclicCommand]) -> int | N
     behind_last = bisect_right(commands, fmmu.logical, key=lambda c: c.address)
     for command in reversed(commands[max(behind_last - 8, 0) : behind_last]):
         offset = command.offset(window.direction)
-        behind = fmmu.logical - command.address
-        if offset is not None and behind < command.length:
-            return window.bit_start - 8 * (offset + behind) - fmmu.start_bit
+        distance = fmmu.logical - command.address
+        if offset is not None and distance < command.length:
+            return window.bit_start - 8 * (offset + distance) - fmmu.start_bit
     return None
 
 
@@ -361,14 +361,13 @@ def _whole_frames(piece: DescribedCopy, source: Place, destination: Place, out: 
         block = place.block_at(end.bit_offset)
         if block is None:
             continue
-        first, behind = 8 * block.byte_offset, 8 * block.end_byte
-        if (end.bit_offset, piece.bits) != (first, behind - first):
+        first, end_bit = 8 * block.byte_offset, 8 * block.end_byte
+        if (end.bit_offset, piece.bits) != (first, end_bit - first):
             out.add(
                 "FSN149",
                 piece.span,
-                f"bits {end.bit_offset} to {end.bit_offset + piece.bits - 1} of Sm"
-                f"{end.sm_index} are copied, a part of the FSoE frame at bits {first} to "
-                f"{behind - 1}",
+                f"bits {end.bit_offset} to {end.bit_offset + piece.bits - 1} of Sm{end.sm_index} "
+                f"are copied, a part of the FSoE frame at bits {first} to {end_bit - 1}",
                 hint="copy the frame as a whole, from command to connection ID",
             )
             return

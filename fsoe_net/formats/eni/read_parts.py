@@ -123,7 +123,7 @@ def _command(cmd: Element, parts: EniParts, out: Collector) -> None:
             out.add(
                 "FSN145",
                 infos.span,
-                "these CopyInfos stand at a command that reads no process data",
+                "these CopyInfos belong to a command that reads no process data",
                 hint="they belong to the LRD or LRW command (Cmd 10 or 12) that brings the source",
             )
         for info in infos.all("CopyInfo"):

@@ -270,7 +270,7 @@ def _listed_pdos(
                 "FSN143",
                 element.value_span,
                 f"Sm{number} lists PDO 0x{index:04x}, {why}",
-                hint="export the ENI again; nothing behind this PDO can be placed",
+                hint="export the ENI again; no entry after this PDO can be placed",
             )
     return list(taken.values())
 

@@ -154,7 +154,7 @@ class _Finder:
         try:
             self._parser.Parse(data, True)
         except (expat.ExpatError, ValueError, LookupError) as exc:
-            raise InputError(f"this is no ENI that can be changed: {exc}") from exc
+            raise InputError(f"this ENI cannot be changed: {exc}") from exc
 
     def _doctype(self, *_arguments: object) -> None:
         raise InputError("a document type is declared; delete it first")

@@ -94,7 +94,7 @@ def _one_master(text: Pasted) -> None:
     text.out.add(
         "FSN147",
         others.span,
-        f"here begins another master; only master {first} is read",
+        f"another master begins here; only master {first} is read",
         severity=Severity.INFO,
         hint="give each master's output on its own: ethercat -m N",
     )

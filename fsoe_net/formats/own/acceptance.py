@@ -78,7 +78,7 @@ def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | Non
             "FSN163",
             root.at("verifier"),
             f"author and verifier are one person: {record.verifier.name}",
-            hint="somebody who is not the author verifies; make the record anew",
+            hint="a person other than the author must verify; make the record again",
         )
     return None if len(out.diagnostics) > before else record
 
@@ -118,7 +118,7 @@ def _text(node: MapNode, key: str) -> str:
 def _stated(node: MapNode, key: str, out: Collector) -> str:
     text = _text(node, key).strip()
     if not says_something(text):
-        out.add("FSN162", node.at(key), f"{key} is empty", hint="make the record anew")
+        out.add("FSN162", node.at(key), f"{key} is empty", hint="make the record again")
     return text
 
 
@@ -132,8 +132,8 @@ def _hash(node: MapNode, key: str, out: Collector) -> str:
         out.add(
             "FSN162",
             node.at(key),
-            f"{key} is no SHA-256 of 64 hexadecimal digits",
-            hint="take the record from version control, or make it anew",
+            f"{key} is not a SHA-256 of 64 hexadecimal digits",
+            hint="take the record from version control, or make it again",
         )
     return text
 
@@ -141,7 +141,7 @@ def _hash(node: MapNode, key: str, out: Collector) -> str:
 def _file(node: MapNode, out: Collector) -> SourceFile:
     path = _text(node, "file")
     if not path or "\0" in path:
-        out.add("FSN162", node.at("file"), "file is no path", hint="make the record anew")
+        out.add("FSN162", node.at("file"), "file is not a path", hint="make the record again")
     return SourceFile(path=path, sha256=_hash(node, "sha256", out))
 
 
@@ -195,6 +195,6 @@ def _plan(root: MapNode, out: Collector) -> bytes:
         "FSN162",
         root.at("plan"),
         f"the plan in this record {trouble}",
-        hint="take the record from version control, or make it anew",
+        hint="take the record from version control, or make it again",
     )
     return b""

@@ -77,7 +77,7 @@ def buses_from_yaml(root: MapNode, out: Collector) -> list[BusRows]:
             out.add(
                 "FSN164",
                 root.keys[key],
-                f"{key} stands beside buses; which bus it is of is not known",
+                f"{key} is next to buses; the bus that it belongs to is unknown",
                 hint=f"write {key} under the bus it belongs to, or leave buses out",
             )
     return [
@@ -100,7 +100,7 @@ def groups_from_yaml(root: MapNode, out: Collector) -> tuple[Group, ...]:
         out.add(
             "FSN165",
             root.keys["groups"],
-            "groups stand beside buses; which parts are there is watched on one bus only",
+            "groups are next to buses; absent parts are detected on one bus only",
             hint="leave groups out, or write a network file for the bus that has them",
         )
         return ()

@@ -348,8 +348,8 @@ class _Assembly:
             self.out.add(
                 "FSN126",
                 span,
-                f"{text!r} is relative: the driver looks where it is started, fsoe-net beside "
-                "this file",
+                f"{text!r} is relative: the driver searches from its working directory, fsoe-net "
+                "next to this file",
                 hint="write an absolute path, or $(find your_package)/config/… in a xacro",
             )
 

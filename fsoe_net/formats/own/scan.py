@@ -95,7 +95,7 @@ def _parse(data: bytes, file: str, out: Collector) -> MapNode | None:
         out.add("FSN102", Span(file, 1, 1), f"no scan document: {exc}", hint=_AGAIN)
         return None
     if not isinstance(found, dict):
-        out.add("FSN104", Span(file, 1, 1), "no scan document: it is no JSON object", hint=_AGAIN)
+        out.add("FSN104", Span(file, 1, 1), "not a scan document: not a JSON object", hint=_AGAIN)
         return None
     return parse_yaml(_as_yaml(text).encode(), file, out, of_devices=True)
 

@@ -338,7 +338,7 @@ def _missing_key(node: MapNode, error: SchemaError, out: Collector) -> None:
     message = f"{_where(error.path)} has no {error.key!r}"
     hint = f"add {error.key}: {_what_to_write(properties.get(error.key, {}))}".rstrip(": ")
     if "channels" in error.path:
-        message += "; the driver goes on with a random value"
+        message += "; the driver continues with a random value"
         out.add("FSN404", node.span, message, hint=hint)
     else:
         out.add("FSN110", node.span, message, hint=hint)

@@ -228,7 +228,7 @@ def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
             "FSN422",
             node.at("addr_offset" if first else "mask" if shift else "type"),
             f"this item takes bits {8 * first + shift} … {end - 1} of a channel of {entry_bits} "
-            "bits; the driver would use what lies behind it",
+            "bits; the driver would use the bits after it",
             hint=f"addr_offset counts bytes inside the channel, from 0 to {-(-entry_bits // 8) - 1}"
             if first
             else "write a shorter type or mask, or correct the type of the channel",

@@ -40,7 +40,7 @@ def check_entry(step: TestStep, out: Collector) -> None:
             "FSN161",
             machine.span,
             f"step {step.id} is tried on the emulated bus only, and has an entry at the machine",
-            hint="empty it; note tests of your own beside this test record",
+            hint="empty it; note tests of your own outside this test record",
         )
         return
     check_date(f"step {step.id}", machine.date, machine.at("date"), out)
@@ -49,7 +49,7 @@ def check_entry(step: TestStep, out: Collector) -> None:
             "FSN161",
             machine.at("measured_ms"),
             f"step {step.id}: {machine.measured_ms:g} ms is longer than the limit of "
-            f"{step.limit_ms:g} ms, and the result says as expected",
+            f"{step.limit_ms:g} ms, and the result is as expected",
             hint="write `result: not as expected` and find the cause, or correct the time",
         )
     if missing := _missing(machine):

@@ -15,9 +15,9 @@ from fsoe_net.model.safety import SafetyElement, SafetyFunction
 
 _HEAD = """\
 # Acceptance record of the copies of an FSoE network, written by fsoe-net. Keep it under
-# version control, and sign what is signed: the report. It says which configuration was accepted,
-# by whom and on what grounds. It is no certificate and no protection against somebody who means
-# harm. `fsoe-net acceptance verify --accepted FILE` compares with it; do not edit it by hand.
+# version control, and sign what is signed: the report. It states which configuration was accepted,
+# by whom and on what grounds. It is not a certificate and does not protect against a person with
+# bad intent. `fsoe-net acceptance verify --accepted FILE` compares with it; do not edit it by hand.
 """
 
 

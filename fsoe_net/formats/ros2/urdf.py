@@ -147,9 +147,9 @@ def _component_names(blocks: list[Element], out: Collector) -> None:
             if first is component:
                 continue
             what = (
-                "stands twice in this ros2_control block; the driver adds the modules of both twice"
+                "is twice in this ros2_control block; the driver adds the modules of both twice"
                 if owner is block
-                else "also stands in another ros2_control block; the driver gives the modules of "
+                else "is also in another ros2_control block; the driver gives the modules of "
                 "both to both"
             )
             out.add(

@@ -166,7 +166,7 @@ class _System:
                 "FSN132",
                 old.span,
                 "fsoe_config is the old name; versions from 2026-06 warn about it",
-                hint="write transfer_config when your driver knows it",
+                hint="write transfer_config if your driver supports it",
             )
         return "transfer_config" if new is not None else "fsoe_config" if old is not None else None
 
@@ -276,5 +276,5 @@ def _nested_interfaces(element: Element, component: Element, out: Collector) -> 
                 nested.span,
                 f"{nested.name} {nested.attributes.get('name', '')!r} inside ec_module is never "
                 "exported; the value stays 0",
-                hint=f"move it up into <{component.name}>, beside the ec_module",
+                hint=f"move it up into <{component.name}>, next to the ec_module",
             )

@@ -82,7 +82,7 @@ def write_control(description: Description, *, file: str = "ros2_control.urdf.xa
     joints = [c.name for c in components.values() if c.kind == "joint"]
     lines = [
         '<?xml version="1.0"?>',
-        "<!-- For fsoe_net_ros: what controllers may read and write beside safety. -->",
+        "<!-- For fsoe_net_ros: inputs and outputs for controllers, without safety data. -->",
         '<robot name="cell" xmlns:xacro="http://www.ros.org/wiki/xacro">',
         '  <xacro:arg name="socket" default="/run/fsn-master/fsn-master-eth1.sock"/>',
         '  <ros2_control name="cell" type="system">',

@@ -134,7 +134,7 @@ def _longest_rising(numbers: list[int | None]) -> list[int]:
         at_ends[length : length + 1] = [at]
         if length:
             before[at] = at_ends[length - 1]
-    # Backwards from the end of the longest run, over the place that each one was put behind.
+    # Backwards from the end of the longest run, over the place that each one was put after.
     run: list[int] = []
     at_last = at_ends[-1] if at_ends else None
     while at_last is not None:

@@ -297,7 +297,7 @@ def _float_hint(text: str, what: str) -> str:
     if re.fullmatch(r"[+-]?[0-9]+,[0-9]+", text):
         return decimal_comma(text)
     if re.match(r"[0-9.]+\s*[µa-zA-Z]+\Z", text) and re.search(r"_(us|ms|s)\Z", what):
-        return f"write the number alone; {what} says its unit"
+        return f"write the number alone; the unit is in the name {what}"
     return "write a number, such as 1000 or 1.5"
 
 

@@ -88,7 +88,7 @@ class Pasted:
     def _strange_line(self, line: Line, what: str, known: bool) -> None:
         text = line.stripped
         if _LEFT_OUT.match(text):
-            self.cut(line, f"{text[:20]!r} stands for lines that were left out")
+            self.cut(line, f"{text[:20]!r} replaces lines that were left out")
         elif known and line.last:
             self.cut(line, f"{text[:60]!r} is not a whole line")
         elif known and self.last_good is not None and self._strange == 0:

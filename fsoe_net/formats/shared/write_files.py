@@ -82,7 +82,7 @@ def _write_parts(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
                 made.append(path)
         made.clear()
     except OSError as exc:
-        why = exc.strerror if path.parent.is_dir() else f"there is no folder {path.parent}"
+        why = exc.strerror if path.parent.is_dir() else f"missing folder {path.parent}"
         raise EnvironmentFault(f"cannot write {path}: {why}") from exc
     finally:
         for left in (*partial.values(), *made):
@@ -128,6 +128,6 @@ def make_folder(path: str | None, what: str) -> None:
     try:
         Path(path).mkdir()
     except FileNotFoundError as exc:
-        raise EnvironmentFault(f"{what} {path}: there is no folder {Path(path).parent}") from exc
+        raise EnvironmentFault(f"{what} {path}: missing folder {Path(path).parent}") from exc
     except OSError as exc:
         raise EnvironmentFault(f"{what} {path}: {exc.strerror}") from exc

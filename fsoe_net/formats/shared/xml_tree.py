@@ -25,7 +25,7 @@ _HINTS = {
     "XML_ERROR_UNCLOSED_CDATA_SECTION": "close it with ]]>",
     "XML_ERROR_PARTIAL_CHAR": _ENCODING_HINT,
     "XML_ERROR_DUPLICATE_ATTRIBUTE": "delete one of the two attributes",
-    "XML_ERROR_JUNK_AFTER_DOC_ELEMENT": "a file has one root element; delete what stands behind",
+    "XML_ERROR_JUNK_AFTER_DOC_ELEMENT": "a file has one root element; delete the text after it",
     "XML_ERROR_UNDEFINED_ENTITY": "write &amp; for a plain &",
     "XML_ERROR_BAD_CHAR_REF": "this character number is not allowed in XML; delete it",
     "XML_ERROR_MISPLACED_XML_PI": "<?xml …?> must be the very first bytes of the file",

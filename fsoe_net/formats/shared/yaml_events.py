@@ -182,7 +182,7 @@ class EventReader(ABC):
         node, parts = self._anchors.get(event.anchor, (None, 0))
         if node is None:
             inside = any(o.anchor == event.anchor for o in self._stack)
-            why = "refers to the node it stands in" if inside else "has no anchor before it"
+            why = "refers to the node that contains it" if inside else "has no anchor before it"
             self._refuse(
                 "FSN103" if inside else "FSN102",
                 span_of(self._file, place),

@@ -263,7 +263,7 @@ class _Builder(EventReader):
                 "FSN102",
                 span_of(self._file, self._place_of(event)),
                 f"control character U+{ord(bad):04X} in a text",
-                "delete it, or what stands for it",
+                "delete it, or its escape sequence",
             )
 
     def _attach(self, node: Node, event: Any) -> None:

@@ -44,7 +44,7 @@ _BITS = {
 }
 _BIT = re.compile(r"BIT([0-9]{0,2})\Z")
 _LOGIC_NOTE = (
-    "its objects are numbered as the device library says, not as TwinCAT does: compare them with "
+    "its objects are numbered as in the device library, not as in TwinCAT: compare them with "
     "the device (`ethercat pdos`)"
 )
 _PROTOCOLS = (("CoeType", "CoE"), ("FoeType", "FoE"), ("SoeChannels", "SoE"), ("EoeType", "EoE"))
@@ -399,7 +399,7 @@ class _BoxReader:
             self._add(
                 "FSN147",
                 entry.span,
-                f"{self.box_name()}: nothing says how long {word!r} is, so the process data of "
+                f"{self.box_name()}: the length of {word!r} is not stated, so the process data of "
                 f"SM{sm} are left out",
                 hint="give the ESI or the output of `ethercat pdos` of this device as well",
             )

@@ -70,7 +70,7 @@ def options(words: Sequence[str], *known: str) -> tuple[list[str], set[str]]:
     wrong = sorted(given - set(known))
     if wrong:
         hint = f"; here is {' '.join(known)}" if known else ""
-        raise ConsoleError(f"there is no option {wrong[0]}{hint}", is_usage=True)
+        raise ConsoleError(f"unknown option {wrong[0]}{hint}", is_usage=True)
     return [w for w in words if w not in given], given
 
 

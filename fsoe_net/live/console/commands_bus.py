@@ -269,6 +269,6 @@ BUS_COMMANDS = {
         "[on|off|for TIME]", "what has happened, or happens within a time", "events for 5s", _events
     ),
     "incident": CommandForm(
-        "[TEXT]", "have the last seconds written to an incident file", "incident jerk", _incident
+        "[TEXT]", "write the last seconds to an incident file", "incident jerk", _incident
     ),
 }

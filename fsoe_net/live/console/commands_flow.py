@@ -49,11 +49,11 @@ def _help(context: CommandContext, words: Sequence[str]) -> None:
     if not words:
         for line in table([(name, form.about) for name, form in known.items()]):
             context.out(line)
-        context.out("help COMMAND says more. Part of the black channel: no safety function.")
+        context.out("help COMMAND explains one. Part of the black channel: no safety function.")
         return
     form = known.get(words[0])
     if form is None:
-        raise ConsoleError(f"there is no command {words[0]}; help lists them", is_usage=True)
+        raise ConsoleError(f"unknown command {words[0]}; help lists them", is_usage=True)
     context.out(f"{words[0]} {form.usage}".rstrip())
     context.out(f"  {form.about}")
     context.out(f"  example: {form.example}")

@@ -129,7 +129,7 @@ def _arm(context: CommandContext, words: Sequence[str]) -> None:
         raise usage("arm", VALUE_COMMANDS["arm"].usage)
     names = context.names().outputs(words[0])
     if len(names) > 1:
-        raise ConsoleError(f"{words[0]} stands for several outputs; arm one", is_usage=True)
+        raise ConsoleError(f"{words[0]} selects several outputs; arm one", is_usage=True)
     (name,) = names
     for_ms = context.link.call(lambda client: client.arm(name))
     context.out(f"{name} may change once within {for_ms / 1000:g} s")
@@ -205,7 +205,7 @@ VALUE_COMMANDS = {
     ),
     "set": CommandForm(
         "[SUBDEVICE|all] NAME VALUE… [--typed]",
-        "write outputs, all of one line in one cycle; behind a SubDevice or `all`, its entries",
+        "write outputs, all of one line in one cycle; after a SubDevice or `all`, its entries",
         "set all 0x6060 8 0x6040 6",
         _set,
     ),

@@ -186,12 +186,12 @@ class Console:
         try:
             # A device file or a dump given by mistake must not fill the memory.
             if found.stat().st_size > _MOST_SCRIPT_BYTES:
-                raise ConsoleError(f"{found} is no script: more than 4 MiB")
+                raise ConsoleError(f"{found} is too long for a script: more than 4 MiB")
             text = found.read_text("utf-8")
         except OSError as exc:
             raise ConsoleError(f"{found}: {exc.strerror or exc}") from exc
         except UnicodeDecodeError as exc:
-            raise ConsoleError(f"{found} is no UTF-8 text") from exc
+            raise ConsoleError(f"{found} is not UTF-8 text") from exc
         # A script that runs itself would otherwise end in a stack overflow.
         if len(self._directories) > _DEEPEST:
             raise ConsoleError(f"{path}: more than {_DEEPEST} scripts inside each other")
@@ -233,5 +233,5 @@ class Console:
 def _unknown(command: ConsoleCommand) -> ScriptError:
     close = guesses(command.name, sorted(COMMANDS), cutoff=0.5)
     hint = f"did you mean {one_of(close)}?" if close else "help lists them"
-    message = f"there is no command {command.name}; {hint}"
+    message = f"unknown command {command.name}; {hint}"
     return ScriptError(message, command.line, command.column)

@@ -70,7 +70,7 @@ class SymbolNames:
         """Return the names of the outputs that a word selects; raises as `some`."""
         outputs = [s.name for s in self.some(text) if s.is_output]
         if not outputs:
-            raise ConsoleError(f"{text} stands for inputs only; list shows the outputs")
+            raise ConsoleError(f"{text} selects inputs only; list shows the outputs")
         return outputs
 
     def outputs_of(self, scope: str, entry: str) -> list[str]:
@@ -198,7 +198,7 @@ def object_address(text: str) -> tuple[int, int]:
         return found, 0
     if not re.fullmatch(r"[0-9A-Fa-f]{1,2}", sub):
         raise ConsoleError(
-            f"{sub[:24]!r} is no subindex; hexadecimal as in 0x1c12:0a", is_usage=True
+            f"{sub[:24]!r} is not a subindex; hexadecimal as in 0x1c12:0a", is_usage=True
         )
     return found, int(sub, 16)
 

@@ -89,7 +89,7 @@ class Homing(ModeBase):
         if self._phase is _Phase.LEAVE:
             if on:
                 return -towards * slow
-            # The method wants the edge from the other side: it is approached once more.
+            # The method needs the edge from the other side: it is approached once more.
             if self._passing != towards:
                 return self._found()
             self._phase = _Phase.APPROACH

@@ -45,7 +45,7 @@ export function Adding({ state, act, given, close, choose }) {
     setShelf(answer);
     if (answer.files.length || state.wiring) act("look"); // a scan shows how the cables run
   };
-  /** What is given and put away is so in the order in which a person did it. */
+  /** Uploads and removals happen in the order in which a person made them. */
   const last = useRef(/** @type {Promise<void>} */ (Promise.resolve()));
   const inTurn = (/** @type {(() => Promise<Uploads | { error: string }>)[]} */ requests) => {
     last.current = last.current.then(async () => {
@@ -136,7 +136,7 @@ export function Adding({ state, act, given, close, choose }) {
       )}
     </ol>
     ${found.length > MOST_SHOWN && html`<p class="help">${found.length - MOST_SHOWN} more: search for a part of the name.</p>`}
-    ${uploads !== null && found.length === 0 && html`<p role="status">Nothing here has that in its name.</p>`}
+    ${uploads !== null && found.length === 0 && html`<p role="status">No name contains that text.</p>`}
     <p class="help">
       Process data of the device library are unverified: compare them with your device, or take its
       ESI or a scan.
@@ -156,7 +156,7 @@ function Given({ uploads, taken, add, propose, forget }) {
   return html`<div class="given">
     <p>
       <b>${uploads.files.join(", ")}</b>${" "}
-      <button onClick=${forget}>Put away</button>
+      <button onClick=${forget}>Remove</button>
     </p>
     <ul>
       ${uploads.findings.map(
@@ -171,14 +171,14 @@ function Given({ uploads, taken, add, propose, forget }) {
         ${" "}${proposal.unconfirmed} of them to be confirmed by you.
       </p>
       <div class="row">
-        <button onClick=${propose}>Take it as the network</button>
+        <button onClick=${propose}>Use it as the network</button>
         <button disabled=${!clear.length} onClick=${() => add(clear.map((offer) => offer.number))}>
           Add its SubDevices that are not here (${clear.length})
         </button>
       </div>
       <p class="help">
-        To take it replaces the text; Undo brings yours back.
-        ${several > 0 && ` Of ${several} it is open which process data they have: choose below.`}
+        This replaces the text; Undo restores yours.
+        ${several > 0 && ` ${several} have several possible process data: choose below.`}
       </p>
       ${[...proposal.open, ...proposal.notes].length > 0 &&
       html`<details>

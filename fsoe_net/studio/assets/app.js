@@ -7,7 +7,7 @@ import { GONE, listen, request, state as fetchState } from "./server.js";
 
 /** @typedef {import("./types").State} State */
 
-/** @param {() => Promise<any>} load Of a view that comes when somebody looks at it. */
+/** @param {() => Promise<any>} load Of a view that is loaded when it is first shown. */
 function later(load) {
   /** @type {any} */
   // Kept outside of the component: a view that was loaded once is shown at once the next time.
@@ -111,8 +111,8 @@ function Page() {
     ${error && html`<p class="error" role="alert">${error}</p>`}
     ${state.outside &&
     html`<p class="outside" role="alert">
-      Somebody has changed the file on the disk. Nothing is overwritten: Save waits.
-      <button onClick=${() => act("take")}>Take the file’s text (Undo brings mine back)</button>
+      The file on the disk was changed by another program. Save does not overwrite it.
+      <button onClick=${() => act("take")}>Use the text of the file (Undo restores mine)</button>
     </p>`}
     <${VIEWS[view][1]} state=${state} act=${act} />
     <footer>

@@ -5,10 +5,10 @@ import { html } from "./html.js";
 export function Begin({ path, add, example }) {
   return html`<section class="begin" aria-label="Begin">
     <h2>A new network</h2>
-    <p>There is no ${path} yet. Nothing is written before you press Save.</p>
+    <p>${path} does not exist yet. Nothing is written before you press Save.</p>
     <div class="row">
       <button onClick=${add}>Add SubDevices</button>
-      <button onClick=${example}>Take the e-stop example</button>
+      <button onClick=${example}>Use the e-stop example</button>
     </div>
     <p class="help">
       Add them from the device library, or from files that you have: drop an ESI, a scan, an ENI on
@@ -19,10 +19,10 @@ export function Begin({ path, add, example }) {
 
 const THINGS = [
   ["Press “Try it”:", " the connection comes to Data on the emulated bus."],
-  ["Select the line between the two boxes,", " and set the FSoE watchdog to 20: the findings say why that is too short. Undo takes it back."],
+  ["Select the line between the two boxes,", " and set the FSoE watchdog to 20: the findings explain why that is too short. Undo restores the old value."],
   ["Remove the connection and draw it again,", " from slot to slot: it is not confirmed before you have compared it with the safety project."],
-  ["Write “size: 5” in the text", " for the first “size: 6”: see the finding at its part, and do what its hint says."],
-  ["Open “Export”", " and choose “eni”: the page says what that format cannot hold."],
+  ["Write “size: 5” in the text", " for the first “size: 6”: see the finding next to its part, and follow its hint."],
+  ["Open “Export”", " and choose “eni”: the page lists what that format cannot hold."],
 ];
 
 /** @param {{ close: () => void }} props */

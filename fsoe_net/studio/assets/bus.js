@@ -10,7 +10,7 @@ import { html, Mark, ROLES, worst } from "./html.js";
 
 /**
  * SubDevices of a bus by position; one with an alias, whose place is known to itself only, stays
- * behind the one before it in the file.
+ * after the previous one in the file.
  * @param {State} state
  * @param {number} bus
  */
@@ -41,9 +41,9 @@ function rowsOf(wiring) {
     /** @type {WiredNode[]} */
     const branches = [];
     for (let last = first; ; ) {
-      const behind = wiring.nodes.filter((n) => n.parent === last.position);
-      const next = behind.find((n) => n.port === 1) ?? behind[behind.length - 1];
-      branches.push(...behind.filter((n) => n !== next));
+      const children = wiring.nodes.filter((n) => n.parent === last.position);
+      const next = children.find((n) => n.port === 1) ?? children[children.length - 1];
+      branches.push(...children.filter((n) => n !== next));
       if (!next) break;
       row.nodes.push(next);
       last = next;

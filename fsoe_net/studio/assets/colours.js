@@ -1,4 +1,4 @@
-// Colours of the style sheet for what is drawn on a canvas, which knows no variables.
+// Colours of the style sheet for drawing on a canvas, which cannot read its variables.
 
 /** @type {Map<string, string>} */
 const known = new Map();

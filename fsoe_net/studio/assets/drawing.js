@@ -80,8 +80,8 @@ export function Drawing({ state, stale, selected, choose, act }) {
     <${Bus} state=${state} selected=${selected} choose=${choose} act=${act} />
     <p class="help" role="status">
       ${from
-        ? `Connect ${from.subdevice}, slot ${from.pair.slot}: choose a lit slot. Escape ends it.`
-        : "Drag from a free slot of safety logic to a SubInstance, or press one after the other."}
+        ? `Connect ${from.subdevice}, slot ${from.pair.slot}: choose a highlighted slot. Escape cancels.`
+        : "Drag from a free slot of safety logic to a SubInstance, or click one after the other."}
     </p>
     <div class="board ${stale ? "stale" : ""}" ref=${board}>
       <svg class="lines" role="group" aria-label="FSoE connections">
@@ -123,7 +123,7 @@ function curves(board, connections) {
     const [begin, end] = [at(c.main, c.slot), at(c.sub, c.sub_slot)];
     if (!begin || !end) return null;
     const bend = Math.max(60, Math.abs(end[0] - begin[0]) / 2);
-    const back = end[0] - begin[0] < 40 ? 1 : -1; // both in one column: a loop beside it
+    const back = end[0] - begin[0] < 40 ? 1 : -1; // both in one column: a loop next to it
     return (
       `M${begin[0]} ${begin[1]} C${begin[0] + bend} ${begin[1]} ` +
       `${end[0] + back * bend} ${end[1]} ${end[0]} ${end[1]}`

@@ -53,8 +53,8 @@ export function Entry({ part, kept, note, name, change, finish, drop }) {
     ${part.row ? html`<${Step} row=${part.row} note=${note} />` : html`<p>Where there is none, write “not applicable: why”.</p>`}
     ${kept?.theirs &&
     html`<div class="open" role="alert">
-      <p>▲ Somebody else has entered meanwhile: <b>${inWords(kept.theirs)}</b></p>
-      <button class="big" onClick=${drop}>Keep theirs, drop mine</button>
+      <p>▲ Another person has entered meanwhile: <b>${inWords(kept.theirs)}</b></p>
+      <button class="big" onClick=${drop}>Keep theirs, discard mine</button>
       <button class="big" onClick=${() => change({ before: kept.theirs ?? {}, theirs: null })}>
         Enter mine${part.row ? "; theirs stays in the remark" : " instead"}
       </button>
@@ -84,8 +84,8 @@ export function Entry({ part, kept, note, name, change, finish, drop }) {
         )}
     ${missing && html`<p class="error" role="alert">${missing}</p>`}
     <p class="steps">
-      <button class="big save" disabled=${!kept} onClick=${end}>Enter, and go on</button>
-      ${kept && html`<button class="big" onClick=${drop}>Drop what I have typed</button>`}
+      <button class="big save" disabled=${!kept} onClick=${end}>Enter, and continue</button>
+      ${kept && html`<button class="big" onClick=${drop}>Discard my entry</button>`}
     </p>
   `;
 }
@@ -100,7 +100,7 @@ function Step({ row, note }) {
       ${row.emulated && html`<dt>${note}</dt><dd>${row.emulated}</dd>`}
       ${row.live && html`<dt>Live</dt><dd>${row.live}</dd>`}
     </dl>
-    <p class="help">Machines may move or stop: guard the area, and see that nobody is in it.</p>
+    <p class="help">Machines may move or stop: guard the area, and make sure that no person is in it.</p>
   `;
 }
 

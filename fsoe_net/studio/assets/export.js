@@ -40,7 +40,7 @@ export function Export({ version, saved, close }) {
 function Result({ made }) {
   const lost = [...made.notes, ...made.findings];
   return html`
-    <h3>${lost.length ? "What this format cannot hold, and what was assumed" : "Nothing gets lost"}</h3>
+    <h3>${lost.length ? "What this format cannot hold, and what was assumed" : "Nothing is lost"}</h3>
     <ul class="lost">
       ${lost.map((text, n) => html`<li key=${n}>${text}</li>`)}
     </ul>

@@ -14,7 +14,7 @@ const FACTS = {
 };
 
 /**
- * What the timing budget says of the watchdog.
+ * The limits of the watchdog by the timing budget.
  * @param {import("./types").Connection} connection
  */
 function limits({ least_ms: least, greatest_ms: greatest }) {
@@ -167,7 +167,7 @@ function Field({ label, help, value, most, proposed, isName, set }) {
   const sent = useRef(/** @type {string | null} */ (null)); // Enter sends, and so does leaving the field
   const known = useRef(value);
   useEffect(() => {
-    if (known.current === value) return; // on a busy machine somebody has typed before this runs
+    if (known.current === value) return; // on a busy machine a person may have typed before this runs
     known.current = value;
     setTyped(value ?? "");
     sent.current = null;

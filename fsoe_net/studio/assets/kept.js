@@ -94,7 +94,7 @@ export async function send(key, file) {
     const answer = await post("test-record/enter", { file, key, step, subdevice, before, now });
     const later = allKept(key)[id];
     if (later === undefined) continue; // thrown away meanwhile
-    // Somebody may have continued to type while the answer was on its way.
+    // The person may have continued to type while the answer was on its way.
     const isSame = JSON.stringify(later.now) === JSON.stringify(now) && later.done;
     if ("present" in answer && !answer.error) {
       if (isSame) forget(key, kept);

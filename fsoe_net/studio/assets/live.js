@@ -49,7 +49,7 @@ export function Live({ state }) {
           redraw((n) => n + 1);
         });
       },
-      (there) => setError(there ? "" : "fsoe-net studio does not answer; what was seen stays here"),
+      (there) => setError(there ? "" : "fsoe-net studio does not answer; the last known state is shown"),
     );
     return () => {
       end();
@@ -86,7 +86,7 @@ export function Live({ state }) {
       html`<button aria-pressed=${source === "file"} onClick=${() => setSource("file")}>Recorded: ${PASTS.file.run}</button>`}
       ${sources &&
       html`<button class="start" disabled=${hasErrors} onClick=${start}>
-        ${hasErrors ? "Emulated run: correct the errors first" : sources.run ? "Start the emulated run anew" : "Start an emulated run"}
+        ${hasErrors ? "Emulated run: correct the errors first" : sources.run ? "Restart the emulated run" : "Start an emulated run"}
       </button>`}
       <label class="file">Open a recorded run
         <input type="file" accept=".json,application/json"
@@ -118,7 +118,7 @@ function Shown({ past, source, state, sources, end }) {
   return html`
     <div class="row" role="group" aria-label="Time">
       <strong class="verdict ${view.good && view.current ? "good" : "error"}" role="status">
-        ${view.good && view.current ? "✔" : "✖"} ${view.title}: ${view.state}${view.good ? "" : ", not all of it is as it should be"}
+        ${view.good && view.current ? "✔" : "✖"} ${view.title}: ${view.state}${view.good ? "" : ", with problems"}
       </strong>
       ${view.pace !== null && html`<span>${paceText(view.pace)}</span>`}
       <button aria-pressed=${held !== null} onClick=${() => (held ? setHeld(null) : pause(view.now_ms))}>
@@ -129,10 +129,10 @@ function Shown({ past, source, state, sources, end }) {
       <label class="scroll">up to <input type="range" min=${oldest} max=${view.now_ms} step="10" value=${to}
         aria-valuetext=${clock(to)} onInput=${(/** @type {any} */ e) => pause(Number(e.target.value))} /></label>
       <output>${clock(to)}</output>
-      ${source !== "file" && html`<a class="button" href=${`/api/live/document?source=${source}`} download>Save what was seen</a>`}
+      ${source !== "file" && html`<a class="button" href=${`/api/live/document?source=${source}`} download>Save the record</a>`}
       ${source === "emulated" && !view.ended && html`<button onClick=${end}>End the run</button>`}
     </div>
-    ${view.away && html`<p class="error" role="alert">${view.away}${view.ended ? "" : "; what is shown was seen last"}</p>`}
+    ${view.away && html`<p class="error" role="alert">${view.away}${view.ended ? "" : "; the last known state is shown"}</p>`}
     ${source === "emulated" && view.content !== state.content && html`<p class="stale">This is a run of an earlier text. Start it again to see the present one.</p>`}
     ${!view.away && view.bus?.reasons.map((text) => html`<p class=${view.bus?.level} key=${text}>${text}</p>`)}
     ${view.notes.map((note) => html`<p class="note" key=${note}>${note}</p>`)}
@@ -156,5 +156,5 @@ function Shown({ past, source, state, sources, end }) {
 function paceText(pace) {
   const percent = Math.round(pace * 100);
   if (percent >= 97) return "as fast as the clock";
-  return `▲ ${percent} % of the speed of the clock: this machine is too slow for this network`;
+  return `▲ ${percent} % of the speed of the clock: this computer is too slow for this network`;
 }

@@ -21,8 +21,8 @@ export function SubDevices({ subdevices }) {
     <p role="status">${bad
       ? `✖ ${bad} of ${subdevices.length} not in OP`
       : known.length
-        ? `✔ ${known.length} as they should be`
-        : "– nobody reads their states on this bus"}</p>
+        ? `✔ ${known.length} in the expected state`
+        : "– their states are not read on this bus"}</p>
     <ol class="subdevices">
       ${subdevices.map((s) => {
         const [shape, colour] = MARKS[s.level];

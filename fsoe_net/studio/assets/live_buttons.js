@@ -28,9 +28,9 @@ export function Buttons({ names, view }) {
   const stops = [...new Set(names.inputs.filter((i) => i.watched).map((i) => i.subdevice))];
   // The page follows what the bus reports, not which button was pressed last.
   const away = view.subdevices.find((s) => s.name === sub)?.al === "none";
-  return html`<section class="buttons" aria-label="Do something to the emulated bus">
-    <h2>Do something to it</h2>
-    <p class="expect" role="status">${said || "Each button says what to expect. Nothing here reaches a real bus."}</p>
+  return html`<section class="buttons" aria-label="Disturb the emulated bus">
+    <h2>Disturb the bus</h2>
+    <p class="expect" role="status">${said || "The text of each button describes what to expect. Nothing here reaches a real bus."}</p>
     ${error && html`<p class="error" role="alert">${error}</p>`}
     ${stops.map((name) => {
       const inputs = names.inputs.filter((i) => i.watched && i.subdevice === name);
@@ -46,12 +46,12 @@ export function Buttons({ names, view }) {
         ${names.subdevices.map((s) => html`<option value=${s.name}>${s.name}</option>`)}
       </select></label>
       ${away
-        ? button("Put it back", [`heal ${sub}`], "it answers again; its connections start anew, through Session, Connection and Parameter to Data.")
-        : button("Pull it", [`break ${sub}`], "it is gone: the FSoE watchdog of its connections expires, they are reset, outputs go off.")}
-      ${button("Break the cable behind it", behind(names, sub).map((n) => `break ${n}`), "all SubDevices behind it are gone at once.")}
-      ${button("Mend the cable", behind(names, sub).map((n) => `heal ${n}`), "they answer again; connections start anew.")}
+        ? button("Reconnect it", [`heal ${sub}`], "it answers again; its connections restart, through Session, Connection and Parameter to Data.")
+        : button("Disconnect it", [`break ${sub}`], "it is gone: the FSoE watchdogs of its connections expire, the connections are reset, outputs go off.")}
+      ${button("Break the cable after it", following(names, sub).map((n) => `break ${n}`), "all SubDevices after it are gone at once.")}
+      ${button("Repair the cable", following(names, sub).map((n) => `heal ${n}`), "they answer again; connections restart.")}
       ${names.subdevices.find((s) => s.name === sub)?.powered &&
-      button("Power cycle", [`power-cycle ${sub}`], "its FSoE ends start anew; the other end finds a wrong answer, and resets.")}
+      button("Power cycle", [`power-cycle ${sub}`], "its FSoE ends restart; the other end receives a wrong answer, and resets.")}
     </div>
     <div class="row">
       <label>Connection <select value=${connection} onChange=${(/** @type {any} */ e) => setConnection(e.target.value)}>
@@ -84,7 +84,7 @@ export function Buttons({ names, view }) {
 }
 
 /** All SubDevices of its bus that come after one. @param {LiveNames} names @param {string} name */
-function behind(names, name) {
+function following(names, name) {
   const at = names.subdevices.findIndex((s) => s.name === name);
   const bus = names.subdevices[at]?.bus;
   return names.subdevices.slice(at + 1).filter((s) => s.bus === bus).map((s) => s.name);
@@ -98,8 +98,8 @@ function Hold({ view, hold }) {
   const expect = (/** @type {number} */ ms) => {
     const text = `The frames are held for ${ms} ms: `;
     // Three cases: longer than all watchdogs, longer than some, shorter than each.
-    if (ms >= Math.max(...watchdogs)) return `${text}longer than each FSoE watchdog. It expires, the connections are reset, outputs go off; they start anew when the frames come again.`;
-    if (ms >= least) return `${text}connections with a shorter FSoE watchdog (the shortest is ${least} ms) are reset, the others go on.`;
+    if (ms >= Math.max(...watchdogs)) return `${text}longer than each FSoE watchdog. It expires, the connections are reset, outputs go off; they restart when the frames come again.`;
+    if (ms >= least) return `${text}connections with a shorter FSoE watchdog (the shortest is ${least} ms) are reset, the others continue.`;
     return `${text}shorter than each FSoE watchdog (the shortest is ${least} ms), so nothing happens but a long FSoE cycle. Where both together exceed the watchdog, it expires.`;
   };
   const press = (/** @type {number} */ ms) => hold(ms, expect(ms));
@@ -109,7 +109,7 @@ function Hold({ view, hold }) {
   }}>
     <span>Hold the frames for</span>
     ${[50, 150].map((ms) => html`<button type="button" key=${ms} title=${expect(ms)} aria-label="Hold the frames for ${ms} ms" onClick=${() => press(ms)}>${ms} ms</button>`)}
-    <label>or so many ms <input type="number" min="1" max="10000" required value=${typed}
+    <label>or for (ms) <input type="number" min="1" max="10000" required value=${typed}
       onInput=${(/** @type {any} */ e) => setTyped(e.target.value)} /></label>
     <button title=${expect(Number(typed))}>Hold the frames</button>
   </form>`;
@@ -146,5 +146,5 @@ function Reset({ order }) {
   return html`<button class="reset" onPointerDown=${() => press("pointer")} onPointerUp=${up} onPointerLeave=${up}
     onPointerCancel=${up} onBlur=${() => release()} onClick=${click}
     onContextMenu=${(/** @type {Event} */ event) => event.preventDefault()}
-    onKeyDown=${onKey(() => press("key"))} onKeyUp=${onKey(() => release("key"))}>Reset (hold it as long as you like)</button>`;
+    onKeyDown=${onKey(() => press("key"))} onKeyUp=${onKey(() => release("key"))}>Reset (active while held)</button>`;
 }

@@ -10,20 +10,20 @@ import { live } from "./live_server.js";
 
 const KEEP_MS = 500;
 const MANY = 8;
-const NO_EMERGENCY_STOP = "This is no emergency stop: that is the device at the machine.";
+const NO_EMERGENCY_STOP = "This is not an emergency stop: that is the device at the machine.";
 const SECURE = [
-  "First secure the machine, by its own procedure. This page does not do it and does not check it.",
-  "See that nobody is in the danger zone, and that nobody can step into it.",
+  "First secure the machine by its own procedure. This page neither does nor checks this.",
+  "Make sure that no person is in the danger zone or can enter it.",
 ];
 /** Of the bus: what it is called, what follows. @type {Record<string, [string, string[]]>} */
 const BUS = {
   start: ["Start the bus", [
     ...SECURE,
-    "SubDevices go to OP, FSoE connections come to Data. What the machine does then, its own logic decides.",
+    "SubDevices go to OP, FSoE connections reach Data. The machine's own logic decides what happens then.",
   ]],
   stop: ["Stop the bus", [
     NO_EMERGENCY_STOP,
-    "Outputs take their stop values, SubDevices leave OP, for everybody who uses this bus.",
+    "Outputs take their stop values and SubDevices leave OP, for all users of this bus.",
     "FSoE devices go to their fail-safe state, each after its FSoE watchdog.",
   ]],
   restart: ["Restart the bus", [
@@ -87,7 +87,7 @@ export function Control({ view }) {
   const give = async () => {
     const answer = await live("give-control", { token: token.current });
     lose(answer.error);
-    setSaid("Control is given back; what was set has taken its stop values.");
+    setSaid("Control is given back; all outputs set here have taken their stop values.");
   };
   const order = async (/** @type {string} */ act, /** @type {object} */ body, /** @type {string} */ done) => {
     const answer = await live(act, { ...body, token: token.current });
@@ -96,7 +96,7 @@ export function Control({ view }) {
   };
   const bus = (/** @type {string} */ word) => {
     const [title, lines] = BUS[word];
-    const then = () => order(`${word}-bus`, {}, `${word} is requested; the events say how it goes on.`);
+    const then = () => order(`${word}-bus`, {}, `${word} is requested; the events show the result.`);
     setQuestion({ title: `${title}?`, lines, check: "", act: title, then });
   };
   const set = (/** @type {Output} */ { name, restart_relevant, stop_value }, /** @type {string} */ value) => {
@@ -106,7 +106,7 @@ export function Control({ view }) {
     if (!restart_relevant || value === stop_value) return void order(act, body, `${name} is set to ${value}.`);
     setQuestion({
       title: `Before ${name} is set to ${value}`,
-      lines: [...SECURE, "This output can restart a machine. Why it stopped is known and corrected."],
+      lines: [...SECURE, "This output can restart a machine. The reason for the stop must be known and corrected."],
       check: "I have done all of this now, for this one change",
       act: `Arm and set ${name} to ${value}`,
       then: () => order(act, body, `${name} was armed and set to ${value}.`),
@@ -119,8 +119,8 @@ export function Control({ view }) {
     ${error && html`<p class="error" role="alert">✖ ${error}</p>`}
     <p role="status">${said}</p>
     ${held
-      ? html`<p><strong>✔ This page has control</strong>, as ${held.access || "this user"}. What it sets holds while it is in
-            sight: hidden, closed or dead, everything it has set takes its stop value after ${seconds} s.</p>
+      ? html`<p><strong>✔ This page has control</strong>, as ${held.access || "this user"}. Its values hold while it is in
+            sight. If it is hidden, closed or stuck, all outputs set here take their stop values after ${seconds} s.</p>
           <div class="row">
             <${Bus} state=${view.state} access=${held.access} bus=${bus} />
             <button onClick=${give}>Give control back</button>
@@ -136,7 +136,7 @@ export function Control({ view }) {
 
 /** @param {{ state: string, access: string, bus: (word: string) => void }} props */
 function Bus({ state, access, bus }) {
-  if (access === "operator") return html`<span>○ To start and stop the bus takes the role maintainer.</span>`;
+  if (access === "operator") return html`<span>○ Starting and stopping the bus needs the role maintainer.</span>`;
   const down = state === "stopped" || state === "failed";
   return html`${["start", "stop", "restart"].map(
     (word) => html`<button key=${word} disabled=${down !== (word === "start")} onClick=${() => bus(word)}>${BUS[word][0]} …</button>`,
@@ -147,7 +147,7 @@ function Bus({ state, access, bus }) {
 function Outputs({ outputs, set }) {
   const [part, setPart] = useState("");
   const shown = outputs.filter((o) => o.name.includes(part));
-  return html`<h3>Outputs that no copy and no FSoE frame has</h3>
+  return html`<h3>Outputs outside of copies and FSoE frames</h3>
     ${outputs.length > MANY &&
     html`<p><label>Only with <input type="search" value=${part} onInput=${(/** @type {any} */ e) => setPart(e.target.value)} /> in the name</label></p>`}
     <ul class="outputs">${shown.map((output) => html`<${Row} key=${output.name} output=${output} set=${set} />`)}</ul>
@@ -160,7 +160,7 @@ function Row({ output, set }) {
   const { name, interface: known, kind, value, stop_value, client, mine } = output;
   const others = client !== null && !mine;
   // Another client writes the output: fsn-master would refuse a second writer.
-  const who = mine ? "● set here" : others ? `✖ client ${client} writes it` : "○ nobody writes it";
+  const who = mine ? "● set here" : others ? `✖ client ${client} writes it` : "○ not written";
   const onText = (/** @type {any} */ e) => setText(e.target.value);
   return html`<li>
     <b>${name}</b> = <span class="state">${value}</span>

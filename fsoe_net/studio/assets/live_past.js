@@ -123,8 +123,8 @@ export class Past {
     if (event.end === "wire") return void strip.wire.push([event.time_ms, event.state]);
     strip[event.end] = event.state;
     // The end in the lower state decides: a connection is in Data only if both ends are.
-    const behind = LEVELS.indexOf(strip.main) < LEVELS.indexOf(strip.sub) ? strip.main : strip.sub;
-    strip.ends.push([event.time_ms, behind || "Silent"]);
+    const lower = LEVELS.indexOf(strip.main) < LEVELS.indexOf(strip.sub) ? strip.main : strip.sub;
+    strip.ends.push([event.time_ms, lower || "Silent"]);
   }
 }
 

@@ -78,7 +78,7 @@ function draw(list, past, from, to) {
   past.view?.connections.forEach((c, number) => {
     const canvas = canvases[number];
     const place = canvas.getBoundingClientRect();
-    if (place.bottom < 0 || place.top > innerHeight) return; // nobody sees it
+    if (place.bottom < 0 || place.top > innerHeight) return; // out of sight
     // Setting the size clears a canvas and costs time, so that it is set on a change only.
     if (canvas.width !== Math.round(width * ratio)) {
       canvas.width = Math.round(width * ratio);

@@ -23,7 +23,7 @@ export function Network({ state, act: request }) {
   const [tour, setTour] = useState(false);
   const [given, setGiven] = useState(/** @type {import("./types").Given[]} */ ([]));
   const [dropping, setDropping] = useState(false);
-  /** What the drawing shows while the text is no network. */
+  /** Shown by the drawing while the text is not a valid network. */
   const drawn = useRef(state);
   if (state.is_network) drawn.current = state;
   const shown = drawn.current;
@@ -80,7 +80,7 @@ export function Network({ state, act: request }) {
         ${tour && !begins && html`<${Things} close=${() => setTour(false)} />`}
         ${!state.is_network &&
         html`<p class="stale" role="status">
-          The text is no network at present; this is the last one. See the findings.
+          The text is not a valid network at present; this is the last valid one. See the findings.
         </p>`}
         <${Drawing} state=${shown} stale=${!state.is_network} selected=${selected}
           choose=${choose} act=${act} />

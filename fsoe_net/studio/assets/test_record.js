@@ -30,7 +30,7 @@ const partsOf = (testRecord) => [
  * @returns {[string, string, string]} and its class
  */
 export function stateOf(part, kept) {
-  if (kept?.theirs) return ["▲", "somebody else has entered", "warning"];
+  if (kept?.theirs) return ["▲", "another person has entered", "warning"];
   if (kept?.problem) return ["▲", "not taken", "error"];
   if (kept?.done) return ["◔", "not sent yet", "warning"];
   if (kept) return ["✎", "not finished", ""];
@@ -167,7 +167,7 @@ export function TestRecord({ state }) {
       </ol>
       ${others.length > 0 &&
       html`<details>
-        <summary>Kept here for another test record (${others.length})</summary>
+        <summary>Entries for another test record (${others.length})</summary>
         <p class="help">Of an earlier configuration, or of another network; not sent.</p>
         <ul>
           ${others.map((other) => html`<li>${other.step || other.subdevice}: ${Object.values(other.now).filter(Boolean).join(", ")}</li>`)}

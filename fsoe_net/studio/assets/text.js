@@ -1,4 +1,4 @@
-// The file beside the drawing, live in both directions.
+// The file next to the drawing, live in both directions.
 import { useEffect, useLayoutEffect, useRef, useState } from "./vendor/hooks.js";
 import { html, SEVERITIES, worst } from "./html.js";
 
@@ -21,7 +21,7 @@ export function Text({ state, line, act, onCursor }) {
     const typed = pending.current;
     if (typed === null) return;
     const answer = await act("text", { text: typed });
-    // Where something else came first, it stays a step of undo, and what was typed comes behind it.
+    // A change that arrives first stays a step of undo; the typed text follows it.
     if ("version" in answer && answer.error && answer.text !== typed) await act("text", { text: typed });
     if (pending.current === typed) pending.current = null;
     else timer.current = window.setTimeout(send, WAIT_MS);

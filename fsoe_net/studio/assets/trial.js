@@ -21,7 +21,7 @@ export function Trial({ content, hasErrors }) {
   return html`<section class="trial" aria-label="Emulated bus">
     <h2>Does it come up?</h2>
     <p class="help">
-      One second on the emulated bus, in simulated time. Nothing is sent to a real one. It says nothing
+      One second on the emulated bus, in simulated time. Nothing is sent to a real one. It shows nothing
       about your devices, cables and safety project: those are tried at the machine.
     </p>
     <button disabled=${runs || hasErrors} onClick=${start}>

@@ -62,7 +62,7 @@ static void memory_free(void *bus) {
 
 static const struct fsn_backend memory_backend = {
     .name = "emulated",
-    .about = "An image in memory, nobody answers; to try options and socket.",
+    .about = "An image in memory without SubDevices; to try options and socket.",
     .ops = &memory_ops,
     .create = memory_create,
     .free = memory_free,
@@ -101,6 +101,7 @@ void backends_print(FILE *out) {
                 backend != NULL ? backend->about : "not in this build");
     }
     fputs("\nPart of the black channel: it moves FSoE frames whole and unchanged, and makes none. "
-          "It is\nno safety function, holds no certificate, and its stop is no emergency stop.\n",
+          "It is\nnot a safety function, holds no certificate, and its stop is not an emergency "
+          "stop.\n",
           out);
 }

@@ -26,25 +26,25 @@ static const char usage_text[] =
     "  --policy P         fifo, deadline or other; default: fifo where it is permitted\n"
     "  --priority N       of fifo, 1 to 99; default 80\n"
     "  --cpu N            runs the cycle on this CPU only\n"
-    "  --free-run         no waiting: a cycle begins when the bus has answered\n"
+    "  --free-run         no waiting: a cycle begins as soon as the bus has answered\n"
     "  --dc-every N       distributes the DC reference time every N cycles; default 0: each cycle\n"
     "                     where the plan starts SYNC0, else never\n"
     "  --dc-clock WHO     bus (default): the cycle follows the first SubDevice with a clock; "
     "host:\n"
     "                     this machine sets the clocks of the bus\n"
-    "  --dc-shift TIME    frames come so long before SYNC0; default: half a cycle\n"
+    "  --dc-shift TIME    time of the frames before SYNC0; default: half a cycle\n"
     "  --dc-window TIME   clocks further from the reference clock are an event; default 1us\n"
     "  --duration TIME    stops by itself, e.g. 10s\n"
     "  --record TIME      keeps the cycles of the last TIME; default 10s, at most 64 MiB\n"
-    "  --wait TIME        tries again for so long while SubDevices are missing\n"
-    "  --accepted HASH    refuses any plan but the one with this SHA-256 or fingerprint\n"
-    "  --acceptance RECORD  refuses any plan but the one of this record, as two persons signed "
-    "it;\n"
-    "                     fsoe-net, beside this program or on PATH, checks the signatures\n"
-    "  --signers FILE     who may sign: allowed signers, as ssh-keygen has them\n"
-    "  --revoked FILE     keys that no longer count\n"
-    "  --require-observed other connection parameters on the bus than in the plan: an alarm, and\n"
-    "                     exit code 4 at the end; no frame is altered or held back\n"
+    "  --wait TIME        retries for this time while SubDevices are missing\n"
+    "  --accepted HASH    refuses a plan with another SHA-256 or fingerprint\n"
+    "  --acceptance RECORD  refuses a plan other than the one of this record, signed by two "
+    "people;\n"
+    "                     fsoe-net, next to this program or on PATH, checks the signatures\n"
+    "  --signers FILE     allowed signers (an ssh-keygen allowed_signers file)\n"
+    "  --revoked FILE     revoked keys (an ssh-keygen revocation file)\n"
+    "  --require-observed connection parameters that differ from the plan raise an alarm and\n"
+    "                     exit code 4 at the end; no frame is changed or delayed\n"
     "  --take-over        takes the running bus over from another fsn-master with the same plan:\n"
     "                     no SubDevice leaves OP, and the other one ends\n"
     "  --standby          follows another fsn-master with the same plan, and takes the bus over "
@@ -52,24 +52,25 @@ static const char usage_text[] =
     "                     that one ends or hangs: 10 cycles and at least 5 ms without a frame\n"
     "  --socket PATH      control socket; default fsn-master-IF.sock in $RUNTIME_DIRECTORY,\n"
     "                     $XDG_RUNTIME_DIR or /run\n"
-    "  --allow-user NAME[:ROLE]   may use the socket, beside root and the user this runs as, who\n"
-    "                     are maintainers. ROLE is observer (reads what is known; default),\n"
-    "                     operator (sets outputs too) or maintainer (objects, start, stop)\n"
-    "  --allow-group NAME[:ROLE]  the same for a group; both may be given several times\n"
-    "  --incidents DIR    keeps a file of what happened around each connection that leaves Data\n"
-    "  --incidents-limit MIB  no further one once those in DIR have so much; default 1024\n"
+    "  --allow-user NAME[:ROLE]   user of the socket. Root and the user of this process are\n"
+    "                     maintainers. ROLE is observer (only reads; default),\n"
+    "                     operator (also sets outputs) or maintainer (objects, start, stop)\n"
+    "  --allow-group NAME[:ROLE]  the same for a group; both are repeatable\n"
+    "  --incidents DIR    writes a file about each connection that leaves Data\n"
+    "  --incidents-limit MIB  no further files if those in DIR have this size; default 1024\n"
     "  --intervention-log DIR  keeps a log of starts, stops, requests that change something,\n"
     "                     parameters that differ and incidents; each entry holds the hash of the\n"
     "                     one before\n"
-    "  --intervention-log-file MIB  begins the next file once one has so much; default 16\n"
+    "  --intervention-log-file MIB  size at which the next file begins; default 16\n"
     "  --log text|json    lines on stderr; default text\n"
     "  --trace            writes markers into the kernel's trace buffer\n"
-    "  --scan             brings what stands on the bus to PREOP, prints it as JSON and ends\n"
+    "  --scan             brings all SubDevices to PREOP, prints them as JSON and ends\n"
     "  --version          version, buses and their terms\n"
     "  --help             this text\n"
     "\n"
     "example: fsn-master estop.fsnplan --bus soem --interface eth1 --cycle 1ms\n"
-    "Part of the black channel; no safety function, no certificate. Stop is no emergency stop.\n";
+    "Part of the black channel; no safety function, no certificate. Stop is not an emergency "
+    "stop.\n";
 
 int options_wrong(const char *option, const char *value, const char *text) {
     char shown[400];
@@ -147,8 +148,7 @@ static int allow(const char *option, const char *text, bool group, struct option
     const struct passwd *user = group ? NULL : getpwnam(name);
     const struct group *members = group ? getgrnam(name) : NULL;
     if (user == NULL && members == NULL) {
-        return options_wrong(option, text,
-                             group ? "there is no such group here" : "there is no such user here");
+        return options_wrong(option, text, group ? "unknown group" : "unknown user");
     }
     size_t *count = group ? &o->access.groups : &o->access.users;
     if (*count == FSN_CONTROL_ALLOWED) {
@@ -412,7 +412,7 @@ static int check_scan(const struct options *o) {
         return options_wrong("--scan", o->plan_file, "looks at any bus and takes no plan");
     }
     if (o->interface_count > 1) {
-        return options_wrong("--scan", NULL, "looks at one bus: one --interface");
+        return options_wrong("--scan", NULL, "reads one bus: give one --interface");
     }
     if (o->take_over || o->standby) {
         return options_wrong(o->standby ? "--standby" : "--take-over", NULL,

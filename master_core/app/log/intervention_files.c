@@ -257,7 +257,7 @@ static int append_begin(struct intervention_files *files, uint32_t before) {
     }
     char text[120];
     intervention_file_name(before, name);
-    snprintf(text, sizeof text, "goes on from entry %" PRIu64 " in %s", files->number,
+    snprintf(text, sizeof text, "continues from entry %" PRIu64 " in %s", files->number,
              before > 0 ? name : "a file that is no longer there");
     fsn_json_put_text_or_null(&json, "before", before > 0 ? name : NULL);
     return append_own(files, &json, "info", text);

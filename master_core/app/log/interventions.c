@@ -59,9 +59,9 @@ const char *interventions_error(int error) {
     case EBUSY:
         return "another fsn-master writes its log there";
     case ELOOP:
-        return "a symbolic link stands where a file of the log should be";
+        return "a file of the log is a symbolic link";
     case EISDIR:
-        return "what stands where a file of the log should be is no regular file";
+        return "a file of the log is not a regular file";
     default:
         return strerrordesc_np(error) != NULL ? strerrordesc_np(error) : "an unknown error";
     }

@@ -129,8 +129,7 @@ static size_t lost_line(char *line, size_t room) {
     char utc[32];
     fsn_utc_text(fsn_now_ns(), utc);
     char text[96];
-    snprintf(text, sizeof text, "lines of this log that nobody read and that were lost: %lu",
-             out.lost);
+    snprintf(text, sizeof text, "lines of this log that were lost unread: %lu", out.lost);
     const int len = snprintf(line, room,
                              as_json ? "{\"event\":\"log\",\"utc\":\"%s\",\"level\":\"%s\","
                                        "\"text\":\"%s\"}\n"

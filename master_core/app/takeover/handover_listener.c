@@ -98,7 +98,7 @@ static const char *obstacle(const struct handover_hello *hello,
     uint8_t plan[FSN_SHA256_BYTES];
     fsn_plan_sha256(facts->plan, plan);
     if (hello->format != HANDOVER_FORMAT) {
-        return "its version hands a bus over in another way; stop the bus, and start that version";
+        return "its handover protocol differs; stop the bus, and start that version";
     }
     if (memcmp(hello->plan, plan, sizeof plan) != 0) {
         return "it has another plan; a take-over keeps the plan, another one needs a stop";
@@ -157,7 +157,7 @@ static void let_in(struct handover_listener *handover_listener) {
 
 static enum handover_listener_event leave(struct handover_listener *handover_listener) {
     if (handover_listener->state == HANDOVER_LISTENER_FOLLOWED) {
-        log_line(FSN_LOG_WARNING, "the standby, process %d, has gone: nobody follows",
+        log_line(FSN_LOG_WARNING, "the standby, process %d, has gone: no standby follows",
                  (int)handover_listener->pid);
     }
     const bool rested = handover_listener->state == HANDOVER_LISTENER_RESTS ||

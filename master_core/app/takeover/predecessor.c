@@ -93,7 +93,7 @@ static bool wait_for(int fd, int wait_ms) {
 }
 
 static int refuse(struct predecessor *predecessor, const char *text) {
-    log_line(FSN_LOG_ERROR, "the take-over is refused, and the process before goes on: %s", text);
+    log_line(FSN_LOG_ERROR, "the take-over is refused, and the predecessor continues: %s", text);
     predecessor_release(predecessor);
     return EXIT_REFUSED;
 }
@@ -214,8 +214,7 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
         const uint64_t slept_ns = fsn_now_ns();
         (void)ppoll(polled, 2, &step, NULL);
         if (polled[1].revents != 0 && !hear(predecessor, &held)) {
-            return fsn_refuse_all(fault, FSN_E_BUS_BUSY,
-                                  "the process before closes the bus itself");
+            return fsn_refuse_all(fault, FSN_E_BUS_BUSY, "the predecessor closes the bus itself");
         }
         /* An end during maintenance is intended, and is not a failure to take over. */
         const bool ended = handover_has_ended(predecessor->pidfd, 0);
@@ -232,15 +231,14 @@ fsn_status predecessor_follow(struct predecessor *predecessor, uint64_t cycle_ns
         if (ended || still_ns >= threshold_ns) {
             log_line(FSN_LOG_ERROR,
                      ended ? "process %d has ended: takes the bus over"
-                           : "process %d runs no cycle any more: takes the bus over",
+                           : "process %d no longer runs cycles: takes the bus over",
                      (int)predecessor->pid);
             return FSN_OK;
         }
     }
     return fsn_refuse_all(fault, FSN_E_STATE,
-                          held
-                              ? "the process before has ended in maintenance: nothing is taken over"
-                              : "the standby ends");
+                          held ? "the predecessor has ended in maintenance: nothing is taken over"
+                               : "the standby ends");
 }
 
 /** Waits until the predecessor reports that its cycle has stopped, or has ended, or is stalled. */
@@ -281,7 +279,7 @@ fsn_status predecessor_end(struct predecessor *predecessor, struct fsn_fault *fa
      * its end. */
     if (said ? wait_for_its_word(predecessor) != FSN_OK
              : !handover_has_ended(predecessor->pidfd, EXIT_MS)) {
-        return fsn_refuse_all(fault, FSN_E_BUS_BUSY, "the process before closes the bus itself");
+        return fsn_refuse_all(fault, FSN_E_BUS_BUSY, "the predecessor closes the bus itself");
     }
     if (!handover_has_ended(predecessor->pidfd, EXIT_MS)) {
         log_line(FSN_LOG_WARNING, "process %d does not end; it is killed", (int)predecessor->pid);

@@ -28,7 +28,7 @@ extern "C" {
     X(E_SPACE, -6, "the given buffer is too small")                                                \
     X(E_CLOSED, -7, "this output is closed to writes")                                             \
     X(E_ABSENT, -8, "this build does not contain what was requested")                              \
-    X(E_PLAN_MAGIC, -20, "these bytes are no plan")                                                \
+    X(E_PLAN_MAGIC, -20, "these bytes are not a plan")                                             \
     X(E_PLAN_VERSION, -21, "the plan format has another version")                                  \
     X(E_PLAN_LENGTH, -22, "the length does not fit; the plan is cut off or too long")              \
     X(E_PLAN_CRC, -23, "CRC-32 does not fit; the plan was changed")                                \
@@ -50,9 +50,9 @@ extern "C" {
     X(E_BUS_BUSY, -63, "another MainDevice is talking on this interface")                          \
     X(E_BUS_SILENT, -64, "no SubDevice answers on this interface")                                 \
     X(E_BUS_MISSING, -65, "a SubDevice of the plan is missing")                                    \
-    X(E_BUS_IDENTITY, -66, "a SubDevice is another one than the plan says")                        \
-    X(E_BUS_MAPPING, -67, "a SubDevice maps other process data than the plan says")                \
-    X(E_BUS_ADDRESS, -68, "a SubDevice has another FSoE address than the plan says")               \
+    X(E_BUS_IDENTITY, -66, "a SubDevice is not the one in the plan")                               \
+    X(E_BUS_MAPPING, -67, "a SubDevice maps other process data than the plan")                     \
+    X(E_BUS_ADDRESS, -68, "a SubDevice has another FSoE address than the plan")                    \
     X(E_BUS_SDO, -69, "a SubDevice refuses a start-up SDO")                                        \
     X(E_BUS_STATE, -70, "a SubDevice does not reach the requested state")                          \
     X(E_BUS_CLOCK, -71, "the clock of a SubDevice cannot be set")                                  \

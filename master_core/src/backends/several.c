@@ -64,7 +64,7 @@ static void run_due(struct fsn_several *several) {
             m->elapsed_ns -= m->info.cycle_ns;
             const uint64_t now_ns = fsn_core_last_cycle(m->core) * m->info.cycle_ns;
             if (fsn_core_cycle(m->core, now_ns) != FSN_OK) {
-                continue; /* GCOVR_EXCL_LINE: it has no thread, and nobody else runs it */
+                continue; /* GCOVR_EXCL_LINE: it has no thread, and no other one runs it */
             }
         }
     }

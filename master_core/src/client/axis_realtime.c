@@ -115,18 +115,18 @@ static uint16_t target_of(int mode) {
 static fsn_status need_all(const struct search *search) {
     const struct fsn_axis_symbols *found = search->symbols;
     const uint16_t target = target_of(search->options->config.mode);
-    fsn_status status = need(search, 0x6040, "there is no such axis");
+    fsn_status status = need(search, 0x6040, "unknown axis");
     if (status == FSN_OK) {
-        status = need(search, 0x6041, "nobody sees the state of the drive");
+        status = need(search, 0x6041, "the state of the drive is not visible");
     }
     if (status == FSN_OK && target != 0) {
         status = need(search, target, "the mode takes its target from there");
     }
     if (status == FSN_OK && found->target_position != FSN_REALTIME_NONE) {
-        status = need(search, 0x6064, "the first target is where the axis stands");
+        status = need(search, 0x6064, "the first target is the position of the axis");
     }
     if (status == FSN_OK && found->mode != FSN_REALTIME_NONE) {
-        status = need(search, 0x6061, "nobody sees whether the drive has taken a mode");
+        status = need(search, 0x6061, "the mode that the drive has taken is not visible");
     }
     return status;
 }

@@ -80,7 +80,7 @@ bool fsn_check_identity(const struct fsn_subdevice_info *info, uint32_t vendor_i
         return true;
     }
     snprintf(detail, FSN_DETAIL_BYTES,
-             "found vendor 0x%08x product 0x%08x revision 0x%08x, the plan says 0x%08x 0x%08x "
+             "found vendor 0x%08x product 0x%08x revision 0x%08x, the plan has 0x%08x 0x%08x "
              "0x%08x to 0x%08x",
              vendor_id, product_code, revision, info->vendor_id, info->product_code,
              info->revision_low, info->revision_high);
@@ -180,7 +180,7 @@ fsn_status fsn_check_address(const struct fsn_plan *plan, uint32_t subdevice,
         }
         *readable = *readable || status == FSN_OK;
         if (status == FSN_OK && address != c.address) {
-            snprintf(detail, FSN_DETAIL_BYTES, "it has FSoE address %u, the plan says %u", address,
+            snprintf(detail, FSN_DETAIL_BYTES, "it has FSoE address %u, the plan has %u", address,
                      c.address);
             *found = address;
             return FSN_E_BUS_ADDRESS;

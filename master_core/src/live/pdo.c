@@ -143,7 +143,7 @@ static bool same_assignment(const struct assignment *a, const struct assignment 
 }
 
 static fsn_status differs(const struct at *at, const char *what, uint32_t found, uint32_t planned) {
-    snprintf(at->detail, FSN_DETAIL_BYTES, "SM%u: %s is 0x%x, the plan says 0x%x",
+    snprintf(at->detail, FSN_DETAIL_BYTES, "SM%u: %s is 0x%x, the plan has 0x%x",
              at->assigned - ASSIGNMENT, what, found, planned);
     return FSN_E_BUS_MAPPING;
 }
@@ -183,13 +183,13 @@ static fsn_status compare_mapping(const struct at *at, uint16_t pdo, struct mapp
     for (uint32_t i = 0; i < planned.count && i < found->count; i++) {
         if (planned.entries[i] != found->entries[i]) {
             snprintf(at->detail, FSN_DETAIL_BYTES,
-                     "PDO 0x%04x, entry %u is 0x%08x, the plan says 0x%08x (index, subindex, bits)",
+                     "PDO 0x%04x, entry %u is 0x%08x, the plan has 0x%08x (index, subindex, bits)",
                      pdo, i + 1, found->entries[i], planned.entries[i]);
             return FSN_E_BUS_MAPPING;
         }
     }
     if (planned.count != found->count) {
-        snprintf(at->detail, FSN_DETAIL_BYTES, "PDO 0x%04x has %u entries, the plan says %u", pdo,
+        snprintf(at->detail, FSN_DETAIL_BYTES, "PDO 0x%04x has %u entries, the plan has %u", pdo,
                  found->count, planned.count);
         return FSN_E_BUS_MAPPING;
     }
@@ -226,8 +226,7 @@ fsn_status fsn_pdo_check_bits(const struct fsn_plan *plan, uint32_t sm, uint32_t
     if (found_bits == planned.bits) {
         return FSN_OK;
     }
-    snprintf(detail, FSN_DETAIL_BYTES,
-             "SM%u: its length in bits by the SII is %u, the plan says %u", planned.index,
-             found_bits, planned.bits);
+    snprintf(detail, FSN_DETAIL_BYTES, "SM%u: its length in bits by the SII is %u, the plan has %u",
+             planned.index, found_bits, planned.bits);
     return FSN_E_BUS_MAPPING;
 }

@@ -149,7 +149,7 @@ static fsn_status open_raw(const char *interface, int *fd, unsigned *number,
     *number = if_nametoindex(interface);
     if (*number == 0) {
         errno = ENODEV;
-        return refuse_system(fault, interface, "there is no such interface");
+        return refuse_system(fault, interface, "unknown interface");
     }
     *fd = socket(AF_PACKET, SOCK_RAW | SOCK_CLOEXEC, 0);
     if (*fd < 0) {

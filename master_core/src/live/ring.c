@@ -138,7 +138,7 @@ static void put_behind(struct text *text, const struct fsn_ring_member *members,
         add(text, "between %.*s (ring position %u, port %u) and %s%s", NAME_BYTES, m->name,
             (unsigned)number, port, last->interface, lost_link(last));
     } else {
-        add(text, "behind %.*s (ring position %u, port %u)", NAME_BYTES, m->name, (unsigned)number,
+        add(text, "after %.*s (ring position %u, port %u)", NAME_BYTES, m->name, (unsigned)number,
             port);
     }
 }

@@ -111,16 +111,16 @@ static inline struct fsn_parameters fsn_planned_parameters(const struct fsn_conn
                                    .app_crc = info->app_crc};
 }
 
-/** Entries of a sync manager: from the first to before `*behind`. Proved: PDO by PDO without gaps.
+/** Entries of a sync manager: from the first to before `*end`. Proved: PDO by PDO without gaps.
  */
-static inline uint32_t fsn_sm_entries(const struct fsn_plan *plan, uint32_t sm, uint32_t *behind) {
+static inline uint32_t fsn_sm_entries(const struct fsn_plan *plan, uint32_t sm, uint32_t *end) {
     const struct fsn_sm_record r = fsn_read_sm(plan, sm);
-    *behind = 0;
+    *end = 0;
     if (r.pdo_count == 0) {
         return 0;
     }
     const struct fsn_pdo_record last = fsn_read_pdo(plan, r.first_pdo + r.pdo_count - 1);
-    *behind = last.first_entry + last.entry_count;
+    *end = last.first_entry + last.entry_count;
     return fsn_read_pdo(plan, r.first_pdo).first_entry;
 }
 

@@ -32,7 +32,7 @@ static fsn_status prove_blocks(const struct fsn_plan *plan, struct fsn_fault *fa
         const uint32_t size = fsn_read_sm(plan, r.sm).bits / 8; /* whole bytes only */
         if (r.byte_offset > size || r.frame_bytes > size - r.byte_offset) {
             return fsn_refuse_at(&at, FSN_E_COPY_RANGE, FSN_AT(block, byte_offset),
-                                 "the block ends behind its sync manager");
+                                 "the block ends after its sync manager");
         }
         /* Sorted blocks need one comparison each, and other rules search them by halving. */
         if (at.number > 0 && (r.sm < last_sm || (r.sm == last_sm && r.byte_offset < last_end))) {
@@ -143,7 +143,7 @@ static fsn_status prove_symbols(const struct fsn_plan *plan, struct fsn_fault *f
         /* Subtracted, not added: the sum of two numbers of 32 bits can overflow. */
         if (r.bit_offset > sm.bits || r.bits > sm.bits - r.bit_offset) {
             return fsn_refuse_at(&at, FSN_E_COPY_RANGE, FSN_AT(symbol, bit_offset),
-                                 "the symbol ends behind its sync manager");
+                                 "the symbol ends after its sync manager");
         }
         if (!is_stop_value_ok(&r)) {
             return fsn_refuse_at(
@@ -198,7 +198,7 @@ static fsn_status prove_end(const struct fsn_at *at, const struct end end, uint8
     }
     if (end.bit > sm.bits || bits > sm.bits - end.bit) {
         return fsn_refuse_at(at, FSN_E_COPY_RANGE, end.at_bit,
-                             "the copy ends behind its sync manager");
+                             "the copy ends after its sync manager");
     }
     return FSN_OK;
 }
@@ -328,7 +328,7 @@ static fsn_status prove_connections(const struct fsn_plan *plan, struct fsn_faul
         if (!fsn_string_ok(plan, r.app_parameters) ||
             !are_hex_pairs(fsn_string(plan, r.app_parameters))) {
             return fsn_refuse_at(&at, FSN_E_PLAN_STRING, FSN_AT(connection, app_parameters),
-                                 "the application parameters are no pairs of hex digits");
+                                 "the application parameters are not pairs of hex digits");
         }
         fsn_status status = prove_direction(&at, FSN_AT(connection, copy_to_sub), r.copy_to_sub,
                                             r.main, r.sub, r.safe_to_sub);

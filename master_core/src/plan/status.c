@@ -40,26 +40,26 @@ const char *fsn_status_next_step(fsn_status status) {
         const char *text;
     } steps[] = {
         {FSN_OK, ""},
-        {FSN_E_ARG, "a mistake in the calling program: see the contract of the function"},
-        {FSN_E_SPACE, "a mistake in the calling program: see the contract of the function"},
-        {FSN_E_STATE, "bring the bus into the state that this takes, then try again"},
+        {FSN_E_ARG, "an error in the calling program: see the contract of the function"},
+        {FSN_E_SPACE, "an error in the calling program: see the contract of the function"},
+        {FSN_E_STATE, "bring the bus into the required state, then try again"},
         {FSN_E_BUSY, "try again"},
         {FSN_E_CLOSED, "write only what the console's list shows as an output"},
-        {FSN_E_ABSENT, "use a build that has it; fsn-master --version says what this one has"},
+        {FSN_E_ABSENT,
+         "use a build that has it; fsn-master --version lists the contents of this one"},
         {FSN_E_BUS_BUSY, "stop the other MainDevice first"},
         {FSN_E_BUS_SILENT,
-         "secure the machine, then check cable, power and --interface; --wait 30s tries again"},
-        {FSN_E_BUS_MISSING, "secure the machine, then check cable and power behind the last "
-                            "SubDevice found; --wait 30s tries again"},
+         "secure the machine, then check cable, power and --interface; --wait 30s retries"},
+        {FSN_E_BUS_MISSING, "secure the machine, then check cable and power after the last "
+                            "SubDevice found; --wait 30s retries"},
         {FSN_E_BUS_IDENTITY, compare},
         {FSN_E_BUS_MAPPING, compare},
         {FSN_E_BUS_ADDRESS, compare},
         {FSN_E_BUS_SDO, "compare the start-up SDOs of this device with its manual"},
-        {FSN_E_BUS_MAILBOX,
-         "--wait 30s tries again; where it lasts, look at its AL state, its error "
-         "counters, and whether replies are late"},
-        {FSN_E_BUS_STATE, "its AL status code says why"},
-        {FSN_E_BUS_CLOCK, "compare assign_activate in the device file with what the device has"},
+        {FSN_E_BUS_MAILBOX, "--wait 30s retries; if it persists, check its AL state, its error "
+                            "counters, and whether replies are late"},
+        {FSN_E_BUS_STATE, "its AL status code gives the reason"},
+        {FSN_E_BUS_CLOCK, "compare assign_activate in the device file with the device"},
         {FSN_E_NOMEM, "free memory, or allow the process more"},
         {FSN_E_SYS, "see the system's own message"},
     };
@@ -68,7 +68,7 @@ const char *fsn_status_next_step(fsn_status status) {
             return steps[i].text;
         }
     }
-    return "fsoe-net plan NETWORK -o PLAN makes the plan anew";
+    return "fsoe-net plan NETWORK -o PLAN makes the plan again";
 }
 
 const char *fsn_found_text(uint8_t found) {
@@ -153,7 +153,7 @@ const char *fsn_al_code_text(uint16_t code) {
         }
     }
     return code == 0        ? "no error is named"
-           : code >= 0x8000 ? "an error of its maker, see its manual"
+           : code >= 0x8000 ? "a vendor-specific error, see its manual"
                             : "not a code of ETG.1000.6";
 }
 

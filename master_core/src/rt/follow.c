@@ -163,7 +163,7 @@ static enum fsn_verdict search(struct fsn_monitor *m, unsigned way, const uint8_
         return FSN_VERDICT_UNCHECKED;
     }
     f->sequence = f->guess;
-    f->guess = 0; /* mutants: nobody looks at it while the number is known */
+    f->guess = 0; /* mutants: it is not read while the number is known */
     m->status.gaps += m->lost;
     m->lost = false;
     return FSN_VERDICT_RIGHT;

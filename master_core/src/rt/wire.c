@@ -250,7 +250,7 @@ static bool wait_until(const struct fsn_wire *wire, uint64_t end_ns) {
     const struct timespec left = {.tv_sec = (time_t)((end_ns - now) / 1000000000u),
                                   .tv_nsec = (long)((end_ns - now) % 1000000000u)};
     const nfds_t ports = wire->sockets[1] >= 0 ? 2 : 1;
-    return ppoll(polled, ports, &left, NULL) > 0; /* mutants: at the end the clock says so too */
+    return ppoll(polled, ports, &left, NULL) > 0; /* mutants: at the end the clock shows the same */
 }
 
 /** Returns when the last reply came in, on the clock of `sent_ns`; 0 when that is not known. */

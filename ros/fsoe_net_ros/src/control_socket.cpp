@@ -34,7 +34,7 @@ ControlSocket::ControlSocket(const std::string &path, int wake) : path_(path), f
         if (fd_ >= 0) {
             ::close(fd_);
         }
-        throw Fault("nobody answers on " + path + ": " + why + "; is fsn-master running?");
+        throw Fault("no answer on " + path + ": " + why + "; is fsn-master running?");
     }
 }
 

@@ -162,7 +162,7 @@ static bool admit(struct fsn_igh *bus, struct igh_node *node, const ec_slave_inf
 static void retry_refused(struct fsn_igh *bus, struct igh_node *node, const ec_slave_info_t *slave,
                           uint64_t now_ns) {
     igh_note(bus, node, FSN_FOUND_STATE,
-             "OP refused: AL status 0x%02x, code 0x%04x; the kernel log says more", slave->al_state,
+             "OP refused: AL status 0x%02x, code 0x%04x; see the kernel log", slave->al_state,
              node->known.seen.al_code);
     if (now_ns >= bus->reset_ns) {
         (void)ecrt_master_reset(bus->master);

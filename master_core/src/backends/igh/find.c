@@ -50,7 +50,7 @@ bool igh_note_identity(struct fsn_igh *bus, struct igh_node *node, const ec_slav
     }
     if (!is_read(slave)) {
         igh_note(bus, node, FSN_FOUND_UNKNOWN,
-                 "IgH could not read who it is; `ethercat rescan` makes it try again");
+                 "IgH could not read its identity; `ethercat rescan` retries");
         return false;
     }
     igh_note(bus, node, FSN_FOUND_IDENTITY, "%s", detail);
@@ -84,7 +84,7 @@ static fsn_status wait_for_scan(struct fsn_igh *bus, ec_master_info_t *master,
         }
         pause_a_little();
     }
-    return fsn_refuse_all(fault, FSN_E_BUS_STATE, "IgH does not come to the end of its scan");
+    return fsn_refuse_all(fault, FSN_E_BUS_STATE, "IgH does not finish its scan");
 }
 
 static fsn_status nobody(const struct fsn_igh *bus, bool link_up, struct fsn_fault *fault) {
@@ -92,7 +92,7 @@ static fsn_status nobody(const struct fsn_igh *bus, bool link_up, struct fsn_fau
     if (fault != NULL) {
         fault->link_down = !link_up;
         snprintf(fault->detail, sizeof fault->detail, "master %u %s", bus->index,
-                 link_up ? "has a link, but no EtherCAT SubDevice behind it answers"
+                 link_up ? "has a link, but no EtherCAT SubDevice answers on it"
                          : "has no link: cable, power of the SubDevices, `ip link set ... up`");
     }
     return FSN_E_BUS_SILENT;
@@ -132,7 +132,7 @@ static fsn_status reserve(struct fsn_igh *bus, struct fsn_fault *fault) {
         return fsn_refuse_all(fault, FSN_E_BUS_BUSY,
                               "another program has this master of IgH in use");
     }
-    return result == 0 ? FSN_OK : igh_refuse_call(fault, result, "IgH does not give its master");
+    return result == 0 ? FSN_OK : igh_refuse_call(fault, result, "IgH does not provide its master");
 }
 
 /** An idle master brings all to PREOP. */
@@ -153,7 +153,7 @@ static fsn_status wait_for_preop(struct fsn_igh *bus, struct igh_node *node,
         pause_a_little();
     }
     node->known.seen.al_status = slave.al_state;
-    igh_note(bus, node, FSN_FOUND_STATE, "PREOP refused: AL status 0x%02x; the kernel log says why",
+    igh_note(bus, node, FSN_FOUND_STATE, "PREOP refused: AL status 0x%02x; see the kernel log",
              slave.al_state);
     return fsn_node_refuse(fault, FSN_E_BUS_STATE, &node->known);
 }

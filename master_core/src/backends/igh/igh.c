@@ -147,7 +147,7 @@ static fsn_status configure_all(struct fsn_igh *bus, struct fsn_fault *fault) {
         struct igh_node *node = &bus->nodes[n];
         if (igh_configure(bus, node) != FSN_OK) {
             igh_note(bus, node, FSN_FOUND_MAPPING,
-                     "IgH does not take its configuration; the kernel log says why");
+                     "IgH does not take its configuration; see the kernel log");
             return fsn_node_refuse(fault, FSN_E_BUS_MAPPING, &node->known);
         }
         bus->uses_time = bus->uses_time || node->known.info.assign_activate != 0;
@@ -163,7 +163,7 @@ static fsn_status activate(struct fsn_igh *bus, struct fsn_fault *fault) {
     (void)ecrt_master_set_send_interval(bus->master, (size_t)(bus->cycle_ns / 1000));
     const int result = ecrt_master_activate(bus->master);
     if (result != 0) {
-        return igh_refuse_call(fault, result, "IgH does not start; the kernel log says why");
+        return igh_refuse_call(fault, result, "IgH does not start; see the kernel log");
     }
     bus->active = true;
     for (uint32_t a = 0; a < bus->area_count; a++) {
@@ -171,7 +171,7 @@ static fsn_status activate(struct fsn_igh *bus, struct fsn_fault *fault) {
         area->data = ecrt_domain_data(area->domain);
         if (area->data == NULL || ecrt_domain_size(area->domain) != area->size_bytes) {
             struct igh_node *node = &bus->nodes[area->node];
-            igh_note(bus, node, FSN_FOUND_MAPPING, "IgH gives it %zu bytes, the plan says %u",
+            igh_note(bus, node, FSN_FOUND_MAPPING, "IgH gives it %zu bytes, the plan has %u",
                      ecrt_domain_size(area->domain), area->size_bytes);
             return fsn_node_refuse(fault, FSN_E_BUS_IMAGE, &node->known);
         }

@@ -40,7 +40,7 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
         char linked[SOEM_LINKS_BYTES];
         soem_note(bus, node, FSN_FOUND_NOTHING,
                   soem_links(bus, linked)
-                      ? "%s, but no SubDevice behind it answers: power of the SubDevices, or "
+                      ? "%s, but no SubDevice after it answers: power of the SubDevices, or "
                         "frames are late"
                       : "%s",
                   linked);
@@ -63,7 +63,7 @@ static void note_loss(struct fsn_soem *bus, struct node *node) {
         named == SOEM_NO_NODE ? bus->slaves[before].name : bus->nodes[named].known.info.name;
     if (port < FSN_PORTS) {
         soem_note(bus, node, FSN_FOUND_NOTHING,
-                  "the link behind %.40s (ring position %u, port %u) is down", name, before - 1u,
+                  "the link after %.40s (ring position %u, port %u) is down", name, before - 1u,
                   port);
         fsn_node_note_facts(&bus->all, &node->known, 0, true);
     } else {

@@ -88,7 +88,7 @@ static fsn_status nobody(const struct fsn_soem *bus, struct fsn_fault *fault) {
                  bus->interface, strerror(error));
     } else if (fault != NULL) {
         snprintf(fault->detail, sizeof fault->detail, "%s%s", linked,
-                 any ? ", but no EtherCAT SubDevice behind it answers"
+                 any ? ", but no EtherCAT SubDevice answers on it"
                      : ": cable, power of the SubDevices, `ip link set ... up`");
     }
     return FSN_E_BUS_SILENT;

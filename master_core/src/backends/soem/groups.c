@@ -187,7 +187,7 @@ static void come(struct fsn_soem *bus, uint32_t number, uint16_t at) {
     const struct soem_group *other = rival(bus, group);
     if (other != NULL) {
         snprintf(group->detail, sizeof group->detail,
-                 "it stands at ring position %u while %.40s is at %.40s", at - 1u, other->info.name,
+                 "it is at ring position %u while %.40s is at %.40s", at - 1u, other->info.name,
                  group->info.place);
         return;
     }

@@ -38,7 +38,7 @@ static const char *parse_whole(const struct fsn_symbol_info *symbol, const char 
     bool negative;
     uint64_t magnitude;
     if (!whole(text, &negative, &magnitude)) {
-        return "no whole number of at most 64 bits";
+        return "not an integer of at most 64 bits";
     }
     const bool is_signed = symbol->kind == FSN_KIND_SIGNED;
     const uint64_t mask = symbol->bits == 64 ? UINT64_MAX : (UINT64_C(1) << symbol->bits) - 1;
@@ -119,7 +119,7 @@ const char *fsn_value_parse_typed(const struct fsn_symbol_info *symbol, const ch
         return fsn_value_parse(symbol, text, raw);
     }
     if (!read_real(text, &number)) {
-        return "no number";
+        return "not a number";
     }
     const double scaled = symbol->factor * number + symbol->offset;
     return is_real(symbol) ? store_real(symbol, scaled, raw) : store_whole(symbol, scaled, raw);

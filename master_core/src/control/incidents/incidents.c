@@ -47,7 +47,7 @@ fsn_status fsn_incidents_create(const char *folder, struct fsn_bus_view *view,
     const int error = why_not(folder);
     if (error != 0) {
         return fsn_refusal_set(refusal, FSN_E_SYS, "mkdir it, and let this user write there",
-                               "incidents: %.200s is no folder to write to: %s", folder,
+                               "incidents: %.200s is not a writable folder: %s", folder,
                                strerror(error));
     }
     struct fsn_incidents *in = calloc(1, sizeof *in);
@@ -208,7 +208,8 @@ bool fsn_incident_begin(struct fsn_incidents *in, const struct fsn_trigger *t) {
         if (!in->full_reported) {
             fsn_event_begin_act(in->events, "incident", FSN_MAINTAINER);
             fsn_event_send(in->events, FSN_LOG_WARNING,
-                           "%d incidents were kept since the start; no more will be", MOST_FILES);
+                           "%d incidents were kept since the start; later ones are not kept",
+                           MOST_FILES);
         }
         in->full_reported = true;
         return false;

@@ -55,18 +55,18 @@ static fsn_status fault_text(struct fsn_job *job, const struct fsn_plan *plan, f
     case FSN_E_ABSENT:
         return fsn_refusal_set(r, status, NULL, "%.80s: %s", name,
                                job->kind == FSN_JOB_SII || job->kind == FSN_JOB_ALIAS
-                                   ? "this bus does not reach its SII; the tools of its stack do"
-                               : job->kind == FSN_JOB_SCAN ? "this one cannot be scanned"
+                                   ? "this backend cannot read its SII; use the tools of its stack"
+                               : job->kind == FSN_JOB_SCAN ? "this bus cannot be scanned"
                                                            : "it has no objects (no CoE)");
     case FSN_E_BUS_STATE:
-        return fsn_refusal_set(r, status, "subdevices says its AL state",
-                               "%.80s: its answer makes no sense, or its mailbox is closed", name);
+        return fsn_refusal_set(r, status, "subdevices shows its AL state",
+                               "%.80s: its answer is invalid, or its mailbox is closed", name);
     /* The same status for a job that took too long and for a bus that stops under it. */
     case FSN_E_STATE:
         return is_late(job)
                    ? fsn_refusal_set(r, status, NULL, "%.80s: not done within %d s", name, MOST_S)
                    : fsn_refusal_set(r, status, "send start first",
-                                     "the bus is stopped, or about to be");
+                                     "the bus is stopped, or stopping");
     case FSN_E_SPACE:
         return fsn_refusal_set(r, status, NULL, "%.80s: longer than %d bytes", name,
                                job->kind == FSN_JOB_SCAN ? FSN_SURVEY_BYTES : FSN_SDO_BYTES);

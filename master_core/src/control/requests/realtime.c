@@ -54,9 +54,10 @@ static fsn_status choose(struct fsn_request *request, struct wanted *wanted) {
         wanted->symbols[wanted->count] = i;
         wanted->outputs[wanted->count++] = (struct fsn_wanted){.symbol = i, .raw = info.stop_value};
     }
-    return wanted->count > 0 ? FSN_OK
-                             : fsn_request_refuse(request, FSN_E_ARG, "symbols says which are open",
-                                                  "no output that a client may write is called so");
+    return wanted->count > 0
+               ? FSN_OK
+               : fsn_request_refuse(request, FSN_E_ARG, "symbols shows which are open",
+                                    "no writable output has this name");
 }
 
 static fsn_status read_names(struct fsn_request *request, size_t first, struct wanted *wanted) {
@@ -96,7 +97,7 @@ static fsn_status check_build(struct fsn_request *request) {
     }
     if (strcmp(plan, "any") != 0 && strcmp(plan, request->services->view.sha256) != 0) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG,
-                               "build it for this plan; status says its plan_sha256",
+                               "build it for this plan; status shows its plan_sha256",
                                "the client was made for plan %.64s, loaded is %.64s", plan,
                                request->services->view.sha256);
     }

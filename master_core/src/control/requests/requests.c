@@ -40,7 +40,7 @@ static fsn_status hello(struct fsn_request *request) {
     fsn_json_put_u64(json, "lease_ms", request->client->lease_ms);
     fsn_json_put_text(json, "role",
                       "part of the black channel: moves FSoE frames whole and unchanged; no safety "
-                      "function, not certified; stop is no emergency stop");
+                      "function, not certified; stop is not an emergency stop");
     return FSN_OK;
 }
 
@@ -62,7 +62,7 @@ typedef fsn_status (*report_fn)(struct fsn_bus_view *view, struct fsn_page *page
 static fsn_status paged(struct fsn_request *request, report_fn report) {
     uint64_t first = 0;
     if (request->count > 0 && fsn_value_parse_number(request->argument[0], 32, &first) != NULL) {
-        return fsn_request_refuse(request, FSN_E_ARG, "the page before has it as next",
+        return fsn_request_refuse(request, FSN_E_ARG, "the previous page gives it as next",
                                   "the first row of a page is a number");
     }
     struct fsn_page page = {.first = (uint32_t)first, .limit_bytes = PAGE_BYTES};
@@ -233,8 +233,7 @@ static const struct entry requests[] = {
      "symbols [ROW]: named inputs and outputs, and who writes them"},
     {"get", FSN_OBSERVER, 1, FSN_WORDS, fsn_answer_get, READS,
      "get [--typed] NAME…: values of one cycle"},
-    {"layout", FSN_OBSERVER, 0, 1, layout, READS,
-     "layout [ROW]: where everything lies in the process image"},
+    {"layout", FSN_OBSERVER, 0, 1, layout, READS, "layout [ROW]: the layout of the process image"},
     {"set", FSN_OPERATOR, 1, FSN_WORDS, fsn_answer_set, REFUSED_ONLY,
      "set [--typed] NAME=VALUE…: all or none; yours until your lease ends"},
     {"lease", FSN_OBSERVER, 1, 1, lease, READS,
@@ -268,7 +267,7 @@ static const struct entry requests[] = {
     {"alias-write", FSN_MAINTAINER, 2, 2, NULL, CHANGES,
      "alias-write SUBDEVICE ALIAS: used after its next power-on"},
     {"history", FSN_OPERATOR, 1, 1, NULL, READS, "history SUBDEVICE: its diagnosis messages"},
-    {"scan", FSN_OPERATOR, 0, 0, NULL, READS, "scan: all that stands on the bus, planned or not"},
+    {"scan", FSN_OPERATOR, 0, 0, NULL, READS, "scan: all SubDevices on the bus, planned or not"},
     {"help", FSN_OBSERVER, 0, 0, help, READS, "help: this list"},
 };
 enum { REQUESTS = sizeof requests / sizeof requests[0] };
@@ -336,7 +335,7 @@ static fsn_status answer(struct fsn_request *request) {
     const struct entry *entry = find_request(request->name);
     if (entry == NULL) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG, "help lists the requests",
-                               "there is no request %.100s", request->name);
+                               "unknown request %.100s", request->name);
     }
     /* The role comes before the form: a request that is forbidden must not teach its usage. */
     const bool may = request->client->role >= entry->role;

@@ -228,7 +228,7 @@ static fsn_status read_stream(struct fsn_request *request, struct fsn_stream *st
 
 static fsn_status watch_off(struct fsn_request *request) {
     if (request->count > 1) {
-        return fsn_request_refuse(request, FSN_E_ARG, NULL, "watch off takes no more words");
+        return fsn_request_refuse(request, FSN_E_ARG, NULL, "watch off has no further words");
     }
     fsn_stream_end(request->client);
     fsn_json_put_u64(request->json, "watch", 0);

@@ -53,7 +53,7 @@ static fsn_status read_type(struct fsn_request *request, struct fsn_job *job, si
     }
     return refuse(request,
                   "bool int8 int16 int32 int64 uint8 uint16 uint32 uint64 real32 real64 string hex",
-                  " is no type", request->argument[at]);
+                  " is not a type", request->argument[at]);
 }
 
 static fsn_status read_upload(struct fsn_request *request, struct fsn_job *job) {

@@ -84,7 +84,7 @@ static fsn_status read_wanted(struct fsn_request *request, const char *word, boo
     const char *equals = strrchr(word, '=');
     if (equals == NULL || equals == word) {
         return fsn_refusal_set(&request->refusal, FSN_E_ARG, "set NAME=VALUE …",
-                               "%.150s is no NAME=VALUE", word);
+                               "%.150s is not NAME=VALUE", word);
     }
     memcpy(name, word, (size_t)(equals - word));
     name[equals - word] = 0;
@@ -96,7 +96,7 @@ static fsn_status read_wanted(struct fsn_request *request, const char *word, boo
     const char *wrong =
         (typed ? fsn_value_parse_typed : fsn_value_parse)(&info, equals + 1, &wanted->raw);
     if (wrong != NULL) {
-        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols says type and bits of each",
+        return fsn_refusal_set(&request->refusal, FSN_E_ARG, "symbols shows type and bits of each",
                                "%.120s is %u bits %s: %.60s is %s", info.name, (unsigned)info.bits,
                                fsn_value_type(&info), equals + 1, wrong);
     }

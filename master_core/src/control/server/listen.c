@@ -23,7 +23,7 @@ static fsn_status make_way(const struct sockaddr_un *address, struct fsn_refusal
     }
     if (!S_ISSOCK(found.st_mode)) {
         return fsn_refusal_set(refusal, FSN_E_ARG, "--socket PATH names another place",
-                               "%.108s is there and is no socket", address->sun_path);
+                               "%.108s exists and is not a socket", address->sun_path);
     }
     const int probe = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (probe < 0) {

@@ -175,7 +175,7 @@ static struct fsn_client *make_room(struct fsn_control *control, enum fsn_role r
     if (client != NULL) {
         say_last(client->fd,
                  "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: silent, and "
-                 "another client needed the place\",\"hint\":\"connect again when there "
+                 "its place was needed for another client\",\"hint\":\"connect again when there "
                  "is something to ask\"}\n");
         fsn_client_drop(&control->services, client, "makes room");
         return client;
