@@ -61,10 +61,7 @@ test record belongs to another network, or a file is invalid; 2 usage error."""
     help="Run this scenario in virtual time and include the result.",
 )
 @click.option(
-    "--against",
-    type=FILE,
-    metavar="FILE",
-    help="Earlier plan or network for the change log.",
+    "--against", type=FILE, metavar="FILE", help="Earlier plan or network for the change log."
 )
 @click.option(
     "--accepted",

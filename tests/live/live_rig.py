@@ -486,7 +486,7 @@ def parameters(network, other):
     answers = {
         name: subprocess.run([*FSN, *words], capture_output=True, text=True, check=False)
         for name, words in {
-            "verify": ["verify", "--accepted", network, "--socket", "s"],
+            "verify": ["acceptance", "verify", "--accepted", network, "--socket", "s"],
             "monitor": ["monitor", "--socket", "s", "--once"],
         }.items()
     }
