@@ -86,11 +86,11 @@ _SUBDEVICE = """
     u32    sdo_count       number of start-up SDOs
     u16    assign_activate DC AssignActivate word; 0 = no distributed clocks
     flag16 in_copy         flags: bit 0 = at least one copy touches this SubDevice
-    string driver          what only the ROS 2 driver reads of its files; may be empty
+    string driver          keys that only the ROS 2 driver uses; may be empty
 """
 _SYNC_MANAGER = """
     u32    subdevice       SubDevice
-    u8     index           SM number, 0 … 15, rising inside a SubDevice
+    u8     index           SM number, 0 … 15, ascending in a SubDevice
     u8     direction       direction: 1 = output (MainDevice to SubDevice), 2 = input
     u8     watchdog        watchdog: 0 = leave, 1 = enable, 2 = disable
     flag8  registered      flags: bit 0 = an entry is registered, so the SM has a place in the image
@@ -177,9 +177,9 @@ _BUS = """
 # Of format 1.3 only.
 _GROUP = """
     string name            name, unique
-    string place           where alternatives stand; empty: it has none
+    string place           place of alternatives; empty: none
     u32    first_subdevice first SubDevice, which is found by its alias
-    u32    subdevice_count number of SubDevices, one after the other
+    u32    subdevice_count number of SubDevices, consecutive
 """
 RECORDS = (
     _record(1, "subdevice", _SUBDEVICE),
