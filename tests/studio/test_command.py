@@ -52,7 +52,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     (tmp_path / "network.yaml").write_bytes(b"\xff")
     done = fsn("studio", cwd=tmp_path)
     assert done.returncode == 1
-    assert "network.yaml is no text in UTF-8" in done.stderr
+    assert "network.yaml is not UTF-8 text" in done.stderr
 
 
 def test_a_folder_without_a_network_begins_one(tmp_path: Path) -> None:

@@ -13,6 +13,6 @@ def test_a_cut_cable_is_seen_and_its_end_too(tmp_path: Path) -> None:
     seen = on_the_wire("cable", ESTOP, tmp=tmp_path, script="live/studio_rig.py")
     assert "ek1914" in seen["gone"]  # behind which the cable is cut
     assert seen["cause"] == "last Reset: SubInstance: watchdog expired"
-    assert seen["verdict"].startswith("✖ fsn-master, soem on near: running, not all of it")
+    assert seen["verdict"].startswith("✖ fsn-master, soem on near: running, with problems")
     assert " OP\n" in seen["back"]  # with a warning for 5 s after it returned
     assert "lost and back" in seen["back"]
