@@ -53,7 +53,7 @@ def texts_of(path: Path) -> Iterator[str]:
 
 
 @pytest.mark.shows("R23")
-def test_who_advises_another_time_says_that_it_is_calculated_again():
+def test_advice_to_change_a_time_requires_a_new_calculation():
     found = []
     for path in _sources():
         for text in texts_of(path):

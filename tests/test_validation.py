@@ -15,7 +15,7 @@ COMMENT = re.compile(r"(?:/\*|#) shows (R\d+(?:, R\d+)*)(?: \*/|$)", re.MULTILIN
 HEAD = """\
 # Requirements and the tests that show them
 
-What has to be true of the tool itself, for an assessor ([what kind of tool it
+Requirements on the tool itself, for an assessor ([what kind of tool it
 is](../explanation/tool-classification.md)). Made from `docs/requirements.yaml` and from markers in
 the tests, all of which run in CI with every change. A test shows that a requirement holds in the
 cases it tries, not that it holds always.

@@ -39,7 +39,7 @@ def with_step(grounds: Grounds, kind: StepKind, **machine: object) -> Grounds:
 
 
 @pytest.mark.shows("R14")
-def test_a_record_says_what_it_rests_on() -> None:
+def test_a_record_names_its_evidence() -> None:
     grounds = grounds_of()
     record, refusals = sign_off(grounds)
     assert refusals == ()
@@ -68,7 +68,7 @@ def test_who_by_what_means_and_where_is_stated() -> None:
 
 @pytest.mark.shows("R14")
 @pytest.mark.parametrize("name", ["A. Meier", "a meier", "  A.  MEIER ", "\uff21. Meier"])
-def test_nobody_verifies_himself(name: str) -> None:
+def test_author_and_verifier_are_different_persons(name: str) -> None:
     grounds = grounds_of(verifier=SignedBy(name=name, date="2026-11-21", competence="x1"))
     assert refused(grounds) == [f"author and verifier are one person: {name}"]
 
@@ -292,7 +292,7 @@ def test_only_a_loss_may_be_left_out() -> None:
 
 
 @pytest.mark.shows("R14")
-def test_what_failed_is_never_let_pass() -> None:
+def test_a_failed_step_cannot_be_justified() -> None:
     for kind in (StepKind.TRIGGER, StepKind.LOSS):
         name = "loss *" if kind is StepKind.LOSS else "trigger estop"
         reasons = [Reason(subject=name, reason="never mind", by="B. Kaya")]

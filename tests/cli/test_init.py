@@ -185,7 +185,7 @@ def test_lcec_with_process_data_of_the_library(tmp_path: Path):
 
 
 @pytest.mark.shows("R22")
-def test_process_data_that_nobody_knows_are_not_invented(tmp_path: Path):
+def test_unknown_process_data_are_not_invented(tmp_path: Path):
     out = tmp_path / "out"
     done = init(BASE / "lcec.xml", out=out)
     assert done.returncode == 1, done.stderr

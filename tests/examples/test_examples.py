@@ -19,7 +19,7 @@ BROKEN = sorted(EXAMPLES.glob("broken/*.yaml"))
 
 @pytest.mark.shows("R6")
 @pytest.mark.parametrize("path", BROKEN, ids=lambda p: p.stem)
-def test_broken_example_gives_the_output_beside_it(path: Path):
+def test_broken_example_gives_the_recorded_output(path: Path):
     done = fsn("check", path.name, cwd=path.parent)
     assert done.returncode == 1
     assert done.stdout == path.with_suffix(".txt").read_text("utf-8")

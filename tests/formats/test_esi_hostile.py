@@ -54,7 +54,7 @@ PLAIN = esi_text(DEVICE.format("N", ""))
         (PLAIN.replace("<Name>N", "<A>" * 300 + "<Name>N"), "FSN118", None),
     ],
 )
-def test_what_is_no_esi_is_refused_at_its_place(text, code, span):
+def test_an_invalid_esi_is_rejected_at_its_place(text, code, span):
     found = refused(text)
     assert found[0] == code
     assert span in (None, found[1])

@@ -158,7 +158,7 @@ def torn(log: Log, rest: bytes, **changed: object) -> Log:
 
 
 @pytest.mark.shows("R29")
-def test_a_torn_line_is_no_finding_when_its_entry_says_so() -> None:
+def test_a_torn_line_that_an_entry_reports_is_not_a_finding() -> None:
     log = torn(a_log(3), b'{"number":4,"ev')
     assert walk(log).holds
     assert walk(log).remarks == ("1 entry was not written whole",)

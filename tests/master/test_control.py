@@ -334,7 +334,7 @@ def test_too_many_clients() -> None:
 
 
 @pytest.mark.shows("R26")
-def test_clients_that_do_nothing_lock_nobody_out() -> None:
+def test_idle_clients_lock_no_other_client_out() -> None:
     with running() as master, master.client() as other, master.client() as writer:
         other.good("events on")
         writer.good("lease 0")

@@ -79,7 +79,7 @@ def test_lines_may_come_in_pieces_and_several_at_once(client: Client) -> None:
 
 
 @pytest.mark.shows("R26")
-def test_a_client_that_does_not_read_is_dropped_and_nobody_waits() -> None:
+def test_a_client_that_does_not_read_is_dropped_without_delay_for_others() -> None:
     with running() as master, master.client() as other:
         other.good("events on")
         with master.client() as slow:

@@ -96,7 +96,7 @@ def test_images_fit_the_layout() -> None:
 
 
 @pytest.mark.shows("R26")
-def test_a_watcher_that_does_not_read_misses_lines_and_disturbs_nobody() -> None:
+def test_a_watcher_that_does_not_read_misses_lines_without_effect_on_others() -> None:
     with running("--cycle", "200us") as master, master.client() as slow, master.client() as client:
         slow.good("watch 1")
         before = client.good("status")["cycles"]

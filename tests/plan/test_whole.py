@@ -239,7 +239,7 @@ WRONG = [
 
 @pytest.mark.shows("R2", "R4")
 @pytest.mark.parametrize(("raw", "words"), WRONG, ids=[str(n) for n in range(len(WRONG))])
-def test_each_refusal_of_a_file_says_why(raw: bytes, words: str) -> None:
+def test_each_rejected_plan_file_has_a_reason(raw: bytes, words: str) -> None:
     assert refusal(raw) == words
 
 

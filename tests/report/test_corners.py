@@ -213,7 +213,7 @@ def points(**more: Any) -> list[str]:
 
 
 @pytest.mark.shows("R13")
-def test_a_running_bus_that_is_emulated_is_no_evidence(tmp_path_factory: pytest.TempPathFactory):
+def test_a_running_emulated_bus_is_not_evidence(tmp_path_factory: pytest.TempPathFactory):
     master = WatchedMaster(tmp_path_factory.mktemp("m") / "s")
     try:
         live = ask_live(str(master.path))

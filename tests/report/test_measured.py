@@ -85,7 +85,7 @@ def test_fewer_than_100_000_cycles_have_no_such_percentile() -> None:
 
 
 @pytest.mark.shows("R13")
-def test_an_emulated_run_says_so_and_a_running_bus_counts() -> None:
+def test_an_emulated_run_is_marked_and_a_running_bus_counts() -> None:
     period = dataclasses.replace(histogram(100_000, 0, 0), max_ns=1_000_100)
     cycle = SimpleNamespace(statistics=SimpleNamespace(period=period))
     live = SimpleNamespace(

@@ -110,7 +110,7 @@ def leaves(node):
 
 @pytest.mark.shows("R12")
 @pytest.mark.parametrize("name", ["timed", "estop", "el6910"])
-def test_every_number_of_the_page_stands_in_the_json(name: str):
+def test_every_number_of_the_page_is_in_the_json(name: str):
     path = TIMED if name == "timed" else ROOT / "examples" / name / "network.yaml"
     inputs = inputs_of(path)
     shown = visible(render_report(inputs, "html"))
@@ -146,7 +146,7 @@ def test_every_number_has_a_source_and_what_is_no_name_a_unit():
 
 
 @pytest.mark.shows("R12")
-def test_the_three_forms_say_the_same():
+def test_the_three_forms_have_the_same_content():
     inputs = inputs_of(TIMED)
     document = as_json(inputs)
     page, text = render_report(inputs, "html"), render_report(inputs, "md")
@@ -238,7 +238,7 @@ def test_many_findings_still_fit_the_first_page_one_row_per_code():
 
 
 @pytest.mark.shows("R12")
-def test_what_is_open_stands_in_front_and_in_the_last_block():
+def test_open_points_are_on_the_first_page_and_in_the_last_block():
     document = as_json(inputs_of(ROOT / "examples" / "el6910" / "network.yaml"))
     open_points = [p for p in document["points"] if p["kind"] == "open"]
     assert {"Bus evidence", "Tests", "Change log", "Sign-off"} <= {p["block"] for p in open_points}

@@ -169,7 +169,7 @@ def test_application_parameters_touch_the_ends_of_their_connection(
     ],
     ids=["type", "factor", "PDO", "distributed clocks"],
 )
-def test_what_only_the_fingerprint_tells_counts_too(
+def test_a_difference_in_the_fingerprint_alone_counts(
     tmp_path: Path, device: tuple[str, str]
 ) -> None:
     now = _network(tmp_path, TIMED.read_text("utf-8"), device)

@@ -68,7 +68,7 @@ def here() -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.shows("R25")
-def test_it_passes_here_and_says_of_what(here: subprocess.CompletedProcess[str]):
+def test_it_passes_here_and_names_its_versions(here: subprocess.CompletedProcess[str]):
     document = json.loads(here.stdout)
     assert [p["name"] for p in document["parts"]] == NAMES
     assert [p for p in document["parts"] if p["different"]] == []

@@ -89,7 +89,7 @@ def test_the_sum_alone_would_claim_more(resolution_of: Maker) -> None:
 
 
 @pytest.mark.shows("R28")
-def test_a_missing_claim_is_named_and_a_low_one_counts_all_the_same(resolution_of: Maker) -> None:
+def test_a_missing_claim_is_named_and_a_low_one_still_counts(resolution_of: Maker) -> None:
     (level,), found = judged(resolution_of, (INPUT, "source: manual"))
     assert (level.judgement, level.missing) == (Judgement.MISSING, ("el1904",))
     assert level.verdict == "not judged: no PL or SIL claim of el1904"
