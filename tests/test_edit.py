@@ -72,7 +72,7 @@ def test_parts_come_and_go(network):
     assert edit.diff() == ""
 
 
-def test_what_others_have_written_is_not_overwritten(network):
+def test_files_of_others_are_not_overwritten(network):
     edit = network.edit()
     edit.document["cycle_us"] = 2000
     path = Path("network.yaml")
@@ -85,7 +85,7 @@ def test_what_others_have_written_is_not_overwritten(network):
         edit.save()
 
 
-def test_what_cannot_be_edited_is_refused(network, tmp_path):
+def test_an_impossible_edit_is_rejected(network, tmp_path):
     with pytest.raises(fsoe_net.InputError, match=r"no\.yaml cannot be read"):
         network.edit("no.yaml")
     damaged = tmp_path / "damaged.yaml"
@@ -138,7 +138,7 @@ def test_odd_lines_are_read_or_refused(text):
         assert edited.text == text
 
 
-def test_comments_stay_where_the_part_beside_them_goes(network):
+def test_comments_stay_where_the_part_next_to_them_goes(network):
     """A writer takes the comment before a part for one behind the part above it."""
     text = (
         "a:\n  - b: 1   # of b\n\n# of c\nc: |\n  x\n  # no comment\nd:\n  - 1\n  # of 2\n  - 2\n"
@@ -170,7 +170,7 @@ def test_lists_with_indents_of_their_own_keep_them(last):
     assert edited.text == wanted.rstrip("\n") + f"\n      g: 5{last}"
 
 
-def test_what_cannot_be_put_in_is_refused_and_nothing_is_lost(monkeypatch):
+def test_an_impossible_insertion_is_rejected_and_nothing_is_lost(monkeypatch):
     monkeypatch.setattr("fsoe_net.project.edit.changed_text", lambda *_: "a: [1")
     edited = EditedText("a: 1\n", "x.yaml")
     edited.document["a"] = 2
@@ -202,7 +202,7 @@ def test_lists_and_maps_may_become_empty_and_be_filled_again():
     assert YAML(typ="safe", pure=True).load(edited.text) == {}
 
 
-def test_what_an_alias_shares_is_changed_in_both_places():
+def test_a_shared_alias_is_changed_in_both_places():
     text = "a: &x\n  - {b: 1}  # of b\n  - 2\nc: *x\nd: [*x, *x]\n"
     edited = EditedText(text, "x.yaml")
     assert edited.document["a"] is edited.document["c"] is edited.document["d"][1]
@@ -217,13 +217,13 @@ def test_what_an_alias_shares_is_changed_in_both_places():
     assert edited.text == "a: &x\n  - {b: 3}  # of b\n  - 4\nc: *x\n"
 
 
-def test_what_goes_from_an_alias_goes_once():
+def test_a_part_removed_from_an_alias_is_removed_once():
     edited = EditedText("a: &x\n  k: 1\n  l: 2\n  # of a\nb: *x\n", "x.yaml")
     del edited.document["b"]["l"]
     assert edited.text == "a: &x\n  k: 1\n  # of a\nb: *x\n"
 
 
-def test_what_comes_into_a_map_has_its_indent():
+def test_a_new_item_of_a_map_has_its_indent():
     """Not that of a list which goes behind it."""
     text = "a:\n    b: 1\n    c: 2\nb:\n- 1\n- a: 1\n  b: 2\nc: 3\n"
     edited = EditedText(text, "x.yaml")
@@ -233,7 +233,7 @@ def test_what_comes_into_a_map_has_its_indent():
     assert edited.text == "a:\n    c: 2\n    z: 1\nz: true\n"
 
 
-def test_what_many_aliases_repeat_is_not_compared_again_and_again():
+def test_repeated_aliases_are_compared_once():
     lines = ["a0: &a0 [x, x]"]
     lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 6)]
     edited = EditedText("\n".join(lines) + "\n", "x.yaml")
@@ -261,7 +261,7 @@ def test_aliases_that_multiply_what_they_refer_to_are_refused():
         ("a: [1\n", "x.yaml cannot be edited"),
     ],
 )
-def test_a_text_that_is_no_map_of_one_meaning_is_refused(text, why):
+def test_a_text_that_is_not_a_map_of_one_meaning_is_refused(text, why):
     with pytest.raises(fsoe_net.InputError, match=why):
         EditedText(text, "x.yaml")
 
@@ -343,7 +343,7 @@ def change_something(draw, place):
 
 
 @given(st.data())
-def test_any_change_of_any_text_says_what_the_maps_and_lists_say(data):
+def test_any_change_of_any_text_names_what_the_maps_and_lists_state(data):
     text = data.draw(written_texts())
     edited = EditedText(text, "x.yaml")
     assert edited.text == text
@@ -401,7 +401,7 @@ def test_comments_of_what_stays_stay_in_their_order(data):
     assert [note for note in found if note in kept] == kept, edited.text
 
 
-def test_a_comment_stays_beside_what_it_is_about():
+def test_a_comment_stays_next_to_what_it_is_about():
     text = "a:\n  - x   # left\n  - y   # right\n  - z   # head\n\nb: 1\n"
     edited = EditedText(text, "x.yaml")
     edited.document["a"].remove("x")
@@ -429,7 +429,7 @@ def test_a_comment_stays_beside_what_it_is_about():
     assert edited.text == "a: []  # of a\n  # first\nb: 5  # of b\n"
 
 
-def test_what_moves_takes_nothing_else_along():
+def test_a_moved_part_moves_alone():
     text = "s:\n  # one\n  - {n: a}   # of a\n  # two\n  - {n: b}   # of b\n  - {n:  c}\n"
     edited = EditedText(text, "x.yaml")
     rows = edited.document["s"]
@@ -437,7 +437,7 @@ def test_what_moves_takes_nothing_else_along():
     assert edited.text == text.replace("  - {n:  c}\n", "").replace("s:\n", "s:\n  - {n: c}\n")
 
 
-def test_what_holds_itself_is_refused():
+def test_a_recursive_value_is_rejected():
     edited = EditedText("b: 1\n", "x.yaml")
     edited.document["c"] = edited.document
     with pytest.raises(ValueError, match=r"x\.yaml cannot be written: it is nested too deep"):
@@ -515,7 +515,7 @@ ODD = [
 
 
 @pytest.mark.parametrize(("text", "change", "wanted"), ODD, ids=range(len(ODD)))
-def test_what_is_changed_is_put_where_it_stands(text, change, wanted):
+def test_changes_are_made_in_place(text, change, wanted):
     edited = EditedText(text, "x.yaml")
     change(edited.document)
     assert edited.text == wanted
@@ -530,7 +530,7 @@ def test_what_is_changed_is_put_where_it_stands(text, change, wanted):
         ("a: &x 1\nb: *x\n", lambda d: d.pop("a")),
     ],
 )
-def test_what_cannot_be_put_between_odd_lines_is_refused(text, change):
+def test_an_insertion_between_irregular_lines_is_rejected(text, change):
     edited = EditedText(text, "x.yaml")
     change(edited.document)
     with pytest.raises(ValueError, match=r"x\.yaml cannot be edited: .*change it in the text"):

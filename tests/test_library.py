@@ -160,7 +160,7 @@ def test_the_library_finds_what_the_command_finds_and_compiles_nothing_with_an_e
     assert refused.value.diagnostics == found.errors
 
 
-def test_what_cannot_be_used_is_said():
+def test_unusable_arguments_raise_errors_with_a_reason():
     with pytest.raises(ValueError, match="at least one path"):
         fsoe_net.load()
     lost = fsoe_net.load("no-such-file.yaml")

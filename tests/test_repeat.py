@@ -21,7 +21,7 @@ def test_fails(data):
 
 
 @pytest.mark.parametrize("workers", [(), ("-n", "1")], ids=["alone", "beside others"])
-def test_what_was_drawn_is_drawn_again(tmp_path, workers):
+def test_drawings_are_repeated(tmp_path, workers):
     (tmp_path / "test_it.py").write_text(_FAILS)
     drawn = tmp_path / "drawn"
 

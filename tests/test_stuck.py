@@ -57,7 +57,7 @@ def _pytest(tmp_path, text, *options):
 
 
 @pytest.mark.parametrize("workers", [(), ("-n", "1")], ids=["alone", "beside others"])
-def test_a_test_that_hangs_fails_and_tells_where(tmp_path, workers):
+def test_a_test_that_hangs_fails_and_reports_where(tmp_path, workers):
     done = _pytest(tmp_path, _HANGS, "-o", "timeout=2", *workers)
     assert done.returncode == 1, done.stdout + done.stderr
     assert "1 failed, 1 passed" in done.stdout
@@ -84,7 +84,7 @@ def test_code_that_serves_no_signal_is_ended_too(tmp_path, workers):
     assert "in test_that_hears_nothing" in done.stderr
 
 
-def test_workers_that_say_nothing_end_with_pytest(tmp_path):
+def test_workers_that_are_silent_end_with_pytest(tmp_path):
     done = _pytest(tmp_path, _DEAF, "-o", "faulthandler_timeout=5", "-n", "1")
     assert done.returncode == 1
     assert "Timeout (0:00:10)!" in done.stderr

@@ -54,7 +54,7 @@ def test_a_record_names_its_evidence() -> None:
     assert record.replaces is None
 
 
-def test_who_by_what_means_and_where_is_stated() -> None:
+def test_persons_equipment_and_environment_are_stated() -> None:
     author = SignedBy(name="A. Meier", date="2026-11-21")
     verifier = SignedBy(name="B. Kaya", date="2026-11-21", competence=" . ")
     grounds = grounds_of(author=author, verifier=verifier, equipment=(), environment="-")
@@ -107,7 +107,7 @@ def test_the_page_is_of_the_same_configuration() -> None:
 
 
 @pytest.mark.parametrize("data", [b"<html>", b"{}", b"{", b'{"a":' * 99_999, b'{"findings": 3}'])
-def test_no_report_is_told(data: bytes) -> None:
+def test_no_report_is_reported(data: bytes) -> None:
     with pytest.raises(InputError, match=r"r\.json"):
         read_signed_report([(source("r.json"), data)])
 
@@ -118,13 +118,13 @@ def test_two_reports_are_one_too_many() -> None:
 
 
 @pytest.mark.parametrize("severity", ["Warning", "", "none", 1])
-def test_a_finding_of_no_known_weight_is_no_report(severity: object) -> None:
+def test_a_finding_of_no_known_weight_is_not_a_report(severity: object) -> None:
     data = report_with(findings=[{**_row("info"), "severity": severity}])
     with pytest.raises(InputError, match=r"r\.json"):
         signed_report(data)
 
 
-def test_a_place_out_of_all_numbers_is_no_report() -> None:
+def test_a_place_out_of_all_numbers_is_not_a_report() -> None:
     data = report_with(findings=[{**_row("info"), "line": float("inf")}])
     with pytest.raises(InputError, match=r"r\.json"):
         signed_report(data)
@@ -157,7 +157,7 @@ def test_a_name_holds_nothing_unseen(name: str) -> None:
     assert found.startswith("the name of the author contains invisible characters")
 
 
-def test_nobody_signs_before_the_last_step() -> None:
+def test_signing_needs_the_last_step() -> None:
     day = SignedBy(name="B. Kaya", date="2026-11-20", competence="x1")
     found = refused(grounds_of(verifier=day))
     assert len(found) == 6
@@ -244,7 +244,7 @@ def test_a_report_with_something_against_it_is_not_signed() -> None:
     ]
 
 
-def test_notes_need_nobody() -> None:
+def test_notes_need_no_person() -> None:
     assert refused(_with_finding("info")) == []
 
 
@@ -258,7 +258,7 @@ def test_a_report_that_was_thinned_out_is_seen(rows: list[dict[str, object]]) ->
     assert "FSN607 at cells/a.yaml:7:3 is not in the report: says so" in told
 
 
-def test_what_the_report_does_not_tell_is_told() -> None:
+def test_limits_of_the_report_are_stated() -> None:
     late = Diagnostic(code="FSN607", message="since yesterday", span=Span("a.yaml", 7, 3))
     reason = Reason(subject="FSN607@a.yaml:7", reason="known", by="B. Kaya")
     found = refused(grounds_of(diagnostics=[late], reasons=[reason]))
@@ -271,7 +271,7 @@ def test_what_the_report_does_not_tell_is_told() -> None:
     [{"outcome": None}, {"outcome": StepOutcome.NOT_RUN}, {"by": ""}, {"date": ""}],
     ids=str,
 )
-def test_a_step_nobody_did_is_open(kind: StepKind, machine: dict[str, object]) -> None:
+def test_a_step_that_was_not_done_is_open(kind: StepKind, machine: dict[str, object]) -> None:
     (found,) = refused(with_step(grounds_of(), kind, **machine))
     assert found.endswith("open at the machine")
 
@@ -301,7 +301,7 @@ def test_a_failed_step_cannot_be_justified() -> None:
 
 
 @pytest.mark.shows("R13")
-def test_what_an_emulation_shows_to_fail_stands_against_it_but_never_for_it() -> None:
+def test_an_emulated_failure_counts_and_an_emulated_pass_does_not() -> None:
     grounds = grounds_of()
     bad, good = (
         StepResult(outcome=o) for o in (StepOutcome.NOT_AS_EXPECTED, StepOutcome.AS_EXPECTED)
@@ -352,7 +352,7 @@ def test_a_time_that_is_hard_to_believe_needs_a_reason(measured: float, doubt: s
         assert [s.step for s in record.steps_left_out] == ["trigger estop"]
 
 
-def test_nobody_tests_what_is_not_there_yet() -> None:
+def test_absent_parts_are_not_tested() -> None:
     grounds = with_step(grounds_of(), StepKind.TRIGGER, date="2026-11-20")
     early = (
         "step trigger estop at : done on 2026-11-20, before this configuration existed: 2026-11-21"
@@ -383,7 +383,7 @@ def with_logic(text: str) -> Grounds:
 @pytest.mark.parametrize(
     "text", ["", " ", "-", "?", "0", "0x0000", "n/a", "Not applicable.", "TBD", "xxx", "\u200b"]
 )
-def test_what_was_not_read_at_a_device_needs_a_reason(text: str) -> None:
+def test_an_unread_device_needs_a_reason(text: str) -> None:
     grounds = with_logic(text)
     assert refused(grounds) == [
         "firmware logic at : it was not read at the machine",

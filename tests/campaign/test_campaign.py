@@ -203,7 +203,7 @@ def test_sizes_of_a_link_must_agree():
         (ignores_watchdog, "loss", "still valid after 21 ms"),
     ],
 )
-def test_what_a_device_forgot_is_found(device, name, text):
+def test_an_object_that_a_device_lost_is_found(device, name, text):
     side = "main_factory" if issubclass(device, MainInstance) else "sub_factory"
     result = run_trials(make_config(**{side: device}), name, range(300))
     assert result.failed > 50
@@ -242,7 +242,7 @@ def test_right_strangers_pass(factories, name):
     assert result.injected == 40
 
 
-def test_valid_data_which_nobody_sent():
+def test_valid_data_which_no_one_sent():
     class Invents(strange_sub):
         @property
         def received_safe_data(self):

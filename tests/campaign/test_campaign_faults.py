@@ -102,7 +102,7 @@ def test_loss_and_delay_hold_what_was_there_before():
         assert image == channel.image(Way.TO_SUB, max(39, 36 + n))
 
 
-def test_what_changes_when_is_told_in_advance():
+def test_changes_of_state_are_announced_in_advance():
     """`next_change` never comes too late; otherwise idle time would be left out that is none."""
     for fault in (
         Freeze(way=Way.TO_SUB, start=42, until=50),

@@ -242,6 +242,6 @@ def test_the_smallest_case_is_early():
     assert starts == {4}  # the first Session frame once more, with a wrong CRC
 
 
-def test_what_does_not_fail_is_not_made_small():
+def test_a_passing_case_is_not_reduced():
     config = CampaignConfig(links=(make_link(),), seed=1)
     assert shrink(Trials(config, "corruption").case(3)) is None

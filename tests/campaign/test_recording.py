@@ -110,7 +110,7 @@ def test_a_missing_key_is_named(key):
     refused(recording_text(rows).splitlines(), 5, f"{key!r} is missing")
 
 
-def test_a_command_that_is_no_string():
+def test_a_command_that_is_not_a_string():
     rows = [ROWS[0] | {"commands": [1]}]
     refused(recording_text(rows).splitlines(), 2, "command 1 is not a string")
 

@@ -84,7 +84,7 @@ def test_pcapng_interfaces_have_clocks_of_their_own(order):
     ]
 
 
-def test_sections_after_each_other_begin_anew():
+def test_sections_after_each_other_restarts():
     one = section() + interface(6) + packet(TIMES_NS[0] // 1000, DATA[0])
     other = section(">") + interface(9, order=">") + packet(TIMES_NS[1], DATA[1], order=">")
     assert [t for t, _, _ in rows(one + other)] == TIMES_NS[:2]
@@ -185,7 +185,7 @@ def large(data_of, count=500):
     return gzip.compress(pcap(times=[]) + b"".join(head + data_of(n) for n in range(count)))
 
 
-def test_a_small_packed_file_is_no_large_capture():
+def test_a_small_packed_file_is_not_a_large_capture():
     bomb = large(lambda n: bytes(64000))
     assert len(bomb) < 40_000
     reader = CaptureReader("x", io.BytesIO(bomb))
@@ -200,7 +200,7 @@ def test_a_small_packed_file_is_no_large_capture():
     assert len(rows(cycles)) == 500
 
 
-def test_what_is_written_is_read(tmp_path):
+def test_written_files_are_read(tmp_path):
     path = tmp_path / "x.pcapng"
     with CaptureWriter(path) as writer:
         for time_ns, data in zip(TIMES_NS, DATA, strict=True):

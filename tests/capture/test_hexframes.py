@@ -75,7 +75,7 @@ def test_directions_of_different_lengths_need_no_mark():
     assert {(len(s.frame.data), s.direction) for s in seen} == {(7, 0), (15, 1)}
 
 
-def test_a_single_frame_says_what_it_can():
+def test_a_single_frame_names_what_it_can():
     (data,) = follow_frames(frames("3603001234 0100".replace(" ", "")))
     assert data.verdict is CrcVerdict.UNCHECKED
     assert data.note == "the CRC depends on the frame before, which is missing"
@@ -109,7 +109,7 @@ def test_any_text_is_decoded_or_rejected(text):
         list(follow_frames(frames(text)))
 
 
-def test_a_byte_order_mark_is_no_part_of_the_first_frame():
+def test_a_byte_order_mark_is_not_a_part_of_the_first_frame():
     assert [frame.data.hex() for frame in frames(f"\ufeff{RESET}\n{RESET}")] == [RESET] * 2
     with pytest.raises(InputError, match="x:2"):
         frames(f"{RESET}\n\ufeff{RESET}")

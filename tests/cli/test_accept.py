@@ -243,7 +243,7 @@ def test_a_record_that_was_changed_accepts_nothing(folder: Path) -> None:
         assert "a.yaml:" in done.stderr
 
 
-def test_another_fingerprint_without_a_difference_by_meaning_is_told(folder: Path) -> None:
+def test_another_fingerprint_without_a_difference_by_meaning_is_reported(folder: Path) -> None:
     done = fsn("acceptance", "record", *_prepared(folder), *PEOPLE, *SOLDERED, "-o", "a.yaml")
     assert done.returncode == 0, done.stderr
     board = folder / "devices" / "el6910.yaml"
@@ -258,7 +258,7 @@ def test_another_fingerprint_without_a_difference_by_meaning_is_told(folder: Pat
     assert "another fingerprint than a.yaml: to be tried again" in page
 
 
-def test_what_no_file_can_keep_is_not_written(folder: Path) -> None:
+def test_values_that_no_file_can_hold_are_not_written(folder: Path) -> None:
     given = _prepared(folder)
     odd = b"loss *=odd \xff by B. Kaya".decode("utf-8", "surrogateescape")
     done = fsn("acceptance", "record", *given, *PEOPLE, *NOT_SEEN, "--justify", odd, "-o", "a.yaml")

@@ -121,7 +121,7 @@ def test_a_campaign_shows_how_far_it_is(folder: Path):
     assert "\npassed: nothing wrongly accepted, every reaction right\n" in text
 
 
-def test_a_monitor_shows_and_tells_until_ctrl_c(folder: Path, tmp_path_factory):
+def test_a_monitor_shows_and_reports_until_ctrl_c(folder: Path, tmp_path_factory):
     place = tmp_path_factory.mktemp("m")
     master = WatchedMaster(place / "s")
     try:

@@ -125,7 +125,7 @@ def test_report_names_what_the_network_was_compared_with(cell: Path):
     assert page.index("NOT ACCEPTABLE: 1 error") < page.index("FSN446")
 
 
-def test_only_other_files_are_no_network(cell: Path):
+def test_only_other_files_are_not_network(cell: Path):
     done = fsn("check", "cell.eni.xml", cwd=cell)
     assert done.returncode == 1
     assert "nothing checked" in done.stdout

@@ -35,7 +35,7 @@ def test_clean_network_has_no_findings():
     assert "estop: no findings, 2 SubDevices" in done.stdout
 
 
-def test_mistake_is_printed_as_the_design_says(tmp_path: Path):
+def test_mistake_is_printed_as_the_design_states(tmp_path: Path):
     text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{PLAIN}/estop/devices/")
     text = text.replace(
         "in: {ec_module: ek1914, index: 0x6000, subindex: 1}\n"
@@ -234,7 +234,7 @@ def test_a_file_of_another_kind_is_named_once(
     assert f"error[{code}]" in said
 
 
-def test_a_cycle_written_in_milliseconds_is_told(tmp_path: Path):
+def test_a_cycle_written_in_milliseconds_is_reported(tmp_path: Path):
     text = Path(ESTOP).read_text("utf-8").replace("devices/", f"{PLAIN}/estop/devices/")
     assert "cycle_us: 1000" in text
     (tmp_path / "n.yaml").write_text(text.replace("cycle_us: 1000", "cycle_us: 1"), "utf-8")

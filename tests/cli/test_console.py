@@ -43,7 +43,7 @@ def test_commands_of_the_line(master):
     )
 
 
-def test_a_script_says_where_it_failed(master, tmp_path):
+def test_a_script_names_where_it_failed(master, tmp_path):
     path = tmp_path / "a.fsn"
     path.write_text("echo drive_1\nget drive_1.0x6041\n\n  get drive_9; echo no\n", "utf-8")
     code, out, err = console(master, "--run", str(path))

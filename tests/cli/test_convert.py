@@ -77,7 +77,7 @@ def test_target_is_chosen_by_extension_or_option(
 
 
 @pytest.mark.parametrize("out", ["bus.h", "hal.xml"])
-def test_what_was_written_is_read_by_content(out: str, tmp_path: Path):
+def test_written_files_are_recognised_by_content(out: str, tmp_path: Path):
     assert converted(URDF, "-o", tmp_path / out).returncode == 0
     again = converted(tmp_path / out, "-o", tmp_path / "n" / "network.yaml")
     assert again.returncode == 0, again.stderr
@@ -182,7 +182,7 @@ def test_output_of_the_tool_for_one_device_gives_its_process_data(comment: str, 
     assert "rpdo:" in (tmp_path / "o" / "devices" / "stop.yaml").read_text("utf-8")
 
 
-def test_transfers_without_their_modules_are_no_network(tmp_path: Path):
+def test_transfers_without_their_modules_are_not_network(tmp_path: Path):
     part = ROOT / "examples" / "estop" / "transfers.yaml"
     done = converted(part, "-o", tmp_path / "o" / "network.yaml")
     assert done.returncode == 1
@@ -340,7 +340,7 @@ def test_a_network_without_nets_is_compared(tmp_path: Path):
     assert same.returncode == 0, same.stdout + same.stderr
 
 
-def test_an_esi_beside_a_network_fills_an_eni(tmp_path: Path):
+def test_an_esi_next_to_a_network_fills_an_eni(tmp_path: Path):
     esi = tmp_path / "maker.xml"
     esi.write_text(
         "<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices>"

@@ -176,7 +176,7 @@ def test_lua_names_the_network(tmp_path):
     assert '"el1918-ek1914"' in path.read_text("utf-8")
 
 
-def test_long_hex_is_no_file_name():
+def test_long_hex_is_not_a_file_name():
     frame = "36" + "00" * 254
     assert "ProcessData" in run("main", frame).stdout
     talk = "main 2a0000c42d0000 sub 2a0000c42d0000 " * 20

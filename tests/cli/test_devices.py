@@ -32,7 +32,7 @@ def test_one_device_in_full():
         assert words in done.stdout
 
 
-def test_a_logic_without_process_data_says_where_they_are():
+def test_a_logic_without_process_data_names_where_they_are():
     done = fsn("init", "--list", "el6910")
     assert done.returncode == 0
     assert "Process data (MainInstance): made by its safety project" in done.stdout

@@ -26,7 +26,7 @@ def other(tmp_path: Path) -> Path:
     return file
 
 
-def test_same_is_0_and_says_so(tmp_path: Path):
+def test_same_is_0_and_is_reported(tmp_path: Path):
     plan = str(tmp_path / "estop.fsnplan")
     assert fsn("plan", ESTOP, "-o", plan).returncode == 0
     done = fsn("diff", ESTOP, plan)
@@ -80,7 +80,7 @@ def test_each_kind_of_file_is_known_by_its_content(tmp_path: Path):
         (b"version: 1\nsubdevices: 4\n", "FSN11"),
     ],
 )
-def test_what_cannot_be_read_is_1_with_its_reason(tmp_path: Path, content, words):
+def test_unreadable_input_exits_with_1_and_a_reason(tmp_path: Path, content, words):
     file = tmp_path / "file"
     if content is not None:
         file.write_bytes(content)

@@ -200,7 +200,7 @@ def broken(*_: object, **more: Any) -> Any:
     raise EnvironmentFault("it broke")
 
 
-def test_a_step_that_shows_nothing_is_not_told(capsys: pytest.CaptureFixture[str]):
+def test_a_step_that_shows_nothing_is_not_reported(capsys: pytest.CaptureFixture[str]):
     step: Any = Facts(id="fault loss", live=None)
     test_record_output.print_step(step)
     assert capsys.readouterr() == ("", "")
@@ -209,7 +209,7 @@ def test_a_step_that_shows_nothing_is_not_told(capsys: pytest.CaptureFixture[str
 # -- the others ------------------------------------------------------------------------------------
 
 
-def test_an_fsn_master_that_tells_no_fingerprint():
+def test_an_fsn_master_that_reports_no_fingerprint():
     wanted = Known(path="a", fingerprint=fingerprint_of(compile_plan(example("estop"))))
     with FakeMaster() as fake, pytest.raises(EnvironmentFault) as refused:
         compare_running(wanted, str(fake.path))
@@ -241,7 +241,7 @@ def test_a_record_that_is_written(
     ]
 
 
-def test_what_a_scan_leaves_out_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_parts_that_a_scan_leaves_out_are_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     found = Facts(texts={"network.yaml": "x"}, left_out=("position 3: not read",))
     monkeypatch.setattr(scan, "take_scan", lambda *_, **__: Facts(scan=None, document={}))
     monkeypatch.setattr(scan, "scan_document", lambda _: Document(title="table"))
@@ -284,7 +284,7 @@ def test_a_live_run_shows_its_connections_as_it_goes(monkeypatch: pytest.MonkeyP
     assert "el1918-ek1914" in shown.export_text()
 
 
-def test_who_interrupts_twice_sees_no_traceback(monkeypatch: pytest.MonkeyPatch):
+def test_a_second_interrupt_shows_no_traceback(monkeypatch: pytest.MonkeyPatch):
     before = signal.getsignal(signal.SIGINT)
     monkeypatch.setattr(cli_main, "cli", Facts(main=_interrupted))
     monkeypatch.setattr(cli_main, "echo", lambda *_, **__: os.kill(os.getpid(), signal.SIGINT))

@@ -90,7 +90,7 @@ def test_a_difference_is_1_with_sections_and_meaning(accepted: str, other: Path)
     assert f"of {accepted} only hashes are known" in done.stdout
 
 
-def test_a_safety_function_that_came_is_told(other: Path) -> None:
+def test_a_safety_function_that_came_is_reported(other: Path) -> None:
     other.write_text(other.read_text("utf-8") + FUNCTION, "utf-8")
     done = fsn("acceptance", "verify", str(other), "--accepted", ESTOP, "--format", "json")
     assert done.returncode == 1
@@ -101,7 +101,7 @@ def test_a_safety_function_that_came_is_told(other: Path) -> None:
     assert [line.split()[:3] for line in row["differences"]] == [["+", "safety", "function"]]
 
 
-def test_what_cannot_be_read_is_1(tmp_path: Path, accepted: str) -> None:
+def test_unreadable_input_exits_with_1(tmp_path: Path, accepted: str) -> None:
     document = json.loads(Path(accepted).read_text("utf-8"))
     document["fingerprint"]["sections"]["cycle"] = "00" * 32
     changed = tmp_path / "changed.json"

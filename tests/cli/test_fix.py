@@ -78,7 +78,7 @@ def test_the_exact_diff(folder: Path):
 
 @pytest.mark.shows("R22")
 @pytest.mark.parametrize("name", sorted(p.stem for p in BROKEN.glob("*.yaml")))
-def test_what_has_no_single_way_stays_as_it_is(name: str, folder: Path):
+def test_a_finding_without_a_single_fix_is_unchanged(name: str, folder: Path):
     if name in GOOD:
         return
     path = folder / f"{name}.yaml"
@@ -165,7 +165,7 @@ def test_only_the_scalar_changes_byte_for_byte():
         edit(6, 64, "watchdog_ms", "1000"),
     ],
 )
-def test_what_may_not_or_cannot_be_changed_stays(wrong: Edit):
+def test_protected_parts_are_unchanged(wrong: Edit):
     assert patch_yaml(TEXT.encode(), "n.yaml", [wrong]) == (TEXT.encode(), frozenset())
 
 
@@ -174,6 +174,6 @@ def test_two_wishes_for_one_place_change_nothing():
     assert patch_yaml(TEXT.encode(), "n.yaml", both) == (TEXT.encode(), frozenset())
 
 
-def test_what_is_no_yaml_is_refused():
+def test_invalid_yaml_is_rejected():
     with pytest.raises(InputError):
         patch_yaml(b"{", "n.yaml", [])

@@ -73,7 +73,7 @@ def test_open_questions_of_frames_and_mains_in_a_template():
 
 
 @pytest.mark.parametrize("text", ["", "a b", "0 x EL1904", "EL1904,", "=EL1904"])
-def test_what_is_no_ring(text: str):
+def test_invalid_rings(text: str):
     assert parse_ring(text) is None
 
 

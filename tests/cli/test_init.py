@@ -146,7 +146,7 @@ def test_a_network_gives_the_same_plan_again(tmp_path: Path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_what_is_unconfirmed_in_a_network_stays_so(tmp_path: Path):
+def test_an_unconfirmed_connection_stays_unconfirmed(tmp_path: Path):
     assert init(*devices(tmp_path), out=tmp_path / "one", answers=RING).returncode == 1
     done = init(tmp_path / "one" / "network.yaml", out=tmp_path / "two")
     assert done.returncode == 1, done.stderr
@@ -162,7 +162,7 @@ def test_what_is_unconfirmed_in_a_network_stays_so(tmp_path: Path):
     assert "compare it with the safety project first" in refused.stderr
 
 
-def test_a_scan_tells_connections_by_fsoe_address(tmp_path: Path):
+def test_a_scan_reports_connections_by_fsoe_address(tmp_path: Path):
     out = tmp_path / "out"
     done = init(BASE / "scan.json", out=out)
     assert done.returncode == 0, done.stderr
@@ -338,7 +338,7 @@ def test_a_ring_that_cannot_be(row: str, at: str, message: str, hint: str, tmp_p
     assert f"hint: {hint}\n" in done.stderr
 
 
-def test_a_type_nobody_knows(tmp_path: Path):
+def test_a_type_no_one_has(tmp_path: Path):
     done = init(*devices(tmp_path), out=tmp_path / "o", answers="subdevices: [{type: EL1094}]\n")
     assert done.returncode == 1
     assert "answers.yaml:1:21: error[FSN155]: no file and no device library contains" in done.stderr
@@ -351,7 +351,7 @@ def test_revision_0_of_an_answer_is_a_revision(tmp_path: Path):
     assert [s.get("revision") for s in subs] == [None, 0]
 
 
-def test_a_ring_that_a_file_tells_is_not_answered(tmp_path: Path):
+def test_a_ring_that_a_file_reports_is_not_answered(tmp_path: Path):
     done = init(EXAMPLE / "network.yaml", out=tmp_path / "o", answers=RING)
     assert done.returncode == 1
     assert "answers.yaml:2:3: error[FSN156]" in done.stderr
@@ -380,7 +380,7 @@ def test_the_template_is_taken_as_it_is_and_when_completed(tmp_path: Path):
     ]
 
 
-def test_nobody_is_asked_without_a_terminal(tmp_path: Path):
+def test_no_question_is_asked_without_a_terminal(tmp_path: Path):
     done = fsn("init", str(BASE / "lcec.xml"), "-o", str(tmp_path / "out"))
     assert done.returncode == 1
     assert "answers are needed" in done.stderr

@@ -99,7 +99,7 @@ def test_a_connection_of_a_capture(connection: FoundConnection, lines: str):
     assert "\n".join(decode_output._connection_lines(1, connection, None, False)) == lines
 
 
-def test_what_a_capture_lacks(capsys: pytest.CaptureFixture[str]):
+def test_missing_parts_of_a_capture_are_named(capsys: pytest.CaptureFixture[str]):
     out = decode_output.TextOutput()
     out.begin("x.pcap")
     counts = replace(COUNTS, malformed=2, dropped=3)
@@ -238,5 +238,5 @@ def test_a_monitor_of_which_nothing_is_known():
         (Facts(rebuilt="why", packets=0, skipped=0, fault=""), "x.pcapng: 0 frames, rebuilt: why"),
     ],
 )
-def test_what_was_captured(recorder: Facts, text: str):
+def test_captured_values(recorder: Facts, text: str):
     assert monitor_output.capture_text(recorder, "x.pcapng") == text

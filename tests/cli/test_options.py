@@ -65,7 +65,7 @@ def test_one_thing_has_one_name():
     assert {what: found for what, found in names.items() if len(found) > 1} == {}
 
 
-def test_a_flag_that_disturbs_a_bus_is_no_address():
+def test_a_flag_that_disturbs_a_bus_is_not_an_address():
     found = {c: kind(o) for c, o in options() if long_name(o) == "--live"}
     assert found == {"test-record": "flag"}
     addresses = {long_name(o) for _, o in options() if o.metavar in ("IF", "IF2", "PATH")}

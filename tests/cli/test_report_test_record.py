@@ -31,7 +31,7 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> str:
         ("fingerprint: ....", "fingerprint: 0000", "made for another configuration", 1),
     ],
 )
-def test_mistakes_are_located_and_stand_in_the_report(
+def test_mistakes_are_located_and_are_in_the_report(
     text: str, pattern: str, put: str, told: str, code: int, tmp_path: Path
 ) -> None:
     path, report = tmp_path / "test-record.yaml", tmp_path / "report.json"

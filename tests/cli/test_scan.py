@@ -105,7 +105,7 @@ def bus() -> Iterator[Bus]:
     shutil.rmtree(folder)
 
 
-def test_own_scan_says_before_what_it_does_and_prints_a_table(bus: Bus):
+def test_own_scan_states_before_what_it_does_and_prints_a_table(bus: Bus):
     done = bus.fsn("scan", "--interface", "eth1", "--yes")
     assert done.returncode == 0, done.stderr
     assert "every SubDevice on it goes to PREOP" in done.stderr
@@ -118,7 +118,7 @@ def test_own_scan_says_before_what_it_does_and_prints_a_table(bus: Bus):
     assert "0xe921: FSoE address 201, ConnID 3, watchdog 100 ms" in done.stdout
 
 
-def test_nothing_happens_when_nobody_can_be_asked(bus: Bus):
+def test_nothing_happens_without_a_person_to_ask(bus: Bus):
     done = bus.fsn("scan", "--interface", "eth1")
     assert done.returncode == 2
     assert "--yes" in done.stderr

@@ -223,7 +223,7 @@ def test_the_report_shows_the_signatures_and_what_was_accepted(folder: Path) -> 
     assert "not checked; --signers FILE" in Path("unchecked.md").read_text("utf-8")
 
 
-def test_what_is_attached_is_in_the_folder_of_the_record(folder: Path) -> None:
+def test_attachments_are_in_the_folder_of_the_record(folder: Path) -> None:
     Path("../outside.pdf").write_bytes(b"x")
     Path("link.pdf").symlink_to("../outside.pdf")
     os.mkfifo("pipe")

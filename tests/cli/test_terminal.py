@@ -151,7 +151,7 @@ def test_a_plan_with_such_a_name_is_refused(estop: Path):
 
 
 @pytest.mark.shows("R24")
-def test_what_prints_stays_as_it_is():
+def test_printable_text_is_unchanged():
     arabic = "\u062a\u0648\u0642\u0641"
     for text in ("Förderband 2, links", "急停", arabic, "a b", ""):
         assert printable(text) == text

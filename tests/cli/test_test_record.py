@@ -50,7 +50,7 @@ def test_live_needs_a_person_at_a_terminal(tmp_path: Path) -> None:
     assert not (tmp_path / "p.yaml").exists()
 
 
-def test_what_does_not_go_together(tmp_path: Path) -> None:
+def test_incompatible_options_are_rejected(tmp_path: Path) -> None:
     both = fsn(
         "test-record",
         TIMED,

@@ -107,7 +107,7 @@ def _row(most: str) -> str:
         *(_row(most) for most in ("NaN", "Infinity", "1e999", "-1", '"long"')),
     ],
 )
-def test_what_is_no_run_is_refused(tmp_path: Path, text: str) -> None:
+def test_an_invalid_run_is_rejected(tmp_path: Path, text: str) -> None:
     path = tmp_path / "run.json"
     path.write_text(text)
     done = fsn("timing", str(TIMED), "--measured", str(path))

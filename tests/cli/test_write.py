@@ -13,7 +13,7 @@ from fsoe_net.errors import EnvironmentFault
 from fsoe_net.formats.shared.write_files import write_whole
 
 
-def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path):
+def test_a_file_is_replaced_and_nothing_is_left_next_to_it(tmp_path: Path):
     path = tmp_path / "a.fsnplan"
     for data in (b"first", b"second"):
         write_whole(str(path), data, overwrite=True)
@@ -31,7 +31,7 @@ def test_a_link_stays_a_link(tmp_path: Path):
     assert path.read_bytes() == b"new"
 
 
-def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path: Path):
+def test_a_device_file_is_written_to_and_not_replaced(tmp_path: Path):
     # as /dev/null, which root could replace
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
@@ -45,7 +45,7 @@ def test_what_is_no_file_is_written_to_and_not_replaced(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["folder", "file/a", "missing/a"])
-def test_what_cannot_be_written_is_named(tmp_path: Path, name: str):
+def test_unwritable_parts_are_named(tmp_path: Path, name: str):
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").touch()
     path = tmp_path / name

@@ -253,7 +253,7 @@ def test_unnamed_devices_are_paired_by_identity_and_order_and_then_by_place():
     assert rows(compare(bare, exchanged)) == [("exchanged", "subdevice", "")]
 
 
-def test_a_device_gone_from_the_middle_is_not_an_exchange_of_all_behind_it():
+def test_a_device_gone_from_the_middle_is_not_an_exchange_of_all_after_it():
     side = described(bus(2))
     logic, first, second = (replace(s, name="", managers=None) for s in side.subdevices)
     second = replace(second, identity=(2, 0x0B583052))
@@ -276,7 +276,7 @@ def test_a_connection_with_another_main_instance_is_the_same_by_its_address():
     ]
 
 
-def test_data_in_front_of_a_frame_move_it_and_what_is_behind(copied):
+def test_data_in_front_of_a_frame_move_it_and_what_is_after(copied):
     folder = copied("estop")
     file = folder / "devices" / "ek1914.yaml"
     text = file.read_text("utf-8")
@@ -341,7 +341,7 @@ def test_exchanged_wires_of_two_equal_devices_are_seen():
     assert {c.before.split()[0] for c in difference.changes} == {"drive_1", "drive_2"}
 
 
-def test_names_of_another_tool_are_no_difference():
+def test_names_of_another_tool_are_not_difference():
     side = described(bus(5))
     other = replace(
         side, subdevices=tuple(replace(s, name=f"Box {n}") for n, s in enumerate(side.subdevices))
@@ -349,7 +349,7 @@ def test_names_of_another_tool_are_no_difference():
     assert compare(side, other).same
 
 
-def test_what_was_not_read_is_not_compared_and_said():
+def test_unread_parts_are_not_compared_and_reported():
     resolution = example("estop")
     document = scan_of(resolution)
     document["subdevices"][0]["sms"] = None

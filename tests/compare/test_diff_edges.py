@@ -44,7 +44,7 @@ def test_a_device_without_identity_is_known_by_its_place():
     assert said(one(position=0), one(position=0, identity=(1, 2))) == []
 
 
-def test_sdos_that_stay_are_not_told():
+def test_sdos_that_stay_are_not_reported():
     a = one(name="A", sdos={(0x8000, 1): (2, 7), (0x8000, 2): (1, 1)})
     b = one(name="A", sdos={(0x8000, 1): (2, 7)})
     assert said(a, b) == ["removed sdo A 0x8000:02 1 (1 bytes)"]
@@ -76,7 +76,7 @@ def test_a_copy_of_what_is_not_mapped_keeps_its_address(tmp_path: Path):
     assert copies[-1].source.address == "0x6999:01"
 
 
-def test_functions_that_one_side_does_not_know():
+def test_functions_that_one_side_does_not_have():
     timed = resolved(TIMED)
     unknown = replace(side_of_plan(compile_plan(timed), "p"), functions_sha256=None)
     difference = compare(side_of_network(timed, "n"), unknown)

@@ -69,18 +69,18 @@ def test_another_device_is_named_once_and_its_copies_are_not():
     assert {"el1904", "2", "0x12345678"} <= set(figures(one[0].message).split())
 
 
-def test_unknown_identity_is_no_difference():
+def test_unknown_identity_is_not_a_difference():
     assert codes(changed(1, product(0))) == []
 
 
-def test_order_number_stands_for_an_identity():
+def test_order_number_represents_an_identity():
     lcec = replace(bus(), format="lcec", connections=(), copies=())
     rows = [replace(product(0)(s), order="") for s in lcec.subdevices]
     rows[1] = replace(rows[1], order="EL2904")
     assert codes(replace(lcec, subdevices=tuple(rows))) == ["FSN431"]
 
 
-def test_revision_counts_where_both_say_one(tmp_path: Path):
+def test_revision_counts_where_both_state_one(tmp_path: Path):
     text = (EXAMPLES / "el6910" / "network.yaml").read_text("utf-8")
     folder = tmp_path / "net"
     folder.mkdir()
@@ -135,7 +135,7 @@ def _next(sub: DescribedSubDevice) -> DescribedSubDevice:
     return sub
 
 
-def test_file_of_another_machine_is_told_in_one_line():
+def test_file_of_another_machine_is_reported_in_one_line():
     made = bus()
     rows = tuple(product(7 + n)(s) for n, s in enumerate(made.subdevices))
     one = found(replace(made, subdevices=rows, cycle_us=77))
@@ -323,7 +323,7 @@ def test_one_copy_may_be_two_transfers_but_not_more():
     assert codes(replace(made, copies=())) == []
 
 
-def test_copy_from_another_byte_and_copy_of_nobody():
+def test_copy_from_another_byte_and_copy_without_a_source():
     made = bus()
     first = made.copies[0]
     moved = replace(first, source=replace(first.source, bit_offset=first.source.bit_offset + 8))
@@ -390,7 +390,7 @@ def test_differing_cycle_time_is_found():
 # -- library --------------------------------------------------------------------------------------
 
 
-def test_the_library_has_nothing_to_say_about_the_examples_but_notes():
+def test_the_library_has_only_notes_for_the_examples():
     for network in (ROBOT, example("estop")):
         assert check_library(network, LIBRARY, notes=False) == []
         told = check_library(network, LIBRARY, notes=True)

@@ -46,7 +46,7 @@ def test_connection_that_only_one_side_has_moves_no_others():
     assert "77" in one[0].message
 
 
-def test_another_device_in_a_slot_is_no_pair():
+def test_another_device_in_a_slot_is_not_a_pair():
     rows = ours()
     kinds = ("EL2904", "EL2904")
     assert codes(project(*rows, orders=("EL1904", "EL2904"))) == []

@@ -53,7 +53,7 @@ def test_one_change_is_one_finding_at_its_place(case: str, robot: dict[str, Any]
     assert found[0].span.line == line, found[0].span
 
 
-def test_everything_behind_a_cut_is_missing(robot: dict[str, Any]):
+def test_everything_after_a_cut_is_missing(robot: dict[str, Any]):
     del robot["subdevices"][3:]
     found = scan_findings(ROBOT, robot)
     assert [d.code for d in found] == ["FSN501"] * 3
@@ -65,7 +65,7 @@ def test_an_empty_bus(robot: dict[str, Any]):
     assert {d.code for d in found} == {"FSN501"}
 
 
-def test_main_instance_that_tells_nothing_is_one_note_per_connection(robot: dict[str, Any]):
+def test_main_instance_that_reports_nothing_is_one_note_per_connection(robot: dict[str, Any]):
     robot["subdevices"][1]["fsoe"] = None
     assert _codes(robot) == ["FSN513"] * 4
 
@@ -85,7 +85,7 @@ def test_sub_instances_tell_what_a_silent_main_instance_gave_them(robot: dict[st
     assert [d.span.line for d in found] == [43, 43, 44]
 
 
-def test_an_address_stands_in_the_connection_where_a_device_has_no_other(robot: dict[str, Any]):
+def test_an_address_is_in_the_connection_where_a_device_has_no_other(robot: dict[str, Any]):
     """0x9nn1:02, also of a device that does not tell on which side of the connection it is."""
     fsoe = robot["subdevices"][2]["fsoe"]
     row = {"object": 0x9001, "address": fsoe["address"], "connection_id": 0, "watchdog_ms": 0}
@@ -106,13 +106,13 @@ def test_split_padding_is_the_same_padding(robot: dict[str, Any]):
     assert _codes(robot) == []
 
 
-def test_a_coupler_behind_all_is_a_note(robot: dict[str, Any]):
+def test_a_coupler_after_all_is_a_note(robot: dict[str, Any]):
     robot["subdevices"].append(subdevice(6, **COUPLER))
     found = scan_findings(ROBOT, robot)
     assert [(d.code, d.level) for d in found] == [("FSN502", Severity.INFO)]
 
 
-def test_what_was_not_read_is_not_held_against_a_device(robot: dict[str, Any]):
+def test_unread_parts_are_not_a_difference(robot: dict[str, Any]):
     for row in robot["subdevices"]:
         for key in ("vendor_id", "product_code", "sms", "revision", "al_status"):
             del row[key]

@@ -115,7 +115,7 @@ def test_no_target_moves_before_the_drive_is_enabled(steps: list[tuple[Any, ...]
 
 
 @pytest.mark.parametrize("stops_in", range(8))
-def test_torque_taken_off_at_any_cycle_is_no_fault(stops_in: int) -> None:
+def test_torque_taken_off_at_any_cycle_is_not_a_fault(stops_in: int) -> None:
     pure = Pure()
     axis, lib = pure.axis, pure.lib
     answers = {0: 0x250, 6: 0x231, 7: 0x233, 15: 0x237}

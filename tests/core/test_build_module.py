@@ -28,7 +28,7 @@ def _built(tmp_path: Path, cdef: str) -> str:
     return (tmp_path / "out.c").read_text()
 
 
-def test_a_struct_is_taken_from_the_header_and_the_compiler_knows_its_lengths(
+def test_a_struct_is_taken_from_the_header_and_the_compiler_has_its_lengths(
     tmp_path: Path,
 ) -> None:
     built = _built(tmp_path, "@struct fsn_pair\nint fsn_use(const struct fsn_pair *pair);\n")

@@ -49,7 +49,7 @@ def test_every_public_function_states_its_context() -> None:
 
 
 @needs_core
-def test_explain_knows_every_status() -> None:
+def test_explain_has_every_status() -> None:
     rows = re.findall(
         r'X\((\w+), (-?\d+),\s*"([^"]+)"\)', (HEADERS / "status.h").read_text("utf-8")
     )

@@ -14,7 +14,7 @@ except CoreMissing as exc:
 """
 
 
-def test_import_works_without_the_compiled_part_and_first_use_says_how_to_get_it() -> None:
+def test_import_works_without_the_compiled_part_and_first_use_states_how_to_get_it() -> None:
     done = subprocess.run([sys.executable, "-c", HIDE], capture_output=True, text=True, check=True)
     assert "compiled part" in done.stdout
     assert "pip install" in done.stdout

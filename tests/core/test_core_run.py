@@ -177,7 +177,7 @@ def test_reference_cycles_are_collected() -> None:
     gc.collect()
 
 
-def test_thread_runs_beside_python() -> None:
+def test_thread_runs_next_to_python() -> None:
     rig = Rig()
     done = threading.Event()
     torn: list[bytes] = []

@@ -173,7 +173,7 @@ def test_finds_the_chain_again_after_a_gap(out, inn, lost):
     assert both.python.gaps == 1
 
 
-def test_wrong_frame_then_reset_is_no_gap():
+def test_wrong_frame_then_reset_is_not_a_gap():
     rows = frames_of(2, 2, 40)
     both = Both(2, 2)
     for way, frame in rows[:20]:
@@ -215,7 +215,7 @@ def test_length_of_the_other_direction_is_refused():
             monitor.frame(TO_SUB, bytes(10) + b"\1", 0)
 
 
-def test_zeros_before_the_first_frame_are_no_frame():
+def test_zeros_before_the_first_frame_are_not_frame():
     both = Both(1, 1)
     assert both.frame(TO_SUB, bytes(6)) is CrcVerdict.SAME
     assert both.python.counts(TO_SUB).frames == 0

@@ -71,7 +71,7 @@ def is_start(frame):
 
 @pytest.mark.parametrize("way", [TO_SUB, TO_MAIN])
 @pytest.mark.parametrize("number", range(8))
-def test_what_passed_unseen_is_not_known(way, number):
+def test_unobserved_frames_are_unknown(way, number):
     """Each frame of a start-up of 4 bytes is left out in turn, with two in Data behind it."""
     rows = start(2, 2, b"\x07" * 4, cycles=16)
     ours = [n for n, (w, frame) in enumerate(rows) if w == way and is_start(frame)]
@@ -91,7 +91,7 @@ def test_parameters_are_unknown_after_joining_late(skipped):
     assert known == (whole() if skipped <= begun else NOTHING)
 
 
-def test_a_reset_leaves_what_was_known_and_a_session_begins_anew():
+def test_a_reset_leaves_what_was_known_and_a_session_restarts():
     rows = start(6, 6, cycles=8)
     reset = next(frame for _, frame in rows if frame[0] == Command.RESET)
     session = next(frame for _, frame in rows if frame[0] == Command.SESSION)
@@ -99,7 +99,7 @@ def test_a_reset_leaves_what_was_known_and_a_session_begins_anew():
     assert known[-3:] == [whole(), whole(), NOTHING]
 
 
-def test_data_without_a_session_is_of_a_start_that_nobody_saw():
+def test_data_without_a_session_is_of_a_start_that_no_one_saw():
     rows = start(6, 6, cycles=8)
     reset = next(frame for _, frame in rows if frame[0] == Command.RESET)
     assert rows[-2][1][0] in (Command.PROCESS_DATA, Command.FAIL_SAFE_DATA)

@@ -193,7 +193,7 @@ def test_a_damaged_frame_is_shown_where_it_is():
     assert [(s.packet, s.direction) for s in wrong] == [(72, 1)]
 
 
-def test_gap_in_the_capture_is_no_fault():
+def test_gap_in_the_capture_is_not_a_fault():
     bus = Bus(2, 2)
     scanner, _ = run(bus, 60)
     for _ in range(11):
@@ -278,7 +278,7 @@ def test_packets_cut_short(data):
     assert scanner.packet(data, 0) == []
 
 
-def test_tables_that_are_full_are_told():
+def test_tables_that_are_full_are_reported():
     scanner = Scanner()
     for address in range(2100):
         scanner.packet(packet(datagram(LRW, address << 12, bytes(20), 1)), address)
@@ -358,7 +358,7 @@ def test_another_connection_at_the_same_place():
     assert eighth.to_sub.right > 15
 
 
-def test_a_copy_that_goes_its_own_way_is_no_copy():
+def test_a_copy_that_goes_its_own_way_is_not_a_copy():
     """The relay stops; later another connection with the same ConnID and length uses the place."""
     bus, other, scanner = Bus(2, 2, noise=False), Bus(2, 2, noise=False, seed=9), Scanner()
     for cycle in range(400):

@@ -21,5 +21,5 @@ def test_the_page_of_a_code_has_its_title_reason_and_fix(code: str):
     assert all(part.strip() for part in (what, why, rest))
 
 
-def test_there_is_no_page_of_another_code():
+def test_there_is_not_a_page_of_another_code():
     assert {path.stem for path in PAGES.glob("FSN*.md")} == set(CATALOGUE)

@@ -81,7 +81,7 @@ def test_eighty_columns_keep_what_matters():
     )
 
 
-def test_what_is_needed_stays_however_narrow():
+def test_required_columns_stay_in_a_narrow_terminal():
     columns = (Column("connection"), Column("resets", rank=1))
     lines = at(8, Table(columns=columns, rows=((cell("el1918-ek1914"), cell("3")),)))
     assert "".join(line.strip() for line in lines[2:4]) == "el1918-ek1914", lines

@@ -154,7 +154,7 @@ def _line(word: str) -> int:
         ("name: A. Meier", "name: ''", "  name"),
     ],
 )
-def test_what_was_changed_is_found(find: str, put: str, at: str) -> None:
+def test_changes_are_found(find: str, put: str, at: str) -> None:
     assert TEXT.count(find) >= 1
     (found,) = complaints(TEXT.replace(find, put, 1))
     place, code = found.rsplit(" ", 1)

@@ -127,7 +127,7 @@ def test_a_compiled_program_sees_the_bus(compiler: str, igh: bool, tmp_path: Pat
 
 @pytest.mark.parametrize("igh", [True, False], ids=["igh", "plain"])
 @pytest.mark.parametrize("compiler", COMPILERS)
-def test_tables_nobody_uses_are_no_warning(compiler: str, igh: bool, tmp_path: Path):
+def test_tables_no_one_uses_are_not_warning(compiler: str, igh: bool, tmp_path: Path):
     ask = '#include "bus.h"\nint main(void)\n{\n    return 0;\n}\n'
     text = header(describe(example("el6910").network), igh=igh)
     assert compiled(text, tmp_path, compiler, igh=igh, ask=ask) == []
@@ -208,7 +208,7 @@ def test_copies_of_parts_of_bytes_are_refused():
             header(replace(made, copies=(copy((0, 3, 0), (1, 2, 0), 800),)), igh=igh)
 
 
-def test_what_a_header_cannot_hold_is_told():
+def test_values_that_a_header_cannot_hold_are_reported():
     written = write_c_header(bus(1))
     assert "logic: start-up SDOs are not in this file" in written.notes
     assert "the cycle is not in this file" in written.notes

@@ -52,7 +52,7 @@ def test_frames_that_two_datagrams_hold_are_found():
 @pytest.mark.parametrize("how", ["upload", "complete", "segments"])
 @pytest.mark.parametrize("replies_only", [False, True])
 @pytest.mark.parametrize("wide", [False, True])
-def test_start_up_tells_everything(how, replies_only, wide):
+def test_start_up_reports_everything(how, replies_only, wide):
     made = startup(how=how, wide=wide, cycles=300, replies_only=replies_only, vlan=wide)
     found, findings = described(made)
     assert findings == []
@@ -73,7 +73,7 @@ def test_few_frames_prove_no_copy():
     assert found.copies == ()
 
 
-def test_frames_that_are_no_copy_are_none():
+def test_frames_that_are_not_copy_are_none():
     made = Startup()
     made.configure()
     one, other = Bus(), Bus(seed=5)
@@ -86,7 +86,7 @@ def test_frames_that_are_no_copy_are_none():
     assert found.copies == ()
 
 
-def test_same_bytes_with_wrong_crcs_are_no_copy():
+def test_same_bytes_with_wrong_crcs_are_not_copy():
     """Something that counts and is copied has the shape of a frame, and is none."""
     made = Startup()
     made.configure()
@@ -208,7 +208,7 @@ def test_half_a_layout_is_none():
     assert 0x1600 in {p.index for p in sub.available}
 
 
-def test_capture_from_the_middle_says_what_it_lacks():
+def test_capture_from_the_middle_names_what_it_lacks():
     made = Startup()
     made.cycle(Bus(), 50)
     content, found = read(made.pcap())
@@ -217,7 +217,7 @@ def test_capture_from_the_middle_says_what_it_lacks():
     assert "LRW 0x00000000 with 200 bytes" in found[0][3]
 
 
-def test_station_addresses_alone_are_no_places():
+def test_station_addresses_alone_are_not_places():
     made = Startup()
     made.eeprom(TERMINAL)
     made.managers(TERMINAL)

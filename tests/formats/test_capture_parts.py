@@ -58,7 +58,7 @@ LONG = mailbox(3, sdo(0x41, data=struct.pack("<I", 8)))
         pytest.param([], ANSWER, id="nothing was asked"),
     ],
 )
-def test_what_was_not_asked_for_is_no_value(asked: list[bytes], answered: bytes):
+def test_unrequested_values_are_absent(asked: list[bytes], answered: bytes):
     follower = SdoFollower()
     for request in asked:
         follower.request(request)

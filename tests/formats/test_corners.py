@@ -178,7 +178,7 @@ def record(address: int, kind: int, body: bytes) -> str:
 
 
 @pytest.mark.parametrize(("kind", "base"), [(2, 16), (4, 0x10000)])
-def test_records_of_intel_hex_lie_behind_their_base(kind: int, base: int):
+def test_records_of_intel_hex_lie_after_their_base(kind: int, base: int):
     text = "".join(record(at, 0, bytes(16)) for at in range(0, base, 16))
     text += record(0, kind, b"\0\1") + record(0, 0, b"\3\4") + ":00000001FF\n"
     assert binary_of(text.encode()) == bytes(base) + b"\3\4"
@@ -196,7 +196,7 @@ def test_records_of_intel_hex_lie_behind_their_base(kind: int, base: int):
         (4, 0x24, Direction.INPUT),
     ],
 )
-def test_who_writes_a_sync_manager_of_an_sii(use: int, control: int, direction: Direction):
+def test_directions_of_sync_managers_of_an_sii(use: int, control: int, direction: Direction):
     manager = SiiManager(start=0x1000, length=8, control=control, enable=1, use=use)
     assert manager.direction is direction
 
@@ -308,7 +308,7 @@ def test_frames_in_udp_are_taken_where_they_are_whole(packet: bytes, taken: bool
 
 
 @pytest.mark.parametrize("unused", range(8))
-def test_a_short_segment_says_how_many_bytes_count(unused: int):
+def test_a_short_segment_states_how_many_bytes_count(unused: int):
     assert _segment(bytes((unused << 1 | 1,)) + b"ABCDEFG") == b"ABCDEFG"[: 7 - unused]
     assert _segment(bytes((unused << 1 | 1,)) + b"ABCDEFGH") == b"ABCDEFGH"
 
@@ -336,7 +336,7 @@ def test_packets_of_a_pcap_have_their_time_and_the_first_interface():
 # -- texts ----------------------------------------------------------------------------------------
 
 
-def test_a_file_that_is_too_large_says_how_large(tmp_path: Path):
+def test_a_file_that_is_too_large_states_how_large(tmp_path: Path):
     path = tmp_path / "x"
     path.write_bytes(bytes(11))
     out = Collector()
@@ -348,7 +348,7 @@ def test_a_file_that_is_too_large_says_how_large(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["utf-8", "us-ascii", "iso-8859-1"])
-def test_what_expat_reads_is_left_as_it_is(name: str):
+def test_text_that_expat_reads_is_unchanged(name: str):
     data = f'<?xml version="1.0" encoding="{name}"?><a/>'.encode()
     assert plain_xml(data) is data
 
@@ -362,7 +362,7 @@ def test_signs_that_no_file_holds_become_blanks():
 
 @pytest.mark.parametrize("mark", ["", "\ufeff"])
 @pytest.mark.parametrize("before", ["", "a: 1\n"])
-def test_an_edit_is_at_its_place_behind_a_byte_order_mark(mark: str, before: str):
+def test_an_edit_is_at_its_place_after_a_byte_order_mark(mark: str, before: str):
     text = f"{mark}{before}b: {{size: 6}}\n"
     line = 2 if before else 1
     wanted = Edit(span=Span("n.yaml", line, 11), key="size", text="31")

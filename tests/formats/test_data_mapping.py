@@ -61,7 +61,7 @@ def test_an_item_inside_its_channel(item: str, bit: int, bits: int, tmp_path: Pa
         ("{type: nonsense}", "FSN402", "nonsense}"),
     ],
 )
-def test_an_item_that_is_no_value_is_named_at_its_key(
+def test_an_item_that_is_not_a_value_is_named_at_its_key(
     item: str, code: str, at: str, tmp_path: Path
 ):
     views, found = _read(item, tmp_path)

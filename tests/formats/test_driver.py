@@ -132,7 +132,7 @@ def test_groups_scales_and_masks_come_back():
     assert parse(write_slave_yaml(first, "x", [])) == first
 
 
-def test_what_copies_need_of_a_bus(tmp_path: Path):
+def test_copies_require_a_bus(tmp_path: Path):
     wanted = bus(5)
     written = write_network(wanted)
     found = back(written, tmp_path)
@@ -157,7 +157,7 @@ def test_the_main_instance_is_never_guessed(tmp_path: Path):
     assert 'main: logic, sub: "terminal 0 <ä> & co", address: 3' in text
 
 
-def test_data_that_are_no_frame_are_written_as_such(tmp_path: Path):
+def test_data_that_are_not_frame_are_written_as_such(tmp_path: Path):
     made = bus(1)
     plain = replace(made, copies=(*made.copies, copy((0, 3, 48), (1, 2, 48), 8)))
     found = back(write_network(plain), tmp_path)
@@ -198,7 +198,7 @@ def source(index: int, *entries) -> SyncManager:
     return SyncManager(index=index, direction=Direction.INPUT, pdos=(pdo,))
 
 
-def test_a_second_output_sync_manager_is_told():
+def test_a_second_output_sync_manager_is_reported():
     both = described(output(2, entry(0x7000, 1, 8)), output(4, entry(0x7001, 1, 8)))
     written = write_network(both)
     assert any("PDOs of Sm4 are left out" in n for n in written.notes)
@@ -245,7 +245,7 @@ def test_long_padding_is_split_and_a_long_entry_is_rejected():
         write_network(described(output(2, entry(0x7000, 1, 300))))
 
 
-def test_an_sdo_value_the_driver_cannot_read_is_told():
+def test_an_sdo_value_the_driver_cannot_read_is_reported():
     made = device(1, 2, 0, (Sdo(index=0x8000, subindex=1, size_bytes=8, value=2**40),))
     notes: list[str] = []
     write_slave_yaml(made, "a", notes)

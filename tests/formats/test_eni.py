@@ -203,7 +203,7 @@ def test_copy_from_no_process_data_is_named():
     assert "no SubDevice's process data" in named[0].message
 
 
-def test_images_of_what_is_no_bus_are_none():
+def test_images_of_what_is_not_a_bus_are_none():
     out = Collector()
     assert load_eni_images(b"<EtherCATConfig/>", out) is None
     assert [d.code for d in out.diagnostics] == ["FSN141"]
@@ -333,7 +333,7 @@ FOREIGN = {
 
 
 @pytest.mark.parametrize("text", FOREIGN)
-def test_files_that_are_no_eni_are_called_what_they_are(text: str):
+def test_files_that_are_not_eni_are_called_what_they_are(text: str):
     found, named = read(text, expect=("FSN140",))
     assert found is None
     assert FOREIGN[text] in named[0].message

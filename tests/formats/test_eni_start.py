@@ -128,7 +128,7 @@ def test_mailbox_registers_are_set_before_preop_and_states_are_waited_for():
     assert ("PS", 0x0810, "00120d0064000100") in rows
 
 
-def test_the_clock_divides_the_bus_cycle_as_the_esi_says():
+def test_the_clock_divides_the_bus_cycle_as_the_esi_states():
     description = with_esi()
     parts = list(description.subdevices)
     for number in (0, 1):
@@ -144,7 +144,7 @@ def test_the_clock_divides_the_bus_cycle_as_the_esi_says():
     ] == ["40420f0000000000"]
 
 
-def test_what_no_file_says_is_named_with_the_next_step():
+def test_missing_facts_are_named_with_the_next_step():
     assert eni_notes(bus(2)) == [
         "RevisionNo of terminal 0 <ä> & co, terminal 1 <ä> & co is not in this file; "
         "some tools need it",

@@ -108,7 +108,7 @@ def descriptions(draw: st.DrawFn) -> Description:
 @pytest.mark.shows("R22")
 @settings(max_examples=25, deadline=None)
 @given(descriptions(), st.sampled_from([0, 10]))
-def test_what_is_written_is_read_back(given_: Description, header: int):
+def test_written_values_are_read_back(given_: Description, header: int):
     out = Collector()
     found = load_eni(write_eni(given_, header_bytes=header).encode(), out)
     assert [d.message for d in out.diagnostics] == []
@@ -167,7 +167,7 @@ def test_each_state_is_requested_and_checked_as_the_bus_expects_it():
     assert requested | {"0100"} == checked | {"0100"} <= {"0100", "0200", "0400", "0800"}
 
 
-def test_what_cannot_be_written_is_refused():
+def test_an_unwritable_target_is_rejected():
     one = bus(1)
     sub = one.subdevices[0]
     nowhere = DescribedSubDevice(name="type", device=sub.device)

@@ -179,7 +179,7 @@ def test_catalogue_lists_devices_with_their_places():
 # -- PDOs -----------------------------------------------------------------------------------------
 
 
-def test_pdos_go_where_sm_says_and_the_rest_is_available():
+def test_pdos_go_where_sm_states_and_the_rest_is_available():
     inside = (
         SMS
         + pdo("RxPdo", "#x1600", FRAME.format(base="700"), 'Fixed="true" Sm="2"')
@@ -233,7 +233,7 @@ def test_gaps_of_any_size_stay():
         ),
     ],
 )
-def test_contradictions_are_told_and_the_file_is_followed(inside, message):
+def test_contradictions_are_reported_and_the_file_is_followed(inside, message):
     description, out = load(esi_text(device(SMS + inside)))
     assert [d.code for d in out.diagnostics] == ["FSN139"]
     assert message in out.diagnostics[0].message
@@ -431,7 +431,7 @@ def test_index_that_runs_over():
 
 @settings(max_examples=60, deadline=None)
 @given(described_devices())
-def test_what_is_written_is_read_back(made):
+def test_written_values_are_read_back(made):
     text = esi_text(device_text(made), vendor=str(made.device.vendor_id))
     found = one(text)
     expected = replace(
@@ -466,7 +466,7 @@ def test_real_esi_is_read_without_findings(name):
             assert all(p.index >= 0x1600 for p in sm.pdos)
 
 
-def test_entries_know_their_place():
+def test_entries_have_their_place():
     inside = SMS + pdo("TxPdo", "#x1a00", "\n  " + FRAME.format(base="600"), 'Sm="3"')
     found = one(esi_text(device(inside)))
     (mapped,) = found.device.sync_managers[3].pdos

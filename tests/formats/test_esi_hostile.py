@@ -78,7 +78,7 @@ def test_entities_never_expand():
     assert refused(bomb + PLAIN.replace(">D<", ">&c;<"))[0] == "FSN118"
 
 
-def test_text_of_another_encoding_is_read_and_told():
+def test_text_of_another_encoding_is_read_and_reported():
     text = esi_text(DEVICE.format("Größe", ""))
     description, out = load(text.encode("latin-1"))
     assert description.subdevices[0].name == "Größe"
@@ -104,7 +104,7 @@ def test_windows_encoding_and_marks():
         ('ProductCode="' + "9" * 50 + '"', "FSN111"),
     ],
 )
-def test_device_without_an_identity_is_left_out_and_told(attributes, code):
+def test_device_without_an_identity_is_left_out_and_reported(attributes, code):
     other = f"<Device><Type {attributes}>X</Type></Device>\n"
     description, out = load(esi_text(other + DEVICE.format("N", "")))
     assert [d.name for d in description.subdevices] == ["N"]
@@ -155,7 +155,7 @@ def test_dictionaries_are_jumped_over_without_losing_the_place(profile):
     assert len(description.subdevices) == 3
 
 
-def test_a_dictionary_without_an_end_is_no_end_of_the_device():
+def test_a_dictionary_without_an_end_is_not_an_end_of_the_device():
     code, _ = refused(esi_text(DEVICE.format("A", "<Profile>") + DEVICE.format("B", PROFILES[0])))
     assert code == "FSN118"
 
@@ -164,7 +164,7 @@ def test_a_dictionary_across_two_devices_is_refused():
     assert refused(esi_text(DEVICE.format("A", "<Profile>") + DEVICE.format("B", "</Profile>")))
 
 
-def test_what_stands_between_comments_counts():
+def test_text_between_comments_counts():
     text = esi_text(
         '<Device><Type ProductCode="1">D</Type><!-- <Profile> --><Name>Between</Name>'
         "<!-- </Profile> --></Device>"

@@ -53,7 +53,7 @@ def test_esi_keeps_what_is_fixed_mandatory_and_excluded():
         ("<Slot>", '<Slot MaxInstances="4">', True),
     ],
 )
-def test_esi_knows_whether_there_is_a_choice_of_modules(find: str, put: str, modular: bool):
+def test_esi_has_whether_there_is_a_choice_of_modules(find: str, put: str, modular: bool):
     text = (BASE / "gate.xml").read_text("utf-8")
     assert find in text
     facts = read(text.replace(find, put).encode()).facts

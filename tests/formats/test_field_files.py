@@ -31,7 +31,7 @@ def converted(*parts: str, to: str = "network") -> tuple[dict[str, str], list[st
     return {name: data.decode() for name, data in made.files.items()}, list(made.notes)
 
 
-def test_an_empty_interface_is_no_error():
+def test_an_empty_interface_is_not_an_error():
     rows = found("null_interface.yaml")
     assert [(code, level) for code, level, _ in rows] == [("FSN109", Severity.INFO)]
     assert "'mode_of_operation'" in rows[0][2]
@@ -76,7 +76,7 @@ def test_each_of_two_masters_can_be_read(tmp_path: Path):
     assert "\n  hint: choose one with --master: 0, 1\n" in done.stderr
 
 
-def test_what_is_not_read_of_a_modular_device_is_named(tmp_path: Path):
+def test_unread_parts_of_a_modular_device_are_named(tmp_path: Path):
     done = fsn("init", str(need("field", "lm.xml")), "-o", str(tmp_path / "made"))
     assert done.returncode == 0
     assert "2 subModules not read: din0, dout0" in done.stderr

@@ -70,7 +70,7 @@ def test_a_network_comes_back():
     assert back(write_lcec(found)).connections == found.connections
 
 
-def test_types_the_driver_knows_stay_types():
+def test_types_the_driver_has_stay_types():
     logic = back(write_lcec(describe(example("estop").network))).subdevices[1]
     assert logic.order == "EL1918_LOGIC"
     source = b'<masters><master><slave idx="0" type="EK1100" name="a"/></master></masters>'
@@ -95,7 +95,7 @@ def test_no_connection_is_guessed():
     assert "addresses and watchdogs of connections are not in this file" in written.notes
 
 
-def test_other_data_are_told():
+def test_other_data_are_reported():
     made = bus(2)
     more = replace(made, copies=(*made.copies, copy((0, 3, 96), (1, 2, 48), 8)))
     assert any("other data" in n for n in write_lcec(more).notes)

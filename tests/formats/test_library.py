@@ -53,7 +53,7 @@ def read(text: str) -> tuple[object, list[str]]:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_each_device_of_the_package_is_what_it_says(name):
+def test_each_device_of_the_package_is_what_it_states(name):
     out = Collector()
     device = parse_library_device((FOLDER / name).read_bytes(), name, out)
     assert [str(d) for d in out.diagnostics] == []
@@ -170,7 +170,7 @@ def test_two_mappings_of_one_name_are_refused():
     assert any("'map' is there twice" in f for f in found)
 
 
-def test_own_files_stand_before_the_library(tmp_path):
+def test_own_files_are_before_the_library(tmp_path):
     own = tmp_path / "own.yaml"
     own.write_text(OWN.replace("0x00000999", "2").replace("0x00000001", "0x07703052"), "utf-8")
     library, found = load_library([own, tmp_path / "none.yaml"])
@@ -180,7 +180,7 @@ def test_own_files_stand_before_the_library(tmp_path):
     assert library.named("EL2904") is not None
 
 
-def test_the_schema_knows_what_the_files_use():
+def test_the_schema_has_what_the_files_use():
     assert set(read_schema("device")["required"]) <= set(read_schema("device")["properties"])
 
 

@@ -146,7 +146,7 @@ def test_a_subdevice_without_a_file(folder: Path):
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_a_package_is_where_the_option_says(known: bool, folder: Path):
+def test_a_package_is_where_the_option_states(known: bool, folder: Path):
     edit(folder / "network.yaml", "config: devices/el6910", "config: package://safety/el6910")
     packages = {"safety": str(folder / "devices")} if known else {}
     rows = found("network.yaml", packages=packages)

@@ -37,7 +37,7 @@ def read(text: str, reader: Reader, high: int = 0xFFFF) -> tuple[int | None, lis
         ("", None),
     ],
 )
-def test_what_the_driver_reads(text: str, value: int | None):
+def test_values_that_the_driver_reads(text: str, value: int | None):
     assert driver_endpoint_number(text) == value
 
 

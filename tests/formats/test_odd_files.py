@@ -68,7 +68,7 @@ OLD = "a compound document, as older editors save projects"
     ],
 )
 @pytest.mark.parametrize("name", ["x.xml", "x.sii", "x.bin", "x.eni"])
-def test_what_is_no_description_is_named_with_the_next_step(data, words, hint, name):
+def test_a_file_without_a_description_is_named_with_the_next_step(data, words, hint, name):
     found, out = kind(data, name)
     assert found is None
     (finding,) = out.diagnostics
@@ -86,7 +86,7 @@ def test_no_reader_takes_a_capture_for_its_own(reader):
     assert {d.code for d in out.diagnostics} <= {"FSN117", "FSN140", "FSN118"}
 
 
-def test_what_is_packed_tells_whether_it_is_a_capture():
+def test_packed_content_decides_whether_it_is_a_capture():
     found, _ = kind(gzip.compress(b"\xd4\xc3\xb2\xa1\2\0\4\0" + random.Random(1).randbytes(200)))
     assert found.kind == "capture"
     found, out = kind(gzip.compress(ENI.encode() * 3))
@@ -157,7 +157,7 @@ def record(kind: int, body: bytes, at: int = 0) -> bytes:
 END = record(1, b"")
 
 
-def test_records_of_intel_hex_that_are_no_data():
+def test_records_of_intel_hex_that_are_not_data():
     rows = [record(5, bytes(4)), b"\n", record(2, bytes(2)), record(0, b"\1\2\3\4")]
     assert binary_of(b"".join([*rows, record(4, bytes(2)), record(0, b"\5", 4), END])) == (
         b"\1\2\3\4\5"
@@ -169,7 +169,7 @@ def test_a_base_of_intel_hex_moves_what_follows():
         binary_of(record(2, b"\x10\0") + record(0, b"\1") + END)
 
 
-def test_lines_of_a_dump_that_are_no_rows():
+def test_lines_of_a_dump_that_are_not_rows():
     rows = [b"00000000  01 02 03 04 05 06 07 08  09 0a 0b 0c 0d 0e 0f 10  |abc|", b"", b"*"]
     rows += [b"00000020  11 zz 13", b"00000021"]
     assert binary_of(b"\n".join(rows)) == bytes(range(1, 17)) * 2 + b"\x11"

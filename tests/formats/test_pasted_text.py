@@ -341,7 +341,7 @@ def test_last_good_line_is_named():
         ("".join(PDOS.splitlines(keepends=True)[:3]), "SM2 has data but no PDOs"),
     ],
 )
-def test_what_is_missing_at_a_cut_is_named(text: str, why: str):
+def test_missing_parts_at_a_cut_are_named(text: str, why: str):
     out = Collector()
     load_igh_text(text.encode(), out, name="p.txt")
     line = text.count("\n")

@@ -97,7 +97,7 @@ def test_names_cannot_act_on_a_terminal():
     assert scan.subdevices[0].name == "a\\u001b[31mb\\u0085c\ufffdd\\u2028"
 
 
-def test_what_is_absent_is_not_known():
+def test_an_absent_value_is_unknown():
     scan, found = parse_scan(b'{"scan": 1, "interface": "x", "subdevices": [{"position": 0}]}', "s")
     assert found == []
     assert scan is not None

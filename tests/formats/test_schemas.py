@@ -67,7 +67,7 @@ def found_in(name: str, path: Path) -> list[Diagnostic]:
 @pytest.mark.parametrize(
     "name", ["network", "transfers", "slave", "scenario", "answers", "test-record"]
 )
-def test_what_a_schema_allows_is_refused_for_other_keys_only(name: str, tmp_path: Path):
+def test_schema_and_reader_accept_the_same_values(name: str, tmp_path: Path):
     refused: list[tuple[str, str]] = []
     checked = 0
 
@@ -128,7 +128,7 @@ def messages(tmp_path: Path, position: str) -> list[tuple[str, str, str]]:
     return [(d.code, d.message, d.hint) for d in found if d.code != "FSN125"]
 
 
-def test_a_quoted_number_is_no_number_in_a_network(tmp_path: Path):
+def test_a_quoted_number_is_not_a_number_in_a_network(tmp_path: Path):
     assert messages(tmp_path, '"0x5"') == [
         (
             "FSN111",
@@ -149,7 +149,7 @@ def test_a_quoted_number_is_no_number_in_a_network(tmp_path: Path):
         ("5.0", "FSN112"),
     ],
 )
-def test_the_reader_of_numbers_says_what_is_wrong_with_one(
+def test_the_reader_of_numbers_names_what_is_wrong_with_one(
     position: str, code: str, tmp_path: Path
 ):
     assert [row[0] for row in messages(tmp_path, position)] == [code]
@@ -218,7 +218,7 @@ def test_structure_is_checked_as_a_validator_does(name: str):
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_the_checker_knows_each_keyword_of_the_schemas(name: str):
+def test_the_checker_has_each_keyword_of_the_schemas(name: str):
     checked = {"type", "enum", "const", "minItems", "maxItems", "items", "$ref"}
     checked |= {"properties", "additionalProperties", "required"}
     notes = {"$schema", "$id", "$defs", "title", "description"}
@@ -233,7 +233,7 @@ def test_the_checker_knows_each_keyword_of_the_schemas(name: str):
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_what_a_condition_adds_is_left_to_readers(name: str):
+def test_additions_of_a_condition_are_left_to_readers(name: str):
     """The checker does not look into `allOf`: nothing in there may be its business."""
     pending, conditions = [read_schema(name)], []
     while pending:

@@ -61,7 +61,7 @@ def pdo(index: int, sm: int, *bits: int, flags: int = 0) -> bytes:
 @settings(max_examples=80, deadline=None)
 @given(described_devices(sdos=False), st.integers(0, 0xFFFF), st.integers(0, 0xFFFFFFFF))
 @pytest.mark.uncounted
-def test_what_is_written_is_read_back(made, alias, serial):
+def test_written_values_are_read_back(made, alias, serial):
     named = [p for sm in made.device.sync_managers for p in sm.pdos or ()]
     made = replace(made, alias=alias, serial=serial)
     found = one(image_of(made))
@@ -100,14 +100,14 @@ def test_a_virtual_pdo_has_its_place_on_a_virtual_sync_manager():
     assert sub.notes == ("of 4 clock modes the first is taken",)
 
 
-def test_a_coe_device_without_pdos_says_so():
+def test_a_coe_device_without_pdos_is_reported():
     found = one(image(MANAGERS, protocols=4))
     assert "object dictionary" in found.notes[0]
     assert one(image(MANAGERS)).notes == ()
 
 
 @pytest.mark.parametrize("size", [256, 2048, 131_070])
-def test_sizes_and_what_stands_behind_the_end(size):
+def test_sizes_and_what_is_after_the_end(size):
     assert one(image(MANAGERS, size=size)).device.sync_managers
 
 
@@ -117,7 +117,7 @@ def test_zero_length_and_unknown_categories_are_passed():
     assert one(image(strings(), category(30, b""), category(50, b""))).name == ""
 
 
-def test_zeros_behind_the_last_category_end_it():
+def test_zeros_after_the_last_category_end_it():
     assert one(image(MANAGERS, end=bytes(200))).device.sync_managers
 
 
@@ -154,11 +154,11 @@ def test_names_in_any_encoding():
         (image(category(50, bytes(8) + pdo(0x1A00, 0xFF))), "zeros follow"),
     ],
 )
-def test_damage_is_told(data, message):
+def test_damage_is_reported(data, message):
     assert message in damaged(data)
 
 
-def test_text_is_no_image():
+def test_text_is_not_an_image():
     description, out = load(
         b"this is a text and no image, it goes on and on and on until the end. " * 5
     )

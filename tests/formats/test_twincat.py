@@ -68,7 +68,7 @@ def test_a_machine_with_its_safety_project(turned: bool, tmp_path: Path):
 
 
 @pytest.mark.parametrize(("logic", "address"), [("Term 2 (EL6910)", 5), ("Other (EL6910)", None)])
-def test_a_safety_project_of_another_logic_says_nothing_of_this_one(
+def test_a_safety_project_of_another_logic_is_silent_of_this_one(
     logic: str, address: int | None, tmp_path: Path
 ):
     path = tc.write(tmp_path)
@@ -127,7 +127,7 @@ def test_a_part_of_a_project_is_read_from_its_folder(tmp_path: Path):
 
 
 @pytest.mark.parametrize("disabled", ["", 'Disabled="true"'])
-def test_a_box_that_is_a_file_with_what_stands_at_its_place(disabled: str, tmp_path: Path):
+def test_a_box_that_is_a_file_with_what_is_at_its_place(disabled: str, tmp_path: Path):
     """Beside its file a box has where it is plugged in; whether it is used may stand there, too."""
     folder = tmp_path / "_Config" / "IO" / tc.MASTER
     folder.mkdir(parents=True)
@@ -282,7 +282,7 @@ def test_two_masters_and_a_frame_that_leaves_the_ring():
         ),
     ],
 )
-def test_what_is_not_understood_is_said(old: str, new: str, expected: tuple[str, str]):
+def test_unsupported_elements_are_reported(old: str, new: str, expected: tuple[str, str]):
     text = tc.machine(safety="")
     assert old in text
     found = said(text.replace(old, new))

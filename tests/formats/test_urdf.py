@@ -30,7 +30,7 @@ def no_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_process")
-def test_modules_stand_in_the_order_in_which_the_driver_adds_them():
+def test_modules_are_in_the_order_in_which_the_driver_adds_them():
     result = load_urdf(HERE / "robot.urdf")
     assert _found(result) == []
     (system,) = result.systems  # the mock_components block is not ours
@@ -56,7 +56,7 @@ def test_values_and_defaults():
     assert (force.alias, force.plugin) == (0, "ethercat_plugins/ATI_FTSensor")
 
 
-def test_every_value_knows_its_place():
+def test_every_value_has_its_place():
     path = str(HERE / "robot.urdf")
     (system,) = load_urdf(path).systems
     drive, logic, *_ = system.modules

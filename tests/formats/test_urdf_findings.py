@@ -234,7 +234,7 @@ def test_other_xml_is_named(root: str, kind: str, tmp_path: Path):
     assert found.hint
 
 
-def test_robot_without_the_driver_says_so(tmp_path: Path):
+def test_robot_without_the_driver_is_reported(tmp_path: Path):
     (found,) = _check(tmp_path, "<robot><ros2_control><safety/></ros2_control></robot>")
     assert (found.code, found.span.line, found.span.column) == ("FSN125", 1, 1)
 

@@ -189,7 +189,7 @@ def test_failures_name_place_and_mend(row: tuple[str, str, str, str], write: Wri
     assert hint in result.diagnostics[0].hint
 
 
-def test_behind_an_absent_optional_include_paths_still_start_at_the_file(
+def test_after_an_absent_optional_include_paths_still_start_at_the_file(
     write: Write, tmp_path: Path
 ):
     (tmp_path / "part.xacro").write_text("<robot><a/></robot>")
@@ -228,7 +228,7 @@ def test_yaml_that_expressions_load_is_a_source(write: Write, tmp_path: Path):
     assert names == ["main.xacro", "values.yaml"]
 
 
-def test_what_expressions_print_does_not_disturb(write: Write):
+def test_output_of_expressions_has_no_effect(write: Write):
     path = write("<a>${xacro.message('[1]')} ${xacro.warning('x')}</a>")
     assert _places(load_urdf(path)) == ["FSN125 main.xacro:1:1"]
 
@@ -301,7 +301,7 @@ def test_an_include_of_itself_is_named(write: Write):
     assert "without end" in found.message
 
 
-def test_what_blocks_ends_at_the_wall_clock(
+def test_a_blocking_step_ends_at_the_wall_clock(
     write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     import os

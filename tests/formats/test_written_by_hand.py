@@ -86,7 +86,7 @@ def test_numbers_of_lcec_may_have_leading_zeros():
     assert bad is None or [d.code for d in out.diagnostics] == ["FSN141"]
 
 
-def test_a_start_address_beyond_16_bits_is_left_out_and_told():
+def test_a_start_address_beyond_16_bits_is_left_out_and_reported():
     text = b"""<EtherCATInfo><Vendor><Id>2</Id></Vendor><Descriptions><Devices><Device>
     <Type ProductCode="#x1" RevisionNo="#x1">A</Type>
     <Sm StartAddress="#x110044444444" ControlByte="#x64">Outputs</Sm>

@@ -76,7 +76,9 @@ def test_macros_includes_and_order(tmp_path: Path):
         ('position="3"', "", "position"),
     ],
 )
-def test_failures_are_located_and_say_what_to_do(tmp_path: Path, old: str, new: str, words: str):
+def test_failures_are_located_and_name_the_next_step(
+    tmp_path: Path, old: str, new: str, words: str
+):
     path = write(tmp_path, ROBOT.replace(old, new))
     result = load_urdf(path)
     (found,) = [d for d in result.diagnostics if d.code == "FSN119"]

@@ -64,7 +64,7 @@ def test_places_are_those_of_keys_and_values():
     assert len(inner.places()) == 2
 
 
-def test_what_aliases_repeat_is_counted_as_if_it_were_written(monkeypatch: pytest.MonkeyPatch):
+def test_aliases_count_as_if_written_out(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(yaml_events, "MAX_ALIASED", 30)
     text = b"a: &a {b: [1, 2, 3, 4]}\nc: [" + b"*a, " * 3 + b"]\n"
     out = Collector()

@@ -316,7 +316,7 @@ def test_no_bytes_ever_raise(cycles, size, data):
 
 
 @pytest.mark.parametrize("length", [0, 1, 3, 5, 6, 8, 11, 255, 4000])
-def test_frames_of_a_wrong_length_are_no_event(length):
+def test_frames_of_a_wrong_length_are_not_event(length):
     bench = Bench().to_data()
     before = (bench.main._chain.last, bench.sub._chain.last)
     for end in (bench.main, bench.sub):
@@ -327,7 +327,7 @@ def test_frames_of_a_wrong_length_are_no_event(length):
     assert before == (bench.main._chain.last, bench.sub._chain.last)
 
 
-def test_an_empty_image_is_no_event_until_something_came():
+def test_an_empty_image_is_not_an_event_until_something_came():
     main, sub = make_main(), make_sub()
     main.step(0, None)
     assert main.step(1, bytes(7)) is None

@@ -158,5 +158,5 @@ def test_sra_crc_has_the_known_values():
 
 @settings(deadline=None)
 @given(st.binary(max_size=40), st.binary(max_size=40))
-def test_sra_goes_on(first, second):
+def test_sra_continues(first, second):
     assert sra_crc(second, sra_crc(first)) == sra_crc(first + second)

@@ -100,7 +100,7 @@ def test_each_change_of_what_an_end_does(sizes: tuple[int, int], foreign: bool) 
 
 
 @pytest.mark.parametrize("way", list(Way))
-def test_what_the_application_is_given(way: Way) -> None:
+def test_values_for_the_application(way: Way) -> None:
     rows = []
     channel = make_link().channel(3)
     for turns in (3, 60):

@@ -194,7 +194,7 @@ def test_one_thing_wrong_is_one_finding(files, expected, tmp_path):
         (0x44, {5: 1}, ("interface.eee", "note", "not in use", "eee off")),
     ],
 )
-def test_what_the_driver_says(code, words, expected, tmp_path):
+def test_messages_of_the_driver(code, words, expected, tmp_path):
     name, level, text, fix = expected
     made = good(tmp_path)
     made.seam.driver[code] = words
@@ -203,7 +203,7 @@ def test_what_the_driver_says(code, words, expected, tmp_path):
     assert fix in " ".join(seen.now)
 
 
-def test_a_driver_that_says_nothing_is_not_known(tmp_path):
+def test_a_driver_that_is_silent_is_not_known(tmp_path):
     made = good(tmp_path)
     made.seam.driver = {}
     unknown = {f.name for f in look(made).findings if f.level is MachineLevel.UNKNOWN}
@@ -343,7 +343,7 @@ def test_a_bond_and_a_slow_interrupt_thread(tmp_path):
     assert seen["interface.irq_thread"].now == ("chrt -f -p 85 90",)
 
 
-def test_an_interface_that_is_not_there_is_told_once(tmp_path):
+def test_an_interface_that_is_not_there_is_reported_once(tmp_path):
     rows = [f for f in look(good(tmp_path), "eth7").findings if f.name.startswith("interface")]
     assert [(f.level, f.text) for f in rows] == [
         (MachineLevel.BAD, "unknown interface eth7; there are: eth1")

@@ -535,7 +535,7 @@ def test_facts_of_frames_are_bounded(monkeypatch):
     assert (facts.sides[0].frames, facts.sides[1].frames) == (9, 0)
 
 
-def test_an_emptied_image_is_no_frame():
+def test_an_emptied_image_is_not_a_frame():
     one = watch()
     for n, frame in enumerate((bytes([Command.RESET, 5, 0, 0, 0, 0]), bytes(6))):
         one.cycle(n, n * MS, frame + bytes(6))

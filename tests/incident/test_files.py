@@ -140,7 +140,7 @@ def test_a_file_cut_anywhere_is_read_as_far_as_it_goes(whole, tmp_path):
         ),
     ],
 )
-def test_a_bad_head_is_told_with_line_and_key(data, message):
+def test_a_bad_head_is_reported_with_line_and_key(data, message):
     with pytest.raises(IncidentError) as refused:
         reader(data)
     assert str(refused.value).startswith("f:1: ")
@@ -265,7 +265,7 @@ def test_a_long_line_is_not_read_into_memory():
     assert "too long" in cut
 
 
-def test_a_full_disk_leaves_what_fits_and_tells(tmp_path):
+def test_a_full_disk_leaves_what_fits_and_reports(tmp_path):
     rows = [CycleRecord(cycle=n, now_ns=n, image=os.urandom(2000)) for n in range(1, 200)]
     path = tmp_path / "x.fsnincident"
     done = write_incident(tmp_path, path.name, {"trigger": TRIGGER}, rows)
@@ -311,7 +311,7 @@ def test_a_folder_that_is_gone_disturbs_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("disk", [True, False])
-def test_the_last_file_of_a_run_is_told_also_when_none_could_be_written(
+def test_the_last_file_of_a_run_is_reported_also_when_none_could_be_written(
     tmp_path, monkeypatch, disk
 ):
     monkeypatch.setattr("fsoe_net.simulate.incidents._MOST_FILES", 1)
@@ -333,7 +333,7 @@ def test_names_of_files():
     assert name == "incident-20260301T120000.000Z-.._a_b__.fsnincident"
 
 
-def test_what_fsn_master_writes_otherwise(whole, tmp_path):
+def test_differences_to_the_text_of_fsn_master(whole, tmp_path):
     """State words in its own spelling, code 0 without a reset, no facts about the ends."""
     first, rest = whole.read_bytes().split(b"\n", 1)
     row = json.loads(first)
@@ -348,5 +348,5 @@ def test_what_fsn_master_writes_otherwise(whole, tmp_path):
     assert judge(e).likely.key == "device_lost"
 
 
-def test_what_is_found_has_the_numbers_and_texts_of_the_c_header():
+def test_found_codes_match_the_c_header():
     assert {member.text: int(member) for member in Found} == FOUND

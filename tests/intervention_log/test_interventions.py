@@ -62,7 +62,7 @@ def test_every_changed_byte_is_found() -> None:
 
 @pytest.mark.shows("R29")
 @pytest.mark.parametrize("seed", range(5))
-def test_whatever_is_done_to_lines_is_found(seed: int) -> None:
+def test_any_change_of_lines_is_found(seed: int) -> None:
     """Removed, doubled, exchanged, shuffled, cut: with the last hash, nothing passes."""
     chance = random.Random(seed)
     log = a_log(4, 4, 4)
@@ -92,7 +92,7 @@ def test_whatever_is_done_to_lines_is_found(seed: int) -> None:
 
 
 @pytest.mark.shows("R29")
-def test_what_was_removed_is_named() -> None:
+def test_removed_entries_are_named() -> None:
     log = a_log(4, 4)
     del log[0][2:]
     assert findings(log) == ["2:1: entries 3 to 4 are missing before entry 5"]
@@ -110,7 +110,7 @@ def test_what_was_removed_is_named() -> None:
     ]
 
 
-def test_what_was_changed_moved_or_put_in_is_named() -> None:
+def test_changed_moved_or_added_files_are_named() -> None:
     log = a_log(5)
     log[0][2] = log[0][2].replace(b"what", b"WHAT")
     assert findings(log) == [
@@ -194,7 +194,7 @@ def test_a_line_that_is_being_written_is_a_remark_at_most(rest: bytes) -> None:
     assert check.remarks == (() if rest.endswith(b"\n") else said)
 
 
-def test_remarks_on_what_the_program_says_about_its_log() -> None:
+def test_remarks_on_what_the_program_states_about_its_log() -> None:
     log = a_log(3)
     for event in ("unfinished", "entries_lost", "unfinished"):
         log[0].append(chained(log[0][-1], event=event))
@@ -238,7 +238,7 @@ def test_a_newer_form_is_a_remark() -> None:
         b"x" * (5 << 20),
     ],
 )
-def test_a_hostile_line_is_no_entry(line: bytes) -> None:
+def test_a_hostile_line_is_not_an_entry(line: bytes) -> None:
     log = a_log(3, 2)
     log[0].append(line + b"\n")
     check = walk(log)
@@ -276,7 +276,7 @@ def test_texts_are_fit_to_print() -> None:
 @pytest.mark.parametrize(
     "text", ["", "2026", "2026-13-01T00:00:00Z", "2026-01-01T00:00:00", "x" * 99]
 )
-def test_what_is_no_time_is_none(text: str) -> None:
+def test_an_invalid_time_is_none(text: str) -> None:
     assert utc_of(text) is None
 
 
@@ -292,7 +292,7 @@ def test_what_is_no_time_is_none(text: str) -> None:
         ({"uid": True, "pid": "7", "user": 5}, ""),
     ],
 )
-def test_who_is_user_and_process(row: dict[str, object], who: str) -> None:
+def test_user_and_process_of_a_client(row: dict[str, object], who: str) -> None:
     log = a_log(1)
     log[0].append(chained(log[0][0], **row))
     last = walk(log).last

@@ -106,7 +106,7 @@ def test_a_flood_is_bounded_and_counted(folder, monkeypatch):
         client.close()
 
 
-def test_what_came_before_the_end_is_still_told(folder):
+def test_events_before_the_end_are_still_reported(folder):
     told = line({"event": "image", "cycle": 1, "now_ns": 1}) + line({"event": "state"})
     with server(folder, line(HELLO) + told) as (path, _):
         client = Client(path)

@@ -88,7 +88,7 @@ def test_bus_and_devices(master, client):
     assert "incident a b" in master.asked
 
 
-def test_watch_tells_what_was_skipped(master, client):
+def test_watch_reports_what_was_skipped(master, client):
     found = []
     for cycle in client.watch("drive_1.0x6041:00", every=10):
         found.append(cycle)
@@ -131,7 +131,7 @@ def test_a_watch_that_is_held_up_yields_what_has_come(master, client, monkeypatc
     assert [c.cycle for c in client.watch("drive_1.0x6041:00", duration_s=0.01)] == [10, 20, 50]
 
 
-def test_a_broken_connection_says_so_each_time(master, client):
+def test_a_broken_connection_is_reported_each_time(master, client):
     master.drop()
     for _ in range(2):
         with pytest.raises(EnvironmentFault, match=r"broke: (fsn-master has|Broken pipe)"):

@@ -53,7 +53,7 @@ def test_words_quotes_and_comments_are_split():
         ("a\x07", 1, 1),
     ],
 )
-def test_what_is_no_command(text, line, column):
+def test_an_unknown_command_is_rejected(text, line, column):
     with pytest.raises(ScriptError) as caught:
         parse(text)
     assert (caught.value.line, caught.value.column) == (line, column)
@@ -91,7 +91,7 @@ def test_several_outputs_go_out_in_one_request(master, rig):
     assert master.asked[-1] == "set --typed drive_1.position=1.5"
 
 
-def test_list_says_whose_an_output_is(master, rig):
+def test_list_names_whose_an_output_is(master, rig):
     rig.do("set drive_1.0x6040 6")
     with Client(master.path) as other:
         other.set({"drive_2.0x6040:00": 1})
@@ -137,7 +137,7 @@ def test_start_stop_restart(master, rig):
         rig.do("stop")
 
 
-def test_what_is_seen(master, rig):
+def test_observed_values(master, rig):
     assert rig.do("state") == [
         "running, cycle 1 ms, 5 cycles, working counter 9 of 9, 2 of 2 SubDevices in OP, "
         "1 of 1 connection in Data"
@@ -172,7 +172,7 @@ def test_device_commands_send_their_requests(master, rig, tmp_path):
     ]
 
 
-def test_watch_tells_cycles_and_those_left_out(master, rig):
+def test_watch_reports_cycles_and_those_left_out(master, rig):
     assert rig.do("watch drive_1.0x6041 every 10 for 300ms") == [
         "cycle 10  drive_1.0x6041:00 = 39",
         "cycle 20  drive_1.0x6041:00 = 39",
@@ -211,7 +211,7 @@ def test_watch_tells_cycles_and_those_left_out(master, rig):
         ("lease 999999", "from 0 to 600000"),
     ],
 )
-def test_mistakes_are_told_with_the_next_step(rig, text, message):
+def test_mistakes_are_reported_with_the_next_step(rig, text, message):
     with pytest.raises(ConsoleError, match=message):
         rig.do(text)
 
@@ -231,14 +231,14 @@ def test_scripts_call_scripts(master, rig, tmp_path):
         rig.do(f"run {tmp_path}/bad")
 
 
-def test_a_script_says_where_it_failed(master, rig):
+def test_a_script_names_where_it_failed(master, rig):
     with pytest.raises(ConsoleError, match=r"^s\.fsn:2:9: no input or ") as caught:
         rig.script("echo a\necho b; get nothing; echo c")
     assert not caught.value.is_usage
     assert rig.lines == ["a", "b"]
 
 
-def test_nothing_is_done_when_a_word_is_no_command(master, rig):
+def test_nothing_is_done_when_a_word_is_not_a_command(master, rig):
     asked = list(master.asked)
     with pytest.raises(ConsoleError, match=r"^s\.fsn:3:2: unknown command sett") as caught:
         rig.script("set drive_1 0x6040 1\n\n sett x 1")
@@ -293,7 +293,7 @@ def test_the_prompt_connects_again(master):
     rig.link.close()
 
 
-def test_outputs_that_fell_back_are_told(master, rig):
+def test_outputs_that_fell_back_are_reported(master, rig):
     rig.do("set drive_1.0x6040 1 drive_1.position 5")
     master.send_event(event="fallback", outputs=["drive_2.0x6040:00"], text="others")
     mine = ["drive_1.0x6040:00", "drive_1.position", "drive_2.0x6040:00"]
@@ -386,7 +386,7 @@ def test_events_are_asked_for_and_no_longer(rig):
     assert rig.do("events off") == ["events off"]
 
 
-def test_what_is_not_well_is_shown_with_the_state(monkeypatch):
+def test_problems_are_shown_with_the_state(monkeypatch):
     monkeypatch.setitem(STATUS, "fault", "the bus is lost")
     monkeypatch.setitem(SUBDEVICE, "al", "SAFEOP")
     with FakeMaster() as found:

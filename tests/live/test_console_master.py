@@ -48,7 +48,7 @@ def test_start_stop_restart(master):
     console.link.close()
 
 
-def test_what_can_restart_a_machine_is_armed_first(master):
+def test_a_restart_relevant_output_is_armed_first(master):
     console, lines = console_of(master)
     with pytest.raises(ConsoleError, match="arm it first"):
         console.run_script("set el6910.logic_control 1", "s")

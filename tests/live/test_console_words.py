@@ -190,7 +190,7 @@ def test_loud_events_are_noted_at_the_prompt(master, rig, monkeypatch):
     assert rig.notes == ["U warning warning of x"]
 
 
-def test_events_are_told_for_a_time(master, rig):
+def test_events_are_reported_for_a_time(master, rig):
     rig.do("events on")
     master.send_event(event="x", text="told")
     found = rig.do("events for 1ms")

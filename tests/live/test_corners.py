@@ -51,7 +51,7 @@ def test_names_that_are_known():
 
 
 @pytest.mark.parametrize("driver", ["veth", "tun", "dummy", "netdevsim", "igb"])
-def test_which_interface_is_no_network_card(driver: str, monkeypatch: pytest.MonkeyPatch):
+def test_which_interface_is_not_a_network_card(driver: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(in_use, "network_driver", lambda _, name: driver)
     status: Any = Facts(backend="soem", interface="eth7")
     card = driver == "igb"
@@ -130,7 +130,7 @@ def test_a_subdevice_without_fsoe_and_a_function_without_words():
     assert "its input" in _trigger(replace(function, trigger="", elements=())).what
 
 
-def test_a_device_that_somebody_filled_in_is_not_written_over():
+def test_a_device_that_a_person_filled_in_is_not_written_over():
     old, _ = fresh_record(timed())
     first, *rest = old.devices
     assert rest
@@ -158,7 +158,7 @@ def test_files_of_one_name_are_numbered():
     assert names.add("io_2", "x") == "x"
 
 
-def test_a_pdo_that_no_file_can_say():
+def test_a_pdo_that_no_file_can_state():
     for entries, said in (
         (None, "the mapping of PDO 0x1600 was not read"),
         ((), "PDO 0x1600 maps nothing"),
@@ -214,7 +214,7 @@ def test_fsn_master_is_compiled_and_put_in_its_place(
 
 
 @pytest.mark.parametrize(("client", "lost"), [(None, 0), (Facts(events_lost=3), 3)])
-def test_what_a_live_bus_gives_has_its_times(client: Any, lost: int):
+def test_values_of_a_live_bus_have_their_times(client: Any, lost: int):
     bus = _LiveRun(
         example("estop"), b"plan", cast(Any, Facts(backend="igh", interface="0")), cast(Any, None)
     )

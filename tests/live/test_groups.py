@@ -56,7 +56,7 @@ def changed_network(tmp_path: Path):
 # -- plan -----------------------------------------------------------------------------------------
 
 
-def test_a_plan_says_who_may_be_absent():
+def test_a_plan_names_who_may_be_absent():
     plan = compile_plan(resolved(NETWORK))
     assert plan.format == "1.3"
     assert [(g.name, g.place, g.first_subdevice, g.subdevice_count) for g in plan.groups] == [
@@ -188,7 +188,7 @@ def test_other_formats_hold_no_groups(tmp_path):
 
 @pytest.mark.parametrize("silent", [False, True])
 @pytest.mark.parametrize("there", ["valves", "spindle", ""])
-def test_a_scan_misses_nobody_who_may_be_absent(there, silent):
+def test_a_scan_accepts_absent_groups(there, silent):
     resolution = resolved(NETWORK)
     subs = resolution.network.subdevices
     ring = tuple(replace(sub, position=n) for n, sub in enumerate(subs, start=1))

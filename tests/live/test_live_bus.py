@@ -152,7 +152,7 @@ FIRST = "ek1914 (ring position 0, port 0)"
 LAST = "between el1918 (ring position 1, port 1) and near2"
 
 
-def test_a_loop_in_the_cycle_goes_on_while_a_subdevice_is_lost(tmp_path):
+def test_a_loop_in_the_cycle_continues_while_a_subdevice_is_lost(tmp_path):
     seen = on_the_wire("in_the_cycle", ROBOT, tmp=tmp_path)
     assert [seen[step] for step in ("begins", "breaks", "heals", "sent")] == [True] * 4
     assert seen["on_time"] > 100
@@ -219,7 +219,7 @@ def test_killing_the_tool_leaves_the_bus(tmp_path):
     assert seen == {"data": True, "socket_left": False}
 
 
-def test_killing_the_master_is_told(tmp_path):
+def test_killing_the_master_is_reported(tmp_path):
     seen = on_the_wire("kill_master", ESTOP, tmp=tmp_path)
     assert seen["code"] == 3
     assert "was killed by SIGKILL" in seen["err"]
@@ -321,7 +321,7 @@ def test_a_lost_bus_is_one_line(tmp_path):
     assert len(after) <= 1, after  # the working counter, once
 
 
-def test_a_subdevice_that_is_waited_for_is_not_told_in_each_try(tmp_path):
+def test_a_subdevice_that_is_waited_for_is_not_reported_in_each_try(tmp_path):
     seen = on_the_wire("missing_one", ROBOT, tmp=tmp_path)
     assert seen["code"] == 1
     assert seen["lines"].count("; tries again\n") == 1

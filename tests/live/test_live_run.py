@@ -71,7 +71,7 @@ def test_a_run_ends_when_it_is_interrupted(process: Process):
     assert [c.name for c in result.connections] == ["el1918-ek1914"]
 
 
-def test_what_is_told_of_a_run(process: Process):
+def test_report_of_a_run(process: Process):
     """Its events stand in the order of their times, whenever they came."""
 
     def updates(number: int, stop: threading.Event) -> None:
@@ -133,7 +133,7 @@ def test_a_bus_that_is_busy_still_runs(process: Process):
     assert run(process, updates).passed
 
 
-def test_what_else_is_refused_ends_the_run(process: Process):
+def test_another_rejection_ends_the_run(process: Process):
     process.fake.refuse["snapshot"] = {"error": "FSN_E_MEMORY", "text": "no memory"}
     with pytest.raises(ControlRefused, match="snapshot: no memory"):
         run(process)
@@ -153,7 +153,7 @@ def test_a_connection_that_breaks_is_made_again(process: Process):
     assert (result.events_lost, result.passed) == (1, True)
 
 
-def test_an_fsn_master_that_has_ended_says_why_and_where(process: Process):
+def test_an_fsn_master_that_has_ended_gives_reason_and_place(process: Process):
     def updates(_number: int, _stop: threading.Event) -> None:
         process.has_ended = True
         process.fake.drop()
@@ -164,7 +164,7 @@ def test_an_fsn_master_that_has_ended_says_why_and_where(process: Process):
     assert str(refused.value) == (f"SubDevice 0 (ek1914) is missing\n  ek1914 is at {sub.span}")
 
 
-def test_nobody_answers_any_more(process: Process):
+def test_fsn_master_no_longer_answers(process: Process):
     def updates(_number: int, _stop: threading.Event) -> None:
         process.fake.close()
 

@@ -61,7 +61,7 @@ def test_once_shows_what_is_known(master):
     assert "\x1b" not in done.stdout
 
 
-def test_the_document_says_the_same(master):
+def test_the_document_states_the_same(master):
     master.wire |= {"to_main": direction(resets=2)}
     done = monitor(master, "--once", "--format", "json")
     found = json.loads(done.stdout)
@@ -83,7 +83,7 @@ def test_a_master_without_layout_has_no_watchdogs(master):
     assert "not known" in monitor(master, "--once").stdout
 
 
-def test_what_is_wrong_is_named(master):
+def test_errors_are_named(master):
     master.wire |= {
         "observed_state": 1,
         "to_main": direction(command=0x2A, resets=2, reset_code=5, wrong=3),
@@ -101,7 +101,7 @@ def test_what_is_wrong_is_named(master):
         assert text in done.stdout
 
 
-def test_a_stopped_bus_is_told(master):
+def test_a_stopped_bus_is_reported(master):
     master.state = "stopped"
     done = monitor(master, "--once")
     assert (done.returncode, "the bus does not run (stopped)" in done.stdout) == (1, True)
@@ -349,7 +349,7 @@ def _fields(histogram):
     return {name: getattr(histogram, name) for name in histogram.__dataclass_fields__}
 
 
-def test_beside_a_live_bus(tmp_path):
+def test_next_to_a_live_bus(tmp_path):
     def good(found):
         return (found["once"]["code"], found["json"]["code"], found["capture"]["code"]) == (0, 0, 0)
 

@@ -50,7 +50,7 @@ def example(name: str):
 
 
 @pytest.mark.parametrize("name", ["estop", "el6910"])
-def test_files_of_an_example_say_what_its_files_say(name: str, tmp_path: Path):
+def test_files_of_an_example_state_what_its_files_state(name: str, tmp_path: Path):
     original = example(name)
     document = scan_of(original)
     files = scan_files(taken(document))
@@ -174,7 +174,7 @@ def pdo(index: int, *bits: int, padding: bool = False) -> dict:
         ([{"sm": 2, "kind": "outputs", "bytes": 4}], "PDOs of SM2 were not read"),
     ],
 )
-def test_what_the_format_cannot_say_is_left_out_and_said(sms: list, why: str):
+def test_parts_that_the_format_lacks_are_left_out_and_reported(sms: list, why: str):
     row = subdevice(0, vendor_id=1, product_code=2, name="odd", sms=sms)
     document = {"scan": 1, "interface": "eth1", "subdevices": [row]}
     files = scan_files(taken(document))

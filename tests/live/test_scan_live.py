@@ -113,7 +113,7 @@ def test_a_change_on_the_wire_is_its_finding(network, tmp_path):
     assert codes <= {"FSN125", "FSN232", "FSN512", "FSN406", "FSN408", "FSN411"}
 
 
-def test_a_bus_in_operation_goes_on(tmp_path):
+def test_a_bus_in_operation_continues(tmp_path):
     def good(seen, _):
         return "no request scan" in seen["err"] or (seen["data"] and seen["found"] == [])
 

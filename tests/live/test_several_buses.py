@@ -47,7 +47,7 @@ def changed_network(tmp_path: Path):
 # -- plan -----------------------------------------------------------------------------------------
 
 
-def test_a_plan_says_which_subdevices_are_on_which_bus():
+def test_a_plan_names_which_subdevices_are_on_which_bus():
     plan = compile_plan(resolved(NETWORK))
     assert plan.format == "1.2"
     assert plan.cycle_ns == 1_000_000
@@ -185,7 +185,7 @@ def test_a_watchdog_counts_the_way_between_the_buses(changed):
     assert "watchdog 7 ms is shorter than 8 ms, an FSoE cycle over buses of 1 ms, 2 ms" in one
 
 
-def test_keys_of_one_bus_beside_several(changed):
+def test_keys_of_one_bus_next_to_several(changed):
     done = fsn("check", changed(("\nbuses:", "\ncycle_us: 1000\nbuses:")))
     assert done.returncode == 1
     assert "error[FSN164]: cycle_us is next to buses; the bus that it belongs to is unknown" in (

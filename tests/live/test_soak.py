@@ -63,7 +63,7 @@ def test_the_longest_stall_is_named():
     assert found.stall == stall(1_850, 130, cpu=1)
 
 
-def test_what_is_no_loss_is_not_counted():
+def test_other_events_are_not_counted_as_losses():
     others = [
         event(999),
         event(2_000, after="failsafe data"),

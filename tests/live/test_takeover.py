@@ -44,7 +44,7 @@ def test_outputs_of_a_client_fall_back(tmp_path):
     assert seen["fallen"] == 8
 
 
-def test_what_differs_is_refused_before_anything_is_disturbed(tmp_path):
+def test_a_different_plan_is_rejected_before_the_bus_is_touched(tmp_path):
     seen = case("refused", tmp_path, ROBOT, ESTOP, good=undisturbed)
     check_one_after_the_other(seen, 1)
     assert set(seen["codes"].values()) == {1}
@@ -58,12 +58,12 @@ def test_what_differs_is_refused_before_anything_is_disturbed(tmp_path):
         assert text in seen["texts"][name]
 
 
-def test_nonsense_at_the_lock_disturbs_nobody(tmp_path):
+def test_nonsense_at_the_lock_disturbs_no_one(tmp_path):
     seen = case("hostile", tmp_path, ROBOT, good=undisturbed)
     check_one_after_the_other(seen, 1)
 
 
-def test_a_successor_that_says_nothing_is_the_only_one_until_it_ends(tmp_path):
+def test_a_successor_that_is_silent_is_the_only_one_until_it_ends(tmp_path):
     seen = case("undecided", tmp_path, ROBOT, good=undisturbed)
     check_one_after_the_other(seen, 1)
     assert seen["code"] == 1

@@ -48,7 +48,7 @@ WHOLE = Path(__file__).parent / "incident.txt"
 # -- events and commands ---------------------------------------------------------------------------
 
 
-def test_what_is_told_of_each_event_of_a_bus():
+def test_each_event_of_a_bus_is_reported():
     events = BusEvents(start_ns=1_000_000)
     io_row = {"event": "subdevice", "subdevice": "io", "before": "OP", "after": "OP"}
     link = {"event": "connection", "connection": "c1", "before": "reset"}
@@ -159,7 +159,7 @@ def test_the_most_that_a_command_takes(line: str, most: int):
     assert str(caught.value) == f"{most + 1} is not in 0 … {most}"
 
 
-def test_each_command_knows_its_line():
+def test_each_command_has_its_line():
     for line in (
         "swap a b",
         "wrong a 1 2",
@@ -224,14 +224,14 @@ def console(master):
     found.link.close()
 
 
-def test_what_the_console_says_of_odd_words(console: ConsoleRig):
+def test_messages_of_the_console_for_unusual_words(console: ConsoleRig):
     lines = []
     for line in SAID.splitlines()[::2]:
         lines += [line, f"  {refusal(console.do, line)}"]
     assert "\n".join(lines) + "\n" == SAID
 
 
-def test_what_the_console_takes(master: FakeMaster, console: ConsoleRig):
+def test_input_of_the_console(master: FakeMaster, console: ConsoleRig):
     assert console.do("get logic.ACK") == ["logic.ack  0"]
     console.lines.clear()
     console.console.run_script("echo $2 a", "s.fsn")
@@ -339,7 +339,7 @@ def test_a_socket_of_another_user_does_not_hide_the_next(
     assert sockets.find_socket("eth1") == second
 
 
-def test_cmake_of_the_system_and_what_a_program_says(
+def test_cmake_of_the_system_and_what_a_program_states(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ):
     monkeypatch.setattr(build_master.sys, "executable", str(tmp_path / "python"))
@@ -375,7 +375,7 @@ VERSIONS = "install fsoe-net and fsn-master of one version"
         ("exit 2", f"PROGRAM does not take its options: no reason given; {VERSIONS}"),
     ],
 )  # fmt: skip
-def test_what_a_scan_of_our_own_says(tmp_path: Path, text: str, said: str):
+def test_own_scan_has_the_facts_of_the_bus(tmp_path: Path, text: str, said: str):
     path = program(tmp_path, text)
     assert refusal(scan._own, path, "eth1", "soem").replace(path, "PROGRAM") == said
 

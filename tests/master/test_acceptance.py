@@ -78,7 +78,7 @@ def test_the_signed_plan_runs(folder: Path) -> None:
     assert "verifier.sig is not a signature" in done.stderr
 
 
-def test_the_status_says_who_signed(folder: Path) -> None:
+def test_the_status_names_who_signed(folder: Path) -> None:
     tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     with tempfile.TemporaryDirectory(prefix="fsn-") as short:  # a path of a socket has 107 bytes
         path = Path(short) / "s"
@@ -97,7 +97,7 @@ def test_the_status_says_who_signed(folder: Path) -> None:
             assert process.wait(PATIENCE_S) == 0
 
 
-def test_who_signed_is_in_the_intervention_log(folder: Path) -> None:
+def test_signers_are_in_the_intervention_log(folder: Path) -> None:
     (folder / "log").mkdir()
     assert run(folder, *SIGNED, "--intervention-log", "log").returncode == 0
     assert run(folder, *SIGNED, "--intervention-log", "log", plan="other.fsnplan").returncode == 1

@@ -180,7 +180,7 @@ def test_a_stop_ends_transfers(tmp_path: Path) -> None:
     assert errors(done["stopped"]) == ["FSN_E_STATE"] * 2
 
 
-def test_a_bus_without_subdevices_says_so() -> None:
+def test_a_bus_without_subdevices_is_reported() -> None:
     with running() as master, master.client() as client:
         client.refused("sdo-read drive_1 0x1000 0", "FSN_E_ABSENT")
         client.refused("scan", "FSN_E_ABSENT")

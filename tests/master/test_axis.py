@@ -66,7 +66,7 @@ def test_an_axis_is_found_by_its_device(client: Client) -> None:
             realtime.wait(PATIENCE_S)
 
 
-def test_what_is_refused(client: Client) -> None:
+def test_invalid_input_is_rejected(client: Client) -> None:
     with client.realtime("drive_1.*", misses=1000) as realtime:
         with pytest.raises(ControlRefused, match=r"axis 0 of drive_2: .* is not an output of this"):
             realtime.axis("drive_2", max_step=1)

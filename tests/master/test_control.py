@@ -275,7 +275,7 @@ def test_other_users_are_refused_unless_allowed() -> None:
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="becomes another user, which takes root")
 @pytest.mark.parametrize("role", ROLES)
-def test_a_role_allows_what_the_reference_says(role: str) -> None:
+def test_a_role_allows_what_the_reference_states(role: str) -> None:
     page = ROOT / "docs" / "reference" / "control-protocol.md"
     if not page.is_file():
         pytest.skip("needs the source tree")

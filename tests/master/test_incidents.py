@@ -131,7 +131,7 @@ def test_a_folder_that_cannot_be_written_is_refused_at_the_start(tmp_path, folde
     assert "is not a writable folder" in done.stderr
 
 
-def test_without_the_option_the_request_says_what_to_do():
+def test_without_the_option_the_request_names_the_next_step():
     with running() as master, master.client() as client:
         reply = client.ask("incident")
     assert reply["ok"] is False

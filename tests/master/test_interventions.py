@@ -89,7 +89,7 @@ def test_a_run_is_in_the_log(tmp_path: Path) -> None:
     assert entries[-1]["code"] == 0
 
 
-def test_who_sent_a_signal_and_who_was_killed_is_in_the_log(tmp_path: Path) -> None:
+def test_sender_and_target_of_a_signal_are_in_the_log(tmp_path: Path) -> None:
     with running("--intervention-log", str(tmp_path)) as master:
         master.process.send_signal(signal.SIGKILL)
         master.wait()
@@ -148,7 +148,7 @@ def test_two_programs_do_not_share_a_log(tmp_path: Path) -> None:
     assert "another fsn-master writes its log there; give each fsn-master" in done.stderr
 
 
-def test_a_full_disk_is_reported_and_the_bus_goes_on(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_the_bus_continues(tmp_path: Path) -> None:
     with running("--intervention-log", str(tmp_path)) as master, master.client() as client:
         client.good("events on")
         resource.prlimit(master.process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))

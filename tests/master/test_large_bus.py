@@ -149,7 +149,7 @@ def test_values_of_every_cycle_fit_a_line(bus: Master) -> None:
         assert len(seen.inputs) == len(seen.outputs) == CONNECTIONS * VALUES
 
 
-def test_an_attachment_tells_a_refusal_from_a_stop() -> None:
+def test_an_attachment_reports_a_refusal_from_a_stop() -> None:
     with FakeMaster() as master, Attachment(master.path) as attached:
         assert attached.look(0.0).current
         master.refuse["snapshot"] = {"error": "FSN_E_SPACE", "text": "the reply is too long"}

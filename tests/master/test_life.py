@@ -48,7 +48,7 @@ def test_a_signal_stops_in_order(number: signal.Signals) -> None:
         assert [line["text"] for line in master.log][-1] == "the bus is closed"
 
 
-def test_copying_goes_on_while_it_stops() -> None:
+def test_copying_continues_while_it_stops() -> None:
     """Three more cycles send the stop values: more than a cycle time, however late one is."""
     with running("--cycle", "50ms") as master, master.client() as client:
         client.good("events on")
@@ -109,7 +109,7 @@ def test_a_socket_that_another_has_taken_is_left_alone() -> None:
         assert master.path.read_text() == "another's"
 
 
-def test_the_service_manager_is_told(tmp_path: Path) -> None:
+def test_the_service_manager_is_reported(tmp_path: Path) -> None:
     with running() as other:  # for its plan
         plan = other.directory / "el6910.fsnplan"
         directory = other.directory / "n"
@@ -132,7 +132,7 @@ def test_the_service_manager_is_told(tmp_path: Path) -> None:
                 assert process.wait() == 0
 
 
-def test_a_log_nobody_reads_stops_nothing(tmp_path: Path) -> None:
+def test_an_unread_log_stops_nothing(tmp_path: Path) -> None:
     with running() as other:
         plan = other.directory / "el6910.fsnplan"
         path = other.directory / "s2"

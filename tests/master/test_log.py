@@ -71,7 +71,7 @@ def until_the_end(told: Client) -> None:
             told.events.append(told.line())
 
 
-def test_a_log_that_nobody_reads_holds_nobody_up_and_tells_what_was_lost() -> None:
+def test_an_unread_log_delays_nothing_and_counts_lost_lines() -> None:
     end, start = os.pipe()
     fcntl.fcntl(start, fcntl.F_SETPIPE_SZ, PAGE_BYTES)
     os.set_blocking(end, False)

@@ -103,7 +103,7 @@ def test_a_view_of_numpy(client: Client) -> None:
             view[MODE] = 1
 
 
-def test_who_is_refused(client: Client) -> None:
+def test_rejected_clients(client: Client) -> None:
     plan = client.status().plan_sha256
     client.realtime(plan_sha256=plan).close()
     with pytest.raises(ControlRefused, match=r"was made for plan 00.*build it for this plan"):
@@ -117,7 +117,7 @@ def test_who_is_refused(client: Client) -> None:
 
 
 @pytest.mark.shows("R20")
-def test_who_is_late_has_to_enter_again(client: Client) -> None:
+def test_a_late_client_has_to_join_again(client: Client) -> None:
     client.subscribe()
     with client.realtime(MODE, misses=0) as realtime:
         realtime.wait(PATIENCE_S)

@@ -113,7 +113,7 @@ def test_a_watcher_that_does_not_read_misses_lines_without_effect_on_others() ->
         slow.good("watch off")
 
 
-def test_watching_goes_on_over_a_restart() -> None:
+def test_watching_continues_over_a_restart() -> None:
     with running() as master, master.client() as client:
         client.good(f"watch 1 {MODE}")
         # Enough that the first line after it has a smaller number, however late it comes.

@@ -98,7 +98,7 @@ def test_a_crc_on_a_neighbour_is_likely_whatever_the_names():
     assert found.doubts == ("not on the object of the command 0x6760: 0x6768:03",)
 
 
-def test_frame_behind_ordinary_data_and_two_in_a_row():
+def test_frame_after_ordinary_data_and_two_in_a_row():
     text = (
         "6041:00/16 6064:00/32 6760:01/8 6640:00/16 6760:03/16 6760:02/16 "
         "6770:01/8 6641:00/8 6770:03/16 6770:02/16 6100:01/16"
@@ -143,7 +143,7 @@ NO_ID = "no connection ID of 16 bits follows the last CRC"
         ),
     ],
 )
-def test_near_misses_say_why(text, why):
+def test_near_misses_give_the_reason(text, why):
     (miss,) = near_misses(place_entries((pdo(text),)), SM3)
     assert miss.why == why
 
@@ -205,7 +205,7 @@ def test_more_entries_than_a_device_has():
     assert detect_fsoe(more, SM3) == ()
 
 
-def test_nothing_to_say_about_frames_and_plain_data():
+def test_frames_and_plain_data_raise_no_finding():
     frame = pdo("6000:01/8=CMD 6001:01/8 6000:03/16=CRC 6000:02/16=ConnID")
     plain = pdo("6000:01/8=Status 6000:02/16=Value", index=0x1A01)
     assert near_misses(place_entries((frame, plain)), SM3) == ()

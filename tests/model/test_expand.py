@@ -256,7 +256,7 @@ def test_frames_are_used_once():
     assert obstacles(two) == [(Obstacle.USED, "main")]
 
 
-def test_pdos_in_two_orders_are_no_slot():
+def test_pdos_in_two_orders_are_not_slot():
     mixed = device((1, 1), (1, 1))
     outputs, inputs = mixed.sync_managers
     mixed = replace(mixed, sync_managers=(outputs, replace(inputs, pdos=inputs.pdos[::-1])))
@@ -265,7 +265,7 @@ def test_pdos_in_two_orders_are_no_slot():
     ]
 
 
-def test_a_frame_in_one_direction_is_no_slot():
+def test_a_frame_in_one_direction_is_not_a_slot():
     cut = device((1, 1), (1, 1))
     outputs, inputs = cut.sync_managers
     cut = replace(cut, sync_managers=(outputs, replace(inputs, pdos=inputs.pdos[:1])))
@@ -274,7 +274,7 @@ def test_a_frame_in_one_direction_is_no_slot():
     assert [c.slot for c in resolve(bus(devices, facts("a"))).connections] == [0]
 
 
-def test_frames_behind_an_unknown_layout_have_no_number():
+def test_frames_after_an_unknown_layout_have_no_number():
     dark = device((1, 1), (1, 1))
     outputs, inputs = dark.sync_managers
     hole = (Pdo(index=0x1601, entries=()), *outputs.pdos[1:])
@@ -299,7 +299,7 @@ def test_an_entry_a_driver_finds_elsewhere_is_refused():
     ]
 
 
-def test_without_safety_master_the_connections_say_it():
+def test_without_safety_master_the_connections_state_it():
     devices = {"logic": device((1, 1)), "a": device((1, 1))}
     found = resolve(bus(devices, facts("a"), safety_master=None))
     assert found.network.nets[0].safety_master == "logic"

@@ -55,7 +55,7 @@ def test_more_places_are_added_and_connections_follow():
     assert [(c.main, c.sub) for c in joined.connections] == [(0, 1)]
 
 
-def test_the_first_one_leads_and_the_rest_is_told():
+def test_the_first_one_leads_and_the_rest_is_reported():
     made = replace(bus(1), connections=(DescribedConnection(main=0, sub=1),))
     again = replace(made, path="b", cycle_us=7)
     notes: list[str] = []
@@ -64,7 +64,7 @@ def test_the_first_one_leads_and_the_rest_is_told():
     assert [n.split(":")[0] for n in notes] == ["b", "b"]
 
 
-def test_what_has_no_place_is_left_out_and_told():
+def test_parts_without_a_place_are_left_out_and_reported():
     made = bus(1)
     nowhere = replace(
         made,
@@ -139,7 +139,7 @@ def _text(made: Description) -> str:
     return f"{rows} {copies} {connections} {made.cycle_us} {made.truncated}"
 
 
-def test_each_change_of_what_two_descriptions_know() -> None:
+def test_each_change_of_what_two_descriptions_have() -> None:
     connected = (DescribedConnection(name="c", main=0, sub=1),)
     first = replace(bus(2), path="a.xml", cycle_us=None)
     other = replace(first, path="b.xml", connections=connected, cycle_us=3, truncated=True)
@@ -184,7 +184,7 @@ def test_a_type_fills_every_device_of_its_identity():
     assert notes == []
 
 
-def test_the_same_revision_comes_first_and_another_one_is_told():
+def test_the_same_revision_comes_first_and_another_one_is_reported():
     made = bus(1)
     sub = bare(made.subdevices[1], revision=7)
     old = replace(made.subdevices[1], revision=6, position=None)
@@ -198,7 +198,7 @@ def test_the_same_revision_comes_first_and_another_one_is_told():
     assert "revision 0x00000007 is not in esi.xml" in notes[0]
 
 
-def test_known_process_data_stay_and_unused_types_are_told():
+def test_known_process_data_stay_and_unused_types_are_reported():
     made = bus(1)
     other = replace(
         made.subdevices[1], name="", order="X1", device=Device(path="", vendor_id=9, product_code=9)

@@ -106,7 +106,7 @@ ORDINARY = {
 
 
 @pytest.mark.parametrize("name", ORDINARY)
-def test_ordinary_data_are_no_frame(name: str):
+def test_ordinary_data_are_not_frame(name: str):
     assert frames(ORDINARY[name]) == []
 
 

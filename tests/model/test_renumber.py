@@ -37,7 +37,7 @@ def test_ends_get_the_numbers_of_the_other():
     assert rows == [(1, 2, 48), (2, 1, 48), (0, 2, 48), (2, 0, 48)]
 
 
-def test_a_copy_that_nobody_names_would_be_lost():
+def test_a_copy_that_no_one_names_would_be_lost():
     kept = replace(copy((0, 3, 0), (2, 2, 48), 48), span=Span("other.xml", 7, 3))
     fewer = replace(MINE, subdevices=MINE.subdevices[:2], copies=MINE.copies[:2])
     with pytest.raises(InputError) as caught:
@@ -78,7 +78,7 @@ def test_a_copy_that_nobody_names_would_be_lost():
         ),
     ],
 )
-def test_what_is_not_the_same_bus(change: dict, text: str):
+def test_another_bus_is_rejected(change: dict, text: str):
     subs = list(MINE.subdevices)
     subs[1] = replace(subs[1], **change)
     with pytest.raises(InputError) as caught:
@@ -105,7 +105,7 @@ def test_only_what_is_copied_has_to_be_equal(pdo: int, same: bool):
             renumbered_copies(changed, other())
 
 
-def test_entries_beside_what_is_copied_are_not_compared():
+def test_entries_next_to_what_is_copied_are_not_compared():
     manager = MINE.subdevices[1].device.layout.managers[0]
     places = [(p.bit_offset, p.end_bit, p.entry.index) for p in manager.placed]
     (_, first_end, _), (second, second_end, index), (third, _, _) = places[:3]

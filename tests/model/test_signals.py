@@ -42,7 +42,7 @@ def test_each_bit_of_a_frame_has_the_place_of_its_safe_data(safe_bytes: int, off
     assert len(expected) == 8 * safe_bytes
 
 
-def test_entries_that_are_no_signal_are_left_out():
+def test_entries_that_are_not_signal_are_left_out():
     frame = _layout(
         entry(0x6000, 1, 8, "command"),
         entry(0x6001, 1, 3, "three"),
@@ -188,7 +188,7 @@ def test_words_for_types():
     assert sizes | reals | {"bool": 1} == TYPE_BITS
 
 
-def test_what_only_an_emulated_segment_does():
+def test_steps_of_an_emulated_segment_only():
     assert {action.value for action in Action if not action.needs_segment} == {
         "set",
         "press",
@@ -205,7 +205,7 @@ def test_what_only_an_emulated_segment_does():
     }
 
 
-def test_what_a_file_says_of_starting_makes_no_other_subdevice():
+def test_start_commands_of_a_file_do_not_change_the_subdevice():
     (one, *_) = bus(1).subdevices
     assert replace(one, start=StartFacts(revision=7)) == one
     assert replace(one, facts=TypeFacts()) == one

@@ -50,7 +50,7 @@ OTHERWISE = {
 }
 
 
-def test_what_nobody_says_is_empty():
+def test_missing_values_are_empty():
     kinds = [
         *(ConnectionFacts, AnsweredDevice, AnsweredWord, Answers),
         *(ClockFacts, DescribedConnection, DescribedCopy, DescribedSubDevice, Description),
@@ -105,7 +105,7 @@ def test_each_change_of_what_was_seen_of_a_step(kind: StepKind):
     compare(__file__, f"step {kind.value}", rows)
 
 
-def test_a_network_that_no_other_format_can_say_is_refused():
+def test_a_network_that_no_other_format_can_state_is_refused():
     network = timed().network
     first, *rest = network.subdevices
     bare = replace(network, subdevices=(replace(first, device=None), *rest))

@@ -45,7 +45,7 @@ def _cables(*rows: tuple[int | None, int]) -> tuple[Cable, ...]:
         (("013", "01", "0", "01"), _cables((None, 0), (0, 3), (1, 1), (0, 1)), (3, 1)),
     ],
 )
-def test_what_the_links_show(
+def test_states_of_links(
     links: tuple[str, ...], cables: tuple[Cable, ...], ring: tuple[int, int] | None
 ) -> None:
     assert wiring_of(_scan(*links)) == Wiring(cables=cables, ring_from=ring)

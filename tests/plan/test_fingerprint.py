@@ -311,7 +311,7 @@ def test_safety_functions_are_a_section_of_their_own(folder: Path) -> None:
         ("sub: el1904}", "sub: el1904, bits: [{bit: 0, name: K1}]}"),
     ],
 )
-def test_what_is_said_of_a_function_changes_it(folder: Path, old: str, new: str) -> None:
+def test_statements_about_a_function_change_it(folder: Path, old: str, new: str) -> None:
     before = add_functions(folder)
     assert old in FUNCTIONS
     after = add_functions(folder, FUNCTIONS.replace(old, new))

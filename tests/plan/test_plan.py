@@ -85,7 +85,7 @@ def test_the_stop_value_is_the_default_as_raw_bits(
     assert stop_value(view) == raw
 
 
-def test_what_is_restart_relevant_stops_at_zero(tmp_path):
+def test_restart_relevant_outputs_stop_at_zero(tmp_path):
     plain, marked = (
         symbols_of(tmp_path, f"type: uint8, default: 3, restart_relevant: {word}")
         for word in ("false", "true")

@@ -177,7 +177,7 @@ def test_names_of_symbols_are_one_of_a_kind(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_cannot_be_compiled_is_refused(name: str, words: str) -> None:
+def test_a_network_with_errors_is_not_compiled(name: str, words: str) -> None:
     path = EXAMPLES / "broken" / f"{name}.yaml"
     network = load_network([path]).network
     assert network is not None
@@ -243,7 +243,7 @@ def test_each_rejected_plan_file_has_a_reason(raw: bytes, words: str) -> None:
     assert refusal(raw) == words
 
 
-def test_what_is_just_right_is_read() -> None:
+def test_values_at_the_limit_are_read() -> None:
     plan = decode_plan(GOOD)
     assert encode_plan(plan) == put(encode_plan(plan), 8, "<H", 1)
     assert decode_plan(put(GOOD, section(GOOD, 10) + 1, "B", 0x20)) != plan
@@ -310,7 +310,7 @@ def test_a_copy_without_a_connection_and_a_name_outside() -> None:
 # -- fingerprints from elsewhere ------------------------------------------------------------------
 
 
-def test_each_refusal_of_a_fingerprint_says_why() -> None:
+def test_each_refusal_of_a_fingerprint_gives_the_reason() -> None:
     document = fingerprint_of(compile_plan(example("estop"))).to_json()
     sections = document["sections"]
     assert isinstance(sections, dict)

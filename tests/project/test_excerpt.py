@@ -49,7 +49,7 @@ def test_a_long_line_is_cut_on_both_sides(tmp_path: Path):
     assert line[start : start + mark.count("^")] == "here"
 
 
-def test_what_acts_on_a_terminal_is_escaped(tmp_path: Path):
+def test_control_characters_are_escaped(tmp_path: Path):
     line, mark = of(tmp_path, "a: \x1b[31m\u202e b", 1, 4)
     assert "\x1b" not in line
     assert "\u202e" not in line

@@ -35,7 +35,7 @@ def test_one_way_only_is_settled():
 
 
 @pytest.mark.parametrize("slots", [1, 2, 3])
-def test_input_and_output_of_one_length_are_never_told_apart(slots: int):
+def test_input_and_output_of_one_length_are_never_distinguished(slots: int):
     made = proposed(sub("logic", LOGIC, *[SIX] * slots), EL1904, EL2904)
     assert all(unconfirmed for *_, unconfirmed in rows(made))
     assert [q.subject for q in made.questions] == ["stop", "motor"]
@@ -51,7 +51,7 @@ def test_an_answer_leaves_one_way_for_the_other():
     assert made.questions == ()
 
 
-def test_nobody_is_asked_twice():
+def test_a_question_is_asked_once():
     logic = sub("logic", LOGIC, SIX, SIX)
     first = proposed(logic, EL1904)
     assert len(first.questions) == 1
@@ -162,7 +162,7 @@ def said(made: Proposal) -> list[tuple[str, str, str]]:
     return [(d.code, d.message, d.hint) for d in made.findings]
 
 
-def test_a_device_whose_process_data_nobody_has_stays_open():
+def test_a_device_whose_process_data_no_one_has_stays_open():
     made = proposed(bare("logic", LOGIC), sub("stop", INPUT, (6, 6)))
     assert made.open[0] == "logic: an FSoE device, and no file has its process data"
     assert "the device library has no process data for this EL6910" in made.remarks[0]
@@ -201,7 +201,7 @@ def test_a_main_instance_without_frames():
     ("order", "lengths", "role"),
     [("EL6910", (), "main"), ("EL1904", (), "sub"), ("EL9999", (), ""), ("", (), "")],
 )
-def test_what_the_library_says_of_a_role(order: str, lengths: tuple, role: str):
+def test_roles_of_the_library(order: str, lengths: tuple, role: str):
     device = Device(path="", vendor_id=0, product_code=0, sync_managers=())
     assert library_role(DescribedSubDevice(order=order, device=device), lengths, LIBRARY) == role
 

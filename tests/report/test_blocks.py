@@ -70,13 +70,13 @@ def said(items: tuple[Item, ...]) -> str:
 
 
 @pytest.mark.shows("R12")
-def test_what_is_not_stated_is_an_open_point(sparse: Path):
+def test_missing_facts_are_open_points(sparse: Path):
     points = compose_report(inputs_of(sparse)).points
     told = [(title, p.text) for title, p in points if p.kind is PointKind.OPEN]
     assert "".join(f"{t}: {text}\n" for t, text in told if t != "Findings") == OPEN
 
 
-def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
+def test_missing_facts_are_in_the_tables(sparse: Path):
     blocks = {b.key: b.parts for b in compose_report(inputs_of(sparse)).sections}
     rows = {p.name: p.rows for parts in blocks.values() for p in parts if isinstance(p, Table)}
     assert [said(row[0]) for row in rows["subdevices"]] == ["0", "1 alias 7", "2"]
@@ -89,13 +89,13 @@ def test_what_is_not_stated_stands_in_the_tables(sparse: Path):
     assert (facts["Reset"], facts["Modes"]) == ("not stated", "not stated")
 
 
-def test_nothing_open_is_no_list():
+def test_nothing_open_is_not_a_list():
     head, numbers = _lead(inputs_of(TIMED), (), (), (), 13)
     assert head == Heading("Open points and assumptions")
     assert isinstance(numbers, Paragraph)
 
 
-def test_of_much_that_stands_against_it_some_stands_on_the_first_page():
+def test_some_of_many_objections_are_on_the_first_page():
     against = [("Tests", Verdict(f"fault {n}", Level.ERROR)) for n in range(40)]
     rows = [said(row) for row in _lead(inputs_of(TIMED), (), (), against, 13)[1].rows]
     shown = len(rows) - 1

@@ -78,7 +78,7 @@ def test_an_incident_without_a_cause(kind: str, nothing: str, tmp_path: Path):
     assert f"<h2>Likely cause</h2><p>{nothing}</p></section>" in document_html(document)
 
 
-def test_what_is_wrong_in_a_slice_of_time():
+def test_errors_in_a_slice_of_time():
     words = [_wrong(*row, 1000) for row in ((1, 1, 0), (1, 0, 0), (0, 0, 1001), (0, 0, 1000))]
     assert words == [Wrong.LOST, Wrong.SHORT, Wrong.LATE, Wrong.NOTHING]
 
@@ -146,7 +146,7 @@ def test_a_time_for_people(ns: int, text: str):
 # -- pages -----------------------------------------------------------------------------------------
 
 
-def test_small_pictures_stand_beside_each_other():
+def test_small_pictures_are_next_to_each_other():
     small, wide = (Picture(title=t, words=t, svg=f"<svg>{t}</svg>", wide=t == "w") for t in "sw")
     shown = _section(1, ReportSection(key="k", title="T", parts=(small, wide, small), points=()))
     assert shown.count('<div class="pictures">') == 2
@@ -282,7 +282,7 @@ def without_ids(resolution: Resolution) -> Resolution:
     return replace(resolution, connections=rows)
 
 
-def test_a_connection_whose_id_nobody_states():
+def test_a_connection_whose_id_no_one_states():
     resolution = without_ids(example("estop"))
     text = lua_dissector(resolution, compile_plan(resolution))
     connection = text.partition("local CONNECTIONS = {")[2].partition("signals")[0]

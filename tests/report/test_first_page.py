@@ -58,7 +58,7 @@ def tried(outcome: StepOutcome | None, kind: StepKind | None = None, **more: obj
     return Tried(source=FILE, test_record=replace(test_record, steps=steps))
 
 
-def test_the_first_table_says_what_by_whom_and_what_was_tried() -> None:
+def test_the_first_table_names_what_by_whom_and_what_was_tried() -> None:
     found = facts(compose_report(inputs_of(TIMED)), "what is accepted")
     assert found == {
         "What": ["5 copies per bus cycle for 2 FSoE connections and 1 safety function"],
@@ -69,7 +69,7 @@ def test_the_first_table_says_what_by_whom_and_what_was_tried() -> None:
     }
 
 
-def test_a_function_stands_on_the_first_page_with_times_levels_and_tests() -> None:
+def test_a_function_is_on_the_first_page_with_times_levels_and_tests() -> None:
     row = function_row(inputs_of(TIMED))
     assert row["Safety function"] == ["SF1 estop"]
     assert (row["Required"], row["Calculated"]) == (["300"], ["282"])
@@ -95,7 +95,7 @@ def test_a_function_is_tested_only_by_its_own_trigger(
     assert (row["Tested"], row["Against it"]) == ([tested], against)
 
 
-def test_the_results_of_another_network_are_no_tests() -> None:
+def test_results_of_another_network_do_not_count() -> None:
     done = replace(tried(StepOutcome.AS_EXPECTED), fits=False)
     assert function_row(inputs_of(TIMED, tried=done))["Tested"] == ["NOT TESTED"]
 
@@ -123,7 +123,7 @@ def edited(folder: Path, *edits: tuple[str, str]) -> Path:
         (("source: manual 3.0", "source: manual 3.0?"), "time unverified"),
     ],
 )
-def test_what_is_against_a_function_stands_in_its_row(
+def test_objections_to_a_function_are_in_its_row(
     tmp_path: Path, edit: tuple[str, str], against: str
 ) -> None:
     inputs = inputs_of(edited(tmp_path, edit), tried=tried(StepOutcome.AS_EXPECTED))
@@ -222,7 +222,7 @@ def record_of(inputs: ReportInputs) -> Acceptance:
     )
 
 
-def test_who_accepted_and_which_signatures_hold_stands_in_front() -> None:
+def test_acceptance_and_signatures_are_on_the_first_page() -> None:
     inputs = inputs_of(TIMED)
     given = GivenRecord(
         source=SourceFile(path="acceptance.yaml", sha256="1" * 64),

@@ -13,7 +13,7 @@ from fsoe_net.report.evidence import read_evidence
 from fsoe_net.report.formats import render_report
 
 
-def test_an_incident_file_is_told(tmp_path):
+def test_an_incident_file_is_reported(tmp_path):
     folder = tmp_path / "made"
     folder.mkdir()
     rig = Rig(network("estop", folder), folder, steps="  - {at_ms: 300, break: ek1914}\n")

@@ -111,7 +111,7 @@ def test_a_recorded_run_counts_for_the_machine_unless_it_was_emulated() -> None:
     assert not compose_report(inputs_of(TIMED)).of_machine
 
 
-def test_the_block_on_timing_has_it_or_says_that_nothing_was_measured() -> None:
+def test_the_block_on_timing_has_it_or_states_that_nothing_was_measured() -> None:
     for evidence, words in (
         (run(histogram(100_000, 0, 0)), "upper end of the histogram bucket"),
         (run(None), "Not measured: no run in real time"),

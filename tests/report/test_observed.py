@@ -69,7 +69,7 @@ DRIVE = "el6910-drive_1"
         ),
     ],
 )
-def test_what_was_observed_is_judged(name, observed, differs, said):
+def test_observed_values_are_judged(name, observed, differs, said):
     row = RunRow(
         name=name, state="data_process", cycle_mean=4.0, cycle_max=4.0, watchdog=100.0, resets=0,
         reset_text="", configured=PLAN, observed=observed, differs=differs,
@@ -78,7 +78,7 @@ def test_what_was_observed_is_judged(name, observed, differs, said):
     assert [(i.level.value, i.word) if isinstance(i, Verdict) else i.text for i in found] == said
 
 
-def test_application_parameters_that_nobody_states_are_not_compared():
+def test_application_parameters_that_no_one_states_are_not_compared():
     row = RunRow(
         name=DRIVE, state="data_process", cycle_mean=4.0, cycle_max=4.0, watchdog=100.0, resets=0,
         reset_text="", configured=replace(PLAN, app_bytes=None, app_crc=None), observed=sent(),

@@ -46,7 +46,7 @@ def test_without_pango_the_message_names_it(monkeypatch, tmp_path: Path):
         pdf_library()
 
 
-def test_the_command_says_so_before_it_reads_anything(monkeypatch, tmp_path: Path):
+def test_the_command_is_reported_before_it_reads_anything(monkeypatch, tmp_path: Path):
     (tmp_path / "weasyprint.py").write_text("raise ImportError(name='weasyprint')\n", "utf-8")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     out = tmp_path / "r.pdf"

@@ -123,7 +123,7 @@ def test_every_number_of_the_page_is_in_the_json(name: str):
     assert all(json.dumps(t)[1:-1] in pictures for t in shown.pictures if NUMBER.search(t))
 
 
-def test_every_number_has_a_source_and_what_is_no_name_a_unit():
+def test_every_number_has_a_source_and_what_is_not_a_name_a_unit():
     document = compose_report(inputs_of(TIMED))
     numbers = [
         (part.name, column.title, item)
@@ -437,7 +437,7 @@ def test_bytes_of_a_narrow_range_are_named_once(tmp_path: Path):
     assert texts[-1] == ["186 … 191", "0", "311", "0 … 5"]
 
 
-def test_what_stands_against_it_in_a_block_stands_on_the_first_page() -> None:
+def test_objections_of_a_block_are_on_the_first_page() -> None:
     source = SourceFile(path="test-record.yaml", sha256="0" * 64)
     test_record = TestRecord(network="", plan_sha256="0" * 64, steps=())
     tried = Tried(source=source, test_record=test_record, fits=False)
@@ -470,7 +470,7 @@ _YES = StepOutcome.AS_EXPECTED
         ((_step(StepOutcome.NOT_AS_EXPECTED), _step()), "1 of 2 test steps FAILED"),
     ],
 )
-def test_the_verdict_tells_files_machine_and_signature_apart(
+def test_the_verdict_distinguishes_files_machine_and_signature(
     steps: tuple[TestStep, ...], machine: str
 ) -> None:
     inputs = inputs_of(TIMED)

@@ -48,7 +48,7 @@ def test_each_bit_has_connection_frame_byte_and_entry() -> None:
     ]
 
 
-def test_bits_behind_a_crc_are_counted_past_it() -> None:
+def test_bits_after_a_crc_are_counted_past_it() -> None:
     # 31 and 11 bytes: safe bytes 2 and 3 are at bytes 5 and 6 of the frame
     bits = (SafeBit(bit=16, name="a"), SafeBit(bit=31, name="b"))
     path = EXAMPLES / "el6910" / "network.yaml"

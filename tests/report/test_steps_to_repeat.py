@@ -88,7 +88,7 @@ def test_a_safety_function_touches_itself(tmp_path: Path) -> None:
         ("name: io2,", "name: io3,"),
     ],
 )
-def test_what_all_share_or_lost_its_name_touches_all(tmp_path: Path, find: str, put: str) -> None:
+def test_shared_or_renamed_parts_touch_all(tmp_path: Path, find: str, put: str) -> None:
     def edit(text: str) -> str:
         assert find in text
         text = text.replace(find, put)
@@ -109,7 +109,7 @@ def test_what_all_share_or_lost_its_name_touches_all(tmp_path: Path, find: str, 
     ],
     ids=lambda c: f"{c.kind} {c.where}",
 )
-def test_what_cannot_be_placed_touches_all(change: Change) -> None:
+def test_a_change_without_a_place_touches_all(change: Change) -> None:
     resolution = _resolution()
     steps = make_test_record(resolution, b"").steps
     assert len(steps_to_repeat([change], resolution, steps)) == len(steps)
@@ -189,7 +189,7 @@ def test_another_order_touches_all(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["io-2", '"io 2"'])
-def test_a_new_name_beside_one_that_looks_like_the_old_touches_all(
+def test_a_new_name_next_to_one_that_looks_like_the_old_touches_all(
     tmp_path: Path, name: str
 ) -> None:
     text = TIMED.read_text("utf-8")
@@ -212,7 +212,7 @@ def test_the_logic_belongs_to_a_function_that_does_not_name_it(tmp_path: Path) -
     assert _since(before, now)[0] == LOGIC
 
 
-def test_an_element_that_is_no_subdevice_any_more_touches_its_function(tmp_path: Path) -> None:
+def test_an_element_that_is_not_a_subdevice_any_more_touches_its_function(tmp_path: Path) -> None:
     text = TIMED.read_text("utf-8").replace("logic, sub: logic,", "logic, name: logic,")
     assert _since(_resolution(), _network(tmp_path, text))[0] == ["trigger estop"]
 

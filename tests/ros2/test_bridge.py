@@ -162,7 +162,9 @@ def test_another_vendor_sets_an_output_which_falls_back_when_it_is_silent(
         assert peer.done() == 0
 
 
-def test_what_comes_before_its_reader_is_known_is_handled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_message_before_its_reader_is_registered_is_handled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A thread may be held up between making a reader and knowing whose messages it takes."""
     from cyclonedds.sub import DataReader
 
@@ -197,7 +199,7 @@ def test_what_comes_before_its_reader_is_known_is_handled(monkeypatch: pytest.Mo
         assert handled.get(timeout=PATIENCE_S) is True
 
 
-def test_without_the_option_nobody_sets_anything(robot: Master) -> None:
+def test_without_the_option_no_one_sets_anything(robot: Master) -> None:
     with bridged(robot.path) as domain, listening(domain) as found:
         while "rt/diagnostics" not in found.offers():
             pass
@@ -242,7 +244,7 @@ def pairs(row: Any) -> list[tuple[str, str]]:
 GARBAGE = [b"", b"\x02", bytes(3), bytes(1000), b"\xff" * 40]
 
 
-def test_bytes_that_are_no_message_do_nothing(robot: Master, lamp: Client) -> None:
+def test_bytes_that_are_not_message_do_nothing(robot: Master, lamp: Client) -> None:
     request = "std_srvs::srv::dds_::Trigger_Request_"
     with (
         bridged(robot.path, allow_control=True) as domain,
@@ -361,7 +363,7 @@ def parameter(name: str, value: object) -> Any:
     return messages._Parameter(name, messages._ParameterValue(kind, *held.values(), *([],) * 5))
 
 
-def test_a_service_sets_outputs_and_says_why_not(robot: Master, lamp: Client) -> None:
+def test_a_service_sets_outputs_and_gives_the_reason(robot: Master, lamp: Client) -> None:
     with bridged(robot.path, allow_control=True) as domain:
         caller = Caller(
             domain,
@@ -505,7 +507,7 @@ def _command(*words: object) -> subprocess.CompletedProcess[str]:
         )  # fmt: skip
 
 
-def test_the_command_says_what_it_shows(robot: Master, tmp_path: Path) -> None:
+def test_the_command_names_what_it_shows(robot: Master, tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     done = _command(
         "--socket", robot.path, "--duration", "300ms", "--record", path, "--allow-control"
@@ -525,7 +527,7 @@ def test_the_command_says_what_it_shows(robot: Master, tmp_path: Path) -> None:
     assert "--overwrite" in again.stderr
 
 
-def test_what_the_command_does_not_take(tmp_path: Path) -> None:
+def test_arguments_that_the_command_rejects(tmp_path: Path) -> None:
     done = _command("--socket", tmp_path / "nobody")
     assert done.returncode == 3
     assert "no answer" in done.stderr

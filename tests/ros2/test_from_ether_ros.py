@@ -106,7 +106,7 @@ def test_the_page_names_topics_and_services() -> None:
     assert len(COMMANDS) == 14
 
 
-def test_each_command_does_what_the_page_says(session: tuple[Session, dict[str, str]]) -> None:
+def test_each_command_does_what_the_page_states(session: tuple[Session, dict[str, str]]) -> None:
     shell, said = session
     words = "\n".join(said.values())
     assert "found/network.yaml: 2 SubDevices" in words
@@ -121,7 +121,7 @@ def test_each_command_does_what_the_page_says(session: tuple[Session, dict[str, 
     assert (shell.folder / "times.svg").read_text("utf-8").startswith("<svg")
 
 
-def test_what_ran_beside_ends_by_a_signal(session: tuple[Session, dict[str, str]]) -> None:
+def test_a_parallel_process_ends_by_a_signal(session: tuple[Session, dict[str, str]]) -> None:
     from mcap.reader import make_reader
 
     shell, _ = session

@@ -261,7 +261,7 @@ def test_an_axis_by_ros2_control(program: Path, tmp_path: Path) -> None:
         (["socket="], "init", "the hardware has no param `socket`"),
     ],
 )
-def test_what_is_wrong_is_said_and_an_error(
+def test_mistakes_are_reported_as_errors(
     program: Path, robot: Master, words: list[str], line: str, text: str
 ) -> None:
     with System(program, f"socket={robot.path}", *words) as system:

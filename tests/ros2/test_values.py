@@ -73,7 +73,7 @@ def test_axes_of_one_subdevice_have_numbers_and_end_at_a_gap() -> None:
     assert (second.name, second.velocity) == ("leg_1_2", "leg 1.0x686c:00")
 
 
-def test_what_is_not_there_is_no_number() -> None:
+def test_a_missing_value_is_nan() -> None:
     joint = Joint(name="a", position="p", velocity="", effort="e")
     position, velocity, effort = joint.values({"p": 2, "e": None})
     assert position == 2.0
@@ -126,7 +126,7 @@ def test_topics_are_never_the_same(names: list[str]) -> None:
     assert len({row.topic for row in rows}) == len(names)
 
 
-def test_nobody_sets_an_output_of_a_drive_one_that_is_armed_or_one_that_is_not_open() -> None:
+def test_outputs_of_drives_armed_ones_and_closed_ones_cannot_be_set() -> None:
     symbols = [
         symbol("drive.0x6064:00"),
         symbol("drive.0x60fe:01", output=True),

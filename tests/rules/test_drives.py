@@ -91,9 +91,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_found_in_a_drive(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_findings_in_a_drive(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     edits, wanted = CASES[name]
     folder = tmp_path / "case"
     shutil.copytree(cases.HERE / "base", folder)

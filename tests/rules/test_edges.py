@@ -305,7 +305,7 @@ EDGES: dict[str, tuple[dict, list[str]]] = {
 
 
 @pytest.mark.parametrize("name", EDGES)
-def test_beside_the_seeded_mistake(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_next_to_the_seeded_mistake(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     case, wanted = EDGES[name]
     folder = tmp_path / "case"
     shutil.copytree(cases.HERE / "base", folder)
@@ -353,7 +353,7 @@ def test_two_pdos_on_another_sync_manager_are_one_finding():
     assert "FSN439" in {d.code for d in found(changed(0, moved))}
 
 
-def test_a_pdo_without_entries_says_nothing_of_ours():
+def test_a_pdo_without_entries_is_silent_of_ours():
     assert codes(types(pdos(2, replace(out_pdo(), entries=())))) == []
 
 
@@ -377,7 +377,7 @@ def test_only_a_file_of_the_whole_bus_misses_a_subdevice(format: str):  # noqa: 
     assert bool(told) == (format != "other"), told
 
 
-def test_a_safety_project_beside_a_network_without_connections():
+def test_a_safety_project_next_to_a_network_without_connections():
     assert codes(project(*ours()), replace(ROBOT, connections=())) == ["FSN443"]
     assert codes(bus(), replace(ROBOT, connections=())) == []
 
@@ -433,12 +433,12 @@ def test_a_pdo_that_was_not_read_hides_no_other():
     assert "FSN506" in {d.code for d in scan_findings(ROBOT, told)}
 
 
-def test_another_value_behind_two_that_are_exchanged():
+def test_another_value_after_two_that_are_exchanged():
     told = told_by_main(scan_of(ROBOT), connection_id={0: 2, 1: 1, 2: 9, 3: 12})
     assert [d.code for d in scan_findings(ROBOT, told)] == ["FSN509"] * 3
 
 
-def test_another_address_behind_two_that_are_exchanged():
+def test_another_address_after_two_that_are_exchanged():
     told = scan_of(ROBOT)
     rows = told["subdevices"]
     rows[2]["fsoe"]["address"], rows[3]["fsoe"]["address"] = 102, 101
@@ -446,7 +446,7 @@ def test_another_address_behind_two_that_are_exchanged():
     assert [d.code for d in scan_findings(ROBOT, told)] == ["FSN508", "FSN508"]
 
 
-def test_connections_are_paired_by_what_they_say():
+def test_connections_are_paired_by_what_they_state():
     told = scan_of(ROBOT)
     told["subdevices"][1]["fsoe"]["connections"].reverse()
     turned = [(d.code, d.message) for d in scan_findings(ROBOT, told)]

@@ -55,7 +55,7 @@ def test_mistake_is_found(number: int, n: int, tmp_path: Path, monkeypatch: pyte
 
 @pytest.mark.shows("R6")
 @pytest.mark.parametrize(("number", "n"), QUIET)
-def test_what_is_right_is_not_blamed(
+def test_correct_files_raise_no_finding(
     number: int, n: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     case = TABLE[number]["quiet"][n]
@@ -84,7 +84,7 @@ def _page_rows() -> dict[int, tuple[str, list[str]]]:
     return rows
 
 
-def test_the_page_says_what_the_table_says():
+def test_the_page_names_what_the_table_states():
     rows = _page_rows()
     assert sorted(rows) == list(NUMBERS)
     for number, (how, cells) in rows.items():

@@ -40,12 +40,12 @@ def _codes(runtime: Runtime, folder: Path, *edits: tuple[str, str, str]) -> set[
         (Runtime.LCEC, {"FSN465"}),
     ],
 )
-def test_each_runtime_minds_its_own(runtime: Runtime, codes: set[str], tmp_path: Path):
+def test_each_runtime_reports_its_own(runtime: Runtime, codes: set[str], tmp_path: Path):
     assert _codes(runtime, tmp_path) == codes
 
 
 @pytest.mark.parametrize("runtime", Runtime)
-def test_identity_behind_an_alias(runtime: Runtime, tmp_path: Path):
+def test_identity_after_an_alias(runtime: Runtime, tmp_path: Path):
     edit = ("robot.urdf", ALIAS, ALIAS.replace(">0<", ">7<").replace(">2<", ">0<"))
     checked_at_start = {Runtime.ROS2_2026_08, Runtime.ROS2_NEWEST}
     assert ("FSN469" in _codes(runtime, tmp_path, edit)) == (runtime in checked_at_start)
@@ -104,7 +104,7 @@ def test_keys_of_later_versions(key: str, edit, since: Runtime, severity: Severi
         assert levels == ([severity] if ROS2.index(runtime) < ROS2.index(since) else []), runtime
 
 
-def test_lcec_knows_the_role_of_a_type(tmp_path: Path):
+def test_lcec_has_the_role_of_a_type(tmp_path: Path):
     el1904, ek1914 = "0x07703052", "0x077a2c52"
     edits = [
         ("devices/ek1914.yaml", ek1914, "0x1af43052"),  # a logic as SubInstance

@@ -40,7 +40,7 @@ def rows(diagnostics: list[Diagnostic]) -> list[tuple[str, str]]:
     return [(d.code, figures(d.message)) for d in diagnostics if d.code in ("FSN615", "FSN616")]
 
 
-def test_right_bits_are_no_finding(tmp_path: Path) -> None:
+def test_right_bits_are_not_finding(tmp_path: Path) -> None:
     pair = bits("bit: 0, name: ES1 A", "bit: 1, name: ES1 B")
     same = SECOND % "bits: [{slot: 0, bit: 0, name: ES1 A}],"
     edits = (INPUT, INPUT + pair), (OUTPUT, OUTPUT + bits("bit: 7, name: K1"))

@@ -54,7 +54,7 @@ def found_by_scan(session, now_ns):
         ("press", Action.PRESS, "reset", 0, {}),
     ],
 )
-def test_what_a_line_says(line, action, target, number, values):
+def test_text_of_a_line(line, action, target, number, values):
     step = parse_command(line, 1).step
     assert (step.action, step.target, step.number, step.values) == (action, target, number, values)
 
@@ -79,13 +79,13 @@ def test_what_a_line_says(line, action, target, number, values):
         ("sdo-abort a 0x1c12: 7", "not a number"),
     ],
 )
-def test_what_is_no_command(line, says):
+def test_an_unknown_command_is_rejected(line, says):
     with pytest.raises(CommandError) as fault:
         parse_command(line, 1)
     assert says in str(fault.value)
 
 
-def test_nothing_is_no_command():
+def test_nothing_is_not_a_command():
     assert parse_command("  # remark", 1) is None
     assert parse_command("", 1) is None
 
@@ -194,7 +194,7 @@ def test_devices_tell_what_they_are():
     assert main.read(0xA080, 1) == 105  # nothing valid has come in
 
 
-def test_another_address_is_told():
+def test_another_address_is_reported():
     """Turned address switches: the object says so at once, the end from its next Connection."""
     session = estop()
     sub = Sdo(session.segment, 0)
@@ -215,7 +215,7 @@ def test_another_address_ends_with_code_6():
     assert result.connections[0].state != "data_process"
 
 
-def test_a_run_without_a_segment_says_so(tmp_path):
+def test_a_run_without_a_segment_is_reported(tmp_path):
     path = tmp_path / "s.yaml"
     path.write_text("version: 1\nsteps:\n  - {at_ms: 1, lose: 3}\n", "utf-8")
     scenario, found = load_scenario(path)

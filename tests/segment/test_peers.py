@@ -63,7 +63,7 @@ def test_network_comes_up(peer, package, network, sizes):
         assert seen["vendor"] == seen["identities"][-1][1]
 
 
-def test_sync0_wants_clocks_that_somebody_sets():
+def test_sync0_wants_clocks_that_a_person_sets():
     seen = run("clocks", "pysoem", str(EXAMPLES / "estop" / "network.yaml"))
     assert seen["unset"] == {"state": 0x14, "code": 0x002C}
     assert seen["has_clocks"]

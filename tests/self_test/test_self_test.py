@@ -325,7 +325,7 @@ def test_without_the_compiled_module_the_parts_that_need_it_fail(tmp_path: Path,
 # -- in a report ----------------------------------------------------------------------------------
 
 
-def test_a_report_says_what_it_gave(here: subprocess.CompletedProcess[str], tmp_path: Path):
+def test_a_report_names_what_it_gave(here: subprocess.CompletedProcess[str], tmp_path: Path):
     result = tmp_path / "self-test.json"
     result.write_text(here.stdout)
     network = str(EXAMPLES / "estop" / "network.yaml")
@@ -374,7 +374,7 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("what", DAMAGED)
-def test_what_is_no_result_is_refused(what: str, tmp_path: Path):
+def test_an_invalid_result_is_rejected(what: str, tmp_path: Path):
     result = tmp_path / "result.json"
     result.write_text(DAMAGED[what], "utf-16" if what == "no text" else "utf-8")
     page = tmp_path / "report.html"

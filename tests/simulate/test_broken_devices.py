@@ -149,7 +149,7 @@ def test_names_of_no_factory(fsn, name):
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
-def test_what_a_device_prints_is_no_part_of_the_report(jobs):
+def test_output_of_a_device_is_not_in_the_report(jobs):
     done = program(
         *("--sub", f"{BROKEN}:talks", "--jobs", jobs, "--cycles", "40", "--format", "json")
     )
@@ -204,7 +204,7 @@ def test_recordings_that_cannot_be_written_leave_the_report(fsn, tmp_path, monke
 # ----------------------------------------------------------------------------------- the progress
 
 
-def test_progress_is_told_within_a_piece_of_work(monkeypatch):
+def test_progress_is_reported_within_a_piece_of_work(monkeypatch):
     monkeypatch.setattr(campaign_module, "_SHOWN_EVERY_S", 0)
     seen = []
     config = CampaignConfig(links=campaign_links(example("estop")))
@@ -212,7 +212,7 @@ def test_progress_is_told_within_a_piece_of_work(monkeypatch):
     assert seen == [(done, 30, "loss") for done in range(1, 31)]
 
 
-def test_progress_is_told_within_the_pieces_of_other_processes(monkeypatch):
+def test_progress_is_reported_within_the_pieces_of_other_processes(monkeypatch):
     monkeypatch.setattr(campaign_module, "_SHOWN_EVERY_S", 0.001)
     seen = []
     config = CampaignConfig(links=campaign_links(example("estop")))

@@ -105,7 +105,7 @@ def test_own_plan_runs_and_foreign_plan_does_not(fsn, tmp_path: Path):
         ("empty.fsnplan", b"", "too short for a plan"),
     ],
 )
-def test_file_that_is_no_plan(fsn, tmp_path: Path, name: str, data: bytes | None, message: str):
+def test_file_that_is_not_a_plan(fsn, tmp_path: Path, name: str, data: bytes | None, message: str):
     path = tmp_path / name
     if data is not None:
         path.write_bytes(data)

@@ -74,7 +74,7 @@ def test_every_key_of_the_json_is_on_the_page():
 
 
 @pytest.mark.skipif(shutil.which("ssh-keygen") is None, reason="needs ssh-keygen of OpenSSH")
-def test_the_page_on_signatures_runs_as_it_stands(tmp_path: Path):
+def test_the_page_on_signatures_runs_as_written(tmp_path: Path):
     folder = make_signed(tmp_path)
     for name in ("anna", "anna.pub", RECORD, f"{RECORD}.author.sig", f"{RECORD}.verifier.sig"):
         (folder / name).unlink()

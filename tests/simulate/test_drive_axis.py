@@ -50,7 +50,7 @@ def test_csp_follows_a_sine_closely():
     assert rig[0x60F4] == pytest.approx((rig[0x6062] - rig[0x6064]), abs=1)
 
 
-def test_csp_jumps_when_the_first_target_is_not_where_the_axis_stands():
+def test_csp_jumps_when_the_first_target_is_not_the_actual_position():
     """The trap of many programs: nobody but the MainDevice can avoid it."""
     rig = AxisRig(position_rev=2.0, following_error_rev=0)
     rig[0x6060] = CSP
@@ -150,7 +150,7 @@ def test_pp_relative_and_at_once():
     assert rig[0x6064] == pytest.approx(3 * CPR, abs=16)
 
 
-def test_a_bit_that_is_already_set_is_no_new_set_point():
+def test_a_bit_that_is_already_set_is_not_a_new_set_point():
     rig = AxisRig()
     rig[0x6060], rig[0x607A] = PP, CPR
     for word in (0, 6, 7, 0x1F):
@@ -213,7 +213,7 @@ def test_quick_stop_option_stays_and_holds():
     assert rig.state is S.OPERATION_ENABLED
 
 
-def test_halt_holds_and_goes_on():
+def test_halt_holds_and_continues():
     rig = spinning(5.0, acceleration_rev_s2=50)
     rig.command(HALT)
     rig.run(130)
@@ -387,7 +387,7 @@ def test_homing_on_a_switch(method: int, start: float, edge: float):
 
 
 @pytest.mark.parametrize("method", [35, 37])
-def test_homing_where_it_stands(method: int):
+def test_homing_in_place(method: int):
     rig = AxisRig(position_rev=1.25)
     homed(rig, method)
     assert rig[0x6064] == 123

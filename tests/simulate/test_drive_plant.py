@@ -54,7 +54,7 @@ def test_coasting_with_damping_ends_after_the_time_of_the_formula():
     assert plant.speed == 0.0
 
 
-def test_friction_holds_what_stands():
+def test_friction_holds_a_resting_axis():
     plant = Plant(J, FRICTION, DAMPING)
     plant.advance(FRICTION, 1.0)
     plant.advance(-FRICTION, 1.0)

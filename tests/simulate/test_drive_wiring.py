@@ -144,7 +144,7 @@ def test_nothing_turns_again_by_itself():
     assert cell.shown("axis_1", 0x6064) != at
 
 
-def test_frames_of_the_drive_stay_whole_beside_its_process_data():
+def test_frames_of_the_drive_stay_whole_next_to_its_process_data():
     cell = running()
     cell.run(500)
     assert cell.bench.reset_codes("sub") == []
@@ -222,7 +222,7 @@ def test_axes_of_one_device_are_eight_hundred_apart(tmp_path: Path):
     assert cell.shown("axis_1", 0x606C) == 0
 
 
-def test_a_terminal_is_no_drive():
+def test_a_terminal_is_not_a_drive():
     layout = bench(ROBOT).resolution.network.subdevices[1].layout
     assert layout is not None
     assert drive_axes(layout) == ()

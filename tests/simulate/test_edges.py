@@ -95,7 +95,7 @@ def test_an_incident_before_the_first_cycle_is_none(tmp_path: Path):
 
 
 @needs_core
-def test_a_device_without_fsoe_tells_nothing_of_it(tmp_path: Path):
+def test_a_device_without_fsoe_reports_nothing_of_it(tmp_path: Path):
     base = Path(__file__).parents[1] / "diagnostics" / "base"
     text = (base / "timed.yaml").read_text("utf-8").replace("devices/", f"{base}/devices/")
     row = f"  - {{name: other, position: 3, config: {base}/devices/ek1914.yaml}}\nnets:\n"
@@ -139,7 +139,7 @@ def block(index: int) -> Any:
         (block(0x2000), 0),
     ],
 )
-def test_where_parameters_stand(source: Any, place: int):
+def test_places_of_parameters(source: Any, place: int):
     transfer = Facts(source=Facts(block=source))
     port: Any = Facts(is_main=True, setup=Facts(connection=Facts(to_sub=transfer)))
     assert _parameters_at(port) == place
@@ -189,9 +189,7 @@ class Recorder:
         (Action.PRESS, {"target": "reset"}, None),
     ],
 )
-def test_what_a_step_does_to_a_segment(
-    action: Action, more: dict[str, Any], told: tuple[Any, ...] | None
-):
+def test_steps_act_on_a_segment(action: Action, more: dict[str, Any], told: tuple[Any, ...] | None):
     segment: Any = Recorder()
     apply_step([segment], ScenarioStep(span=HERE, at_ns=0, action=action, **more))
     assert segment.told == ([] if told is None else [told])
@@ -206,7 +204,7 @@ def test_what_a_step_does_to_a_segment(
         (Action.NARROW_CLOCK, {"target": "x"}, "this network has no SubDevice 'x'"),
     ],
 )
-def test_what_a_step_may_name_on_a_segment(action: Action, more: dict[str, Any], text: str):
+def test_targets_of_a_step_on_a_segment(action: Action, more: dict[str, Any], text: str):
     names = ScenarioNames(
         safe_inputs={}, safe_outputs={}, inputs={}, outputs={}, subdevices=frozenset("a"),
         devices=frozenset(), connections=frozenset(), groups=frozenset(),
@@ -285,7 +283,7 @@ def test_the_socket_of_an_interface(
     assert sockets.control_socket("eth1") == expected
 
 
-def test_a_socket_that_may_not_be_used_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_a_socket_that_may_not_be_used_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     path = str(tmp_path / "fsn-master-eth1.sock")
     monkeypatch.setattr(sockets, "_sockets", lambda _: iter([path]))
     monkeypatch.setattr(os, "access", lambda *_: False)

@@ -161,7 +161,7 @@ def test_one_changed_byte_is_found_and_named(byte: int, code: ResetCode):
     assert b.network.safe_output(OUT) == 0
 
 
-def test_main_with_another_connection_id_has_to_start_anew():
+def test_main_with_another_connection_id_has_to_restart():
     b = in_data()
     port = b.network.mains[NAME]
     assert isinstance(port.instance.config, MainConfig)
@@ -266,7 +266,7 @@ def test_power_cycle_of_a_sub_recovers():
     assert b.network.safe_output(OUT) == 0
 
 
-def test_standard_inputs_beside_the_frame():
+def test_standard_inputs_next_to_the_frame():
     b = in_data()
     b.network.devices["ek1914"].set_input(3, 49, 1, 1)
     b.run(2)
@@ -295,14 +295,14 @@ def test_two_builds_behave_alike():
     assert {n: io.data for n, io in one.io.items()} == {n: io.data for n, io in two.io.items()}
 
 
-def test_time_is_only_what_it_is_told():
+def test_time_comes_from_the_caller_only():
     b = in_data()
     b.now_ns += 10_000 * MS  # the bus stood still for ten seconds
     b.run(3)
     assert ResetCode.WATCHDOG in b.reset_codes("main") + b.reset_codes("sub")
 
 
-def test_what_follows_the_drive_is_not_set_to_good():
+def test_values_that_follow_the_drive_are_not_set():
     """A status bit that says what the drive was told goes on doing so; another one is set."""
     network = bench(ROBOT).network
     for name, port in network.safe_inputs.items():
@@ -311,7 +311,7 @@ def test_what_follows_the_drive_is_not_set_to_good():
     assert any(port.mirrored for port in network.subs.values())
 
 
-def test_a_device_with_nothing_to_say_is_not_emulated(tmp_path):
+def test_a_device_without_process_data_is_not_emulated(tmp_path):
     shutil.copytree(ESTOP.parent, tmp_path, dirs_exist_ok=True)
     (tmp_path / "coupler.yaml").write_text("vendor_id: 2\nproduct_id: 0x44c2c52\n")
     path = tmp_path / "network.yaml"

@@ -78,7 +78,7 @@ def test_wrong_address_is_shown_with_its_code():
     assert "address" in result.connections[0].last_reset_text
 
 
-def test_failed_expectation_says_what_was_seen_and_where(tmp_path: Path):
+def test_failed_expectation_names_what_was_seen_and_where(tmp_path: Path):
     result = run(
         "estop",
         "version: 1\nduration_s: 0.3\nexpect:\n  - {at_ms: 200, outputs: 'on'}\n"

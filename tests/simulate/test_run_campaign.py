@@ -295,7 +295,7 @@ def test_mistakes_of_a_user(fsn, arguments, code, text):
     assert "Traceback" not in err
 
 
-def test_files_that_are_no_network(fsn, tmp_path):
+def test_files_that_are_not_network(fsn, tmp_path):
     path = tmp_path / "x.yaml"
     path.write_text("version: 1\nname: x\n", "utf-8")
     code, _, err = fsn(str(path))

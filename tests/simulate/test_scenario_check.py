@@ -63,7 +63,7 @@ def test_value_that_fits_no_bits(tmp_path: Path, folder: Path, text: str, hint: 
     assert refused(folder, tmp_path, text) == [("FSN113", hint)]
 
 
-def test_every_mistake_is_told_at_its_place(tmp_path: Path):
+def test_every_mistake_is_reported_at_its_place(tmp_path: Path):
     text = "initial:\n  a: 1\n  b: 1\nsteps:\n  - {at_ms: 1, break: c}\n"
     with pytest.raises(InputError) as caught:
         session_of(ESTOP, text, tmp=tmp_path)

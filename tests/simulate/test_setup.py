@@ -28,7 +28,7 @@ def test_missing_facts_are_chosen():
     assert {s.chosen for s in setups} == {("connection_id", "address", "watchdog_ms")}
 
 
-def test_chosen_numbers_avoid_stated_ones_wherever_they_stand():
+def test_chosen_numbers_avoid_stated_ones_wherever_they_are():
     stated = ConnectionFacts(main="", sub="", connection_id=1, address=2)
     setups = choose_setups(with_facts(load(ROBOT), None, None, None, stated))
     assert [s.main.connection_id for s in setups] == [2, 3, 4, 1]

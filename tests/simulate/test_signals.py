@@ -15,7 +15,7 @@ def test_names_of_a_small_device():
     assert sorted(network.safe_outputs) == ["ek1914.0x7001:01", "ek1914.0x7001:02"]
 
 
-def test_entries_behind_a_crc_have_their_place_in_the_safe_data():
+def test_entries_after_a_crc_have_their_place_in_the_safe_data():
     """Drive frame, 31 bytes: word 2 of the safe data is the position behind two CRCs."""
     sends = bench(ROBOT).network.subs["el6910-drive_1"].sends
     places = {name.partition(".")[2]: (s.bit, s.bits) for name, s in sends.items()}
@@ -28,7 +28,7 @@ def test_entries_behind_a_crc_have_their_place_in_the_safe_data():
     assert places["0x2605:03"] == (96, 16)
 
 
-def test_command_crc_and_connection_id_are_no_safe_data():
+def test_command_crc_and_connection_id_are_not_safe_data():
     sends = bench(ROBOT).network.subs["el6910-drive_1"].sends
     objects = {name.partition(".")[2].partition(":")[0] for name in sends}
     assert not objects & {"0x6760", "0x6768", "0x0000"}

@@ -140,7 +140,7 @@ expect:
     assert [v.seen for v in result.verdicts if not v.held] == []
 
 
-def test_failed_expectation_says_where_what_and_when(tmp_path: Path):
+def test_failed_expectation_names_where_what_and_when(tmp_path: Path):
     result = run(
         ESTOP,
         """\
@@ -179,7 +179,7 @@ expect:
     ]
 
 
-def test_connection_that_is_not_in_data_at_the_end_is_no_pass(tmp_path: Path):
+def test_connection_that_is_not_in_data_at_the_end_is_not_a_pass(tmp_path: Path):
     text = "duration_s: 0.5\nsteps: [{at_ms: 100, break: ek1914}]\n"
     result = run(ESTOP, text, tmp=tmp_path)
     assert result.verdicts == ()
@@ -195,7 +195,7 @@ def test_the_scenario_may_want_it_so(tmp_path: Path):
     assert run(ESTOP, text, tmp=tmp_path).passed
 
 
-def test_steps_behind_the_end_are_told(tmp_path: Path):
+def test_steps_after_the_end_are_reported(tmp_path: Path):
     text = "duration_s: 0.1\nsteps: [{at_ms: 50, press: reset}, {at_ms: 500, release: reset}]\n"
     result = run(ESTOP, text, tmp=tmp_path)
     assert result.events[-1].text == "the run ended before 1 of 2 steps"
@@ -210,7 +210,7 @@ def test_too_many_resets(tmp_path: Path):
     assert rows == [(True, ""), (False, f"{NAME} had 1 reset at 250 ms")]
 
 
-def test_what_came_due_behind_the_last_step_is_judged(tmp_path: Path):
+def test_an_expectation_due_after_the_last_step_is_judged(tmp_path: Path):
     """Live, the last step of the devices comes a little before the end of the run."""
     text = (
         "expect: [{at_ms: 60.4, state: data}, {at_ms: 60.4, outputs: on}, {at_ms: 61, state: data}]"

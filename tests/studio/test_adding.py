@@ -153,7 +153,7 @@ def test_equal_devices_share_a_file_and_no_file_is_replaced(
     assert mine.read_text("utf-8") == "# mine\n"
 
 
-def test_a_device_file_that_somebody_makes_meanwhile_is_kept(
+def test_a_device_file_that_a_person_makes_meanwhile_is_kept(
     new: Workspace, uploads: Uploads
 ) -> None:
     _add(new, uploads, _number(uploads, "EK1914", "as devices report it"))
@@ -245,7 +245,7 @@ def test_a_bus_without_process_data_gets_those_of_the_library(
     assert sub.layout.frame_pairs[0].sent_bytes == 6
 
 
-def test_what_cannot_be_added_says_why(new: Workspace, uploads: Uploads) -> None:
+def test_a_rejected_addition_has_a_reason(new: Workspace, uploads: Uploads) -> None:
     with pytest.raises(InputError, match="no file here has its process data; add its ESI"):
         _add(new, uploads, _number(uploads, "EL6910"))
     with pytest.raises(InputError, match="not here any more; look at the list again"):

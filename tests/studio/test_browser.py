@@ -193,7 +193,7 @@ def test_letters_in_a_number_are_refused_in_words(page: Any, cell: Path) -> None
     _holds(page, "watchdog_ms: 101")
 
 
-def test_errors_stand_before_warnings_and_notes(page: Any) -> None:
+def test_errors_are_before_warnings_and_notes(page: Any) -> None:
     area = page.locator("textarea")
     text = area.input_value()
     area.fill(text.replace("cycle_us:", "foo: 1\ncycle_us:", 1).replace("size: 6", "size: 5", 1))

@@ -130,7 +130,7 @@ TYPED = """async () => {
 }"""
 
 
-def test_what_is_typed_at_once_is_kept(page: Any) -> None:
+def test_fast_typing_is_kept(page: Any) -> None:
     """Before the page has done what it does after it was drawn."""
     page.get_by_role("button", name="Use the e-stop example").click()
     page.get_by_role("button", name="Connection el1918 to ek1914").focus()

@@ -296,7 +296,7 @@ def test_a_role_that_may_not_is_refused_in_words(fake: tuple[FakeMaster, Browser
     assert (answer["outputs"], answer["why"]) == ([], "get: no stable picture of a cycle")
 
 
-def test_control_ends_with_the_connection_and_with_a_refusal_behind_arming(
+def test_control_ends_with_the_connection_and_with_a_refusal_after_arming(
     fake: tuple[FakeMaster, Browser],
 ) -> None:
     master, browser = fake

@@ -52,7 +52,7 @@ def test_each_format_is_what_convert_writes(browser: Browser, path: Path) -> Non
             assert {n: archive.read(n) for n in archive.namelist()} == made.files
 
 
-def test_what_is_not_saved_is_exported_as_it_is_in_the_page(browser: Browser, path: Path) -> None:
+def test_unsaved_text_is_exported_as_in_the_page(browser: Browser, path: Path) -> None:
     offers = browser.json("/api/offers")["offers"]
     number = next(row["number"] for row in offers if row["process_data"] == "device PDO")
     status, state = browser.post("add", {"version": 1, "offers": [number]})
@@ -73,7 +73,7 @@ _COUPLER = b"""<EtherCATInfo><Vendor><Id>2</Id><Name>Maker</Name></Vendor><Descr
 <Mailbox><CoE/></Mailbox></Device></Devices></Descriptions></EtherCATInfo>"""
 
 
-def test_what_an_esi_says_of_starting_a_device_is_exported(browser: Browser) -> None:
+def test_start_commands_of_an_esi_are_exported(browser: Browser) -> None:
     assert browser.give("maker/maker.xml", _COUPLER)[0] == 200
     assert browser.json("/api/offers")["findings"] == []
     where = "/api/export/eni"
@@ -93,7 +93,7 @@ def test_what_an_esi_says_of_starting_a_device_is_exported(browser: Browser) -> 
 
 
 @pytest.mark.parametrize("end", ["", "/download"])
-def test_an_export_that_cannot_be_made_says_why(browser: Browser, end: str) -> None:
+def test_an_export_that_cannot_be_made_gives_the_reason(browser: Browser, end: str) -> None:
     for target, version, words in (
         ("eni", "2", "something else has changed meanwhile"),
         ("eni", "x", "something else has changed meanwhile"),

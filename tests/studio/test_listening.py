@@ -178,7 +178,7 @@ def test_only_its_own_names_and_pages(remote: Remote) -> None:
     assert remote.ask("/login", "POST", "x" * 20_000, **own)[0] == 413
 
 
-def test_plain_http_is_no_way_in(remote: Remote) -> None:
+def test_plain_http_is_not_a_way_in(remote: Remote) -> None:
     with socket.create_connection(("127.0.0.1", remote.port), PATIENCE_S) as connection:
         connection.sendall(b"GET /login HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
         answer = b""
@@ -211,7 +211,7 @@ def test_wrong_passwords_make_the_next_one_wait(
     assert remote.ask("/api/state")[0] == 401
 
 
-def test_what_is_remembered_of_others_is_bounded() -> None:
+def test_memory_of_other_clients_is_bounded() -> None:
     door = login.Login(PASSWORD, "x")
     assert door.password == ""
     first = door._begin()

@@ -89,7 +89,7 @@ def order(browser: Browser, *lines: str) -> None:
     assert (status, answer["error"]) == (200, "")
 
 
-def test_a_page_without_a_run_is_told_what_to_do(browser: Browser) -> None:
+def test_a_page_without_a_run_is_reported_what_to_do(browser: Browser) -> None:
     assert json.loads(browser.ask("/api/live")[2])["run"] is None
     for path in ("stream", "signals", "document"):
         status, _, body = browser.ask(f"/api/live/{path}?source=emulated")
@@ -189,7 +189,7 @@ def test_the_scope_has_every_cycle(browser: Browser, page: Page) -> None:
     assert len({len(row) for row in page.rows}) == 1
 
 
-def test_what_was_seen_is_saved_and_opened_again(browser: Browser, page: Page) -> None:
+def test_a_recording_is_saved_and_opened_again(browser: Browser, page: Page) -> None:
     order(browser, f"local-reset {CONNECTION}")
     page.until(lambda p: p["connections"][0]["resets"] and p["connections"][0]["in_data"])
     for ended in (False, True):
@@ -226,7 +226,7 @@ def test_what_was_seen_is_saved_and_opened_again(browser: Browser, page: Page) -
         ('{"tool": "fsoe-net", "events": [], "subdevices": [1]}', "not a recorded run"),
     ],
 )
-def test_a_file_that_is_no_recorded_run_says_what_makes_one(
+def test_a_file_that_is_not_a_recorded_run_names_what_makes_one(
     browser: Browser, text: str | None, said: str
 ) -> None:
     status, answer = browser.post("live/open", {"text": text})

@@ -62,7 +62,7 @@ def test_the_scope_keeps_ten_seconds_and_begins_again_with_another_run() -> None
     assert ring.since(1, 0)[0]["rows"] == [(5.0, 0)]
 
 
-def test_an_event_without_facts_is_no_state_whatever_its_text() -> None:
+def test_an_event_without_facts_is_not_a_state_whatever_its_text() -> None:
     for text in ("wire: Data · ProcessData", "SubInstance resets: watchdog expired", "outputs on"):
         row = event_row(RunEvent(time_ms=0.0, source="a", text=text, code=8))
         assert (row["kind"], row["end"], row["state"]) == ("other", "", "")
@@ -110,7 +110,7 @@ def wait_for_the_end(feed: EmulatedFeed) -> None:
     assert feed.closed
 
 
-def test_a_run_that_nobody_looks_at_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_no_one_looks_at_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_emulated, "FORGOTTEN_S", 0.0)
     feed = EmulatedFeed(example("estop"), "")
     feed.start()
@@ -118,7 +118,7 @@ def test_a_run_that_nobody_looks_at_ends(monkeypatch: pytest.MonkeyPatch) -> Non
     assert feed.message(0, 0, 0)[0]["events"][-1]["text"] == "ended: no page has listened for long"
 
 
-def test_a_run_that_fails_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_that_fails_gives_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     feed = EmulatedFeed(example("estop"), "")
 
     def fails(_now_ns: int) -> None:
@@ -157,7 +157,7 @@ def test_a_document_holds_numbers_where_numbers_are() -> None:
         recorded_view(bad)
 
 
-def test_what_is_said_beside_the_tables() -> None:
+def test_text_next_to_the_tables() -> None:
     client = SimpleNamespace(text="client 3 reads in the cycle")
     status = SimpleNamespace(
         ring=SimpleNamespace(text="ring open: between a and b"),
@@ -178,7 +178,7 @@ def test_what_is_said_beside_the_tables() -> None:
     assert _title(status) == "fsn-master, soem on eth1"
 
 
-def test_a_scope_without_a_bus_says_so(tmp_path: Path) -> None:
+def test_a_scope_without_a_bus_is_reported(tmp_path: Path) -> None:
     feed = MasterFeed(str(tmp_path / "nobody"))
     with pytest.raises(EnvironmentFault, match="no answer"):
         feed.choose(["a"])

@@ -55,7 +55,7 @@ def _page(browser: Browser, where: str, status: int = 200) -> str:
     return text
 
 
-def test_what_is_beside_a_network_is_known_by_content(path: Path) -> None:
+def test_files_next_to_a_network_are_recognised_by_content(path: Path) -> None:
     kinds = {row.name: row.kind for row in files_beside(str(path))}
     assert kinds == {
         "acceptance.yaml": CompanionKind.RECORD,
@@ -65,7 +65,7 @@ def test_what_is_beside_a_network_is_known_by_content(path: Path) -> None:
     }
 
 
-def test_what_leads_out_of_the_folder_is_left_out(
+def test_links_out_of_the_folder_are_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "cell"

@@ -104,7 +104,7 @@ def _machine(path: Path, number: int) -> dict[str, Any]:
     return dict(yaml.safe_load(text)["steps"][number]["machine"])
 
 
-def test_what_was_entered_survives_tab_and_server(tablet: Any, path: Path) -> None:
+def test_entries_survive_tab_and_server(tablet: Any, path: Path) -> None:
     server = _Restarted(path)
     try:
         page = tablet.new_page()

@@ -105,7 +105,7 @@ def test_a_write_has_a_header_that_no_form_sends(browser: Browser, path: Path) -
     assert "evil" not in path.read_text("utf-8")
 
 
-def test_what_is_too_long_is_refused_before_it_is_read(browser: Browser) -> None:
+def test_too_long_input_is_rejected_before_it_is_read(browser: Browser) -> None:
     status, answer = browser.post("text", {"version": 1, "text": "#" * (MAX_TEXT_BYTES + 1)})
     assert status == 422
     assert "more than 4 MiB" in str(answer["error"])
@@ -174,7 +174,7 @@ def _until(stream, text: bytes) -> None:
     pytest.fail(f"the stream ended before {text!r}")
 
 
-def test_pages_that_come_and_go_are_in_nobody_s_way(
+def test_pages_that_come_and_go_do_not_block_others(
     browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(server_module, "_EVENTS_S", 0.001)

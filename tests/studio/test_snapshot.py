@@ -117,9 +117,7 @@ def _live(socket: Path, *more: str) -> Result:
     return CliRunner().invoke(cli, words)
 
 
-def test_a_running_bus_stands_before_its_network(
-    cell: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_running_bus_is_before_its_network(cell: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(cell.parent)
     with running() as master:
         done = _live(master.path)

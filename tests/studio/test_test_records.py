@@ -82,7 +82,7 @@ def test_a_correction_keeps_what_was_there(path: str) -> None:
     assert enter(path, MachineEntry(step=TRIGGER, before=third, now=third)) == third
 
 
-def test_who_did_not_see_what_is_there_changes_nothing(path: str) -> None:
+def test_an_entry_based_on_an_older_state_changes_nothing(path: str) -> None:
     enter(path, MachineEntry(step=TRIGGER, before=EMPTY, now=DONE))
     text = Path(path).read_bytes()
     with pytest.raises(Conflict) as caught:
@@ -91,7 +91,7 @@ def test_who_did_not_see_what_is_there_changes_nothing(path: str) -> None:
     assert Path(path).read_bytes() == text
 
 
-def test_what_was_read_at_a_subdevice(path: str) -> None:
+def test_readings_of_a_subdevice_are_entered(path: str) -> None:
     blank = {"firmware": "", "serial": "", "safety_project_crc": ""}
     now = {"firmware": "07", "serial": "not applicable: worn", "safety_project_crc": "0x8F1C"}
     assert enter(path, MachineEntry(subdevice="logic", before=blank, now=now)) == now
@@ -116,7 +116,9 @@ def test_what_was_read_at_a_subdevice(path: str) -> None:
         ({"remark": "a\u202eb"}, "does not print"),
     ],
 )
-def test_what_the_file_cannot_hold_is_refused(path: str, wrong: dict[str, str], said: str) -> None:
+def test_an_entry_that_the_file_cannot_hold_is_rejected(
+    path: str, wrong: dict[str, str], said: str
+) -> None:
     text = Path(path).read_bytes()
     with pytest.raises(InputError) as caught:
         enter(path, MachineEntry(step=TRIGGER, before=EMPTY, now=DONE | wrong))
@@ -180,7 +182,7 @@ def test_the_page_makes_shows_and_fills_a_test_record(network: Path) -> None:
         assert browser.get("test-record?file=7")[1]["notes"] == []  # nothing to compare it with
 
 
-def test_a_test_record_of_another_configuration_says_so(network: Path, path: str) -> None:
+def test_a_test_record_of_another_configuration_is_reported(network: Path, path: str) -> None:
     Path(path).write_text(
         Path(path)
         .read_text("utf-8")

@@ -83,7 +83,7 @@ def test_a_change_of_an_older_text_is_refused(estop: Workspace) -> None:
     assert estop.text == text
 
 
-def test_a_file_that_somebody_else_changes_is_never_overwritten(estop: Workspace) -> None:
+def test_a_file_that_another_program_changes_is_never_overwritten(estop: Workspace) -> None:
     path = Path(estop.path)
     theirs = estop.text.replace("estop", "theirs", 1)
     assert not estop.look()
@@ -124,7 +124,7 @@ def test_a_device_file_that_changes_is_checked_again(estop: Workspace) -> None:
 
 
 @pytest.mark.parametrize("data", [b"\xff\xfe", b"a" * (MAX_TEXT_BYTES + 1)])
-def test_what_is_no_text_is_refused(tmp_path: Path, data: bytes) -> None:
+def test_binary_content_is_rejected(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "network.yaml"
     path.write_bytes(data)
     with pytest.raises(InputError):
@@ -158,7 +158,7 @@ def test_too_long_a_text_is_refused_and_nothing_lost(estop: Workspace) -> None:
     assert not estop.can_undo
 
 
-def test_values_are_set_where_they_stand(estop: Workspace) -> None:
+def test_values_are_set_in_place(estop: Workspace) -> None:
     before = estop.text
     for key, value in (("address", 15), ("connection_id", 7), ("watchdog_ms", 120)):
         request = {"change": "set", "connection": 0, "key": key, "value": value}
@@ -242,7 +242,7 @@ def test_a_network_without_nets_gets_one(estop: Workspace) -> None:
         ({"change": "place", "subdevice": "ek1914", "position": 1.5}, "position is a number"),
     ],
 )
-def test_a_request_that_cannot_be_made_says_why(
+def test_a_request_that_cannot_be_made_gives_the_reason(
     estop: Workspace, request_: dict[str, object], text: str
 ) -> None:
     before = estop.text
@@ -251,7 +251,7 @@ def test_a_request_that_cannot_be_made_says_why(
     assert estop.text == before
 
 
-def test_an_item_that_an_anchor_shares_is_changed_where_it_stands(estop: Workspace) -> None:
+def test_an_item_that_an_anchor_shares_is_changed_in_place(estop: Workspace) -> None:
     item = "{name: ek1914, position: 0, config: devices/ek1914.yaml}"
     estop.replace(estop.version, f"x: &shared {item}\n" + estop.text.replace(item, "*shared"))
     estop.change(estop.version, {"change": "place", "subdevice": "ek1914", "position": 2})
@@ -264,7 +264,7 @@ def test_a_part_that_is_not_in_the_file_is_left_to_the_text(estop: Workspace) ->
         row_of([{"name": "ek1914"}], sub)
 
 
-def test_a_text_that_is_no_network_is_kept_and_said(estop: Workspace) -> None:
+def test_a_text_that_is_not_a_network_is_kept_and_said(estop: Workspace) -> None:
     estop.replace(estop.version, "nets: [")
     assert estop.checked.resolution is None
     with pytest.raises(InputError, match="the text is not a valid network at present"):
@@ -434,7 +434,7 @@ def test_no_request_breaks_anything(request_: dict[str, object]) -> None:
         assert not workspace.can_undo
 
 
-def test_a_line_that_somebody_deletes_stays_deleted_whatever_ends_it(tmp_path: Path) -> None:
+def test_a_line_that_a_person_deletes_stays_deleted_whatever_ends_it(tmp_path: Path) -> None:
     """Also a comment, and in a file with the line ends of Windows."""
     file = tmp_path / "network.yaml"
     file.write_bytes(b"version: 1\r\n# gone\r\nname: x\nsubdevices: []\r\n")
@@ -443,7 +443,7 @@ def test_a_line_that_somebody_deletes_stays_deleted_whatever_ends_it(tmp_path: P
     assert workspace.text == "version: 1\r\nname: x\n# new\r\nsubdevices: []\r\n"
 
 
-def test_name_and_cycle_are_changed_where_they_stand(tmp_path: Path) -> None:
+def test_name_and_cycle_are_changed_in_place(tmp_path: Path) -> None:
     """Wherever `version` is, and with what stands behind them."""
     file = tmp_path / "network.yaml"
     text = "name: legs   # the machine\nversion: 1\ncycle_us: 1000  # of SOEM\nsubdevices: []\n"
@@ -453,7 +453,7 @@ def test_name_and_cycle_are_changed_where_they_stand(tmp_path: Path) -> None:
     assert workspace.text == text.replace("legs ", "arm  ").replace("1000", "2000")
 
 
-def test_the_last_subdevice_goes_and_the_blank_line_behind_it_stays(tmp_path: Path) -> None:
+def test_the_last_subdevice_goes_and_the_blank_line_after_it_stays(tmp_path: Path) -> None:
     shutil.copytree(EXAMPLES, tmp_path / "examples")
     workspace = Workspace(str(tmp_path / "examples" / "el6910" / "network.yaml"))
     last = workspace.checked.resolution.network.subdevices[-1].name
@@ -461,7 +461,7 @@ def test_the_last_subdevice_goes_and_the_blank_line_behind_it_stays(tmp_path: Pa
     assert "\n\nnets:\n" in workspace.text
 
 
-def test_of_rows_that_say_the_same_the_one_that_is_meant_goes() -> None:
+def test_the_meant_one_of_equal_rows_is_removed() -> None:
     first, second = {"main": "a"}, {"main": "a"}
     rows = [first, second]
     remove_row(rows, second)

@@ -72,7 +72,7 @@ def test_mistakes_of_people_are_located(
     assert found.span.line > 4
 
 
-def test_what_was_read_at_devices_is_kept_and_asked_for() -> None:
+def test_readings_of_devices_are_kept_and_required() -> None:
     empty, _ = fresh_record(timed())
     old = replace(
         empty,
@@ -213,7 +213,7 @@ WRONG = replace(FINE, outcome=StepOutcome.NOT_AS_EXPECTED)
 
 
 @pytest.mark.shows("R13")
-def test_what_programs_saw_closes_no_step() -> None:
+def test_a_result_of_a_program_closes_no_step() -> None:
     test_record, _ = fresh_record(timed())
     seen = replace(
         test_record, steps=tuple(replace(s, emulated=FINE, live=FINE) for s in test_record.steps)
@@ -254,7 +254,7 @@ def test_a_class_of_faults_is_not_tried_at_the_machine() -> None:
     assert replace(fault, emulated=WRONG, machine=DONE).is_failed
 
 
-def test_what_people_wrote_is_kept_or_nothing_is_written() -> None:
+def test_entries_of_people_are_kept_or_nothing_is_written() -> None:
     fresh, _ = fresh_record(timed())
     written = replace(fresh, steps=(replace(fresh.steps[0], machine=DONE), *fresh.steps[1:]))
     assert keep_machine(fresh, written) == written
@@ -269,7 +269,7 @@ def test_what_people_wrote_is_kept_or_nothing_is_written() -> None:
     assert keep_machine(fresh, empty) == fresh
 
 
-def test_the_page_says_what_is_emulated_and_leaves_room() -> None:
+def test_the_page_names_what_is_emulated_and_leaves_room() -> None:
     test_record, _ = fresh_record(timed())
     strange = replace(test_record.steps[0], subject="<b>", what="a & b")
     page = page_of(replace(test_record, steps=(strange,)))

@@ -69,7 +69,7 @@ def test_losses_are_asked_for_measured_and_marked(network, tmp_path):
     assert "6 of 6 open at the machine" in seen["told"]
 
 
-def test_what_was_measured_is_kept_when_it_breaks_off(network, tmp_path):
+def test_measurements_are_kept_after_an_interruption(network, tmp_path):
     def good(seen):  # nobody has left OP by itself, on a machine that is late
         stayed = "was not in OP" not in seen["left_out"]["file"]
         return stayed and "loss io: as expected" in seen["interrupt"]["told"]
@@ -91,7 +91,7 @@ def test_what_was_measured_is_kept_when_it_breaks_off(network, tmp_path):
 TAKE = "off the bus now"
 
 
-def test_another_configuration_and_nobody_at_a_terminal(network, tmp_path):
+def test_another_configuration_and_no_one_at_a_terminal(network, tmp_path):
     other = tmp_path / "other.yaml"
     other.write_text(network.read_text("utf-8").replace("address: 2", "address: 3"), "utf-8")
     seen = try_test_record("refused", network, other, tmp=tmp_path)

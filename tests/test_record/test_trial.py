@@ -124,7 +124,7 @@ def test_a_function_without_emulated_inputs_stays_open_with_the_reason() -> None
 
 
 @needs_core
-def test_steps_are_told_as_they_begin() -> None:
+def test_steps_are_reported_as_they_begin() -> None:
     resolution = timed()
     empty, plan = fresh_record(resolution)
     told: list[str] = []

@@ -221,7 +221,7 @@ def test_a_connection_that_is_not_in_data_is_said() -> None:
         ({"interface": "", "backend": "emulated"}, "the bus of fsn-master is emulated"),
     ],
 )
-def test_a_rig_is_no_machine(
+def test_a_rig_is_not_a_machine(
     more: dict[str, Any], why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("fsoe_net.live.in_use.network_driver", lambda *_: "veth")
@@ -233,7 +233,7 @@ def test_a_rig_is_no_machine(
         assert step.live is None or step.live.remark.startswith(f"{EMULATED_NOTE}: {why}; ")
 
 
-def test_what_was_seen_before_it_broke_off_is_told() -> None:
+def test_results_before_an_interruption_are_reported() -> None:
     test_record, _ = fresh_record(timed())
     bus = Bus(test_record.plan_sha256)
     kept: list[TestRecord] = []
@@ -321,7 +321,7 @@ def _bus(**more: Any) -> Bus:
     return Bus(fresh_record(timed())[0].plan_sha256, **more)
 
 
-def test_a_connection_that_fsn_master_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_connection_that_fsn_master_does_not_have(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(PAIRS, "logic-io")
     test_record, _ = fresh_record(timed())
     steps = live(Person(_bus()), test_record)

@@ -186,7 +186,7 @@ def test_a_watchdog_that_is_not_stated_has_an_interval(resolution_of: Maker) -> 
     assert one.greatest.ms == 111
 
 
-def test_an_empty_interval_is_told(resolution_of: Maker) -> None:
+def test_an_empty_interval_is_reported(resolution_of: Maker) -> None:
     text = FUNCTION.replace("required_reaction_ms: 300", "required_reaction_ms: 130")
     budget = budget_of(resolution_of(text))
     one = next(c for c in budget.connections if c.connection.sub.name == "el1904")
@@ -241,7 +241,7 @@ def test_a_copy_one_cycle_later(resolution_of: Maker) -> None:
         ("logic, sub: el6910", "logic, sub: drive_1", "no FSoE connection joins el1904"),
     ],
 )
-def test_what_is_missing_is_never_zero(
+def test_a_missing_value_is_never_zero(
     resolution_of: Maker, old: str, new: str, words: str
 ) -> None:
     (row,) = budget_of(resolution_of(FUNCTION.replace(old, new))).functions
@@ -251,7 +251,7 @@ def test_what_is_missing_is_never_zero(
 
 
 @pytest.mark.shows("R10")
-def test_without_a_watchdog_or_cycle_there_is_no_verdict(resolution_of: Maker) -> None:
+def test_without_a_watchdog_or_cycle_there_is_not_a_verdict(resolution_of: Maker) -> None:
     (row,) = budget_of(resolution_of(network=("watchdog_ms: 100}", "slot: 0}"))).functions
     assert "the watchdog of" in row.verdict
     resolution = resolution_of()
@@ -313,7 +313,7 @@ def test_a_judgement_is_data_and_its_words_follow(
         assert start.get(found, "not judged: ") in words
 
 
-def test_what_only_the_printed_formulas_keep_is_above(resolution_of: Maker) -> None:
+def test_times_within_the_printed_formulas_only_are_above(resolution_of: Maker) -> None:
     # Watchdogs of 30 ms: ETG.5100 98 ms, Beckhoff 80 ms; one late, then lost: 142 ms.
     text = FUNCTION.replace("required_reaction_ms: 300", "required_reaction_ms: 110")
     budget = budget_of(resolution_of(text, network=("watchdog_ms: 100", "watchdog_ms: 30")))
@@ -322,7 +322,7 @@ def test_what_only_the_printed_formulas_keep_is_above(resolution_of: Maker) -> N
     assert row.verdict.startswith("above the required reaction time: 142 ms when el6910-el2904")
 
 
-def test_ends_that_no_connection_joins_stand_apart(resolution_of: Maker) -> None:
+def test_ends_that_no_connection_joins_are_apart(resolution_of: Maker) -> None:
     text = FUNCTION.replace("logic, sub: el6910", "logic, sub: drive_1")
     (row,) = budget_of(resolution_of(text)).functions
     assert row.parts.apart == (

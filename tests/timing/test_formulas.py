@@ -31,6 +31,6 @@ def test_a_watchdog_that_is_too_short_survives_nothing() -> None:
 @pytest.mark.parametrize(
     "field", ["device", "logic", "to_logic", "from_logic", "cycle", "watchdog"]
 )
-def test_a_way_refuses_what_is_no_time(field: str, wrong: float) -> None:
+def test_a_way_refuses_what_is_not_a_time(field: str, wrong: float) -> None:
     with pytest.raises(ValueError, match=f"times are finite and not negative: .*{wrong}"):
         SignalWay(**{"device": 4.0, "logic": 2.0, field: wrong})

@@ -198,7 +198,7 @@ def test_of_parallel_inputs_the_longest_watchdog_and_time_count(resolution_of: M
 
 
 @pytest.mark.parametrize(("required", "found"), [(142, Judgement.WITHIN), (141.9, Judgement.ABOVE)])
-def test_what_takes_exactly_the_required_time_is_within(
+def test_exactly_the_required_time_is_within(
     resolution_of: Maker, required: float, found: Judgement
 ) -> None:
     # Watchdogs of 30 ms: late, then lost 60 + 82; ETG.5100 30 + 68; Beckhoff 30 + 30 + 20.
@@ -207,7 +207,7 @@ def test_what_takes_exactly_the_required_time_is_within(
     assert (row.reaction.decides.ms, row.reaction.printed, row.judgement) == (142, 98, found)
 
 
-def test_rounding_of_floating_point_is_no_finding(resolution_of: Maker) -> None:
+def test_rounding_of_floating_point_is_not_a_finding(resolution_of: Maker) -> None:
     # 2 * 5 + (3 * 3.4 + 6 + 4 * 0.3) + 2 * 100 + 6 + 2 * 0.1 ms are 233.6 ms, more as floats.
     functions, network = with_watchdogs(233.6, 100, 100)
     for old, new in (("4,", "3.4,"), ("2,", "0.3,"), ("20,", "0.1,")):
@@ -427,14 +427,14 @@ def test_an_empty_interval_names_what_the_printed_formulas_leave(
 @pytest.mark.parametrize(
     ("sub", "hint"), [("el190", "el1904"), ("valve", "el6910 el1904 el2904 drive_1 drive_2")]
 )
-def test_an_element_that_is_no_subdevice(resolution_of: Maker, sub: str, hint: str) -> None:
+def test_an_element_that_is_not_a_subdevice(resolution_of: Maker, sub: str, hint: str) -> None:
     resolution = resolution_of(FUNCTION.replace("sub: el1904", f"sub: {sub}"))
     found = check_timing(resolution.network, budget_of(resolution))
     (wrong,) = [d for d in found if d.code == "FSN605"]
     assert figures(wrong.hint or "") == hint
 
 
-def test_a_case_says_when_it_takes_that_long() -> None:
+def test_a_case_states_when_it_takes_that_long() -> None:
     late = " is late up to its watchdog"
     assert [
         ResponseCase(way=way, connection=name, ms=1.0).words

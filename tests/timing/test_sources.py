@@ -27,13 +27,13 @@ NAMED = (
 
 @pytest.mark.shows("R28")
 @pytest.mark.parametrize("text", OPEN)
-def test_what_holds_a_place_names_no_source(text: str) -> None:
+def test_a_placeholder_is_not_a_source(text: str) -> None:
     assert not names_a_source(text)
 
 
 @pytest.mark.shows("R28")
 @pytest.mark.parametrize("text", NAMED)
-def test_what_can_be_looked_up_is_a_source(text: str) -> None:
+def test_a_source_names_a_document(text: str) -> None:
     assert names_a_source(text)
 
 

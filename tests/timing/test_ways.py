@@ -187,7 +187,7 @@ def test_all_buses_scale_together(resolution_of: Maker) -> None:
     assert reaction_of(row.times.with_ways(lambda way: way.scaled(2))) == slow.reaction
 
 
-def test_text_and_picture_say_which_buses_count(resolution_of: Maker) -> None:
+def test_text_and_picture_state_which_buses_count(resolution_of: Maker) -> None:
     budget = budget_of(resolution_of())
     text = document_text(budget_document(budget), width=None)
     assert text.startswith(
@@ -242,7 +242,7 @@ def test_an_output_of_the_logic_is_one_way_more(resolution_of: Maker) -> None:
         ),
     ],
 )
-def test_what_has_no_way_is_not_judged(
+def test_a_function_without_a_signal_path_is_not_judged(
     resolution_of: Maker, change: tuple[str, str], words: str
 ) -> None:
     (row,) = budget_of(resolution_of(change)).functions
