@@ -89,7 +89,7 @@ static void other_devices_are_refused(void) {
     refuses(rig, FSN_E_BUS_IDENTITY, "vendor 0x00000003");
     rig = set_up();
     fake.device[0].info.vendor_id = fake.device[0].info.product_code = 0;
-    refuses(rig, FSN_E_BUS_STATE, "could not read who it is");
+    refuses(rig, FSN_E_BUS_STATE, "could not read its identity");
     /* IgH ignores the revision; we check it, at both ends of the range. */
     for (uint32_t revision = 4; revision <= 8; revision += 4) {
         rig = set_up();

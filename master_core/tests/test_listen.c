@@ -427,8 +427,8 @@ static const char *last_words(int fd) {
     "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"too many clients\","                        \
     "\"hint\":\"close one of them\"}\n"
 #define MADE_ROOM                                                                                  \
-    "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: silent, and another client "       \
-    "needed the place\",\"hint\":\"connect again when there is something to ask\"}\n"
+    "{\"ok\":false,\"error\":\"FSN_E_BUSY\",\"text\":\"dropped: silent, and its place "            \
+    "was needed for another client\",\"hint\":\"connect again when there is something to ask\"}\n"
 
 /** A client without activity for five seconds makes room, the longest idle one first; for our user
  *  at once. A client that waits for an answer, or writes, is not idle. */
