@@ -23,8 +23,6 @@ from fsoe_net.cli.write import check_target
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.formats.shared.write_files import write_whole
 
-_NEEDED = ("reports", "test_record", "author", "verifier", "output")
-
 
 @click.group("acceptance", epilog=EPILOG)
 def command() -> None:
@@ -40,18 +38,27 @@ command.add_command(verify)
     "--report",
     "reports",
     multiple=True,
+    required=True,
     type=FILE,
     metavar="FILE",
     help="Signed report: the page and its JSON form. Give the option twice.",
 )
 @click.option(
     "--test-record",
+    required=True,
     type=FILE,
     metavar="FILE",
     help="Test record that was filled in at the machine.",
 )
-@click.option("--author", metavar="NAME", help="Name of the author of the configuration.")
-@click.option("--verifier", metavar="NAME", help="Name of the verifier. Must not be the author.")
+@click.option(
+    "--author", required=True, metavar="NAME", help="Name of the author of the configuration."
+)
+@click.option(
+    "--verifier",
+    required=True,
+    metavar="NAME",
+    help="Name of the verifier. Must not be the author.",
+)
 @click.option(
     "--date",
     "day",
@@ -77,14 +84,14 @@ command.add_command(verify)
 )
 @circumstance_options
 @click.option("--replaces", type=FILE, metavar="FILE", help="Previous acceptance record.")
-@output_option("File to write (.yaml).")
+@output_option("File to write (.yaml).", required=True)
 @click.pass_context
 def record(
     ctx: click.Context,
     /,
     files: tuple[str, ...],
     loading: LoadOptions,
-    output: str | None,
+    output: str,
     overwrite: bool,
     **given: Any,
 ) -> None:
@@ -94,10 +101,6 @@ def record(
     reason for each warning, a test record with all steps done at the machine, and a verifier who
     is not the author. FILES as for `fsoe-net check`.
     """
-    missing = [name for name in _NEEDED if not ctx.params[name]]
-    if missing or output is None:
-        option = next(p for p in ctx.command.params if p.name == missing[0])
-        raise click.MissingParameter(ctx=ctx, param=option)
     check_target(output, overwrite=overwrite)
     folder = os.path.dirname(output) or "."
     made, refusals, before = accept(files, loading, folder=folder, **given)

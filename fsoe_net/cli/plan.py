@@ -70,6 +70,8 @@ def command(
     printed. Without -o the plan is only shown.
     """
     if section is not None:
+        if output or image or fmt != "text":
+            raise click.UsageError("--canonical prints text: leave out -o, --image and --format")
         echo(_canonical(files, loading, section), nl=False)
         return
     if show and output:
