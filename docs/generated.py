@@ -17,6 +17,7 @@ from pathlib import Path
 import click
 
 from fsoe_net.cli.main import GROUPS, cli
+from fsoe_net.cli.options import named_folders
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.rules.effects import effects_today
@@ -24,6 +25,7 @@ from fsoe_net.rules.runtime import Runtime
 
 ROOT = Path(__file__).resolve().parents[1]
 CASES = ROOT / "tests" / "diagnostics"
+named_folders.add(".")  # lines of the files of an example are shown
 MOST = 6  # lines of one run of added or removed ones
 FAMILIES = {
     "1": "Loading",

@@ -32,7 +32,7 @@ def command() -> None:
 command.add_command(verify)
 
 
-@command.command("record")
+@command.command("record", epilog=EPILOG)
 @input_options
 @click.option(
     "--report",
@@ -111,7 +111,7 @@ def record(
     print_record(output, made, before)
 
 
-@command.command("sign")
+@command.command("sign", epilog=EPILOG)
 @click.argument("file", type=FILE, metavar="RECORD")
 @click.option("--key", type=FILE, metavar="KEY", required=True, help="SSH key of this person.")
 @click.option(

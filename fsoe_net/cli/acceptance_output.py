@@ -15,14 +15,15 @@ Example:
   fsoe-net test-record network.yaml --virtual -o test-record.yaml    # then do it at the machine
   fsoe-net report network.yaml --test-record test-record.yaml -o report.html
   fsoe-net report network.yaml --test-record test-record.yaml -o report.json
-  fsoe-net acceptance record network.yaml --test-record test-record.yaml
-      --report report.html --report report.json
-      --author "A. Meier" --author-competence "maker of the cell"
-      --verifier "B. Kaya" --verifier-competence "functional safety engineer"
-      --equipment "oscilloscope 4711" --environment "hall 3" -o acceptance.yaml
-      --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya"
+  fsoe-net acceptance record network.yaml --test-record test-record.yaml \\
+      --report report.html --report report.json \\
+      --author "A. Meier" --author-competence "maker of the cell" \\
+      --verifier "B. Kaya" --verifier-competence "functional safety engineer" \\
+      --equipment "oscilloscope 4711" --environment "hall 3" -o acceptance.yaml \\
+      --justify "FSN607@network.yaml:43=both sheets were read, copies in folder 7 by B. Kaya" \\
       --justify "loss io_box=soldered in, cannot be unplugged by B. Kaya"
 
+\b
 Afterwards:
   fsoe-net acceptance verify network.yaml --accepted acceptance.yaml     # or --socket PATH
   fsoe-net report network.yaml --accepted acceptance.yaml -o report.html # what has changed

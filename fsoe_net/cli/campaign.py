@@ -14,7 +14,7 @@ import click
 from fsoe_net.campaign.trials import CampaignConfig, class_names
 from fsoe_net.cli.campaign_output import EPILOG, print_end, save_recordings, write_report
 from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import FOLDER, output_option, read_by
+from fsoe_net.cli.options import FOLDER, output_option, read_by, refuse_others
 from fsoe_net.cli.progress import progress_bar
 from fsoe_net.cli.replay import print_replay
 from fsoe_net.cli.write import check_target
@@ -68,6 +68,7 @@ from fsoe_net.simulate.device_logic import device_factory, stdout_to_stderr
     "--replay",
     "is_replay",
     is_flag=True,
+    is_eager=True,
     help="FILES are recorded runs of FSoE implementations: compare each with this engine.",
 )
 @click.option(
@@ -105,8 +106,9 @@ def command(
     network.
     """
     if is_replay:
-        if output is not None or fmt == "markdown":
-            raise click.UsageError("--replay prints text or JSON: leave out -o and markdown")
+        refuse_others(ctx, "--replay", "is_replay", "fmt")
+        if fmt == "markdown" or not files:
+            raise click.UsageError("--replay takes recordings (*.jsonl), and prints text or JSON")
         ctx.exit(print_replay(files, fmt))
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no fault put in")

@@ -11,7 +11,14 @@ from fsoe_net.cli.devices import print_devices
 from fsoe_net.cli.init_output import write_network
 from fsoe_net.cli.init_prompt import answered, refuse, report_questions
 from fsoe_net.cli.inputs import master_option, reference_options
-from fsoe_net.cli.options import FILE, FOLDER, INTERFACE, format_option, output_option
+from fsoe_net.cli.options import (
+    FILE,
+    FOLDER,
+    INTERFACE,
+    format_option,
+    output_option,
+    refuse_others,
+)
 from fsoe_net.cli.terminal import echo
 from fsoe_net.cli.write import check_folder
 from fsoe_net.formats.own.options import LoadOptions
@@ -100,10 +107,12 @@ def command(
     """Propose a network from any mix of FILES and write a commented network.yaml.
 
     FILES: any format that `fsoe-net convert` reads, a scan.json, and folders with such files.
+    With --list a FILE is the name or order number of a device.
     Known copies and connections are used. Frames are paired by length and direction if only one
     pairing is possible. You are asked for facts that the files do not contain.
     """
     if is_list:
+        refuse_others(ctx, "--list", "is_list", "own", "fmt")
         print_devices(files, own, fmt)
         return
     if own or fmt != "text":

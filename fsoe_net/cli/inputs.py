@@ -10,11 +10,15 @@ from typing import Any, TypeVar, cast
 
 import click
 
-from fsoe_net.cli.options import NETWORK, NETWORK_FILE
+from fsoe_net.cli.options import NETWORK, NETWORK_FILE, named_folders
 from fsoe_net.formats.own.options import LoadOptions
 from fsoe_net.rules.runtime import Runtime
 
 _F = TypeVar("_F", bound=Callable[..., Any])
+
+
+LOADING = ("packages", "xacro_args", "xacro_env", "trust_xacro")
+"""Names of the options of `reference_options`."""
 
 
 def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
@@ -33,11 +37,16 @@ def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
 
 
 def network_of_folder(
-    _ctx: click.Context, _param: click.Parameter, files: tuple[str, ...]
+    ctx: click.Context, _param: click.Parameter, files: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Take the network of this folder when no file is named."""
-    if files or os.path.isfile(NETWORK):
-        return files or (NETWORK,)
+    if ctx.params.get("is_replay"):
+        return files
+    if files:
+        return files
+    if os.path.isfile(NETWORK):
+        named_folders.add(".")
+        return (NETWORK,)
     raise click.UsageError(f"name a network; there is no {NETWORK} in this folder")
 
 
@@ -59,6 +68,7 @@ def reference_options(function: _F) -> _F:
         trust_xacro: bool,
         **kwargs: Any,
     ) -> Any:
+        named_folders.update(packages.values())
         loading = LoadOptions(
             packages=packages, xacro_args=xacro_args, xacro_env=xacro_env, trust_xacro=trust_xacro
         )

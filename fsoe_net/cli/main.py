@@ -62,6 +62,7 @@ _INSTEAD = {
     "devices": "init --list",
     "fingerprint": "plan",
     "incident": "log incident",
+    "record": "acceptance record",
     "replay": "campaign --replay",
     "self-test": "doctor --self-test",
     "sign": "acceptance sign",

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 from click.shell_completion import CompletionItem
 
 from fsoe_net.model.times import time_ns, time_text
@@ -57,12 +58,25 @@ RUN_TIME = Time("1ms", "168h")
 CYCLE = Time("50us", "1s", bare=False)  # as fsn-master takes it
 
 
+named_folders: set[str] = set()
+"""Folders of the files that the user named; lines of other files are not printed."""
+
+
 class _Path(click.ParamType[str]):
     """A path. Nothing is opened here: the reader reports errors, with one exit code."""
 
     def __init__(self, name: str, completion: str) -> None:
         self.name = name
         self._completion = completion
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str:
+        """Return the path, and note its folder if it is read."""
+        path = str(value)
+        if param is not None and param.name != "output":
+            named_folders.add(path if os.path.isdir(path) else os.path.dirname(path) or ".")
+        return path
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
@@ -79,7 +93,7 @@ class _Folder(_Path):
         """Return the path; fails where a file alone would have a meaning."""
         if value == "-":
             self.fail("- is standard output; name a folder, ./- where it is called so", param, ctx)
-        return str(value)
+        return super().convert(value, param, ctx)
 
 
 class _NetworkFile(_Path):
@@ -89,8 +103,9 @@ class _NetworkFile(_Path):
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> str:
         """Return the path, of a folder that of the network in it."""
-        inside = os.path.join(str(value), NETWORK)
-        return inside if os.path.isfile(inside) else str(value)
+        path = super().convert(value, param, ctx)
+        inside = os.path.join(path, NETWORK)
+        return inside if os.path.isfile(inside) else path
 
 
 NETWORK = "network.yaml"
@@ -199,6 +214,23 @@ def master_socket(socket: str | None, interface: str | None) -> str:
     from fsoe_net.live.sockets import control_socket
 
     return control_socket(interface or "")
+
+
+def refuse_others(ctx: click.Context, flag: str, *names: str) -> None:
+    """Refuse the options that a flag would make useless.
+
+    Args:
+        ctx: Of the command.
+        flag: The flag, such as ``--list``.
+        names: Names of the parameters that go with it, that of the flag itself too.
+
+    Raises:
+        click.UsageError: Another option is given.
+    """
+    for param in ctx.command.params:
+        given = ctx.get_parameter_source(param.name or "") is ParameterSource.COMMANDLINE
+        if given and isinstance(param, click.Option) and param.name not in names:
+            raise click.UsageError(f"{param.opts[-1]} does not go with {flag}")
 
 
 def overwrite_option(function: _F) -> _F:

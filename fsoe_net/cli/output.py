@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from fsoe_net.cli.options import named_folders
 from fsoe_net.cli.terminal import echo
 from fsoe_net.diag.catalogue import CATALOGUE
 from fsoe_net.diag.diagnostic import Diagnostic, Severity
@@ -65,7 +66,8 @@ def _print_text(diagnostics: Sequence[Diagnostic], runtime: Runtime, *, err: boo
         if counts[diagnostic.code] <= _MOST_OF_A_CODE:
             word = f"{diagnostic.level.value}[{diagnostic.code}]"
             level = click.style(word, fg=_COLOUR[diagnostic.level], bold=True)
-            click.echo(finding_text(diagnostic, runtime, level=level), err=err)
+            text = finding_text(diagnostic, runtime, level=level, folders=named_folders)
+            click.echo(text, err=err)
     for code, count in sorted(counts.items()):
         if count > _MOST_OF_A_CODE:
             more = f"{code}: {count - _MOST_OF_A_CODE} more ({CATALOGUE[code].title})"

@@ -6,8 +6,8 @@ import json
 
 import click
 
-from fsoe_net.cli.inputs import input_options
-from fsoe_net.cli.options import format_option, output_option
+from fsoe_net.cli.inputs import LOADING, input_options
+from fsoe_net.cli.options import format_option, output_option, refuse_others
 from fsoe_net.cli.output import print_diagnostics
 from fsoe_net.cli.terminal import echo, show
 from fsoe_net.cli.write import check_target
@@ -53,8 +53,10 @@ the same, not that one is correct; `fsoe-net acceptance verify` compares it."""
     help="Print the text of a section of the fingerprint. Its SHA-256 is the hash of the section.",
 )
 @format_option
+@click.pass_context
 @without_collector
 def command(
+    ctx: click.Context,
     files: tuple[str, ...],
     loading: LoadOptions,
     output: str | None,
@@ -70,12 +72,11 @@ def command(
     printed. Without -o the plan is only shown.
     """
     if section is not None:
-        if output or image or fmt != "text":
-            raise click.UsageError("--canonical prints text: leave out -o, --image and --format")
+        refuse_others(ctx, "--canonical", "section", *LOADING)
         echo(_canonical(files, loading, section), nl=False)
         return
-    if show and output:
-        raise click.UsageError("--show prints a plan; it does not go with -o")
+    if output and (show or image or fmt != "text"):
+        raise click.UsageError("-o writes a plan file: leave out --show, --image and --format")
     if show:
         _show(_read(files), image, fmt)
         return

@@ -7,10 +7,12 @@ import os
 import re
 import stat
 import unicodedata
+from collections.abc import Iterable
 
 from fsoe_net.diag.diagnostic import Span
 from fsoe_net.diag.printable import printable
 
+STDIN = "-"
 _MOST_BYTES = 4 << 20
 _WIDTH = 92  # columns of a line that are shown
 _BEFORE = 60  # of them at most in front of the marked column
@@ -19,13 +21,19 @@ _TOKEN = re.compile(r'"[^"]*"|\'[^\']*\'|</?[\w:.-]+|[^\s,:#<>\[\]{}"\']+')
 _ODD_BREAKS = re.compile("[\x0b\x0c\x85\u2028\u2029]")
 
 
-def excerpt(span: Span) -> list[str]:
+def excerpt(span: Span, folders: Iterable[str]) -> list[str]:
     """Return the line of a place and a line of ``^`` below its text, for a terminal.
 
     Empty where nothing can be shown: a place without a line, and a file that is gone, is not text,
-    or has more than 4 MiB.
+    or has more than 4 MiB; and where it must not be shown. An untrusted file can refer to any file
+    of the user, whose content does not belong in a log.
+
+    Args:
+        span: The place.
+        folders: Folders with files that the user named. Files below them are shown, except hidden
+            ones.
     """
-    if span.line < 1 or span.column < 1:
+    if span.line < 1 or span.column < 1 or not _is_below(span.file, folders):
         return []
     lines = _lines(span.file)
     if span.line > len(lines):
@@ -46,6 +54,17 @@ def excerpt(span: Span) -> list[str]:
         f"{number} | {head}{marked}{tail}".rstrip(),
         f"{' ' * len(number)} | {' ' * _columns(head)}{'^' * max(1, _columns(marked))}",
     ]
+
+
+def _is_below(path: str, folders: Iterable[str]) -> bool:
+    if path == STDIN:
+        return False
+    real = os.path.realpath(path)
+    for folder in folders:
+        inside = os.path.relpath(real, os.path.realpath(folder)).split(os.sep)
+        if not any(part.startswith(".") for part in inside):
+            return True
+    return False
 
 
 def _shown(text: str) -> str:

@@ -53,7 +53,7 @@ class Findings(Sequence[Diagnostic]):
         return f"<Findings: {summary(self._rows) or 'none'}>"
 
     def __str__(self) -> str:
-        """Return what ``fsoe-net check`` prints, without colours."""
+        """Return what ``fsoe-net check`` prints, without colours and lines of files."""
         return "\n".join(finding_text(row, self._runtime) for row in self._rows)
 
     @property
@@ -84,17 +84,24 @@ class Findings(Sequence[Diagnostic]):
         return tuple(row for row in self._rows if row.level is level)
 
 
-def finding_text(d: Diagnostic, runtime: Runtime = Runtime.FSN, *, level: str | None = None) -> str:
+def finding_text(
+    d: Diagnostic,
+    runtime: Runtime = Runtime.FSN,
+    *,
+    level: str | None = None,
+    folders: Iterable[str] = (),
+) -> str:
     """Return a finding as lines: place, message, line of the file, related places, hint, effect.
 
     Args:
         d: The finding.
         runtime: Adds what this runtime does today with the mistake.
         level: Replaces ``error[FSN202]``, such as by the same in colour.
+        folders: Where lines of files may be shown, see `excerpt`.
     """
     level = level or f"{d.level.value}[{d.code}]"
     lines = [f"{printable(str(d.span))}: {level}: {printable(d.message)}"]
-    lines += excerpt(d.span)
+    lines += excerpt(d.span, folders)
     for r in d.related:
         place = "" if r.span == d.span else f"see {r.span}: "
         lines.append(printable(f"  {place}{r.message}"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -276,3 +277,35 @@ def test_documents_come_from_standard_input_and_go_to_standard_output():
 
 def _tool(*words: str) -> list[str]:
     return [sys.executable, "-m", "fsoe_net.cli", *words]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("campaign --replay x.jsonl --seed 3", "--seed does not go with --replay"),
+        ("campaign --replay", "--replay takes recordings"),
+        ("init --list --answers x", "--answers does not go with --list"),
+        ("init --format json", "--device-file and --format belong to --list"),
+        (f"plan {ESTOP} --canonical copies -o x", "--output does not go with --canonical"),
+        (f"plan {ESTOP} --format json -o x", "-o writes a plan file"),
+        ("doctor --self-test --interface x", "leave out --interface"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_a_usage_error(words: str, said: str, tmp_path: Path):
+    done = fsn(*words.split(), cwd=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_line_of_a_file_that_only_another_file_names_is_not_printed(tmp_path: Path):
+    secret = tmp_path / "secret.yaml"
+    device = (EXAMPLES / "estop" / "devices" / "ek1914.yaml").read_text("utf-8")
+    secret.write_text(f"password: hunter2\n{device}", "utf-8")
+    folder = tmp_path / "theirs"
+    folder.mkdir()
+    text = Path(ESTOP).read_text("utf-8").replace("devices/ek1914.yaml", str(secret))
+    (folder / "network.yaml").write_text(text, "utf-8")
+    done = fsn("check", str(folder))
+    assert f"{secret}:1:1: error[FSN109]: unknown key 'password'" in done.stdout
+    assert "hunter2" not in done.stdout + done.stderr

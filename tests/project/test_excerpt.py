@@ -14,7 +14,7 @@ from fsoe_net.project.excerpt import excerpt
 def of(tmp_path: Path, text: str | bytes, line: int, column: int) -> list[str]:
     path = tmp_path / "a.yaml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return excerpt(Span(str(path), line, column))
+    return excerpt(Span(str(path), line, column), [str(tmp_path)])
 
 
 def test_the_word_at_the_column_is_marked(tmp_path: Path):
@@ -75,10 +75,34 @@ def test_a_place_that_cannot_be_shown_has_no_excerpt(
 
 def test_a_pipe_a_folder_and_a_missing_file_have_none(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
-    for path in (tmp_path / "pipe", tmp_path, tmp_path / "none", "-", "/dev/zero", "a\0b"):
-        assert excerpt(Span(str(path), 1, 1)) == []
+    for path in (tmp_path / "pipe", tmp_path, tmp_path / "none", "/dev/zero"):
+        assert excerpt(Span(str(path), 1, 1), ["/"]) == []
+
+
+def test_a_file_with_the_name_of_standard_input_is_not_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "-").write_text("a: 1\n")
+    assert excerpt(Span("-", 1, 1), ["."]) == []
+    assert excerpt(Span("./-", 1, 1), ["."]) != []
+
+
+@pytest.mark.parametrize("file", ["secret.yaml", "in/.hidden", "in/.ssh/key", "in/link.yaml"])
+def test_a_file_that_the_user_did_not_name_is_not_shown(tmp_path: Path, file: str):
+    (tmp_path / "in" / ".ssh").mkdir(parents=True)
+    (tmp_path / "secret.yaml").write_text("password: hunter2\n")
+    (tmp_path / "in" / "link.yaml").symlink_to(tmp_path / "secret.yaml")
+    path = tmp_path / file
+    if not path.exists():
+        path.write_text("password: hunter2\n")
+    assert excerpt(Span(str(path), 1, 1), [str(tmp_path / "in")]) == []
+    assert excerpt(Span(str(path), 1, 1), []) == []
 
 
 def test_a_file_that_changed_is_read_again(tmp_path: Path):
     assert of(tmp_path, "a: 1\n", 1, 1)[0] == "    1 | a: 1"
-    assert of(tmp_path, "a: 12\n", 1, 1)[0] == "    1 | a: 12"
+    path = tmp_path / "a.yaml"
+    path.write_text("b: 2\n")
+    os.utime(path, ns=(1, 1))  # the same size, another time
+    assert excerpt(Span(str(path), 1, 1), [str(tmp_path)])[0] == "    1 | b: 2"
