@@ -313,7 +313,6 @@ def _steps(g: Grounds, whole: str, out: _Gathered) -> None:
     errors = [d for d in g.test_record_findings if d.level is Severity.ERROR]
     for d in errors:
         out.refuse(f"{d.code} at {d.span}: {d.message}", d.hint)
-    # Results of another configuration do not count at all.
     if g.test_record.fingerprint == whole:
         for step in g.test_record.steps:
             _step(step, g, out)

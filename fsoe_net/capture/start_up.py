@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from typing import BinaryIO
 
 from fsoe_net.capture.cycles import Cycles, FramePlace
+from fsoe_net.core.module import compiled
 from fsoe_net.diag.diagnostic import Severity, Span
 from fsoe_net.diag.words import counted
 from fsoe_net.errors import InputError
@@ -42,6 +43,7 @@ def load_capture(source: Source, out: Collector, *, name: str = "<capture>") -> 
             PDOs that do not fit. The line of a place is the number of the packet.
         name: Name shown when ``source`` is bytes.
     """
+    compiled()  # a missing core must not end the work in the middle of a file
     if isinstance(source, bytes):
         return read_stream(name, io.BytesIO(source), out)
     path = os.fspath(source)

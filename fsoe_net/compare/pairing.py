@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -28,9 +28,9 @@ def pair_by(
         unique: Pair only rows whose key is unique on both sides.
         fits: Whether two rows with the same key can be partners; default: all.
     """
-    waiting: dict[Hashable, list[int]] = {}
+    waiting: dict[Hashable, deque[int]] = {}
     for other, partner in right.items():
-        waiting.setdefault(key(partner), []).append(other)
+        waiting.setdefault(key(partner), deque()).append(other)
     counts = Counter(key(row) for row in left.values())
     pairs = []
     for number, row in list(left.items()):

@@ -113,7 +113,9 @@ class _Project:
 
         def fits(mine: DescribedConnection, row: DescribedConnection) -> bool:
             """Whether the two are not known to be different devices."""
-            device = self.resolution.network.subdevices[mine.sub or 0].device
+            if mine.sub is None:
+                return True
+            device = self.resolution.network.subdevices[mine.sub].device
             order = self.order(row)
             if device is None or not order:
                 return True

@@ -139,14 +139,24 @@ def _sdos(rows: Iterable[Sdo | PlanSdo]) -> Sdos:
     return {(s.index, s.subindex): (s.size_bytes, s.value) for s in rows}
 
 
-def _end(number: int, managers: Managers | None, sm_index: int, bit: int) -> SideEnd:
-    """Return an end of a copy by its entry, which keeps its address when it moves."""
-    manager = (managers or {}).get(sm_index)
-    if manager is not None and manager.complete:
-        for placed in manager.placed:
-            if placed.bit_offset == bit and not placed.entry.is_gap:
-                return SideEnd(number, placed.entry.address)
-    return SideEnd(number, f"SM{sm_index} bit {bit}")
+class _Ends:
+    """Ends of copies by their entries, which keep their addresses when they move."""
+
+    def __init__(self) -> None:
+        self._addresses: dict[tuple[int, int], dict[int, str]] = {}
+
+    def at(self, number: int, managers: Managers | None, sm_index: int, bit: int) -> SideEnd:
+        """Return an end; the entries of a sync manager are read once, for copies without number."""
+        manager = (managers or {}).get(sm_index)
+        if manager is not None and manager.complete:
+            found = self._addresses.get((number, sm_index))
+            if found is None:
+                rows = (row for row in reversed(manager.placed) if not row.entry.is_gap)
+                found = {row.bit_offset: row.entry.address for row in rows}
+                self._addresses[number, sm_index] = found
+            if bit in found:
+                return SideEnd(number, found[bit])
+        return SideEnd(number, f"SM{sm_index} bit {bit}")
 
 
 # -- networks -------------------------------------------------------------------------------------
@@ -234,10 +244,11 @@ def side_of_plan(
     managers = _plan_managers(plan)
     connections = _plan_connections(plan, managers)
     addresses = _addresses(connections)
+    ends = _Ends()
 
     def end(sm_number: int, bit: int) -> SideEnd:
         sm = plan.sync_managers[sm_number]
-        return _end(sm.subdevice, managers[sm.subdevice], sm.index, bit)
+        return ends.at(sm.subdevice, managers[sm.subdevice], sm.index, bit)
 
     return Side(
         format="plan",
@@ -384,10 +395,11 @@ def _plan_connections(plan: Plan, managers: Sequence[Managers]) -> list[Describe
 def side_of_description(description: Description) -> Side:
     """Return the side for the content of another tool's file."""
     subdevices = tuple(_described(s) for s in description.subdevices)
+    ends = _Ends()
 
     def end(row: DescribedEnd) -> SideEnd:
         managers = subdevices[row.subdevice].managers
-        return _end(row.subdevice, managers, row.sm_index, row.bit_offset)
+        return ends.at(row.subdevice, managers, row.sm_index, row.bit_offset)
 
     copies = None
     if description.copies or description.format == "eni":

@@ -21,7 +21,8 @@ def compiled() -> tuple[Any, Any]:
     except ImportError as exc:
         raise CoreMissing(
             f"the compiled part of fsoe-net is missing ({exc}); run `make demo` once, or "
-            "`pip install .` in the source tree. `check`, `plan` and `explain` work without it"
+            "`pip install .` in the source tree. `check`, `plan` and `explain` work without it "
+            "(captures do not)"
         ) from exc
     return _core.ffi, _core.lib
 

@@ -68,7 +68,7 @@ def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
     score = 80 if seen.found is Found.STATE else 93
     if e.plan is None or seen.name not in (e.plan.main, e.plan.sub):
         # A device of another connection explains this incident only in part.
-        score -= 40  # of another connection
+        score -= 40
     return score
 
 

@@ -350,7 +350,7 @@ _ROWS = (
     ),
     (
         "mapping_shifted",
-        "The frames of {device} are next to the planned bytes: its mapping is shifted.",
+        "The frames of {device} are not at the planned bytes: its mapping is shifted.",
         "{name} never comes up; the bytes at the planned place are not an FSoE frame.",
         "Compare PDO order, padding and gaps of {device} with its slave configuration.",
         "Correct the slave configuration (a missing or extra padding entry) and compile again.",
@@ -382,7 +382,7 @@ _ROWS = (
     ),
     (
         "local_reset",
-        "{device} has reset {name} itself (code 0): no frame had a fault.",
+        "{device} has reset {name} itself (code 0): it reported no fault in a frame.",
         "The connection drops without an error and comes back.",
         "Was the safety program stopped, changed, or the connection switched off in it?",
         "Nothing if it was intended; otherwise read the log of {device}.",

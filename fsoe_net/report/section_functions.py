@@ -163,8 +163,8 @@ def _parts(row: FunctionBudget) -> Table:
 
 
 def function_test(row: FunctionBudget, inputs: ReportInputs) -> Verdict:
-    # Only the trigger tries the function as a whole; other steps try its parts.
     """Summarise the result of a safety function's trigger at the machine."""
+    # Only the trigger tries the function as a whole; other steps try its parts.
     steps = [s for s in _steps(row, inputs) if s.kind is StepKind.TRIGGER]
     # From worst to best: one failed step outweighs all others.
     if any(s.is_failed for s in steps):

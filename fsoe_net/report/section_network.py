@@ -133,9 +133,8 @@ def _entries(inputs: ReportInputs, mains: set[str], subs: set[str]) -> list[Devi
     devices = () if tried is None or not tried.fits else tried.test_record.devices
     read = {d.subdevice: d for d in devices}
     names = dict.fromkeys(s.name for s in resolution.network.subdevices)
-    # Only a MainInstance has a safety project with a CRC to read.
+    # Couplers without an FSoE end have nothing to read; only a MainInstance has a project CRC.
     blank = {
-        # Couplers without an FSoE end have nothing that people must read at them.
         name: DeviceEntry(subdevice=name, safety_project_crc="" if name in mains else None)
         for name in names
         if name in mains | subs
@@ -189,7 +188,6 @@ def _subdevices(
         ]
         device = s.device
         vendor: Item = Verdict("not stated", Level.OPEN)
-        # Files without identity leave the verdict open: the device is not checked at start.
         product: Cell = (vendor,)
         if device is not None:
             vendor = _identity(device.vendor_id)

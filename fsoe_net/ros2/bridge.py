@@ -171,6 +171,7 @@ class Bridge:
                 with Client(self._path) as client:
                     self._follow(client)
             except EnvironmentFault:  # reported by the state of the bus
+                self._joints = ()
                 self._ending.wait(_AGAIN_S)
 
     def _follow(self, client: Client) -> None:
@@ -196,6 +197,7 @@ class Bridge:
                 self._publish(rows[-1], topics, joints, shown)
             # A silent bus may have another plan when it returns: topics are made again.
             elif time.monotonic() - silent_since > _AGAIN_S:
+                self._joints = ()
                 return
 
     def _publish(

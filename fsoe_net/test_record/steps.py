@@ -209,7 +209,7 @@ def compare_test_record(given: TestRecord, fresh: TestRecord, out: Collector) ->
         words = f"made for another configuration ({before}) than these files give ({now})"
         out.add("FSN161", given.at(key), words, hint=anew)
         # Each step would differ as well; one finding is enough.
-        return  # its steps are those of that one
+        return
     steps = {step.id: step for step in given.steps}
     for step in fresh.steps:
         if step.id not in steps:

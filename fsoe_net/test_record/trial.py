@@ -39,7 +39,7 @@ class Trial:
         resolution: The network.
         plan: Its plan.
         fingerprint: Fingerprint of the plan.
-        test record: With the results so far, also during a run.
+        test_record: With the results so far, also during a run.
     """
 
     resolution: Resolution

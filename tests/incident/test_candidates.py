@@ -393,7 +393,7 @@ BOTH_DAMAGED = link(
                 (
                     "local_reset",
                     78,
-                    "logic has reset a itself (code 0): no frame had a fault.",
+                    "logic has reset a itself (code 0): it reported no fault in a frame.",
                     "logic reset with code 0, all frames before were right",
                 ),
                 (

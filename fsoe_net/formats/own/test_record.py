@@ -49,7 +49,7 @@ def check_entry(step: TestStep, out: Collector) -> None:
             "FSN161",
             machine.at("measured_ms"),
             f"step {step.id}: {machine.measured_ms:g} ms is longer than the limit of "
-            f"{step.limit_ms:g} ms, and the result is as expected",
+            f"{step.limit_ms:g} ms, but the entered result is `as expected`",
             hint="write `result: not as expected` and find the cause, or correct the time",
         )
     if missing := _missing(machine):
