@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -77,29 +78,23 @@ class Bridge:
         self._joint_topic = f"{options.namespace}/joint_states"
         self._joints: tuple[Joint, ...] = ()
         self._yields = False
-        self._attachment = Attachment(path)
+        self.control: NodeControl | None = None
         self.recording: McapFile | None = None
-        try:
-            self.control = NodeControl(path) if options.allow_control else None
+        # A bridge that is half open would keep its threads alive.
+        with ExitStack() as opened:
+            self._attachment = Attachment(path)
+            opened.callback(self._attachment.close)
+            if options.allow_control:
+                self.control = NodeControl(path)
+                opened.callback(self.control.close)
             if options.record is not None:
                 self.recording = McapFile(options.record)
+                opened.callback(self.recording.close)
             self._node = Node(options.domain, here_only=options.here_only, recording=self.recording)
-        # A node that is half open would keep the thread of the attachment alive.
-        except EnvironmentFault:
-            self._attachment.close()
-            raise
-        if self.control is not None:
-            for word in ("start", "stop", "restart"):
-                self._node.serve(
-                    f"{self._prefix}/{word}",
-                    (TriggerRequest, TriggerResponse),
-                    self.control.bus_request(word),
-                )
-            self._node.serve(
-                f"{self._prefix}/set_parameters",
-                (SetParametersRequest, SetParametersResponse),
-                self._set_parameters,
-            )
+            opened.callback(self._node.close)
+            if self.control is not None:
+                self._serve(self.control)
+            self._opened = opened.pop_all()
         # Values have a thread of their own: diagnostics must appear even if no value arrives.
         self._values = threading.Thread(target=self._follow_values, name="values", daemon=True)
         self._values.start()
@@ -120,12 +115,20 @@ class Bridge:
         """Leave; ``fsn-master`` continues, outputs set by nodes take their stop values."""
         self._ending.set()
         self._values.join()
-        self._node.close()
-        if self.control is not None:
-            self.control.close()
-        self._attachment.close()
-        if self.recording is not None:
-            self.recording.close()
+        self._opened.close()
+
+    def _serve(self, control: NodeControl) -> None:
+        for word in ("start", "stop", "restart"):
+            self._node.serve(
+                f"{self._prefix}/{word}",
+                (TriggerRequest, TriggerResponse),
+                control.bus_request(word),
+            )
+        self._node.serve(
+            f"{self._prefix}/set_parameters",
+            (SetParametersRequest, SetParametersResponse),
+            self._set_parameters,
+        )
 
     def look(self, stop: threading.Event | None = None) -> BusView:
         """Wait a moment, then publish the state of the bus and return it.

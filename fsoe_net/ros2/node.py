@@ -10,7 +10,9 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
+from uuid import UUID
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.core import DDSException, InstanceState, Listener, Policy, Qos
@@ -32,11 +34,14 @@ HERE = """<CycloneDDS><Domain Id="any">
 <Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
 _DEPTH = 10  # of rmw_qos_profile_default and rmw_qos_profile_services_default
 _FOUND_S = 1.0
-_MOST_OFFERS = 10_000  # publishers of a domain that are looked at
+_MOST_CHANGES = 10_000  # publishers that came or went, handled at a time
 _OURS = "fsoe_net"  # name of each writer
 _MOST_UNREADABLE = 1000  # one after the other; then others have their turn
 _WAIT = duration(milliseconds=100)
+# `cyclonedds` converts the QoS of an endpoint in buffers that all threads of a process share.
+_conversion = threading.Lock()
 
+_T = TypeVar("_T")
 Received = Callable[[Any, str], None]
 """Gets a message, and a text that identifies the process that sent it."""
 
@@ -86,6 +91,7 @@ class Node:
                 "and what does CYCLONEDDS_URI say?"
             ) from exc
         self._offers = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
+        self._others: dict[UUID, str] = {}  # topic of each publisher that is not of fsoe-net
         self._writers: dict[str, DataWriter] = {}
         self._readers: dict[object, Received] = {}
         self._arrivals: queue.SimpleQueue[DataReader | None] = queue.SimpleQueue()
@@ -120,13 +126,22 @@ class Node:
 
     def has_other_publisher(self, topic: str) -> bool:
         """Return whether a program other than fsoe-net publishes a topic now."""
-        rows = self._offers.read(_MOST_OFFERS)
-        return any(
-            row.topic_name == f"rt{topic}"
-            and row.sample_info.instance_state == InstanceState.Alive
-            and Policy.EntityName(_OURS) not in row.qos
-            for row in rows
-        )
+        # Only what changed: each read of a row costs `cyclonedds` memory that it never gives back.
+        # One at a time: those that are taken with one that cannot be decoded would be lost with it.
+        for _ in range(_MOST_CHANGES):
+            rows = read_endpoints(lambda: self._offers.take(1))
+            if rows is None:
+                self.unreadable += 1
+                continue
+            if not rows:
+                break
+            (row,) = rows
+            alive = row.sample_info.instance_state == InstanceState.Alive
+            if alive and Policy.EntityName(_OURS) not in row.qos:
+                self._others[row.key] = row.topic_name
+            else:
+                self._others.pop(row.key, None)
+        return f"rt{topic}" in self._others.values()
 
     def subscribe(self, topic: str, message: type[IdlStruct], received: Received) -> object:
         """Have messages handled as they come, the newest of a process that sends faster."""
@@ -199,10 +214,19 @@ class Node:
         return None
 
 
+def read_endpoints(read: Callable[[], _T]) -> _T | None:
+    """Return what a function reads of other endpoints, or ``None`` where it cannot be decoded."""
+    with _conversion:
+        try:
+            return read()
+        except Exception:  # whatever bytes of the network do to the decoder of a QoS
+            return None
+
+
 def _sender(reader: DataReader, message: IdlStruct) -> str:
     """Return who sent it: its participant, and where that has gone already, its publisher."""
     handle = message.sample_info.publication_handle
-    found = reader.get_matched_publication_data(handle)
+    found = read_endpoints(lambda: reader.get_matched_publication_data(handle))
     return str(handle if found is None else found.participant_key)
 
 
@@ -210,7 +234,8 @@ def _wait_for_reader(writer: DataWriter, participant: str) -> None:
     """Wait until the caller's reader is known: its writer may have been found before it."""
     until = time.monotonic() + _FOUND_S
     while time.monotonic() < until:
-        rows = map(writer.get_matched_subscription_data, writer.get_matched_subscriptions())
+        handles = writer.get_matched_subscriptions()
+        rows = (read_endpoints(partial(writer.get_matched_subscription_data, h)) for h in handles)
         if participant in {str(row.participant_key) for row in rows if row is not None}:
             return
         time.sleep(0.005)

@@ -38,7 +38,9 @@ def reset(network, _other):
         cut_s = time.time()
         (name,) = (name for name in rows if name.startswith("connection "))
         at_s, rows = next(picture for picture in found if picture[1][name].level == 2)
-        seen = {"after_s": at_s - cut_s, "text": rows[name].message}
+        while "last Reset: " not in rows[name].message:  # its AL state may be first
+            _, rows = next(found)
+        seen = {"after_s": at_s - cut_s}
         for _, rows in found:  # a SubDevice is polled more slowly
             if rows["SubDevice el1918"].level == 2:
                 break

@@ -15,14 +15,19 @@ class Found:
             BuiltinTopicDcpsSubscription,
         )
 
+        from fsoe_net.ros2.node import read_endpoints
+
+        self._read_endpoints = read_endpoints  # a bridge in this process reads too
         self._participant = participant  # what is in it goes with it
         self._writers = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
         self._readers = BuiltinDataReader(participant, BuiltinTopicDcpsSubscription)
 
     def offers(self) -> set[str]:
-        return {row.topic_name for row in self._writers.read(100)}
+        return self._names(self._writers)
 
     def requests(self) -> set[str]:
         """Topics somebody else subscribes to."""
-        names = {row.topic_name for row in self._readers.read(100)}
-        return {name for name in names if not name.startswith("DCPS")}
+        return {name for name in self._names(self._readers) if not name.startswith("DCPS")}
+
+    def _names(self, reader: Any) -> set[str]:
+        return {row.topic_name for row in self._read_endpoints(lambda: reader.read(100)) or ()}

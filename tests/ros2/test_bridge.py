@@ -127,6 +127,40 @@ def test_joints_are_left_to_another_node_that_publishes_them(robot: Master) -> N
             pass
 
 
+def test_an_endpoint_that_cannot_be_decoded_hides_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`cyclonedds` raises where an entity has a name that is not UTF-8."""
+    bool_message = SIGNALS[SignalKind.BOOL]
+    with own_domain() as domain, contextlib.closing(node.Node(domain, here_only=True)) as here:
+        offers: Any = here._offers
+        convert, seen = offers._cqos_conv, []
+
+        def fails_once(pointer: Any) -> Any:
+            seen.append(pointer)
+            return convert(pointer) if len(seen) > 1 else b"\xff".decode()
+
+        monkeypatch.setattr(offers, "_cqos_conv", fails_once)
+        for topic in ("/a", "/b"):
+            here.publish(topic, bool_message(True))
+        monkeypatch.setattr(node, "_OURS", "another")  # each is one of another program
+        assert not here.has_other_publisher("/a")  # the first, which could not be decoded
+        assert here.has_other_publisher("/b")
+        assert here.unreadable == 1
+        here._writers.clear()
+        while here.has_other_publisher("/b"):
+            pass
+
+
+def test_two_threads_may_read_endpoints(robot: Master) -> None:
+    """`cyclonedds` converts QoS in buffers of the process; a name was read while it was freed."""
+    with bridged(robot.path, allow_control=True) as domain, listening(domain) as found:
+        request = "std_srvs::srv::dds_::Trigger_Request_"
+        with Peer("send", domain, "rq/cell/restartRequest", request):
+            for _ in range(2000):
+                found.offers()
+            while "rt/diagnostics" not in found.offers():  # the bridge still runs
+                pass
+
+
 def test_topics_can_have_a_namespace_and_no_joints(robot: Master) -> None:
     done = _command(
         "--socket", robot.path, "--duration", "300ms", "--namespace", "left/arm", "--no-joints"
