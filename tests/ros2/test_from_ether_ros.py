@@ -21,7 +21,7 @@ from ros2.rig import own_domain
 from tied import tied
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "howto" / "from-ether-ros.md").read_text("utf-8")
+PAGE = (ROOT / "docs" / "reference" / "ether-ros.md").read_text("utf-8")
 COMMANDS = [
     line.removeprefix("$ ")
     for block in re.findall(r"^```console\n(.*?)^```", PAGE, re.M | re.S)
