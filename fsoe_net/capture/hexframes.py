@@ -131,6 +131,7 @@ def follow_frames(frames: Iterable[HexFrame]) -> Iterator[FollowedFrame]:
     rows = list(frames)
     lengths = _lengths(rows)
     monitor = Monitor(safe_data_length(lengths[0]), safe_data_length(lengths[1]))
+    # A first frame without a direction is then one of the main.
     last = 1
     for frame in rows:
         direction = frame.direction
@@ -152,6 +153,7 @@ def follow_frames(frames: Iterable[HexFrame]) -> Iterator[FollowedFrame]:
             direction=direction,
             verdict=verdict,
             state=monitor.state,
+            # The monitor already holds the number of the next frame.
             sequence=before(monitor.sequence(direction)) if numbered else 0,
             lengths=lengths,
             note=_note(pdu) if verdict is CrcVerdict.UNCHECKED else "",

@@ -73,6 +73,7 @@ def _present(network: NetworkConfig, scan: Scan) -> tuple[NetworkConfig, Scan]:
     }
     if not absent:
         return network, scan
+    # A scan may list an absent SubDevice as silent; those after it are one place further.
     found = (t for t in scan.subdevices if not (t.is_silent and t.planned in absent))
     rows = tuple(replace(there, position=place) for place, there in enumerate(found))
     left = tuple(sub for sub in network.subdevices if sub.name not in absent)
@@ -206,6 +207,7 @@ def _aliases(out: FindingList, network: NetworkConfig, scan: Scan) -> None:
 def _same_place(out: FindingList, match: Match) -> None:
     """FSN414 that only the bus shows: one SubDevice named by its alias and by its position."""
     first: dict[int, SubDevice] = {}
+    # Without an alias first, so that the finding is where the alias is given.
     for sub, found in sorted((*match.pairs, *match.other), key=lambda row: row[0].alias):
         there = first.setdefault(found.position, sub)
         if there is sub:

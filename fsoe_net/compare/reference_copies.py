@@ -92,6 +92,7 @@ class _Copies:
     ) -> None:
         size = row.transfer.size_bytes
         found = [sources.get(byte) for byte in _own(row.destination, size)]
+        # All copies that the transfer touches count as used before the first difference ends this.
         for known in found:
             if known is not None:
                 self.used.setdefault(known[1], row)
@@ -176,6 +177,7 @@ def check_slots(
         main, sub = connection.main.name, connection.sub.name
         if sub in reported:
             continue
+        # Two exchanged partners are one mistake and get one finding.
         back = [c.sub.name for c, name, _ in wrong if c.main.name == main and name == sub]
         more = ""
         if back == [partner]:

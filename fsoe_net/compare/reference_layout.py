@@ -56,6 +56,7 @@ def compare_layout(
     if is_setup:
         side.compare_watchdogs()
     side.compare_default_sizes()
+    # Other modules than the default ones may be in the slots, so a difference is not a mistake.
     if row.facts.modular:
         return [
             r if r.code == "FSN441" else replace(r, hint=_MODULES, severity=Severity.INFO)
@@ -218,6 +219,7 @@ class _Side:
         """FSN439: PDOs on another sync manager; one finding for each pair of sync managers."""
         place = {f.index: f.sm for f in self.row.facts.pdos if f.sm is not None}
         for number, sm in self.theirs.items():
+            # The assignment counts more than the sync manager that a PDO states as its default.
             place.update((p.index, number) for p in sm.pdos or ())
         moves: dict[tuple[int, int], list[Pdo]] = {}
         for planned, pdos in self.ours:
@@ -323,6 +325,7 @@ class _Side:
         facts = self.facts.get(pdo.index)
         fixed = facts is not None and facts.fixed
         free = facts is not None and not fixed
+        # Only padding differs: every entry is right, but those after it are at other bits.
         gap = _without_gaps(pdo) == _without_gaps(there)
         severity = None
         if gap:

@@ -264,6 +264,7 @@ class _Check:
             vendor_id=vendor_id,
             product_code=product_code,
             name=row.name or row.order,
+            # The match only needs to know whether there are process data, not how many.
             sms=tuple(
                 ScannedSm(index=sm, kind="outputs", size_bytes=1) for sm in _numbers(row.device)
             ),
@@ -376,6 +377,7 @@ class _Check:
         for remark in remarks:
             known = self.remarks.setdefault((remark.code, remark.span, remark.text), (remark, []))
             known[1].append(sub.name)
+            # A note about DefaultSize does not make the copies doubtful.
             if remark.code != "FSN441":
                 self.blamed.add(sub.name)
 

@@ -151,6 +151,7 @@ class _Ends:
         if manager is not None and manager.complete:
             found = self._addresses.get((number, sm_index))
             if found is None:
+                # Reversed: entries without a length share a bit, and the first one counts.
                 rows = (row for row in reversed(manager.placed) if not row.entry.is_gap)
                 found = {row.bit_offset: row.entry.address for row in rows}
                 self._addresses[number, sm_index] = found
@@ -379,6 +380,7 @@ def _plan_connections(plan: Plan, managers: Sequence[Managers]) -> list[Describe
                 name=c.name,
                 main=None if c.main == NONE else c.main,
                 sub=None if c.sub == NONE else c.sub,
+                # A logic has one slot for both directions of a connection.
                 slot=first if first == second else None,
                 address=c.address,
                 connection_id=c.connection_id,
@@ -402,6 +404,7 @@ def side_of_description(description: Description) -> Side:
         return ends.at(row.subdevice, managers, row.sm_index, row.bit_offset)
 
     copies = None
+    # An ENI without copies copies nothing; other files without copies do not state them.
     if description.copies or description.format == "eni":
         copies = tuple(
             SideCopy(

@@ -51,6 +51,7 @@ def document_html(document: Document) -> str:
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}'
         '</title><meta name="viewport" content="width=device-width,initial-scale=1">'
         f"<style>{STYLE}</style></head><body{kind}>\n"
+        # Browsers repeat thead and tfoot on each printed page: head and foot without a script.
         '<table class="sheet" role="presentation"><thead>'
         f'<tr><td><div class="pagehead">{" · ".join(h for h in head if h)}</div></td></tr></thead>'
         f'<tfoot><tr><td><div class="pagefoot">{foot}</div></td></tr></tfoot><tbody><tr><td>\n'
@@ -147,6 +148,7 @@ def _table(table: Table) -> str:
 def _row(table: Table, row: Sequence[Cell], sources: Sources) -> str:
     cells = []
     for n, (column, cell) in enumerate(zip(table.columns, row, strict=True)):
+        # On a narrow screen the style shows data-head in front of each cell.
         label = f' data-head="{escape(column.title + sources.head(n))}"'
         kinds = ["num"] * column.number + ["hand"] * any(map(_is_blank, cell))
         kind = f' class="{" ".join(kinds)}"' if kinds else ""

@@ -207,6 +207,7 @@ class _FittedTable:
             )
         for row in self._rows:
             table.add_row(*(row[n] for n in shown))
+        # Plain text has all columns, even beyond the width of the console.
         yield from console.render(table, options.update(max_width=width))
         left = [c.title for n, c in enumerate(self._columns) if n not in shown]
         if left:
@@ -216,6 +217,7 @@ class _FittedTable:
         """Return the columns that fit, by their number."""
         shown = list(range(len(self._columns)))
         while sum(needs[n] + _GAP for n in shown) - _GAP > width:
+            # The least important column goes first; rank 0 is never left out.
             last = max(shown, key=lambda n: self._columns[n].rank)
             if self._columns[last].rank == 0:
                 break

@@ -178,6 +178,7 @@ class LogSelection:
 def log_lines(stream: Readable) -> Iterator[LogLine]:
     """Yield the lines of a file; of one that is too long only its length and hash."""
     at = 0
+    # One byte more than an entry may have: its newline.
     while data := stream.readline(_LINE_BYTES + 1):
         at += 1
         size = len(data)
@@ -237,6 +238,7 @@ class LogChain:
         file = self._files[-1]
         entry = _entry_of(line, file.name)
         if entry is None:
+            # Judged with the next entry: fsn-master describes torn bytes in an entry `torn`.
             self._torn.add(file.name, line)
             return None
         self._compare(entry)
@@ -257,6 +259,7 @@ class LogChain:
     def end(self) -> LogCheck:
         """Return the result, after all lines were taken."""
         torn = self._torn
+        # Only the end of the last file may be incomplete: fsn-master may be writing it.
         if torn.size_bytes and not torn.ends and torn.file == self._files[-1].name:
             self._remarks.append(
                 f"{torn.file}:{torn.line}: the last line is incomplete: it is being written, or "
@@ -312,6 +315,7 @@ class LogChain:
         elif entry.number > before.number + 1:
             text = f"{_numbers(before.number + 1, entry.number - 1)} missing before entry "
             text += str(entry.number)
+        # A new log without a predecessor is not a moved line, although its number falls.
         elif entry.number == 1 and stated is None:
             text = f"another log begins here, after entry {before.number}"
         elif entry.number <= before.number:
@@ -355,6 +359,7 @@ class LogChain:
             return
         if self._latest is not None and (self._latest - now).total_seconds() > _BACK_S:
             self._back += 1
+        # Also after a step back: entries are compared with their predecessor, so it counts once.
         self._latest = now
 
 
@@ -399,9 +404,11 @@ def _entry_of(line: LogLine, file: str) -> LogEntry | None:
     row = _object(line.data) if line.data is not None and line.ends else None
     if row is None:
         return None
+    # `previous` is null in entry 1 and must be present: a missing one becomes 0, which is invalid.
     number, event, previous = row.get("number"), row.get("event"), row.get("previous", 0)
     if (
         not isinstance(number, int)
+        # JSON true is an int in Python.
         or isinstance(number, bool)
         or not 0 < number <= _MOST_NUMBER
         or not isinstance(event, str)
@@ -445,6 +452,7 @@ def _is_id(value: object) -> bool:
 def _object(data: bytes) -> dict[str, Any] | None:
     """Return the JSON object of a line, whose keys are there once; ``None``: it is not one."""
     try:
+        # fsn-master writes no NaN, no 1e999 and no key twice; readers of JSON differ on all three.
         row = json.loads(
             data.decode("utf-8"),
             parse_constant=_finite,

@@ -44,6 +44,7 @@ def check_ends(ctx: Context) -> None:
         if row.source.subdevice is not None and row.destination.subdevice is not None:
             _masters(ctx, row)
         if len(ctx.diagnostics) > before:
+            # Rules that follow skip blamed pairs: one mistake gets one finding.
             ctx.blame(row)
 
 
@@ -172,6 +173,7 @@ def _start_at(
         if block.frame_bytes == row.transfer.size_bytes
         and (name, block.key) not in ctx.used_blocks()
     ]
+    # `--fix` applies these edits: with two unused frames of this size, either could be meant.
     if len(free) != 1 or free[0].command is not placed.entry:
         return ()
     endpoint, entry = end.endpoint, placed.entry
@@ -193,6 +195,7 @@ def _distance(
         f"{index:04x}{subindex:02x}",
         f"{placed.entry.index:04x}{placed.entry.subindex:02x}",
     )
+    # A wrong digit (4) is likelier than another frame size (6) or another kind of entry (20).
     score = 4 * sum(a != b for a, b in zip(text_a, text_b, strict=True))
     block = sm.block_at(placed.bit_offset)
     is_command = block is not None and block.command is placed.entry
@@ -223,6 +226,7 @@ def _direction(
         return  # FSN401 has named the cause
     reads_output = source.sm.sm.direction is Direction.OUTPUT
     writes_input = destination.sm.sm.direction is Direction.INPUT
+    # First: with equal ends, findings about the direction would name the wrong mistake.
     if reads_output and source.subdevice is destination.subdevice and _overlap(row):
         ctx.unsure_nets.add(row.net_number)
         ctx.add(

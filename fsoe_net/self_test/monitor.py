@@ -208,5 +208,6 @@ class PythonMonitor:
     def _continues(self, side: _Side, pdu: Pdu, sequence: int) -> bool:
         if sequence == side.guess or side.guess == 0:
             return side.guess != 0
+        # The collision rule skips a number whose CRC_0 equals the last one of this direction.
         collides = self._crcs(pdu, side.guess)[0] == side.own
         return collides and sequence == advance(side.guess)

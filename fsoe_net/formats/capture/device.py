@@ -45,6 +45,7 @@ def describe_station(station: Station, path: str, out: Collector) -> DescribedSu
     image = read_sii_categories(data, read.span, damage)
     from_sii = describe_sii(image, path, read.span, damage)
     read.notes += [f"its EEPROM: {d.message}" for d in damage.diagnostics]
+    # Categories that were not read could hold the PDOs that count.
     managers = _managers(read, from_sii if whole else None, findings)
     layout = _settled(read, managers)
     vendor, product, revision, serial = (_identity(read, name) for name in _IDENTITY)
@@ -139,6 +140,7 @@ def _managers(
         row = _enabled(row)
         listed = station.assigned(number) if number in _PROCESS_DATA else None
         sii = stored.get(number)
+        # With any sync manager in sight, one that was not written is not in use.
         in_eeprom = sii is not None and bool(sii.pdos) and not registers
         if row is None and not listed and not in_eeprom:
             continue
@@ -164,6 +166,7 @@ def _enabled(row: Manager | None) -> Manager | None:
 
 
 def _watchdog(row: Manager | None, direction: Direction) -> Watchdog:
+    # Only writes of the MainDevice trigger the watchdog, so inputs have none.
     if row is None or row.control is None or direction is not Direction.OUTPUT:
         return Watchdog.DEFAULT
     return Watchdog.ENABLE if row.control & _WATCHDOG else Watchdog.DISABLE

@@ -100,6 +100,7 @@ class Ring:
         self.count = datagram.address or None
         register, data = datagram.register, datagram.data
         if datagram.command == DatagramCommand.BWR:
+            # Kept for SubDevices that are seen later: the broadcast has set their registers also.
             kept = register in FMMUS or register in MANAGERS or register == _AL_CONTROL
             if kept and len(self._for_all) < len(FMMUS):
                 self._for_all[register] = data
@@ -119,6 +120,7 @@ class Ring:
             fits = self.count is None or (position + datagram.address) & 0xFFFF == self.count
             if fits and position <= 0x7FFF:
                 return position
+        # The packet that was sent is missing from the capture: the ring size gives the position.
         if self.count is None:
             return None
         position = (self.count - datagram.address) & 0xFFFF
@@ -155,6 +157,7 @@ class Ring:
         address = int.from_bytes(data[:2], "little")
         if len(data) < 2 or not address:
             return
+        # Other addresses for another number of SubDevices: the bus started again.
         if self._assigned_with not in (None, self.count) and station.address != address:
             self.restarted = packet
             place = station.position

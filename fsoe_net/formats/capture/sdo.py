@@ -55,6 +55,7 @@ def _service(mailbox: bytes) -> tuple[int, bytes] | None:
     """Return service and body of a CoE mailbox."""
     length = int.from_bytes(mailbox[:2], "little")
     body = mailbox[6 : 6 + length]
+    # CoE header (2) and SDO command with its data (8).
     if len(body) != length or length < 10 or mailbox[5] & 0x0F != _COE:
         return None
     return body[1] >> 4, body[2:]
@@ -113,6 +114,7 @@ class SdoFollower:
 
     def _begin(self, written: bool, body: bytes) -> None:
         index, subindex = _place(body)
+        # Bit 4 is complete access (ETG.1000.6).
         now = _Transfer(index, subindex, written, bool(body[0] & 0x10))
         if written:
             _take_first(now, body)
@@ -122,10 +124,12 @@ class SdoFollower:
         now.started = True
         if not now.written:
             _take_first(now, body)
+        # Up to four bytes, or all in one mailbox: no segments follow.
         enough = now.size is not None and len(now.data) >= now.size
         return self._done(now) if enough else None
 
     def _continued(self, now: _Transfer, kind: int, body: bytes) -> CapturedSdo | None:
+        # The same answer may be read from the mailbox again and must not count twice.
         now.toggle = None
         if now.written and kind == _DOWNLOADED_SEGMENT:
             now.data += now.segment
@@ -153,6 +157,7 @@ class SdoFollower:
 
     def _abort(self, body: bytes) -> SdoAbort | None:
         now = self._now
+        # An abort may come without its object, with index and subindex 0.
         if now is None or _place(body) not in ((now.index, now.subindex), (0, 0)):
             return None
         self._now = None
@@ -166,6 +171,7 @@ class SdoFollower:
 
 def _take_first(now: _Transfer, body: bytes) -> None:
     """Take the data of a first message: up to four bytes instead of the size, or after it."""
+    # Bit 1: data instead of the size; bit 0: size given; bits 2 and 3: unused bytes of the four.
     if body[0] & 2:
         unused = body[0] >> 2 & 3 if body[0] & 1 else 0
         now.data += body[4 : 8 - unused]

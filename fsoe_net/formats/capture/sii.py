@@ -42,6 +42,7 @@ class SiiReads:
         for place in range(max(register, _ADDRESS), min(end, _DATA)):
             self._address[place - _ADDRESS] = data[place - register]
         if register <= _CONTROL + 1 < end:
+            # Bits 8 … 10 of the control word: 1 reads, 2 writes, 4 reloads (ETG.1000.4).
             operation = data[_CONTROL + 1 - register] & 7
             if operation == _READ:
                 self._at = int.from_bytes(self._address, "little")
@@ -52,6 +53,7 @@ class SiiReads:
     def status(self, control: int) -> None:
         """Take the control word as read on the bus."""
         self._ready = not control & (_BUSY | _REFUSED)
+        # The controller reads 8 bytes at once instead of 4.
         self._wide = bool(control & _WIDE)
 
     def read(self, register: int, data: bytes) -> None:
@@ -108,6 +110,7 @@ class SiiReads:
             if kind is None or length is None or at + 2 + length > _MOST_WORDS:
                 whole = False
                 break
+            # Some images end in zeros without an end mark.
             if kind == 0 and length == 0:
                 break
             known = self._beginning(at + 2, length)

@@ -108,6 +108,7 @@ def read_cyclic(element: Element, parts: EniParts, out: Collector) -> None:
     cycle = xml_number(element.first("CycleTime"), out)
     if cycle and (parts.cycle_us is None or cycle < parts.cycle_us):
         parts.cycle_us = cycle
+    # Some files have their commands directly in Cyclic, without Frame.
     for frame in (element, *element.all("Frame")):
         for cmd in frame.all("Cmd"):
             if cmd.children:
@@ -128,6 +129,7 @@ def _command(cmd: Element, parts: EniParts, out: Collector) -> None:
             )
         for info in infos.all("CopyInfo"):
             _copy(info, parts, out)
+    # A MainDevice polls mailbox states with a logical read of its own: not process data.
     if code not in _LOGICAL or address is None or address == parts.mailbox_address:
         return
     parts.commands.append(
@@ -142,6 +144,7 @@ def _command(cmd: Element, parts: EniParts, out: Collector) -> None:
 
 
 def _length(cmd: Element, out: Collector) -> int:
+    # A command has either its data, two hex digits a byte, or only their length.
     data = cmd.first("Data")
     if data is not None:
         return len(data.text.strip()) // 2

@@ -332,9 +332,11 @@ def _registers(commands: Element | None, out: Collector) -> tuple[tuple[Fmmu, ..
         if code not in _WRITES or register is None:
             continue
         if register == _DC_ACTIVATION:
+            # Start-up stops the clock with 0 before it is set; the value that starts it counts.
             activate = int.from_bytes(_hex(cmd.first("Data"), out)[:2], "little") or activate
         if register in _FMMU_REGISTERS and register % 16 == 0:
             data = _hex(cmd.first("Data"), out)
+            # One write may set several FMMUs of 16 bytes; byte 12 of each activates it.
             for at in range(0, min(len(data), 256) - 12, 16):
                 fmmu = _fmmu(data[at : at + 16])
                 if fmmu is not None:
@@ -375,6 +377,7 @@ def _sdos(
         data = _hex(cmd.first("Data"), out)
         if any(index in group for group in _ASSIGNMENT):
             assigning += 1
+            # Complete access begins at subindex 0 but writes entries also.
             objects.add((index, max(subindex, int(_is_complete(cmd)))))
         elif len(data) not in _FORMATS or _is_complete(cmd):
             other += 1

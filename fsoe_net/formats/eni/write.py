@@ -91,6 +91,7 @@ def _copy_bits(
             name = description.subdevices[end.subdevice].name
             raise InputError(f"{name}: Sm{end.sm_index} holds no {direction.value} to copy")
         piece, command = found
+        # A MainDevice copies when the source has returned, so CopyInfos belong to that command.
         address = command.address if direction is Direction.INPUT else address
         if end.bit_offset + copy.bits > piece.layout.bits:
             name = description.subdevices[end.subdevice].name
@@ -108,6 +109,7 @@ def _lines(
     yield '<EtherCATConfig Version="1.3">'
     yield "<Config>"
     yield "<Master><Info><Name>Master</Name><Destination>ffffffffffff</Destination>"
+    # Bytes in the order of memory: 0x88A4 is EtherCAT.
     yield "<Source>000000000000</Source><EtherType>a488</EtherType></Info>"
     yield from _master_commands()
     yield "</Master>"
@@ -118,6 +120,7 @@ def _lines(
     cycle_us = description.cycle_us or _DEFAULT_CYCLE_US
     clocked = [s.position or 0 for s in description.subdevices if s.device.assign_activate]
     for number, sub in enumerate(description.subdevices):
+        # IgH and SOEM also take the first SubDevice with distributed clocks as the reference.
         reference = bool(clocked) and sub.position == min(clocked)
         yield from slave_lines(sub, pieces.get(number, []), cycle_us, reference=reference)
     yield "<Cyclic>"
@@ -130,6 +133,7 @@ def _lines(
     yield "<ProcessImage>"
     for direction, name in ((Direction.INPUT, "Inputs"), (Direction.OUTPUT, "Outputs")):
         yield f"<{name}>"
+        # An LRW has one offset in both images, so both have the same size.
         yield f"<ByteSize>{layout.size_bytes}</ByteSize>"
         for command in layout.commands:
             for piece in command.pieces:
@@ -145,6 +149,7 @@ def _master_commands() -> Iterator[str]:
     """Commands to all SubDevices that clear the state of an earlier start."""
     yield "<InitCmds>"
     for comment, code, ado, size in (
+        # The working counter of any BRD is the number of SubDevices; the register does not matter.
         ("read the number of SubDevices", BRD, 0x0130, 2),
         ("clear station addresses", BWR, 0x0010, 2),
         ("clear FMMUs", BWR, 0x0600, 256),
@@ -185,6 +190,7 @@ def _names(subs: list[DescribedSubDevice]) -> str:
 
 def _command(command: WrittenCommand, copies: list[tuple[int, int, int]]) -> Iterator[str]:
     yield "<Cmd>"
+    # Inputs are valid from SAFEOP on; outputs take effect in OP only (ETG.1000.6).
     yield f"<State>SAFEOP</State><State>OP</State><Cmd>{_LRW}</Cmd><Addr>{command.address}</Addr>"
     yield f"<DataLength>{command.length}</DataLength><Cnt>{command.counter}</Cnt>"
     yield f"<InputOffs>{command.offset}</InputOffs><OutputOffs>{command.offset}</OutputOffs>"

@@ -73,6 +73,7 @@ def al_state(transition: str, station: int) -> Iterator[str]:
 
 def download(sdo: Sdo, comment: str = "") -> str:
     """Return a start-up SDO."""
+    # Negative values are sent in two's complement.
     value = sdo.value & ((1 << 8 * sdo.size_bytes) - 1)
     data = value.to_bytes(sdo.size_bytes, "little").hex()
     said = f"<Comment>{comment}</Comment>" if comment else ""
@@ -94,6 +95,7 @@ def _list(index: int, values: list[int], size_bytes: int, what: str) -> Iterator
 
 def pdo_mapping(pdo: Pdo) -> Iterator[str]:
     """Write the entries of a PDO: index, subindex and bits of each in 4 bytes."""
+    # ETG.1000.6: padding is mapped as subindex 0 of its index, with its length in bits.
     entries = [e.index << 16 | (0 if e.is_gap else e.subindex << 8) | e.bits for e in pdo.entries]
     yield from _list(pdo.index, entries, 4, f"PDO 0x{pdo.index:04x}")
 

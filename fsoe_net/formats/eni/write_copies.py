@@ -35,6 +35,7 @@ class _Cmd:
         if self.values.get("Cmd") not in _READS or offset is None:
             return range(0)
         data = self.values.get("Data", "")
+        # A command has either its data, two hex digits a byte, or only their length.
         length = len(data) // 2 or _number(self.values.get("DataLength", "")) or 0
         first = 8 * offset + header_bits
         return range(first, first + 8 * length)
@@ -55,6 +56,8 @@ def replace_copies(
     """
     encoding = _UTF16.get(data[:2])
     if encoding is not None:
+        # Edits look for single bytes such as `>`. The XML declaration still names UTF-16, which the
+        # encoding given to expat overrides.
         text = data[2:].decode(encoding).encode("utf-8")
         changed = _replaced(text, list(copies), header_bits, "utf-8")
         return data[:2] + changed.decode("utf-8").encode(encoding)
@@ -93,6 +96,7 @@ def _edits(
     data: bytes, command: _Cmd, copies: list[tuple[int, int, int]]
 ) -> list[tuple[int, int, bytes]]:
     """Return what to put where, in one command."""
+    # The new lines take the line break and the indent of this file: a diff shows only copies.
     last = command.end
     while last > 0 and data[last - 1] in _BLANK:
         last -= 1
@@ -105,6 +109,7 @@ def _edits(
         return [(last, last, line + indent + _STEP + new if line else new)] if copies else []
     edits = []
     for number, (start, end) in enumerate(command.infos):
+        # All copies go into the first CopyInfos; others are removed with the blanks before them.
         if copies and number == 0:
             edits.append((start, end, new))
             continue
@@ -177,6 +182,7 @@ class _Finder:
         here = self._parser.CurrentByteIndex
         if self._in_command():
             command = self.commands[-1]
+            # The first of several counts, as the reader of ENIs takes it.
             command.values.setdefault(name, "".join(self._text).strip())
             if name == "CopyInfos":
                 end = self._data.index(b">", here) + 1

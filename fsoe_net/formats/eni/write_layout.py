@@ -58,6 +58,7 @@ class EniLayout:
 
 def _outputs_first(sub: DescribedSubDevice) -> list[SmLayout]:
     """Return the sync managers with data, outputs before inputs; together they fit a datagram."""
+    # A sync manager of unknown length must not pass as an empty one; it is rejected below.
     group = [m for m in sub.device.layout.managers if m.bits or not m.complete]
     if not all(m.complete for m in group):
         raise InputError(f"{sub.name}: a PDO without entries has no known length")
@@ -79,9 +80,11 @@ def lay_out(description: Description, header_bytes: int) -> EniLayout:
     for number, sub in enumerate(description.subdevices):
         group = _outputs_first(sub)
         size = sum(m.size_bytes for m in group)
+        # A SubDevice is never split over two commands: each counts its reads and writes once.
         if not commands or commands[-1].length + size > _MAX_DATAGRAM:
             if commands:
                 offset += commands[-1].length + header_bytes
+                # With headers the image is the frame as sent, working counters included.
                 offset += _COUNTER_BYTES if header_bytes else 0
             commands.append(WrittenCommand(address=logical, offset=offset))
         command = commands[-1]

@@ -19,9 +19,12 @@ from fsoe_net.formats.eni.write_layout import Piece
 from fsoe_net.model.bus import Direction, Pdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice, StartFacts
 
+# Station address of position 0, as in ENIs of TwinCAT.
 _FIRST_ADDRESS = 1001
+# Control byte (ETG.1000.4): bit 2 is written by the MainDevice, bit 5 signals the application.
 _CONTROL = {Direction.OUTPUT: 0x24, Direction.INPUT: 0x20}
 _WATCHDOG_BIT = 0x40
+# The same with 2 in bits 0 and 1: one buffer with handshake instead of three.
 _MAILBOX_CONTROL = (0x26, 0x22)
 _POLL_MS = 20
 _SYNC0 = 0x0200  # of AssignActivate: SYNC0 is generated
@@ -46,6 +49,7 @@ def slave_lines(
     yield "<Info>"
     yield f"<Name>{plain_text(sub.name)}</Name>"
     yield f"<PhysAddr>{_station(position)}</PhysAddr>"
+    # Each SubDevice adds 1 and the one that reads 0 is addressed (ETG.1000.4).
     yield f"<AutoIncAddr>{-position & 0xFFFF}</AutoIncAddr>"
     if start.physics:
         yield f"<Physics>{plain_text(start.physics)}</Physics>"
@@ -109,6 +113,7 @@ def _process_data(sub: DescribedSubDevice, pieces: list[Piece], start: StartFact
         for pdo in sub.device.pdos_of(sm):
             yield from _pdo(pdo, kind, f" Sm={quoteattr(str(sm.index))}")
     for pdo in sub.available:
+        # Without a sync manager only the number shows the direction: 0x1A00 … 0x1BFF are TxPDOs.
         yield from _pdo(pdo, "TxPdo" if 0x1A00 <= pdo.index < 0x1C00 else "RxPdo", "")
     yield "</ProcessData>"
 
@@ -186,6 +191,7 @@ def _init_commands(
     yield register(
         "IP", APWR, -position & 0xFFFF, 0x0010, station, comment="set the station address"
     )
+    # PREOP needs the mailbox, so its windows are written before that state is requested.
     if start.mailbox is not None:
         windows = (start.mailbox.to_sub, start.mailbox.from_sub)
         for number, ((first, size), usual) in enumerate(
@@ -196,6 +202,7 @@ def _init_commands(
                 "IP", FPWR, address, 0x0800 + 8 * number, data, comment=f"mailbox SM{number}"
             )
     yield from al_state("IP", address)
+    # A SubDevice checks process data when SAFEOP is requested, so all below comes before it.
     for number, piece in enumerate(pieces):
         yield register(
             "PS", FPWR, address, 0x0600 + 16 * number, _fmmu(piece), comment=f"FMMU {number}"
@@ -210,6 +217,7 @@ def _init_commands(
                 "PS", FPWR, address, 0x0800 + 8 * sm.index, data, comment=f"SM{sm.index}"
             )
     if period_ns is not None:
+        # Before 0x0980, which starts SYNC0 with the period that it finds.
         data = period_ns.to_bytes(4, "little") + bytes(4)
         yield register("PS", FPWR, address, 0x09A0, data, comment="SYNC0 period")
     if sub.device.assign_activate:
@@ -221,11 +229,13 @@ def _init_commands(
 
 
 def _sm_register(start: int, size: int, control: int) -> bytes:
+    # Start, length, control, status, activate (1: enabled), PDI control.
     return start.to_bytes(2, "little") + size.to_bytes(2, "little") + bytes((control, 0, 1, 0))
 
 
 def _fmmu(piece: Piece) -> bytes:
     sm = piece.layout.sm
+    # Access as an FMMU has it: 1 read, 2 write by the MainDevice.
     kind = 1 if sm.direction is Direction.INPUT else 2
     last_bit = 7 if piece.layout.bits % 8 == 0 else piece.layout.bits % 8 - 1
     return (

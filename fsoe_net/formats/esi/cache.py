@@ -80,6 +80,7 @@ def keep_catalogue(sha256: str, catalogue: EsiCatalogue) -> None:
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
             os.replace(temporary, path)  # readers see the old file or the whole new one
+        # Also on Ctrl-C, so that the folder does not fill with temporary files.
         except BaseException:
             os.unlink(temporary)
             raise
@@ -134,6 +135,7 @@ def _row(row: Any, size: int) -> EsiRow | None:
             right = type(value) is int and value >= 0
         if not right:
             return None
+    # The offsets cut the ESI file, so they must lie inside it.
     if row["kind"] not in ("device", "module") or not row["offset"] < row["end"] <= size:
         return None
     return EsiRow(**row)

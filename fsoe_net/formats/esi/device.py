@@ -88,6 +88,7 @@ class _DeviceReader:
         module: Callable[[int, Span], Element | None],
     ) -> DescribedSubDevice | None:
         pdos, sdos = self._part(self._element, PartReader(self._out))
+        # Reversed, so that of two PDOs with one number the first counts.
         self._at = {(p.pdo.index, p.direction): n for n, p in reversed([*enumerate(pdos)])}
         idents: list[int] = []
         added = False
@@ -179,6 +180,7 @@ class _DeviceReader:
         return pdos, sdos
 
     def _is_too_much(self, place: SlotPlace) -> bool:
+        # A small file can name one large module for thousands of slots.
         if self._entries <= _MAX_ENTRIES:
             return False
         message = f"the modules before slot {place.number} have more than {_MAX_ENTRIES} entries"
@@ -257,9 +259,11 @@ class _DeviceReader:
                 direction: Direction | None = Direction.OUTPUT
             elif word in ("inputs", "mboxin"):
                 direction = Direction.INPUT
+            # Without a word the control byte shows the use; a start of 0 means that it is not used.
             elif control is None or not start:
                 direction = None
             else:
+                # Bits 2 and 3: 1 is written by the MainDevice (ETG.1000.4).
                 direction = Direction.OUTPUT if control & 0x0C == 0x04 else Direction.INPUT
             mailbox = word.startswith("mbox") or (
                 not word and control is not None and control & 0x03 == 0x02
@@ -352,6 +356,7 @@ class _DeviceReader:
                 self._contradiction(pdo, message, hint, earlier)
             seen[index, pdo.direction] = pdo
             by_index[index] = pdo
+            # Either of the two PDOs may state the exclusion.
             unwanted.update((e, pdo) for e in pdo.excludes if e != index)
 
     def _contradiction(
@@ -378,6 +383,7 @@ class _DeviceReader:
         modes = clock.all("OpMode") if clock is not None else []
         if not modes:
             return 0
+        # TwinCAT also takes the first mode unless another one is chosen.
         if len(modes) > 1:
             names = ", ".join(name_of(m)[:40] for m in modes[:8])
             self._note(f"of the clock modes {names} the first is taken")
@@ -428,6 +434,7 @@ def _numbers(managers: list[Element], name: str, high: int) -> dict[int, int]:
 
 def _mailbox(mailbox: Element, managers: list[Element]) -> MailboxFacts | None:
     windows: dict[str, tuple[int, int]] = {}
+    # The mailbox is on SM0 and SM1 (ETG.1000.6).
     for sm in managers[:2]:
         start, size = _number(sm, "StartAddress", 0xFFFF), _number(sm, "DefaultSize", 0xFFFF)
         if start and size:

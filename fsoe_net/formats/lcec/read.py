@@ -56,6 +56,7 @@ def load_lcec(
         return None
     names = [_names_of(e, n, out) for n, e in enumerate(masters)]
     known = listed([" or ".join(row) for row in names])
+    # No name given is the empty text, which the first master matches.
     chosen = next((n for n, row in enumerate(names) if master in (*row, "")), None)
     if chosen is None:
         message = f"this file has no master {master!r}"
@@ -133,6 +134,7 @@ class _Master:
             ]
             if wanted:
                 logics.append(_Logic(number, wanted))
+        # Nanoseconds in the file.
         period = _number(self._element, "appTimePeriod", self._out)
         return Description(
             span=self._element.span,
@@ -255,6 +257,7 @@ class _Master:
                 hint='write idx="2" dir="out" or dir="in"',
             )
             return None
+        # SM0 and SM1 without PDOs are the mailbox.
         if index < 2 and not pdos:
             return None
         return SyncManager(

@@ -23,7 +23,9 @@ from fsoe_net.model.description import DescribedConnection, DescribedSubDevice, 
 from fsoe_net.model.names import Names
 
 _DEFAULT_CYCLE_US = 1000
+# IgH keeps the length of an entry in one byte (ec_pdo_entry_info_t).
 _LONGEST_BITS = 255
+# Types for which linuxcnc-ethercat has FSoE built in; vendor 2 is Beckhoff.
 _LOGICS = {(2, 0x1AF43052): "EL6900", (2, 0x077E3052): "EL1918_LOGIC"}
 _TERMINALS = {(2, 0x07703052): "EL1904", (2, 0x0B583052): "EL2904"}
 _HAL = {"REAL": "float", "FLOAT": "float", "LREAL": "float"}
@@ -184,6 +186,7 @@ class _Configuration:
             for entry in pdo.entries:
                 if entry.bits > _LONGEST_BITS and not entry.is_gap:
                     raise InputError(f"{name}: {entry.address} has {entry.bits} bits; 255 fit")
+                # Padding may be longer than an entry can be and is split; data cannot.
                 for first in range(0, max(entry.bits, 1), _LONGEST_BITS):
                     yield _entry(entry, min(_LONGEST_BITS, entry.bits - first), pins)
             yield "        </pdo>"
@@ -193,6 +196,7 @@ class _Configuration:
 def _entry(entry: Entry, bits: int, pins: Names) -> str:
     row = f'idx="{entry.index:04X}" subIdx="{entry.subindex:02X}" bitLen="{bits}"'
     pin = plain_text(entry.name)
+    # HAL pins of the types bit, s32, u32 and float have at most 32 bits.
     if pin and not entry.is_gap and bits <= 32:
         pin = pins.add(pin)
         word = entry.type_name.upper()

@@ -128,8 +128,10 @@ def _referred(reference: str, name: str) -> tuple[str, Mapping[str, Any]]:
 
 def _has_type(value: object, wanted: str | list[str]) -> bool:
     names = [wanted] if isinstance(wanted, str) else wanted
+    # bool is an int in Python, but not an integer of JSON.
     if isinstance(value, bool):
         return "boolean" in names
+    # JSON Schema counts 2.0 as an integer.
     if isinstance(value, float) and value.is_integer() and "integer" in names:
         return True
     return any(isinstance(value, _TYPES[name]) for name in names)

@@ -78,6 +78,7 @@ def builtin_library(products: frozenset[int] | None = None) -> Library:
         if not item.name.endswith(".yaml"):
             continue
         data = item.read_bytes()
+        # Looking for the text costs far less than YAML; the package writes codes as 0x%08x.
         if products is not None and not any(b"0x%08x" % p in data for p in products):
             continue
         device = parse_library_device(data, f"devices/{item.name}", out)
@@ -173,6 +174,7 @@ def _mapping(node: MapNode, out: Collector) -> LibraryMapping:
 def _manager(node: MapNode, out: Collector) -> SyncManager:
     front = own_int(node, "first_byte", _U16, out) or 0
     padding = Entry(span=node.at("first_byte"), index=0, subindex=0, bits=8)
+    # PDOs whose entries are not known come first: padding keeps the offset of what follows.
     unknown = (Pdo(span=node.at("first_byte"), index=0, entries=(padding,) * front),)
     return SyncManager(
         span=node.span,

@@ -106,6 +106,7 @@ def _as_yaml(text: str) -> str:
     Lines stay as they are, so that places do. In JSON these characters are nowhere but in strings;
     raw tabs are nowhere but between values.
     """
+    # JSON escapes a character beyond 0xFFFF as two surrogates, which YAML rejects.
     text = _ESCAPE.sub(_character, text.replace("\t", " "))
     return _BREAKS.sub(lambda m: f"\\u{ord(m.group()):04x}", text)
 

@@ -36,10 +36,12 @@ def describe_scan(scan: Scan, path: str) -> Description:
 def _subdevice(sub: ScannedSubDevice, path: str) -> DescribedSubDevice:
     half = [s for s in sub.process_data if not _is_whole(s)]
     notes = (*sub.remarks, *(f"SM{s.index} was not read completely" for s in half))
+    # An unknown length of one sync manager would move copies, so no layout is given.
     managers = sub.sms or () if not half else ()
     return DescribedSubDevice(
         span=sub.span,
         fields=sub.fields,
+        # The SII has the order number and a description as one name.
         name=sub.planned or sub.name.split(" ")[0],
         order=sub.name.split(" ")[0],
         position=sub.position,
@@ -88,6 +90,7 @@ def _connections(
     if sub.fsoe is None:
         return []
     found = []
+    # Objects of connections are numbered in the order of the slots.
     rows = sorted(sub.fsoe.connections, key=lambda c: c.object_index)
     for slot, row in enumerate(rows):
         ends = [position for position in owners.get(row.address, ()) if position != sub.position]

@@ -26,6 +26,7 @@ _FROM_ZERO = frozenset(
 _NUMBERS = (_POSITIVE | _FROM_ZERO | {"position_rev"}) - {"sls_rpm"}
 _WORD = 0xFFFFFFFF
 _HOUR_MS = 3_600_000
+# Highest number of each action: frames, then microseconds of DELAY and milliseconds of STALL.
 _COUNTS = {
     Action.LOSE: 1_000_000,
     Action.LOSE_EVERY: 1_000_000,
@@ -110,6 +111,7 @@ def load_scenario(
         logic=_logic(root.get("logic"), out),
         drives=read_drives(root.get("drives"), out),
         steps=tuple(
+            # Stable: steps of one moment keep the order of the file.
             sorted(
                 (step for node in root.maps("steps") for step in _steps(node, out)),
                 key=lambda s: s.at_ns,
@@ -164,6 +166,7 @@ def _values(node: MapNode, key: str, out: Collector) -> dict[str, int]:
             continue
         if not _INTEGER.match(item.text):
             continue
+        # The type of the entry is not known here, so signed and unsigned 64 bits both pass.
         number = read_int(item, out, what=name, low=-(2**63), high=2**64 - 1, reader=Reader.OWN)
         if number is not None:
             values[name] = number
@@ -179,6 +182,7 @@ def _steps(node: MapNode, out: Collector) -> list[ScenarioStep]:
     at_ms = _ms(node, "at_ms", out)
     if at_ms is None:
         return []
+    # A step of the file may hold several actions; each becomes a step of the model.
     actions = [a for a in Action if a.value in node.pairs]
     if not actions:
         out.add(

@@ -137,6 +137,7 @@ def _plain(node: Node | None) -> object:
     if node is None or node.is_null:
         return None
     try:
+        # 16 and 0x10 must give the same fingerprint.
         return int(node.text, 0)
     except ValueError:
         return node.text
@@ -166,6 +167,7 @@ def _pdos(root: MapNode, key: str, out: Collector) -> tuple[Pdo, ...] | None:
         pdos.append(
             Pdo(span=node.span, fields=node.places(), index=index or 0, entries=tuple(good))
         )
+    # An entry of unknown length moves all that follow: no layout is better than a wrong one.
     return tuple(pdos) if sure else None
 
 

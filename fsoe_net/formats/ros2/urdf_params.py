@@ -167,6 +167,7 @@ def read_address(params: Params, name: str, out: Collector) -> int | None:
         return None
     span = params.span(name)
     if re.fullmatch(r"0|[1-9][0-9]*", text):
+        # The length first: Python refuses to convert thousands of digits.
         if len(text) <= 5 and int(text) <= _MAX_ADDRESS:
             return int(text)
         message = f"{name} {_short(text)} is outside 0 … {_MAX_ADDRESS}"
@@ -218,6 +219,7 @@ def _stoul(text: str) -> str:
     if match is None:
         return "throw an exception"
     value = int(match.group(2))
+    # stoul wraps a negative number around; the driver keeps 16 bits of it.
     return f"read {-value & _MAX_ADDRESS if match.group(1) == '-' else value}"
 
 

@@ -255,6 +255,7 @@ def _without_taken(
 ) -> Iterator[_Interface]:
     names = {(row.is_command, row.name) for row in taken}
     for row in rows:
+        # Another SubDevice serves this interface of the component; the full name is unique.
         if (row.is_command, row.name) in names:
             yield replace(row, name=f"{row.subdevice}.{row.symbol}")
         else:

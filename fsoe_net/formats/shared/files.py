@@ -176,10 +176,12 @@ def _too_large(size: int, most: int) -> tuple[str, str] | None:
     return why, "is this really a configuration file?"
 
 
+# Several readers may try the input, which can be read once.
 @functools.cache
 def _standard_input() -> bytes:
     if sys.stdin is None or sys.stdin.closed:
         return b""
+    # One byte more than allowed shows that the input is too long.
     return sys.stdin.buffer.read(MAX_LARGE_BYTES + 1)
 
 
@@ -196,6 +198,7 @@ def _nearest_file(shown: str) -> str:
 
     folder, name = os.path.split(shown)
     try:
+        # Each name is compared; a folder of a million files must not delay the message.
         present = sorted(os.listdir(folder or "."))[:5000]
     except (OSError, ValueError):
         return f"the folder {folder!r} does not exist either" if folder else "check the path"

@@ -47,6 +47,7 @@ def driver_endpoint_number(text: str) -> int | None:
     """
     trimmed = text.strip(" \t")
     if trimmed.startswith("0x"):
+        # strtoul with base 16 skips a second prefix only before a hex digit: `0xg` is 0.
         match = re.match(r"\s*[+-]?(?:0[xX](?=[0-9a-fA-F]))?([0-9a-fA-F]+)", trimmed)
         base = 16
     else:
@@ -55,6 +56,7 @@ def driver_endpoint_number(text: str) -> int | None:
     if match is None:
         return None
     value = int(match.group(1), base)
+    # stoul accepts a minus sign and wraps around: after the cut to 16 bits, -1 is 0xffff.
     if match.group().lstrip().startswith("-"):
         value = -value
     return value & 0xFFFF
@@ -84,6 +86,7 @@ def read_int(
     value = _agreed(node.text, reader)
     if value is None:
         value = _disputed(node, out, what=what, low=low, high=high, reader=reader)
+    # `-0` is within the range as a number, so the minus sign is checked on its own.
     if value is not None and (not low <= value <= high or (node.text[0] == "-" and low >= 0)):
         _out_of_range(
             value, node.text, node.span, out, what=what, low=low, high=high, reader=reader
@@ -161,6 +164,7 @@ def _agreed(text: str, reader: Reader) -> int | None:
         return int(text)
     if _HEX.match(text) and not (reader is Reader.ENDPOINT and text.startswith("0X")):
         return int(text, 16)
+    # yaml-cpp reads a sign before 0x; the endpoint reader would read `+0x10` as 0.
     if reader is Reader.SLAVE and text[:1] in ("+", "-") and _HEX.match(text, 1):
         return int(text, 16)
     return None
@@ -174,6 +178,7 @@ def _leading_zero(
         octal = int(text, 8)
     except ValueError:
         octal = None
+    # 00 … 07 are the same number in both readers.
     if octal == decimal:
         return decimal
     other = "refuses it" if octal is None else f"reads {octal}"
@@ -337,9 +342,11 @@ def _spellings(*words: str) -> frozenset[str]:
     return frozenset(s for word in words for s in (word, word.capitalize(), word.upper()))
 
 
+# yaml-cpp accepts lower, capitalised and upper case, but no mixture such as `tRue`.
 _TRUE = _spellings("true", "yes", "on", "y")
 _FALSE = _spellings("false", "no", "off", "n")
 
+# yaml-cpp reads NaN and infinity only with the point; a bare `nan` is a text.
 _SPECIAL = {
     ".nan": math.nan,
     ".NaN": math.nan,
@@ -356,6 +363,7 @@ def warn_decimal_index(node: Node | None, out: Collector, value: int | None) -> 
     """FSN115 for an object index written in decimal: nearly always a forgotten 0x."""
     if value is None or not isinstance(node, ScalarNode) or node.text[:2].lower() == "0x":
         return
+    # Indices have four hex digits, so `6000` is nearly certainly one; other lengths are a remark.
     likely = len(node.text) == 4
     if value == 0 or (node.file in out.decimal_files and not likely):
         return  # one remark per file is enough

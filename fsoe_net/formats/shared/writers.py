@@ -14,11 +14,13 @@ from fsoe_net.model.layout import DeviceLayout, SmLayout
 from fsoe_net.model.names import Names
 
 _MARKS = (0xFEFF, 0xFFFE, 0xFFFF)
+# XML 1.0 and YAML do not allow these, not even escaped.
 _NOT_TEXT = dict.fromkeys(
     (*range(0x20), *range(0x7F, 0xA0), 0x2028, 0x2029, *range(0xD800, 0xE000), *_MARKS),
     " ",
 )
 _BARE = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*\Z")
+# YAML 1.1, which yaml-cpp follows, reads these as a boolean or null.
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
 
 
@@ -142,6 +144,7 @@ def _entries_by_place(layout: DeviceLayout) -> dict[tuple[int, int], tuple[Entry
         for placed in manager.placed:
             entry = placed.entry
             key = (entry.index, entry.subindex)
+            # After a PDO of unknown length no offset is certain.
             if entry.bits and placed.bit_offset < manager.known_bits:
                 table[manager.sm.index, placed.bit_offset] = (entry, key not in seen)
             if entry.registered:
@@ -170,6 +173,7 @@ def _by_net(description: Description) -> list[tuple[str, list[DescribedCopy]]]:
 
     def top(number: int) -> int:
         while root[number] != number:
+            # Path halving: chains of thousands of copies stay short.
             root[number] = root[root[number]]
             number = root[number]
         return number

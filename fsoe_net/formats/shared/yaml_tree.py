@@ -239,6 +239,7 @@ class _Builder(EventReader):
             text = self._texts[event.value] = event.value
             self._check_characters(event)
         top = self._top
+        # A key needs no node, unless an alias may refer to it.
         if top is not None and top.key is None and top.pairs is not None and event.anchor is None:
             top.key, top.key_place, top.key_plain = text, place, not event.style
             return
@@ -330,6 +331,7 @@ class _Builder(EventReader):
             return None
         strange = re.search(r"[^\x20-\x7e]", text)
         if strange is None:
+            # A quoted `<<` is an ordinary key, but the next one may be plain.
             if text != "<<":
                 self._good_keys.add(text)
             return text

@@ -61,6 +61,7 @@ def _of_intel(lines: list[str]) -> bytes:
         kind, body = row[3], row[4:-1]
         if kind == 1:
             return bytes(image)
+        # Extended segment address, times 16, or extended linear address, the upper 16 bits.
         if kind in (2, 4):
             base = int.from_bytes(body, "big") << (4 if kind == 2 else 16)
         elif kind == 0:
@@ -74,6 +75,7 @@ def _of_dump(lines: list[str]) -> bytes:
     last = b""
     for number, line in enumerate(lines, 1):
         text = line.strip()
+        # hexdump and od print one star for all rows that repeat the one before.
         if text == "*":
             repeated = last
             continue
@@ -100,12 +102,14 @@ def _row(text: str, *, swapped: bool) -> bytes:
     text = text.split("|")[0]
     row = bytearray()
     for number, word in enumerate(text.replace("  ", " \0 ").split(" ")):
+        # `hexdump -C` has two blanks after 8 bytes also; any others begin the column of text.
         if word == "\0" and len(row) != 8:
             break
         if not word or word == "\0":
             continue
         if not _BYTES.fullmatch(word) or number > 40 or len(row) >= 16:
             break
+        # Words of hexdump and od are little-endian numbers; xxd, with a colon, prints bytes.
         piece = bytes.fromhex(word)
         row += piece[::-1] if swapped and len(piece) == 2 else piece
     return bytes(row)
@@ -114,6 +118,7 @@ def _row(text: str, *, swapped: bool) -> bytes:
 def _put(image: bytearray, at: int, body: bytes, number: int) -> None:
     if at + len(body) > MAX_EEPROM_BYTES:
         raise InputError(f"line {number}: address 0x{at:x} is beyond any such image")
+    # A lost line would move all that follows to another word address.
     if at != len(image):
         raise InputError(f"line {number}: it begins at 0x{at:x}; 0x{len(image):x} would follow")
     image += body

@@ -34,6 +34,7 @@ _OTHER = re.compile(
     r"SOEM |Slaveinfo|Starting|ec_init|Not all)"
 )
 _STARTS = ("Slave:", "Name:", "Output size:", "Input size:", "Man:", "SM", "[0x")
+# The SII has 0xFF as the sync manager of a PDO that is not assigned.
 _UNKNOWN_SM = 255
 
 
@@ -130,6 +131,7 @@ def _take_pdo(slave: _Slave, match: re.Match[str], line: Line) -> None:
         direction = Direction.OUTPUT if match[2] == "R" else Direction.INPUT
         manager = PrintedManager(line.span, number, direction)
     else:
+        # It moves to the end, since the entries that follow go to the last sync manager.
         slave.managers.remove(manager)
     slave.managers.append(manager)
     manager.pdos.append((int(match[3], 16), manager.span, []))
@@ -176,6 +178,7 @@ def _compare_sizes(slave: _Slave, text: Pasted, *, is_last: bool) -> None:
         want, got = slave.sizes.get(word), slave.bits(direction)
         if want is None or want == got:
             continue
+        # A paste is cut off at its end only; elsewhere a difference means changed lines.
         if is_last and got < want:
             text.cut(text.lines[-1], f"{got} of {want} bits of {word.lower()}s are there")
         else:
@@ -198,7 +201,9 @@ def _described(slave: _Slave, shown: str, *, truncated: bool) -> DescribedSubDev
             continue
         manager.start_byte, flags = slave.starts.get(manager.index, (None, None))
         if flags is not None:
+            # Bit 6 of the control byte is the trigger of the watchdog (ETG.1000.4).
             manager.watchdog = Watchdog.ENABLE if flags & 0x40 else Watchdog.DISABLE
+        # The PDO without a number that each one begins with stays empty where PDOs are numbered.
         manager.pdos = [pdo for pdo in manager.pdos if pdo[2]]
         managers.append(manager.built())
     if any(p.index == 0 for m in managers for p in m.pdos or ()):
@@ -212,6 +217,7 @@ def _described(slave: _Slave, shown: str, *, truncated: bool) -> DescribedSubDev
     return DescribedSubDevice(
         span=slave.span,
         name=slave.name,
+        # SOEM counts from 1; 0 here is a map that was pasted without its list.
         position=slave.number - 1 if slave.number else None,
         device=device,
         available=tuple(available),

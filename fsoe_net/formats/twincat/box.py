@@ -95,6 +95,7 @@ class Box:
         rows = self.variables.get((rest[-2], rest[-1]), [])
         if len(rest) == 3 and rest[0] in self.modules:
             rows = [r for r in rows if r[0] in self.modules[rest[0]]]
+        # Two PDOs with a variable of this name: no copy is better than one of the wrong bytes.
         return rows[0][1] if len(rows) == 1 else None
 
 
@@ -201,6 +202,7 @@ class _BoxReader:
             if direction is None:
                 continue
             bits = sum(p.bits for p in carried)
+            # After an entry of unknown length every later bit would be at a wrong place.
             if index in self._broken:
                 carried = []
             elif length and (bits + 7) // 8 != length:
@@ -356,11 +358,13 @@ class _BoxReader:
                 self._name(
                     title, name, pdo, Range(sm_index=sm, bit=at, bits=bits, direction=direction)
                 )
+                # A link may name `group` for all of its members `group__member`.
                 group, mark, _ = name.partition("__")
                 if mark:
                     begin = groups.get(group, (at, at))[0]
                     groups[group] = (begin, at + bits)
             at += bits
+        # The device maps its standard signals as one entry; TwinCAT lists them bit by bit.
         if self._is_logic and pdo in _SIGNALS and at - first in (8, 16, 32):
             span = element.span
             entries = [
@@ -431,6 +435,7 @@ def _frame(slot: int, size: int, direction: Direction, span: Span, name: str) ->
     for the n-th connection, see the device library.
     """
     base = (0x6000 if direction is Direction.INPUT else 0x7000) + 16 * slot
+    # Not the length of an FSoE frame (ETG.5100: 6, 7, 11, 15 …): one entry without an address.
     if not (size == 6 or (size >= 7 and size % 4 == 3)) or base > 0x7FF0:
         return [Entry(span=span, index=0, subindex=0, bits=8 * size)]
 
@@ -438,6 +443,7 @@ def _frame(slot: int, size: int, direction: Direction, span: Span, name: str) ->
         return Entry(span=span, index=index, subindex=subindex, bits=bits, name=f"{name} {word}")
 
     rows = [part(base, 1, 8, "CMD")]
+    # Each CRC follows two safe bytes; only the shortest frame has a single one (ETG.5100).
     data = [8] if size == 6 else [16] * ((size - 3) // 4)
     for number, bits in enumerate(data):
         rows.append(part(base + 1, number + 1, bits, f"data {number}"))

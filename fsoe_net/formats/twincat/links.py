@@ -97,6 +97,7 @@ class _Links:
                 f"{owner}^{link.attributes.get(key, '')}"
                 for owner, key in zip(owners, ("VarA", "VarB"), strict=True)
             ]
+            # Either side of the mapping may be the SubDevice.
             for one, two in (rows, rows[::-1]):
                 end = self._end(one) if one.startswith("TIID^") else None
                 signal = None if end is None else _SIGNAL.search(one)
@@ -110,6 +111,7 @@ class _Links:
 
     def _end(self, text: str) -> _End:
         parts = tuple(text.split("^", _DEEPEST)[1:])
+        # Boxes nest, so the longest path that is a box owns the variable.
         for cut in range(len(parts) - 1, 0, -1):
             number = self._by_path.get(parts[:cut])
             if number is not None:
@@ -127,6 +129,7 @@ class _Links:
             lost = one if one.place is None else two
             self._add("FSN145", span, f"no variable is {_shown(lost)}", "save the project again")
             return None
+        # TwinCAT writes the ends of a link in any order; the input is the source.
         source, target = one, two
         if one.place.direction is Direction.OUTPUT:
             source, target = two, one
@@ -208,6 +211,7 @@ class _Links:
             alias = None if self._safety is None else self._safety.aliases.get(message.number)
             if alias is None or not self._safety_is_of(logic):
                 yield row
+            # The MainInstance is elsewhere and this logic is its SubInstance: the roles change.
             elif alias.is_sub:
                 yield replace(row, main=other, sub=logic, slot=None, sub_slot=message.slot)
             else:
