@@ -229,6 +229,7 @@ def plan_to_show(resolution: Resolution, found: Sequence[Diagnostic]) -> Plan | 
         return compile_plan(resolution)
     try:
         return compile_plan(resolution)
+    # A network with errors may break any assumption of the compiler; the report must not fail.
     except (InputError, LookupError, ValueError, struct.error):
         return None
 

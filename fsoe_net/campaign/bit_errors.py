@@ -76,6 +76,7 @@ class ErrorSet:
     def mask(self, number: int) -> int:
         """Return the mask of pattern ``number``, see `Flip`."""
         pattern = _patterns(self.bits, self.most)[number]
+        # Blocks follow the command byte.
         return pattern << (8 + self.bits * (number % self.blocks)) if self.blocks else pattern
 
 

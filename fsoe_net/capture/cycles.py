@@ -150,6 +150,7 @@ class Cycles:
             return  # Resets of all connections look alike
         row.changes += 1
         for source, seen in self._sources.items():
+            # A SubDevice that repeats its own outputs is not the source of a copy.
             if source.size == place.size and source.owner != place.owner and frame in seen.recent:
                 row.from_source[source] = row.from_source.get(source, 0) + 1
 
@@ -208,4 +209,5 @@ class Cycles:
 
 def _is_conversation(monitor: Monitor) -> bool:
     counts = [monitor.counts(direction) for direction in (0, 1)]
+    # Packets that the capture lost make some CRCs wrong.
     return all(c.right >= ENOUGH_FRAMES and c.wrong * 10 <= c.right for c in counts)

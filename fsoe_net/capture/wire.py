@@ -13,6 +13,7 @@ _LRW = 12
 _TO_BUS = bytes.fromhex("ffffffffffff 000000000001 88a4")
 _FROM_BUS = bytes.fromhex("ffffffffffff 020000000001 88a4")  # a SubDevice has set a bit
 _HEAD = struct.Struct("<HBBIHH")
+# Ethernet without its checksum.
 _SHORTEST_BYTES = 60
 
 
@@ -88,6 +89,7 @@ def image_packets(
         missing: See there.
     """
     for start, size, complete in datagrams:
+        # EtherCAT header: type 1, and the length with datagram header (10) and counter (2).
         head = _HEAD.pack(1 << 12 | (12 + size), _LRW, number & 0xFF, start, size, 0)
         counter = complete if back else 0
         short = min(missing, counter)
@@ -146,6 +148,7 @@ class RebuiltFrames:
             for offset, size in self._outputs:
                 came[offset : offset + size] = self._sent[offset : offset + size]
             missing = max(0, expected - actual)
+            # The time of return is unknown: just before the next cycle keeps the order.
             at_ns = max(self._sent_ns, now_ns - 1)
             for packet in image_packets(rows, came, number - 1, back=True, missing=missing):
                 yield at_ns, packet, False

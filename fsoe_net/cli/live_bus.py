@@ -114,6 +114,7 @@ class LiveBus:
         return BusOptions(
             backend=self.bus or "soem",
             interface=interfaces[0],
+            # A network of one bus has no names, so no pairs; its interface is the one above.
             buses=tuple(zip((b.name for b in network.buses), interfaces, strict=False)),
             redundant=self.redundant,
             cycle_ns=self.cycle_ns,
@@ -134,6 +135,7 @@ def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
         function(*args, live=live, **kwargs)
 
     decorated: Callable[..., None] = with_live
+    # Decorators apply from the last one: reversed, `--help` keeps the order.
     for decorate in (
         INTERFACES,
         click.option(

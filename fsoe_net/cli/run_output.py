@@ -207,6 +207,7 @@ def print_events(events: Sequence[RunEvent]) -> None:
 def joined_events(events: Sequence[RunEvent]) -> list[RunEvent]:
     """Return events of which those with one time and text, as of a lost bus, are one."""
     found = []
+    # A lost bus sets all connections back within a millisecond.
     for _, rows in itertools.groupby(events, key=lambda e: (round(e.time_ms), e.text)):
         same = list(rows)
         names = ", ".join(dict.fromkeys(e.source for e in same))

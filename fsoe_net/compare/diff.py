@@ -140,6 +140,7 @@ class _Comparison:
             ("alias", old.alias, new.alias),
             whole=self.whole,
         )
+        # Positions count from the alias, so they compare only where it is the same.
         both_placed = None not in (old.position, new.position)
         if both_placed and (old.alias or 0) == (new.alias or 0) and old.position != new.position:
             places = old.position, new.position
@@ -149,6 +150,7 @@ class _Comparison:
             yield from compare_managers(where, old.managers, new.managers, stated)
         if old.sdos is not None and new.sdos is not None:
             yield from _sdos(where, old.sdos, new.sdos)
+        # Otherwise the addresses are compared with the connections.
         if self.a.connections is None or self.b.connections is None:
             before, after = _sorted_text(old.fsoe_addresses), _sorted_text(new.fsoe_addresses)
             yield from changed_facts(area, where, ("fsoe_addresses", before, after))

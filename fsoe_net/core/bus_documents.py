@@ -278,6 +278,7 @@ def _histogram(row: JsonObject) -> Histogram:
     percentiles = row.child("percentiles_ns")
     buckets = row.pairs("buckets")
     floors = [floor for floor, _ in buckets]
+    # `Histogram.at_most` sums them up in this order.
     if floors != sorted(set(floors)) or any(times == 0 for _, times in buckets):
         raise row.bad("buckets", "do not rise")
     shares = {f"{key}_ns": percentiles.count(key) for key in ("p50", "p99", "p999")}

@@ -39,6 +39,7 @@ class RealSeam:
 
     def command(self, *words: str) -> str | None:
         """Run a command that only reads; see `Seam`."""
+        # sbin is often missing in the PATH of users.
         program = shutil.which(words[0], path=os.environ.get("PATH", "") + ":/usr/sbin:/sbin")
         if program is None:
             return None
@@ -50,6 +51,7 @@ class RealSeam:
                 errors="replace",
                 check=False,
                 timeout=_COMMAND_S,
+                # The words of the output are read, and a translation would change them.
                 env=os.environ | {"LC_ALL": "C"},
             )
         except (OSError, subprocess.TimeoutExpired):
@@ -59,6 +61,7 @@ class RealSeam:
     def ethtool(self, interface: str, request: bytes) -> bytes:
         """Ask the driver of an interface; see `Seam`."""
         data = ctypes.create_string_buffer(request, len(request))
+        # IFNAMSIZ is 16, with the zero at the end.
         name = interface.encode()[:15]
         wanted = struct.pack("16sP16x", name, ctypes.addressof(data))
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
@@ -104,6 +107,7 @@ class Host:
 
     def read(self, path: str) -> str:
         """Return the text of a file without the blanks around it; raises as `data`."""
+        # Some files of /proc and /sys end with a zero.
         return self.data(path).decode("utf-8", "replace").strip().strip("\0")
 
     def maybe(self, path: str) -> str | None:

@@ -298,6 +298,7 @@ def _answers(e: IncidentEvidence, name: str) -> str:
 
 def _events(e: IncidentEvidence) -> tuple[tuple[TimeRow, ...], int]:
     """Return the events that matter most: warnings and those close to the moment."""
+    # A bus that did not open has no cycles, so all its events count.
     rows = [
         v for v in e.head.events if e.bus.first_ns <= v.now_ns <= e.bus.last_ns or not e.bus.cycles
     ]

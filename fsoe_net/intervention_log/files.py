@@ -42,6 +42,7 @@ def log_files(paths: Sequence[str]) -> list[str]:
         if not Path(path).is_dir():
             files.append(path)
             continue
+        # A longer name has a number with more digits, so it is newer.
         found = sorted(Path(path).glob(_FILES), key=lambda p: (len(p.name), p.name))
         if not found:
             raise InputError(
@@ -74,8 +75,10 @@ def read_log(
         with contextlib.ExitStack() as stack:
             source = _Copying(stack.enter_context(open_file(name, regular=False)))
             if archive is not None:
+                # Without a time of its own, so that equal logs give equal archives.
                 info = zipfile.ZipInfo(packed)
                 info.compress_type = zipfile.ZIP_DEFLATED
+                # The length is unknown until the log has been read.
                 source.copy = stack.enter_context(archive.open(info, "w", force_zip64=True))
             for line in log_lines(source):
                 file.size_bytes += line.size_bytes

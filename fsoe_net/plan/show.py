@@ -26,6 +26,7 @@ def entry_at(plan: Plan, sm_number: int, bit: int) -> str:
     sm = plan.sync_managers[sm_number]
     for pdo in plan.pdos[sm.first_pdo : sm.first_pdo + sm.pdo_count]:
         for entry in plan.entries[pdo.first_entry : pdo.first_entry + pdo.entry_count]:
+            # Entries without a length share the bit of the one that follows.
             if entry.bit_offset == bit and entry.bits:
                 return f"0x{entry.index:04x}:{entry.subindex:02x}"
     return ""

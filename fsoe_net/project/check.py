@@ -161,6 +161,7 @@ def check_loaded(
                 )
             found += check_library(resolution, library, found=found, notes=loaded.has_others)
     found = sort_diagnostics(found)
+    # After all checks, so that the error carries every finding.
     if scan is not None and (resolution is None or resolution.network.partial):
         raise InputError(
             "a bus is compared with a whole network: name the network file, or the URDF", found

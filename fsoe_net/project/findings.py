@@ -200,7 +200,9 @@ def _today(d: Diagnostic, runtime: Runtime) -> dict[str, object]:
 
 
 def _sarif_place(file: str, line: int, column: int) -> dict[str, object]:
+    # SARIF requires a URI, so blanks and other signs are escaped.
     place: dict[str, object] = {"artifactLocation": {"uri": quote(file)}}
+    # Line 0 is the whole file; SARIF counts from 1.
     if line:
         place["region"] = {"startLine": line, "startColumn": column}
     return {"physicalLocation": place}

@@ -44,6 +44,7 @@ class Fixes:
         after: dict[str, bytes] = {}
         made: set[Edit] = set()
         for path, data in before.items():
+            # A finding with edits in two files is left alone: half of it would be worse than none.
             fitting = [d for d in found if {e.span.file for e in d.edits} == {path}]
             patched, edits = _patched(data, path, fitting)
             made |= edits
@@ -81,4 +82,5 @@ def _patched(data: bytes, path: str, found: Iterable[Diagnostic]) -> tuple[bytes
         whole = [d for d in rows if set(d.edits) <= made]
         if len(whole) == len(rows):
             return patched, made
+        # The edits of a finding that cannot be fixed as a whole must not stay.
         rows = whole

@@ -75,6 +75,7 @@ def _recorded() -> dict[str, str]:
     if place is None or not place.is_file() or not place.samefile(_PACKAGE / "__init__.py"):
         return {}
     return {
+        # RECORD has base64 without its padding.
         path: base64.urlsafe_b64decode(file.hash.value + "==").hex()
         for path, file in rows.items()
         if path.startswith(f"{_PACKAGE.name}/") and file.hash is not None

@@ -92,6 +92,7 @@ def prepare(
             "a live bus runs them"
         )
     data = plan_bytes(resolution, plan_file)
+    # Virtual runs must repeat exactly; real ones draw session ids at random, as FSoE requires.
     ids = counted_session_ids() if virtual else random_session_ids()
     return with_scenario(
         lambda scenario: Session(resolution, data, scenario, session_ids=ids), scenario_file
@@ -130,6 +131,7 @@ def with_scenario(make: Callable[[Scenario | None], _Run], path: str | None) -> 
     if scenario is None:
         raise InputError(f"the scenario has mistakes: {summary(found)}", found)
     stage = make(scenario)
+    # A place that the reader has reported is not reported a second time.
     named = {d.span for d in found}
     misfits = [d for d in stage.scenario_findings() if d.span not in named]
     if found or misfits:

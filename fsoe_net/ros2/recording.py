@@ -75,6 +75,7 @@ class McapFile:
                 topic,
                 "cdr",
                 self._schemas[message],
+                # RIHS01 is the hash of a type by REP 2016.
                 {"offered_qos_profiles": "", "topic_type_hash": f"RIHS01_{HASHES[message]}"},
             )
         return self._channels[topic]

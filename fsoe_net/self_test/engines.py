@@ -68,6 +68,7 @@ def known_conversations() -> Iterator[TriedValue]:
     yield TriedValue("recorded frames", reference()["recorded_frames"], len(recorded))
     lines = reference_file("estop.frames").splitlines()
     decoded = follow_frames(parse_frames(("estop.frames", line) for line in lines))
+    # A missing or additional frame must differ also.
     for n, (frame, seen) in enumerate(zip_longest(recorded, decoded)):
         got = seen and f"{seen.verdict} {seen.sequence} {seen.state}"
         yield TriedValue(f"recorded frame {n + 1}", frame and frame.known, got)
@@ -158,6 +159,7 @@ def _beside_the_cycle(
     torn, last = 0, bytes(size)
     until = time.monotonic() + _WAIT_S
     number = 0
+    # The thread may need a moment to copy the last frame.
     while number < _WRITES or (last[0] != _WRITES & 0xFF and time.monotonic() < until):
         number += 1
         value = min(number, _WRITES) & 0xFF

@@ -51,6 +51,7 @@ def crcs_of_fsoe() -> Iterator[TriedValue]:
     for sequence in _LENGTHS:
         head = (0x1234).to_bytes(2, "little") + (0xABCD).to_bytes(2, "little")
         head += sequence.to_bytes(2, "little") + b"\x36"
+        # The number of a block is a part of its CRC, except in block 0; three zero bytes end it.
         blocks = [
             (b"" if n == 0 else n.to_bytes(2, "little")) + data[2 * n : 2 * n + 2] + bytes(3)
             for n in range(4)
@@ -121,6 +122,7 @@ def _printed(known: Mapping[str, Any]) -> Iterator[TriedValue]:
             "lost_of_100_ms": formulas.lost_frames_survived(100, trip, row["cycle"]),
         }
         for name, expected in row["expected"].items():
+            # Printed tables are rounded, so only their digits are compared.
             digits = len(str(expected).partition(".")[2])
             what = f"bus cycle {row['cycle']} ms, k {row['k']}: {name}"
             yield TriedValue(what, expected, round(got[name], digits))

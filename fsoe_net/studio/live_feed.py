@@ -44,8 +44,10 @@ class EventHistory:
         """Return the events from a number on, how many are no longer kept; the next number."""
         with self._lock:
             gone = self._total - len(self._rows)
+            # A page may ask for events that are no longer kept, or for numbers of another source.
             first = min(max(number, gone), self._total)
             total = self._total
+            # From the end: a deque is slow in its middle.
             rows = list(itertools.islice(reversed(self._rows), total - first))
         events = [row for _, row in reversed(rows)]
         return {"first": first, "left_out": gone, "events": events}, total
@@ -160,6 +162,7 @@ class LiveFeed(abc.ABC):
         Returns:
             The update; then the arguments for the next call.
         """
+        # Taken once: `choose` may replace it meanwhile.
         ring = self.scope
         scope, rows = ring.since(choice, row)
         events, known = self.history.since(event)

@@ -182,6 +182,7 @@ class CaptureReader:
         else:
             raise _DamageError("a section without its magic number")
         (length,) = struct.unpack(order + "I", head[:4])
+        # Interfaces are numbered from 0 in each section.
         self._clocks = []
         return order, self._body(order, length, already=4)
 
@@ -211,6 +212,7 @@ class CaptureReader:
             raise _DamageError("a packet block is too short")
         if kind == _SIMPLE_PACKET:  # it has no time
             (original,) = struct.unpack_from(order + "I", body)
+            # The body is filled up to 4 bytes, and the length of what was kept is not stated.
             return self._block(0, 0, body, 4, min(original, len(body) - 4), original)
         number, _, high, low, size, original = struct.unpack_from(order + "HHIIII", body)
         return self._block(number, high << 32 | low, body, 20, size, original)
@@ -268,6 +270,7 @@ def _clock(order: str, body: bytes) -> _Clock:
             break
         if code == _TSRESOL and size == 1:
             power = value[0] & 0x7F
+            # Bit 7: a power of two instead of ten.
             clock.units_per_s = 2**power if value[0] & 0x80 else 10**power
         elif code == _TSOFFSET and size == 8:
             (clock.offset_s,) = struct.unpack(order + "q", value)

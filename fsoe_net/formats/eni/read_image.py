@@ -185,6 +185,7 @@ def _compare(
         entry = placed.entry
         if not entry.name or entry.is_gap:
             continue
+        # One such entry moves all others, so only the first is reported.
         if (start + placed.bit_offset, entry.bits) not in image.variables:
             out.add(
                 "FSN144",
@@ -284,6 +285,7 @@ def _wrap_hint(bit: int, image: ImageMap) -> str:
 
 def _merged(copies: list[RawCopy]) -> list[_Run]:
     runs: list[_Run] = []
+    # Neighbours of one run have the same distance from source to destination.
     for copy in sorted(copies, key=lambda c: (c.source_bit - c.destination_bit, c.source_bit)):
         last = runs[-1] if runs else None
         shift = copy.source_bit - copy.destination_bit

@@ -109,6 +109,7 @@ def scan_esi(data: bytes, path: str | os.PathLike[str], out: Collector) -> EsiCa
     shown = os.fspath(path)
     attempt = _Scan(shown, data, Collector(), None)
     catalogue = attempt.run()
+    # Some files declare UTF-8 and contain Latin-1.
     if catalogue is None and attempt.bad_text is not None:
         again = _Scan(shown, data, Collector(), "iso-8859-1")
         catalogue = again.run()

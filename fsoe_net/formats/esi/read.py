@@ -99,6 +99,7 @@ def load_esi(
     for row, notes in rows:
         device = file.device(row, wanted, out)
         if device is not None:
+            # A list printed by `ethercat` is a bus in ring order; an ESI of a vendor is not.
             position = len(subdevices) if file.catalogue.is_list and wanted.is_open else None
             subdevices.append(_noted(device, position, notes))
     if not subdevices:
@@ -166,6 +167,7 @@ class _File:
 
     def _fits(self, kept: EsiCatalogue) -> bool:
         tags = {"device": b"<Device", "module": b"<Module"}
+        # A piece that does not begin at its tag would be read as another device.
         return all(self._data.startswith(tags[r.kind], r.offset) for r in kept.rows)
 
     def device(self, row: EsiRow, choice: EsiChoice, out: Collector) -> DescribedSubDevice | None:
@@ -211,6 +213,7 @@ class _File:
         """Parse the piece of the file that a row of the catalogue names."""
         data, tag = self._data, b"</Device>" if row.kind == "device" else b"</Module>"
         piece = data[row.offset : row.end]
+        # The piece ends before its closing tag; an element such as <Device/> has none.
         if data[row.end : row.end + len(tag) - 1] == tag[:-1]:
             piece += tag
         found = Collector()
@@ -273,6 +276,7 @@ def _of_revision(
     exact = next((r for r in rows if r.revision == choice.revision), None)
     if exact is not None:
         return exact, ()
+    # By convention a device also works with the description of a lower revision, not of a higher.
     row = _nearest_lower(rows, choice.revision)
     wanted = f"revision 0x{choice.revision:08x} of {rows[0].type or 'the device'}"
     known = ", ".join(sorted({f"0x{r.revision:08x}" for r in rows if r.revision is not None})[:8])

@@ -184,6 +184,7 @@ def _slice(
     if not count or name == "NULL":
         return []
     rows = [] if table is None else table.rows[start : start + count][:_MOST_ROWS]
+    # Tables may refer to the same rows any number of times.
     text.taken += len(rows)
     if text.taken > _MOST_ENTRIES:
         return []

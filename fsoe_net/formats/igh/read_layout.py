@@ -252,6 +252,7 @@ def _take_fact(config: _Config, shown: str, line: Line) -> bool:
         _end_sdo([config])
         config.open_sdo, config.data = (match, line.span), []
     elif _BYTES.match(shown):
+        # Bytes after `IDN configuration:` belong to SoE.
         config.data += [] if config.idn else shown.split()
     elif _OTHER.match(shown):
         if shown.startswith("IDN"):
@@ -269,6 +270,7 @@ def _end_sdo(configs: list[_Config]) -> None:
     config = configs[-1]
     match, span = configs[-1].open_sdo
     size = int(match[3])
+    # IgH prints at most 1024 bytes (EC_MAX_SDO_DATA_SIZE).
     if len(config.data) < min(size, 1024):
         return
     config.open_sdo = None
@@ -302,6 +304,7 @@ def _described(config: _Config, text: Pasted, *, last: bool) -> DescribedSubDevi
     ring = config.ring
     return DescribedSubDevice(
         span=config.span,
+        # Without an alias the position of a configuration is one in the ring.
         position=config.position if ring is None and not config.alias else ring,
         alias=config.alias,
         device=device,
@@ -373,6 +376,7 @@ def _grouped(fmmus: list[_Fmmu], text: Pasted) -> list[DescribedSubDevice]:
         rows.append(
             DescribedSubDevice(
                 span=members[0].span,
+                # With an alias it counts from the SubDevice that has it.
                 position=position if not alias else None,
                 alias=alias,
                 device=Device(path=text.shown, vendor_id=0, product_code=0, sync_managers=managers),

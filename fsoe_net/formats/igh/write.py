@@ -227,6 +227,7 @@ class _Header:
                 self._byte(end, copy.bits)
                 entry = endpoints.at(end)
                 key = (end.subdevice, end.sm_index, end.bit_offset)
+                # IgH needs each entry once, even if several copies use it.
                 if key not in numbers:
                     numbers[key] = len(rows)
                     rows.append((end, entry))
@@ -313,6 +314,7 @@ def _pieces(bits: int) -> Iterator[int]:
 
 def _comment(text: str) -> str:
     """Return a text that neither ends a comment nor begins one, nor continues its line."""
+    # `??/` is a trigraph for a backslash, which would continue the line.
     text = plain_text(text).replace("*/", "* /").replace("/*", "/ *").replace("??/", "? ?/")
     return text.replace("\\", "/")
 
@@ -325,6 +327,7 @@ def _named(name: str) -> str:
 def _string(text: str) -> str:
     r"""Return a C string; what is not ASCII is written as its bytes in octal."""
     shown = "".join(
+        # `?` may begin a trigraph; an octal escape ends after three digits whatever follows.
         chr(b) if 0x20 <= b < 0x7F and chr(b) not in '"\\?' else f"\\{b:03o}"
         for b in plain_text(text).encode("utf-8")
     )

@@ -108,6 +108,7 @@ class _Assembly:
         if _looks_like_xml(data):
             self._add_urdf(path)
             return
+        # Kept back: if the file is one of another tool, that is the better answer.
         found = Collector()
         root = parse_yaml(data, path, found)
         if root is None and _refuse_known(data, Span(path, 1, 1), self.out):
@@ -176,6 +177,7 @@ class _Assembly:
             return None
         if "subdevices" in root.pairs or "buses" in root.pairs:
             return "network"
+        # `nets` is a key of both kinds; a file with nothing else is a transfer YAML.
         best = max(scores, key=lambda k: (scores[k], k == "transfers"))
         if scores[best]:
             return best

@@ -12,6 +12,7 @@ from fsoe_net.formats.shared.yaml_tree import MapNode, Node, ScalarNode, parse_y
 
 # FSoE addresses, connection IDs and watchdogs belong to the safety project: never changed here.
 _KEYS = frozenset({"size", "in", "out", "index", "subindex"})
+# YAML 1.1 also ends lines at NEL, LS and PS, and places count them.
 _LINE = re.compile("[^\\r\\n\\x85\\u2028\\u2029]*(?:\\r\\n|[\\r\\n\\x85\\u2028\\u2029]|\\Z)")
 
 
@@ -65,6 +66,7 @@ def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, fr
         if place is not None:
             made[edit] = place
             wanted.setdefault(place, set()).add(edit.text)
+    # From the end, so that the places before it stay valid.
     for begin, end in sorted(wanted, reverse=True):
         if len(wanted[begin, end]) == 1:
             text = text[:begin] + next(iter(wanted[begin, end])) + text[end:]

@@ -220,6 +220,7 @@ class NetworkFiles:
                 continue
             parts = [f"main: {quoted(self._names[row.main])}"]
             parts.append(f"sub: {quoted(self._names[row.sub])}")
+            # With several pairs of frames between two SubDevices only the slot distinguishes them.
             if several[row.main, row.sub] > 1:
                 slot = self._slot(row, group)
                 if slot is None:
@@ -230,6 +231,7 @@ class NetworkFiles:
                     continue
                 parts.append(f"slot: {slot}")
             parts += _facts_of(row)
+            # Without facts the transfers alone describe the connection.
             if len(parts) > 2:
                 rows.append(f"      - {{{', '.join(parts)}}}")
         if rows:

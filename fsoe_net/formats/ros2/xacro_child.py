@@ -81,6 +81,7 @@ def _limit(limits: dict[str, Any]) -> None:
     signal.signal(signal.SIGXCPU, time_up)
     seconds = int(limits["cpu_seconds"])
     for what, soft, hard in (
+        # The soft limit leaves a second for the answer; the hard one kills.
         (resource.RLIMIT_CPU, seconds, seconds + 1),
         (resource.RLIMIT_AS, limits["memory_bytes"], limits["memory_bytes"]),
         (resource.RLIMIT_FSIZE, limits["answer_bytes"], limits["answer_bytes"]),
@@ -128,6 +129,7 @@ class _Xacro:
         data = read_bytes(filename, out)
         self._read += [row.path for row in out.sources]
         if data is None:
+            # As xacro itself does, lest this file is named as the one in work.
             self._xacro.filestack.pop()
             message = out.diagnostics[0].message
             # xacro lets an optional include fail by this very exception.

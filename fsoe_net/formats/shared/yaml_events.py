@@ -173,6 +173,7 @@ class EventReader(ABC):
         done = self._stack.pop()
         self._top = self._stack[-1] if self._stack else None
         if done.anchor is not None:
+            # Its size as if written out, which each alias of it adds again.
             parts = self._count - done.count + self._aliased - done.aliased
             self._anchors[done.anchor] = (done.node, parts)
         self._attach(done.node, event)

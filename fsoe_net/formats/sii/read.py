@@ -259,6 +259,7 @@ def _category(kind: int, body: bytes, at: int, image: SiiImage, span: Span, out:
         image.managers = _sync_managers(body)
         fault = "its length is not a multiple of 8 bytes" if len(body) % 8 else ""
     elif kind == _DC:
+        # Each clock mode has 24 bytes, with AssignActivate at 14.
         rows = range(0, len(body) - 23, 24)
         image.assign_activate = tuple(int.from_bytes(body[n + 14 : n + 16], "little") for n in rows)
     elif kind in (_TX, _RX):
