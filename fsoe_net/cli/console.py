@@ -125,6 +125,7 @@ def _prompt(console: Console) -> int:
                 console.run_line(input(_PROMPT))
             except (EOFError, ConsoleEnd):
                 break
+            # Ctrl-C drops the line, as in a shell; Ctrl-D leaves.
             except KeyboardInterrupt:
                 echo()
             except UnicodeDecodeError:

@@ -34,6 +34,7 @@ def missing_package(who: str, name: str | None, extra: str) -> str:
         if (found := _OF_EXTRA.search(row)) and found[1] == extra
     ]
     pip = [sys.executable, "-m", "pip", "install"]
+    # Environments made by uv have no pip.
     if importlib.util.find_spec("pip") is None:
         pip = ["uv", "pip", "install", "--python", sys.executable]
     return f"{who} needs {top}, which is not installed; {shlex.join([*pip, *(wanted or [top])])}"

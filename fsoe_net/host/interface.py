@@ -253,6 +253,7 @@ def _sockets(host: Host, name: str) -> Iterator[MachineFacts]:
 def _owners(host: Host, inodes: set[str]) -> dict[tuple[int, str], list[str]]:
     owners: dict[tuple[int, str], list[str]] = {}
     for pid in host.pids():
+        # Without root the descriptors of other users cannot be read, so their owners are missing.
         for number in host.names(f"/proc/{pid}/fd"):
             link = host.link(f"/proc/{pid}/fd/{number}") or ""
             inode = link.removeprefix("socket:[").removesuffix("]")

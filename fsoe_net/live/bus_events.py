@@ -118,6 +118,7 @@ def connection_result(
         sub=facts.sub,
         state=wire.state,
         wire_state=wire.state,
+        # The wire counts before what the files state.
         connection_id=down.connection_id or up.connection_id or facts.connection_id,
         address=facts.address,
         watchdog_ms=facts.watchdog_ms,

@@ -302,6 +302,7 @@ def _of_master(status: Status, *, current: bool, refused: str) -> Iterator[Healt
         yield HealthReason.BUS_FAILED
     elif refused:
         yield HealthReason.SNAPSHOT_REFUSED
+    # While the bus runs, missing values are an error; while it is stopped they are expected.
     elif not current and status.state in (BusState.RUNNING, BusState.STARTING):
         yield HealthReason.NOTHING_KNOWN
     elif not current:

@@ -260,6 +260,7 @@ def _by_names(
 ) -> FsoeGuess | None:
     """Return a frame by its places whose indices do not agree, when names speak for it."""
     entry = command.entry
+    # Objects below 0x2000 are data types and communication (ETG.1000.6), never process data.
     if entry.bits != 8 or entry.is_gap or command.bit_offset % 8 or entry.index < 0x2000:
         return None
     best: FsoeGuess | None = None
@@ -275,5 +276,6 @@ def _by_names(
             sm_index=sm.index,
             likely=True,
         )
+        # Shorter frames are found first; the longest one counts.
         best = _weigh(placed, starts, block, one_index=False)
     return best

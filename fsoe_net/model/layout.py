@@ -402,10 +402,12 @@ def frames_at(
         right = found.entry.bits == _CRC_BITS and not found.entry.is_gap
         return found if right and found.end_bit <= end_bit else None
 
+    # The frame of 6 bytes: command, one safe byte, CRC, connection ID (ETG.5100).
     crc, connection = word(2), word(4)
     if crc is not None and connection is not None:
         yield crc, connection
     crcs: list[Placed] = []
+    # Longer frames have two safe bytes before each CRC.
     for byte in range(3, _LONGEST_FRAME - 3, 4):
         crc = word(byte)
         if crc is None:

@@ -42,6 +42,7 @@ def split_files(files: Sequence[str]) -> tuple[list[str], list[tuple[str, Format
             own.append(path)
         else:
             others.append((path, known))
+    # Only files of other tools: they go to the reader of networks, which reports what they are.
     if not own:
         return [path for path, _ in others], []
     return own, others

@@ -210,6 +210,7 @@ class Bridge:
         joints: tuple[Joint, ...],
         shown: _Shown,
     ) -> None:
+        # ROS takes joint positions in radians or metres (REP 103); raw counts would mislead.
         joints = tuple(joint for joint in joints if not joint.is_raw)
         if joints and self._options.joints and not self._yields:
             rows = [joint.values(values.inputs) for joint in joints]
@@ -258,6 +259,7 @@ class _Shown:
     ) -> list[tuple[SignalTopic, Value]]:
         """Return those whose value has changed, with it; all of them once in a while."""
         now_s = time.monotonic()
+        # Also without a change, for subscribers that came later.
         every = now_s - self._all_s >= _AGAIN_S
         if every:
             self._all_s = now_s

@@ -100,6 +100,7 @@ def _parameters_at(port: Port) -> int:
     command = sent.source.block.command.index
     if command in _DRIVE:
         return _DRIVE[command]
+    # Parameters of module n are in 0x9nn1, those of a device without modules in 0xE9n1.
     if command & ~_MODULE in (0x6000, 0x7000):
         return 0x9001 | command & _MODULE
     return 0xE901 | command & 0xF0 if command & ~0xF0 in (0xE600, 0xE700) else 0

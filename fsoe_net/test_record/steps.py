@@ -126,6 +126,7 @@ def _loss(name: str, connections: Sequence[Connection]) -> TestStep:
             f"{', '.join(c.name for c in connections)} leave Data; the outputs of their logic "
             f"go off and stay off when {name} is back, until a reset is pressed."
         )
+    # The largest watchdog is a limit only if all of them are stated.
     whole = bool(connections) and len(watchdogs) == len(connections)
     return TestStep(
         id=f"loss {name}",

@@ -84,6 +84,7 @@ def datagrams(packet: bytes) -> tuple[list[Datagram], bool] | None:
         return None
     if start + 2 > len(packet):
         return [], True
+    # EtherCAT header: length in bits 0 … 10, type in bits 12 … 15.
     head = packet[start] | packet[start + 1] << 8
     if head >> 12 != _COMMANDS_TYPE:
         return None

@@ -122,6 +122,7 @@ def _of_managers(process_data: Element | None, name: str, high: int) -> dict[int
 def _mailbox(element: Element | None) -> MailboxFacts | None:
     out = Collector()  # no rule reads a mailbox, so an odd one is not a finding
     windows = []
+    # Tools differ in the name of the second window.
     for names in (("Send",), ("Recv", "Receive")):
         window = next((w for n in names if element is not None and (w := element.first(n))), None)
         start = None if window is None else xml_number(window.first("Start"), out, high=0xFFFF)
@@ -209,6 +210,7 @@ def _pdos(process_data: Element | None, out: Collector) -> tuple[list[_Offered],
         if pdo is not None:
             sm = element.attributes.get("Sm", "").strip()
             direction = Direction.OUTPUT if element.name == "RxPdo" else Direction.INPUT
+            # isdigit() is also true for digits such as ², which int() rejects.
             number = int(sm) if sm.isascii() and sm.isdigit() and len(sm) < 4 else None
             offered.append(_Offered(pdo, number, direction))
     return offered, [o.pdo for o in offered]
@@ -218,6 +220,7 @@ def _managers(
     process_data: Element, offered: list[_Offered], out: Collector, notes: list[str]
 ) -> tuple[SyncManager, ...]:
     managers = []
+    # An RxPdo and a TxPdo may have the same number.
     by_index = {(o.direction, o.pdo.index): o.pdo for o in offered}
     for number in range(_MAX_SM + 1):
         sm = process_data.first(f"Sm{number}")

@@ -160,6 +160,7 @@ def _mailbox(sub: DescribedSubDevice, start: StartFacts) -> Iterator[str]:
         first, size = box.from_sub
         yield f"<Recv><Start>{first}</Start><Length>{size}</Length>"
         yield f"<PollTime>{_POLL_MS}</PollTime></Recv>"
+    # Start-up SDOs need CoE, even if the source does not list it.
     protocols = dict.fromkeys((*(box.protocols if box else ()), *(("CoE",) if commands else ())))
     for protocol in protocols:
         yield f"<Protocol>{protocol}</Protocol>"

@@ -40,6 +40,7 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
         return None
     found = recognise(data)
     text = pasted(data, shown, out)
+    # `ethercat xml` prints devices without groups: this is an ESI of a vendor.
     if found is not None and found.kind == "esi" and b"<Groups" in data:
         is_format(data, "ethercat", shown, out)
         return None

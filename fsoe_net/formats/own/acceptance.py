@@ -70,6 +70,7 @@ def parse_acceptance(data: bytes, file: str, out: Collector) -> Acceptance | Non
         )
         return None
     check_structure(root, "acceptance", out)
+    # Any finding ends it, even a remark: what was signed must be read in full.
     if len(out.diagnostics) > before:
         return None
     record = _record(root, out)

@@ -275,6 +275,7 @@ def _run_of_bits(
         return 0, bits
     shift = (mask & -mask).bit_length() - 1 if mask else 0
     run = mask >> shift
+    # run + 1 is a power of two only if the bits of the mask are neighbours.
     if run == 0 or run & (run + 1):
         what = "bits that do not lie side by side" if run else "no bit"
         out.add(

@@ -27,6 +27,7 @@ def type_bits(word: str, span: Span, out: Collector) -> int | None:
     reads = ""
     loose = re.search(r"bit\s*(-?[0-9]+)", word)
     if loose:
+        # The driver keeps the number of bits in one byte.
         reads = f"; the driver counts {int(loose.group(1)[:9]) & 0xFF} bits"
     code = "FSN403" if loose and re.fullmatch(r"bit-?[0-9]+", word) else "FSN402"
     hint = f"write {one_of(meant)}" if meant else "write bool, int8 … uint64, float, double or bitN"
@@ -41,6 +42,7 @@ def type_bits(word: str, span: Span, out: Collector) -> int | None:
         f"unknown data type {word!r}{reads}, so the offsets of all entries after it are in doubt",
         hint=hint,
     )
+    # Several words are possible; the offsets are safe only if all have one length.
     lengths = {type_bits(w, span, out) for w in meant}
     return lengths.pop() if len(lengths) == 1 else None
 

@@ -57,6 +57,7 @@ def write_acceptance(record: Acceptance) -> str:
     if record.safety_functions:
         document["safety_functions"] = [_function(f) for f in record.safety_functions]
     body = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
+    # The plan is in the record, so that later changes are shown without the old files.
     packed = base64.b64encode(zlib.compress(record.plan, 9)).decode("ascii")
     lines = textwrap.indent("\n".join(textwrap.wrap(packed, 96)), "  ")
     return f"{_HEAD}{body}plan: |\n{lines}\n"

@@ -227,6 +227,7 @@ class _Changes:
             self._put(read.line_begin(row.at), read.line_behind(row.stop), "")
             return
         stop = self._stop_of(row)
+        # A comment after the value keeps its column.
         comment = _ALIGNED_COMMENT.match(read.text, stop)
         self._put(row.at, stop, row.space + words)
         if comment and "\n" not in read.text[row.at : stop]:

@@ -145,6 +145,7 @@ def _disputed(
         _misread(text, node.span, out, what=what, meant="0x" + text[2:])
     elif reader is Reader.ENDPOINT:
         _misread(text, node.span, out, what=what, meant=_meant(text))
+    # The schema has already reported a value of a wrong type.
     elif node.span not in out.mistyped:
         out.add(
             "FSN112" if re.search(r"[0-9]", text) else "FSN111",
@@ -285,6 +286,7 @@ def read_float(node: Node | None, out: Collector, *, what: str) -> float | None:
     if text in _SPECIAL:
         return _SPECIAL[text]
     if re.match(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?\Z", text):
+        # 1e999 is infinity to Python.
         if math.isfinite(value := float(text)):
             return value
         out.add("FSN113", node.span, f"{what} is too large", hint="correct the number")

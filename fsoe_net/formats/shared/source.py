@@ -43,12 +43,14 @@ def text_of(data: bytes) -> str:
 def esi_number(text: str) -> int | None:
     """Return the number of a ``HexDecValue``: ``#x1a00``, ``0x1A00``, ``6656`` or ``0006656``."""
     word = text.strip()
+    # Python refuses to convert thousands of digits.
     if len(word) > 40:
         return None
     sign = -1 if word[:1] == "-" else 1
     word = word.removeprefix("-") if sign < 0 else word.removeprefix("+")
     digits = word[2:] if word[:2].lower() in ("#x", "0x") else word
     base = 10 if digits is word else 16
+    # int() also takes underscores, blanks and digits of other scripts.
     if not digits.isascii() or not digits.isalnum():
         return None
     try:
