@@ -40,4 +40,5 @@ def status_table() -> tuple[StatusInfo, ...]:
         )
         for value in range(-1, _LOWEST, -1)
     )
+    # A number without a status has the name FSN_E_?.
     return tuple(row for row in rows if not row.name.endswith("?"))

@@ -52,9 +52,11 @@ def online_cpus(host: Host) -> set[int]:
 def isolated_cpus(host: Host) -> set[int]:
     """Return the CPUs that the scheduler puts nothing on by itself."""
     isolcpus = command_line(host).get("isolcpus", "")
+    # Flags may come before the list (kernel-parameters.txt).
     flags = ("domain,", "nohz,", "managed_irq,")
     while isolcpus.startswith(flags):
         isolcpus = isolcpus.partition(",")[2]
+    # Two ways to isolate: the kernel's command line, and partitions of control group v2.
     return (
         cpu_list(host.maybe(f"{_FOLDER}/isolated") or isolcpus)
         | cpu_list(host.maybe("/sys/fs/cgroup/cpuset.cpus.isolated") or "")

@@ -13,6 +13,7 @@ from fsoe_net.host.machine import MACHINE
 from fsoe_net.host.permissions import permission_checks
 from fsoe_net.host.seam import Host
 
+# IFNAMSIZ of Linux is 16, with the zero at the end.
 _NAME = re.compile(r"[^\s/:]{1,15}", re.ASCII)
 
 

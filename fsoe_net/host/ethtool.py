@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from fsoe_net.host.seam import Host
 
+# ETHTOOL_… in <linux/ethtool.h>.
 _GDRVINFO, _GCOALESCE, _GGRO, _GFLAGS, _GEEE = 0x03, 0x0E, 0x2B, 0x25, 0x44
 _FLAG_LRO = 1 << 15
 _WORD = struct.Struct("=II")
@@ -41,12 +42,14 @@ def _ask(host: Host, interface: str, code: int, form: struct.Struct) -> tuple[in
 def coalescing(host: Host, interface: str) -> Coalescing:
     """Return how frames are gathered; raises `OSError` when the driver does not say."""
     row = _ask(host, interface, _GCOALESCE, _COALESCE)
+    # struct ethtool_coalesce: words 10 and 11 switch the adaptive modes on.
     return Coalescing(rx_us=row[1], rx_frames=row[2], adaptive=bool(row[10] or row[11]))
 
 
 def eee(host: Host, interface: str) -> Eee:
     """Return the state of EEE; raises `OSError` when the driver does not say."""
     row = _ask(host, interface, _GEEE, _EEE)
+    # struct ethtool_eee: words 1 … 3 are speeds.
     return Eee(active=bool(row[4]), enabled=bool(row[5]))
 
 

@@ -12,6 +12,7 @@ from fsoe_net.host.interrupts import interrupt_checks
 from fsoe_net.host.permissions import PROGRAM
 from fsoe_net.host.seam import Host, Unreadable
 
+# ARPHRD_… in <linux/if_arp.h>.
 _ETHERNET, _LOOPBACK = 1, 772
 _IFF_UP = 1
 _FRAME_BYTES = 1500
@@ -19,6 +20,7 @@ _FRAME_BYTES = 1500
 
 def interface_names(host: Host) -> list[str]:
     """Return the interfaces of this network namespace."""
+    # /proc before sysfs, which may show another network namespace; two lines are its heading.
     lines = (host.maybe("/proc/net/dev") or "").splitlines()[2:]
     found = [line.partition(":")[0].strip() for line in lines if ":" in line]
     return sorted(found) or host.names("/sys/class/net")
@@ -50,6 +52,7 @@ def _exists(host: Host, name: str) -> Iterator[MachineFacts]:
         return
     folder = _folder(host, name)
     kind = host.number(f"{folder}/type")
+    # Only hardware has a device in sysfs.
     virtual = not host.exists(f"{folder}/device")
     # From the most obvious reason to the finest one: the first answer must help.
     if host.exists(f"{folder}/wireless") or host.exists(f"{folder}/phy80211"):
@@ -222,7 +225,7 @@ def _managers(host: Host, name: str) -> Iterator[MachineFacts]:
 def _sockets(host: Host, name: str) -> Iterator[MachineFacts]:
     index = host.number(f"{_folder(host, name)}/ifindex")
     rows = [line.split() for line in host.read("/proc/net/packet").splitlines()[1:]]
-    # Protocol 0 listens on all interfaces.
+    # A socket of interface 0 listens on all interfaces.
     inodes = {r[8]: r[3] for r in rows if len(r) > 8 and r[4] in (str(index), "0")}
     if not inodes:
         yield MachineFacts(level=MachineLevel.GOOD, text="no packet socket is open on it")

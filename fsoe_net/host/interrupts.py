@@ -10,6 +10,7 @@ from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.permissions import scheduling
 from fsoe_net.host.seam import Host, Unreadable
 
+# What fsn-master asks for by default.
 _MASTER_PRIORITY = 80
 
 
@@ -69,6 +70,7 @@ def _affinity(host: Host, name: str) -> Iterator[MachineFacts]:
 def _thread(host: Host, name: str) -> Iterator[MachineFacts]:
     numbers = _interrupts(host, name)
     threads: dict[int, tuple[str, int]] = {}
+    # The kernel calls these threads irq/NUMBER-NAME.
     for pid in host.processes("irq/"):
         words = (host.maybe(f"/proc/{pid}/comm") or "").split("/")[1].partition("-")[0]
         how = scheduling(host, pid)

@@ -19,6 +19,7 @@ _GRUB = "add {} to GRUB_CMDLINE_LINUX in /etc/default/grub; update-grub; reboot"
 
 def command_line(host: Host) -> dict[str, str]:
     """Return the words the kernel was started with."""
+    # Words after -- are for the init process.
     words = (host.maybe("/proc/cmdline") or "").split(" -- ")[0].split()
     return {name: value for name, _, value in (word.partition("=") for word in words)}
 

@@ -12,6 +12,7 @@ from fsoe_net.host.finding import Check, MachineFacts, MachineLevel
 from fsoe_net.host.seam import Host, Unreadable
 
 PROGRAM = "fsn-master"
+# Bit numbers in <linux/capability.h>.
 CAPABILITIES = {"CAP_NET_RAW": 13, "CAP_IPC_LOCK": 14, "CAP_SYS_NICE": 23}
 _ALL = sum(1 << bit for bit in CAPABILITIES.values())
 _EFFECTIVE = 1
@@ -38,6 +39,7 @@ def _status(host: Host, pid: str) -> _Status:
     )
     try:
         return _Status(
+            # The second one is the effective user.
             user=int(rows["Uid"].split()[1]),
             effective=int(rows["CapEff"], 16),
             ambient=int(rows.get("CapAmb", "0"), 16),
@@ -60,11 +62,13 @@ def _file_capabilities(host: Host, program: str) -> int:
     try:
         data = host.seam.attribute(program, "security.capability")
     except OSError as exc:
+        # No such attribute, or a file system without attributes: the file gives nothing.
         if exc.errno in (errno.ENODATA, errno.EOPNOTSUPP):
             return 0
         raise Unreadable(f"{program}: its capabilities: {exc.strerror}") from exc
     if len(data) < 12:
         return 0
+    # struct vfs_cap_data, always little-endian.
     magic, permitted = struct.unpack_from("<II", data)
     return int(permitted) if magic & _EFFECTIVE else 0
 
@@ -177,6 +181,7 @@ def scheduling(host: Host, pid: int, thread: int | None = None) -> tuple[str, in
     # The name of a process may contain blanks and parentheses; fields are counted after the last
     # one.
     words = (host.maybe(place) or "").rpartition(")")[2].split()
+    # Fields 40 and 41 of proc(5) are priority and policy; the first two end with the name.
     if len(words) < 39 or not words[37].isdecimal() or not words[38].isdecimal():
         return None
     return _POLICIES.get(int(words[38]), words[38]), int(words[37])

@@ -15,6 +15,7 @@ from fsoe_net.incident.incident import IncidentEvent, TriggerKind
 
 _WATCHDOG = 5
 _TENTH_MS = 100_000
+# MAX_ERRNO of Linux; a damaged file may hold any number.
 _MOST_ERRNO = 4095
 _NO_INTERFACE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.ENOLINK})
 _TOGETHER_NS = 250_000_000  # SubDevices are looked at one after the other
@@ -23,6 +24,7 @@ _LINK_DOWN_NS = 100_000_000
 
 def bus_causes(e: IncidentEvidence) -> Iterator[Candidate]:
     """Yield the matching causes on the bus."""
+    # A bus that did not open is judged by `start_causes`.
     if e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return
     yield from _other_main(e)
@@ -78,6 +80,7 @@ def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
         if several:
             yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
         return
+    # An end of this connection, if one is among them, explains most.
     seen = min(gone, key=lambda s: s.name not in _ends(e))
     yield candidate(e, "device_lost", score, *facts, device=seen.name)
 
@@ -265,6 +268,7 @@ def _late(e: IncidentEvidence) -> tuple[int, int]:
     lost = e.bus.lost_between(*e.window_ns)
     if not lost:
         return 0, 0
+    # A late reply comes some cycles after its own.
     late = e.bus.old_between(lost[0].start_ns, lost[-1].end_ns + 4 * e.bus.cycle_ns)
     return sum(r.cycles for r in lost), late
 

@@ -15,6 +15,7 @@ from fsoe_net.incident.incident import TriggerKind
 
 _MAIN, _SUB = 0, 1
 _FEW = 3
+# Each pair is compared: the time grows with the square.
 _MOST_COMPARED = 200
 
 
@@ -338,6 +339,7 @@ def _roles(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
 
 def _altered(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
     """Frames are right in the image, and yet an end refuses them on the way to Data."""
+    # A shifted mapping already explains why frames are refused.
     if any(link.shifts):
         return
     for side, sender, victim, by in (
@@ -346,6 +348,7 @@ def _altered(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
     ):
         codes = reported_codes(e)
         times = codes[by, ResetCode.CRC] + codes[by, ResetCode.UNKNOWN_COMMAND]
+        # With many wrong frames the sender itself is at fault.
         if times < 2 or side.wrong > side.right // 4:
             continue
         yield candidate(

@@ -79,6 +79,7 @@ def _by_status(e: IncidentEvidence, fault: BusFault, text: str) -> Iterator[Cand
     if fault.link_down:
         yield candidate(e, "no_link", 95, text)
         return
+    # All other causes name a device in their text.
     if not key or (not device and key not in ("other_main_device", "bus_silent")):
         return
     other = why = ""

@@ -19,6 +19,7 @@ from fsoe_net.incident.incident_head import head_of
 _HEAD_BYTES = 64 << 20
 _MOST_CYCLES = 4_000_000
 _MOST_IMAGE_BYTES = 4 << 20
+# An image is written in hexadecimal, two characters per byte.
 _LINE_BYTES = 2 * _MOST_IMAGE_BYTES + 1024
 
 

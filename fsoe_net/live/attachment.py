@@ -206,11 +206,13 @@ class Attachment:
             self._events.log("monitor", f"fsn-master answers again; {self._away}")
             self._away = ""
         self._client = client
+        # An fsn-master that was restarted may have another plan.
         self._facts = ()
         return client
 
     def _lost(self, fault: EnvironmentFault) -> None:
         if self._client is not None:
+            # The counter belongs to the connection and ends with it.
             self._missed += self._client.events_lost
             self._client.close()
             self._client = None

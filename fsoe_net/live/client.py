@@ -43,6 +43,7 @@ from fsoe_net.live.realtime import RealTime
 
 ACYCLIC_S = 70.0
 """fsn-master ends a mailbox exchange after 60 s; others may be queued before it."""
+# A bus of hundreds of SubDevices needs minutes.
 SCAN_S = 600.0
 _SILENT_S = 5.0
 _T = TypeVar("_T")

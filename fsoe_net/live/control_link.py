@@ -166,6 +166,7 @@ class ControlLink:
                 if (line := self._line(until)) is None:
                     break
                 self._keep(line)
+                # After the first event only what has already arrived is taken.
                 until = 0.0 if kept else until
         except EnvironmentFault:
             if not kept:
@@ -177,6 +178,7 @@ class ControlLink:
     def _keep(self, event: dict[str, Any]) -> None:
         if event.get("event") in _CYCLE_EVENTS:
             if len(self._cycles) >= _MAX_EVENTS:
+                # The oldest is dropped: a program that is too slow needs the current values.
                 self._cycles.popleft()
                 self._cycles_lost += 1
             self._cycles.append(event)
@@ -200,6 +202,7 @@ class ControlLink:
             try:
                 self._socket.settimeout(max(0.0, left))
                 got = self._socket.recv(1 << 16)
+            # A timeout of 0 makes the socket non-blocking, which has an exception of its own.
             except (BlockingIOError, TimeoutError):
                 return None
             except OSError as exc:

@@ -8,6 +8,7 @@ from fsoe_net.host.seam import Host, Unreadable
 from fsoe_net.live.control_values import Status
 from fsoe_net.plan.fingerprint import Fingerprint, cycle_sha256, fingerprint_of_sections
 
+# Drivers of the Linux kernel that have no hardware.
 _NO_CARDS = frozenset({"veth", "tun", "dummy", "netdevsim"})
 
 
@@ -21,6 +22,7 @@ def fingerprint_in_use(status: Status) -> Fingerprint | None:
     if reported is None:
         return None
     used = cycle_sha256(status.cycle_ns)
+    # 0: the files state no cycle, so that any cycle fits them.
     if reported.sections["cycle"] in (used, cycle_sha256(0)):
         return reported
     return fingerprint_of_sections({**reported.sections, "cycle": used})

@@ -60,6 +60,7 @@ class BusOptions:
         if self.cycle_ns is not None:
             words += ["--cycle", f"{self.cycle_ns}ns"]
         if self.priority is not None:
+            # A priority counts only with a real-time policy.
             words += ["--policy", "fifo", "--priority", str(self.priority)]
         if self.cpu is not None:
             words += ["--cpu", str(self.cpu)]

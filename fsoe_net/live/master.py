@@ -85,6 +85,7 @@ class Master:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
+                # Else a Ctrl-C at the terminal would end it before `stop` gives it an orderly end.
                 start_new_session=True,
             )
         except OSError as exc:

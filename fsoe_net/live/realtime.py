@@ -105,6 +105,7 @@ class RealTime:
         self, path: str, outputs: Sequence[str], misses: int, plan: str, timeout_s: float
     ) -> Any:
         ffi, lib = self._ffi, self._lib
+        # fsn-master checks the limit; cffi would raise OverflowError beyond 32 bits.
         if not 0 <= misses < 1 << 32:
             raise ControlRefused("a client may miss 0 to 1000 cycles in a row", "FSN_E_ARG")
         # C keeps pointers only: these objects must live until `fsn_realtime_open` returns.

@@ -116,6 +116,7 @@ def _net(
 
 def yaml_word(name: str) -> str:
     """Return a name as YAML takes it for text."""
+    # Only names that YAML cannot take for something else, as it does with `on` or `1e3`, go bare.
     return (
         name
         if re.fullmatch(r"[a-z][a-z0-9]*_[a-z0-9_]+|[a-z]+[0-9]+", name)

@@ -56,6 +56,7 @@ def find_socket(interface: str) -> str | None:
 
 
 def _folders() -> list[str]:
+    # systemd lists several folders, separated by colons.
     own = os.environ.get("RUNTIME_DIRECTORY", "").partition(":")[0]
     folders = [own, os.environ.get("XDG_RUNTIME_DIR", ""), _SERVICE, "/run"]
     return list(dict.fromkeys(f for f in folders if f))
@@ -71,6 +72,7 @@ def _sockets(interface: str) -> Iterator[str]:
     for path in _own_choices(interface):
         if os.path.exists(path):
             yield path
+    # `fsoe-net run` takes the folder of temporary files where the user has no runtime directory.
     for folder in dict.fromkeys((*_folders(), tempfile.gettempdir())):
         yield from sorted(glob.glob(os.path.join(glob.escape(folder), "fsoe-net-*/control.sock")))
 

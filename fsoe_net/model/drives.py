@@ -49,6 +49,7 @@ def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
             if placed.entry.is_gap or sm.sm.direction is None or sm.block_at(placed.bit_offset):
                 continue
             found = sides[sm.sm.direction]
+            # The first entry counts, as for a driver.
             found.setdefault(placed.entry.index, (sm.sm.index, placed))
     outputs, inputs = sides[Direction.OUTPUT], sides[Direction.INPUT]
     axes = []

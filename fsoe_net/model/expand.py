@@ -468,6 +468,7 @@ class _Expander:
             subindex=block.command.subindex,
         )
         found = find_end(end, sub, block.direction).block
+        # A driver gets the first entry of an address, which may be outside of the frame.
         if found is None or found.key != block.key:
             raise _Refusal(Obstacle.HIDDEN, key, name=str(end))
         return end

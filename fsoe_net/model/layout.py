@@ -346,6 +346,7 @@ def _block_at(
     for words in frames_at(placed, starts, command, placed[-1].end_bit):
         match = _matches(placed, starts, command, words)
         if match is not None:
+            # Shorter frames are found first; the longest one stays.
             best = FsoeBlock(
                 byte_offset=command.bit_offset // 8,
                 frame_bytes=(words[-1].end_bit - command.bit_offset) // 8,

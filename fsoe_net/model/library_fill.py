@@ -51,6 +51,7 @@ def library_role(
         return ""
     roles = set(known.roles)
     if len(roles) > 1:
+        # A device that can have both roles: the lengths of its frames show which one it has here.
         roles = {m.role for m in known.mappings if _lengths(m) == sorted(lengths)}
     return roles.pop() if len(roles) == 1 else ""
 
@@ -115,6 +116,7 @@ def fill_from_library(
 
 def _fitting(sub: DescribedSubDevice, known: LibraryDevice) -> list[LibraryMapping]:
     rows = [m for m in known.mappings if m.fits(sub.revision)]
+    # The PDOs of a modular device are those of its modules.
     if sub.module_ident:
         return [m for m in rows if m.module_ident in sub.module_ident]
     return rows
@@ -144,6 +146,7 @@ def _filled(
     sub: DescribedSubDevice, known: LibraryDevice, mapping: LibraryMapping, *, answered: bool
 ) -> LibraryFill:
     own = sub.device
+    # Start-up data of the user's files stay; only process data are missing there.
     device = replace(
         mapping.device(_identity(sub, known), own.path),
         sdos=own.sdos,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from fsoe_net.diag.words import identity_text
 from fsoe_net.model.bus import Located
 
+# Error indication, bit 4 of the AL status register 0x0130 (ETG.1000.6).
 _ERROR_FLAG = 0x10
 
 

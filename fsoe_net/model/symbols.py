@@ -86,6 +86,7 @@ def _values(manager: SmLayout) -> Iterator[tuple[Entry, EntryView, int]]:
     for placed in manager.placed:
         entry = placed.entry
         first, last = placed.bit_offset, max(placed.bit_offset, placed.end_bit - 1)
+        # An entry may begin before a frame and end inside of it.
         in_frame = manager.block_at(first) is not None or manager.block_at(last) is not None
         # Bytes of a frame belong to FSoE: a program that wrote them would break the connection.
         if not entry.registered or in_frame or not 0 < entry.bits <= _MOST_BITS:

@@ -139,6 +139,7 @@ class Bridge:
         if self.recording is not None:
             self.recording.check()
         view = self._attachment.look(LOOK_S, stop)
+        # Events are not shown here; kept, they would fill the memory.
         self._attachment.take_events()
         found = ros_statuses(view)
         # Two publishers of one joint make its state jump between them.

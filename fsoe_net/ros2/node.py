@@ -105,6 +105,7 @@ class Node:
         self._thread.join()
         self._readers.clear()
         self._writers.clear()
+        # `cyclonedds` ends what no object refers to.
         del self._offers, self._participant, self._domain
 
     def publish(self, topic: str, message: IdlStruct) -> None:
@@ -256,6 +257,7 @@ def _qos(message: type[IdlStruct], *, depth: int = _DEPTH, extra: str = "") -> Q
         Policy.Durability.Volatile,
         Policy.History.KeepLast(depth),
         Policy.WriterDataLifecycle(autodispose=False),
+        # The encoding that ROS 2 uses, XCDR1.
         Policy.DataRepresentation(use_cdrv0_representation=True),
         Policy.Userdata(said.encode()),
     )

@@ -10,6 +10,7 @@ from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SubDevice, Watchdo
 from fsoe_net.model.layout import DeviceLayout, Placed, SmLayout
 from fsoe_net.rules.context import Context, describe_sm
 
+# 1500 bytes of Ethernet payload, less 2 of the EtherCAT header and 12 of the datagram.
 MAX_DATAGRAM_BYTES = 1486
 _MAX_SYNC_MANAGERS = 16
 _PROFILE_AREA = 0x6000  # below it stand objects of the manufacturer, some mapped as padding

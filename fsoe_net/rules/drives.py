@@ -71,6 +71,7 @@ def _is_fixed(entry: Entry) -> bool:
 def _waits_for_mode(axis: _Axis, sub: SubDevice) -> bool:
     """Whether the plugin of the driver sends neither a command nor the actual position."""
     target = axis.outputs.get(_TARGET_POSITION)
+    # The plugin runs axis 0 only.
     is_first = sub.plugin == CIA402_PLUGIN and axis.base == 0
     unread = _MODE_DISPLAY not in axis.inputs
     return is_first and unread and target is not None and not _is_fixed(target)

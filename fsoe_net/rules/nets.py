@@ -74,6 +74,7 @@ def _destinations(ctx: Context) -> None:
 
 
 def _overlap(ctx: Context, one: ResolvedTransfer, two: ResolvedTransfer, count: int) -> None:
+    # In the order of the file: the finding is at the later one.
     early, late = sorted((one, two), key=lambda r: r.transfer.span)
     ctx.blame(early)
     ctx.blame(late)

@@ -55,6 +55,7 @@ def parse_command(line: str, number: int) -> EmulationCommand | None:
 
 def _number(text: str, high: int) -> int:
     try:
+        # Enough for 64 bits; int() takes quadratic time for a long text.
         value = int(text, 0) if len(text) <= 24 else -1
     except ValueError:
         raise CommandError(f"{text!r} is not a number; write 12 or 0x0c") from None

@@ -144,6 +144,7 @@ class EmulatedDevice:
         """Let every axis take one step."""
         if not self.axes:
             return
+        # Several axes may have their objects in one sync manager.
         image = functools.cache(io.read_outputs)
         operational = io.operational()
         for wired in self.axes:
@@ -191,6 +192,7 @@ class EmulatedDevice:
             port.instance.power_cycle()
         for wired in self.axes:
             wired.axis.power_cycle()
+        # After the restart each value is published again.
         self._shown.clear()
         for data in self.inputs.values():
             data[:] = bytes(len(data))

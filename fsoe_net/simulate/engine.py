@@ -23,6 +23,7 @@ _AUTO_PRESS_NS = 100_000_000
 
 def state_of(main: Port, sub: Port) -> ConnectionState:
     """Return the state of a connection: of the end that lags, and for Data the kind."""
+    # The enum has the states in the order of the start-up.
     order = list(State)
     state = min(main.instance.state, sub.instance.state, key=order.index)
     if state is not State.DATA:

@@ -74,6 +74,7 @@ _ONE: dict[Action, Callable[[Segment, ScenarioStep], None]] = {
     Action.SWAP: _swap,
     Action.WRONG: _wrong,
     Action.RIGHT: lambda segment, step: segment.set_identity(segment.position(step.target), None),
+    # The clock of a controller has 64 bits, that of some 32 (ETG.1000.4).
     Action.NARROW_CLOCK: lambda segment, step: segment.set_clock_bits(
         segment.position(step.target), 32
     ),

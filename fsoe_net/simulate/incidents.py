@@ -52,6 +52,7 @@ class _Ring:
 
     def add(self, record: CycleRecord) -> None:
         self.rows.append(record)
+        # A record without its image takes about 200 bytes.
         self.bytes += len(record.image or b"") + 200
         oldest = record.now_ns - _BEFORE_NS - _AFTER_NS
         while self.rows[0].now_ns < oldest or self.bytes > _MOST_BYTES:
@@ -181,6 +182,7 @@ class IncidentRecorder:
 
     def _event(self, event: CoreEvent) -> None:
         name = self._session.plan.connection_names[event.connection]
+        # Without a change of state it reports the parameters on the wire.
         if event.before is event.after:
             self._parameters(event, name)
             return

@@ -21,6 +21,7 @@ _STATES = {
 }
 _FAILSAFE = 105
 _VERSION = b"01"
+# The number of the module in 0x6nn0 (ETG.5001).
 _MODULE = 0x0FF0
 _DRIVE = {0x6760: 0x6791, 0x6770: 0x6791}
 

@@ -170,6 +170,7 @@ class _Emulation:
 
     def _trigger(self, step: TestStep, function: SafetyFunction) -> StepResult:
         slowest = 0
+        # The time depends on where in the FSoE cycle the trigger comes.
         for phase in range(_PHASES):
             found = self._triggered(function, self._act_ns + phase * self._cycle_ns)
             if isinstance(found, StepResult):
@@ -288,8 +289,10 @@ class _Emulation:
     # -- faults -----------------------------------------------------------------------------------
 
     def _fault(self, step: TestStep) -> StepResult:
+        # A fixed seed: the same network gives the same result.
         config = CampaignConfig(links=campaign_links(self._resolution), seed=0)
         result = run_campaign(config, (step.subject,), self._faults)
+        # A campaign returns what it has after Ctrl-C, which would pass for a whole step here.
         if result.interrupted:
             raise KeyboardInterrupt
         (row,) = result.classes

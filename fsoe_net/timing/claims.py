@@ -17,6 +17,7 @@ from fsoe_net.timing.pfh import PfhSum
 
 # Related by PFH, ISO 13849-1; where one SIL spans two performance levels the lower one counts.
 _PL_OF_SIL = {1: "b", 2: "d", 3: "e"}
+# No SIL corresponds to PL a (ISO 13849-1).
 _SIL_OF_PL = {"a": 0, "b": 1, "c": 1, "d": 2, "e": 3}
 _MOST_OF_CATEGORY = {"B": "b", "1": "c", "2": "d"}  # ISO 13849-1, annex K; 3 and 4 reach PL e
 

@@ -20,7 +20,9 @@ from fsoe_net.live.client import Client
 
 _T = TypeVar("_T")
 _MOST_EVENTS = 1_000
+# Renewals per lease: some of them may be late.
 _PARTS_OF_A_LEASE = 4
+# A very short lease must not become a flood of requests.
 _LEAST_RENEW_S = 0.02
 _MOST_RENEW_S = 1.0
 _END_S = 1.0
@@ -64,6 +66,7 @@ class LeasedClient:
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
         try:
+            # Connects now, so that a wrong path is reported here and not at the first command.
             self.call(lambda _: None)
         except BaseException:
             self.close()
@@ -124,6 +127,7 @@ class LeasedClient:
     def close(self) -> None:
         """Close the connection; outputs set by this client fall back."""
         self._jobs.put(None)
+        # Bounded: a server that hangs must not keep the caller, and the thread is a daemon.
         self._thread.join(_END_S)
 
     def _work(self) -> None:

@@ -24,6 +24,7 @@ from fsoe_net.simulate.drive.power import PdsState, PowerSystem
 from fsoe_net.simulate.drive.safety import SafeDemand, SafeDrive
 from fsoe_net.simulate.drive.servo import Limits, Servo
 
+# The gains in `servo` are chosen for steps of this length.
 _STEP_NS = 250_000
 _LONGEST_NS = 1_000_000_000  # a device that stood for longer has not moved meanwhile
 _HALT = 1 << 8
@@ -151,6 +152,7 @@ class EmulatedAxis:
         torque = self.objects.value(0x6072) * c.torque_nm_per_mille
         torque = min(torque, setup.max_torque_nm)
         c.limits.torque_positive_nm = c.limits.torque_negative_nm = torque
+        # 0x6080 is in revolutions per minute, unlike all other speeds here.
         speed = min(self.objects.value(0x6080), setup.max_rpm) / 60 * math.tau
         if self.safe.speed_limit is not None:
             speed = min(speed, self.safe.speed_limit)
@@ -196,6 +198,7 @@ class EmulatedAxis:
         """Return the requested mode, or the current one if it does not exist."""
         objects = self.objects
         wanted = objects.value(0x6060)
+        # A drive that is fixed to one mode: the target that is mapped shows which.
         if not wanted and not objects.is_mapped(0x6060):
             mapped = filter(objects.is_mapped, _MODE_OF_TARGET)
             wanted = next((_MODE_OF_TARGET[index] for index in mapped), 0)
@@ -211,6 +214,7 @@ class EmulatedAxis:
             self._start_mode(self._wanted_mode())
         if self.power.state is PdsState.OPERATION_ENABLED:
             self._mode.command(self.controlword, passed_ns / 1e9)
+        # Rounded up: equal steps, none of them longer than the limit.
         steps = -(-passed_ns // _STEP_NS)
         for _ in range(steps):
             self._move(passed_ns / steps / 1e9)
@@ -285,6 +289,7 @@ class EmulatedAxis:
                 0x6077: round(servo.torque_nm * torque),
                 0x60F4: round(servo.error * turns),
                 0x60FC: wanted,
+                # Bits 0 … 2: limit and home switches; from 16 on: of the maker (CiA 402).
                 0x60FD: low | high << 1 | home << 2 | self._torque_taken << 31,
             }
         )

@@ -53,6 +53,7 @@ class MotionContext:
     def within_limits(self, angle: float) -> float:
         """Return the nearest angle that the position limits (0x607D) allow."""
         low, high = (self.objects.value(0x607D, n) for n in (1, 2))
+        # Both are 0 where the setup has no limits.
         if low >= high:
             return angle
         counts = self.counts_per_rad
@@ -166,6 +167,7 @@ class CyclicVelocity(ModeBase):
     def move(self, step_s: float) -> None:
         """Control the speed."""
         servo = self.c.servo
+        # The reference goes along, so that the next mode begins where the motor is.
         servo.angle, servo.speed, servo.rate = servo.plant.angle, self._speed, 0.0
         servo.control_speed(self._speed, self.c.limits, step_s)
 

@@ -98,6 +98,7 @@ def _defaults(setup: DriveSetup) -> dict[tuple[int, int], int]:
 
 def _interpolation(cycle_s: float) -> dict[tuple[int, int], int]:
     """Return a bus cycle as the interpolation time period: units, and their power of ten."""
+    # The coarsest unit that fits exactly: 0x60C2:01 has 8 bits only.
     exponent = next(e for e in (-3, -4, -5, -6) if e == -6 or _is_whole(cycle_s, e))
     return {(0x60C2, 1): min(255, max(1, round(cycle_s / 10**exponent))), (0x60C2, 2): exponent}
 
@@ -140,6 +141,7 @@ class AxisObjects:
             stated: Values of start-up SDOs, by index and subindex of axis 0.
         """
         self.dictionary = _defaults(setup) | _interpolation(self.cycle_s)
+        # Start-up SDOs also set objects that this axis does not have.
         self.dictionary |= {key: v for key, v in stated.items() if key in self.dictionary}
 
     def value(self, index: int, subindex: int = 0) -> int:

@@ -54,6 +54,7 @@ class Plant:
             return
         constant_s = self.inertia_kgm2 / self.damping_nms
         final = drive_nm / self.damping_nms
+        # expm1, because 1 - exp(x) loses its digits for a short time.
         change = -math.expm1(-time_s / constant_s)
         self.angle += final * time_s + (self.speed - final) * constant_s * change
         self.speed += (final - self.speed) * change

@@ -39,6 +39,7 @@ class SafeDrive:
     ss1_ns: int
     sls_delay_ns: int
     violated: bool = False
+    # A drive begins without torque.
     _stop: _Stop = _Stop.OFF
     _stopping_since_ns: int = 0
     _limit: float | None = None
