@@ -102,6 +102,7 @@ class TrialConnection:
         return self._between(used.main, used.sub, used.session_ids, seed)
 
     def _between(self, main: Peer, sub: Peer, ids: tuple[SessionIds, ...], seed: int) -> Channel:
+        # The two ends must not draw the same ids.
         for source, turn in zip(ids, (0, 0x5DEECE66D1234567), strict=True):
             source.value = seed ^ turn
         return Channel(
@@ -183,6 +184,7 @@ class _StartUp:
         self.fork = all(can_fork(end) for end in channel.ends)
         self.spots: list[Spot] = []
         seen: set[Way] = set()
+        # With one safe byte, each byte of parameters takes an exchange of its own.
         exchanges = 20 + len(link.main.app_parameters)
         # Longer than any exchange can take; a connection that is not in Data by then never gets
         # there.
@@ -291,6 +293,7 @@ class RunSource:
         """Return run ``number`` of ends that can fork: start-up and some hundred turns in Data."""
         if number not in self._walks:
             if len(self._walks) == _KEPT_WALKS:
+                # The oldest one: a walk keeps a copy of both ends for each of its spots.
                 del self._walks[next(iter(self._walks))]
             self._walks[number] = self._make(number)
         return self._walks[number]

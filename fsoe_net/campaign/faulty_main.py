@@ -44,6 +44,7 @@ class FaultyMain(MainInstance):
 
     def _begin(self, payload: bytes) -> bytes:
         values = bytearray(payload)
+        # Connection data: ID, address. Parameters: length, watchdog, application length.
         at = {
             ("CONNECTION", Oddity.CONNECTION_ID): 0,
             ("CONNECTION", Oddity.ADDRESS): 2,

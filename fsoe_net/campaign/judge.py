@@ -177,6 +177,7 @@ class _Run:
     def _answered(self, way: Way, shown: bytes | None, sent: bytes) -> TrialFinding | None:
         """Judge a frame sent in answer to a faulty image."""
         due = self.channel.newest(way)
+        # 0x2a is the command of a Reset; the frame may be too short to decode.
         to_reset = shown is not None and shown[:1] == b"\x2a"
         usual_reset = to_reset and due is not None and due[0] == _RESET
         if sent[0] == _RESET:
@@ -242,6 +243,7 @@ class _Run:
         if data != self.known[way]:
             return self._wrong(way, f"took data {short_hex(data)} without an answer")
         age_ns = self.turn_ns - self.channel.answered_ns[way]
+        # An end looks at its watchdog once in a bus cycle.
         if age_ns >= self.watchdog_ns + self.channel.cycle_ns:
             return self._wrong(way, f"data still valid after {age_ns / 1e6:g} ms")
         return None

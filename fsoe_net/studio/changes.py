@@ -31,6 +31,7 @@ from fsoe_net.studio.subdevices import SUBDEVICE_CHANGES
 FACTS = {"address": 65535, "connection_id": 65535, "watchdog_ms": 65534}
 """Numbers of a connection that the page sets, with the largest: ETG.5100, 16 bits each."""
 
+# A plan holds the cycle in nanoseconds, 32 bits.
 LONGEST_CYCLE_US = 4_000_000
 
 DRAWN = "drawn in studio: compare it with the safety project"

@@ -73,6 +73,7 @@ def file_routes(workspace: Workspace, uploads: Uploads) -> list[Route]:
 
 def _export(request: Request) -> tuple[int, str]:
     version = request.query_params.get("version", "")
+    # int() takes quadratic time for a long text.
     number = int(version) if version.isascii() and version.isdigit() and len(version) < 18 else -1
     return number, request.path_params["target"]
 

@@ -46,6 +46,7 @@ class Listening:
                 file and the next step.
         """
         password = _password(password_file)
+        # A group may read the key, as `ssl-cert` of Debian does.
         _closed(key, 0o007, "chmod o-rwx")
         names = [_plain(name) for name in _names(certificate, key)]
         own = _plain(address)
@@ -71,6 +72,7 @@ def bound_socket(address: str, port: int) -> socket.socket:
         found = LimitedSocket(row[0], row[1])
     except OSError as exc:
         raise EnvironmentFault(f"{address} cannot be listened on: {exc.strerror}") from exc
+    # Else the port is taken for a minute after the last run (TIME_WAIT).
     found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         found.bind(row[4])

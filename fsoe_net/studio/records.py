@@ -177,6 +177,7 @@ def document_response(document: Document, status: int = 200) -> Response:
     styles = dict.fromkeys(html.unescape(a or b) for a, b in _STYLES.findall(text))
     hashes = (base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in styles)
     allowed = " ".join(f"'sha256-{value}'" for value in hashes)
+    # Hashes of style attributes count with 'unsafe-hashes' only (CSP level 3).
     policy = (
         f"default-src 'none'; style-src 'unsafe-hashes' {allowed}; sandbox; base-uri 'none'; "
         "form-action 'none'; frame-ancestors 'self'"

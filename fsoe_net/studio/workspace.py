@@ -347,6 +347,7 @@ def _with_line_ends(before: str, after: str) -> str:
     plain = [line.replace("\r\n", "\n") for line in own]
     end = "\r\n" if own[0].endswith("\r\n") else "\n"
     lines: list[str] = []
+    # `autojunk` would ignore frequent lines, such as empty ones, from 200 lines on.
     for kind, begin, stop, first, last in SequenceMatcher(
         None, plain, new, autojunk=False
     ).get_opcodes():
@@ -367,6 +368,7 @@ def _state(path: str) -> tuple[str, int, int]:
 
 def _read(path: str) -> _OnDisk:
     source, data = read_source(path, most=MAX_TEXT_BYTES)
+    # Editors of Windows write a byte order mark; the file keeps it.
     mark = b"\xef\xbb\xbf" if data.startswith(b"\xef\xbb\xbf") else b""
     try:
         text = data[len(mark) :].decode("utf-8")
