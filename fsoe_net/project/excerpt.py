@@ -16,7 +16,8 @@ STDIN = "-"
 _MOST_BYTES = 4 << 20
 _WIDTH = 92  # columns of a line that are shown
 _BEFORE = 60  # of them at most in front of the marked column
-_TOKEN = re.compile(r'"[^"]*"|\'[^\']*\'|</?[\w:.-]+|[^\s,:#<>\[\]{}"\']+')
+# A comma in a number is part of what was typed; in a list it ends a value.
+_TOKEN = re.compile(r'\d+,\d+(?!\S)|"[^"]*"|\'[^\']*\'|</?[\w:.-]+|[^\s,:#<>\[\]{}"\']+')
 # YAML ends lines at these too; XML does not. A file with one has no line that both count alike.
 _ODD_BREAKS = re.compile("[\x0b\x0c\x85\u2028\u2029]")
 

@@ -116,6 +116,22 @@ rows:
             "FSN102",
             "write `- name:` in line 2: a dash needs a blank",
         ),
+        (
+            "rows:\n    a: 1\n    b: 2\n  - a: 3\n",
+            "FSN102",
+            "start the item above with `- ` too, and indent both alike",
+        ),
+        (
+            "rows:\n    a: 1\n      b: 2\n  - a: 3\n",
+            "FSN102",
+            "start the item in the line above with `- `, or indent this line like it",
+        ),
+        (
+            "rows:\n    a: 1 # one\n      b: 2\n",
+            "FSN102",
+            "start the item in the line above with `- `, or indent this line like it",
+        ),
+        ("rows:\n  a: b: c\n", "FSN102", "check indentation and brackets above this place"),
         ("a: b: c\n", "FSN102", "check indentation and brackets above this place"),
         (
             "rows:\n\t- a: 1\n",

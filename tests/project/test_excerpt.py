@@ -30,6 +30,8 @@ def test_the_word_at_the_column_is_marked(tmp_path: Path):
         ("name: 'two words'  # c", 7, "      ^^^^^^^^^^^"),
         ("\ta: b", 5, "    ^"),
         ("a: {b: }", 8, "       ^"),
+        ("a: 1,5", 4, "   ^^^"),
+        ("a: [1,5]", 5, "    ^"),
         ("<Sm Default='1'/>", 1, "^^^"),
         ("機: 械械", 4, "    ^^^^"),
         ("e\u0301: x", 5, "   ^"),

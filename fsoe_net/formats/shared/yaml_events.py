@@ -21,6 +21,8 @@ MAX_DEPTH = 64
 DEEPER = f"nested deeper than {MAX_DEPTH} levels"
 FLATTER = "no file of this kind needs more than a dozen levels"
 # What newer builds of libyaml say of a flow list in more than 1000 others, before it is read.
+# Of a key below a key that has a value already, with and without a comment after the value.
+_TOO_DEEP_KEY = ("did not find expected key", "mapping values are not allowed in this context")
 _TOO_DEEP = "exceeded maximum nesting depth"
 MAX_PARTS = 4_000_000  # of about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
 MAX_ALIASED = 1_000_000
@@ -223,11 +225,21 @@ def add_syntax_error(exc: yaml.YAMLError, file: str, text: str, out: Collector) 
 def _syntax_hint(problem: str, lines: list[str]) -> str:
     """Return what to do about a syntax error in the last of these lines."""
     line = lines[-1] if lines else ""
-    if "\t" in line[: len(line) - len(line.lstrip())]:
+    if "\t" in line[: _indent(line)]:
         return "replace the tab by spaces; YAML forbids tabs in indentation"
     if problem == "did not find expected '-' indicator":
         return "start the item with `- `, or indent it like the other keys of the item above"
     for number in range(len(lines), max(len(lines) - 4, 0), -1):
         if glued := re.match(r"\s*-([A-Za-z_]\w*):", lines[number - 1]):
             return f"write `- {glued[1]}:` in line {number}: a dash needs a blank"
+    above = next((row for row in reversed(lines[:-1]) if row.strip()), "")
+    if problem == "did not find expected key" and line.lstrip().startswith("- "):
+        return "start the item above with `- ` too, and indent both alike"
+    is_deeper = _indent(line) > _indent(above) and not above.rstrip().endswith(":")
+    if problem in _TOO_DEEP_KEY and is_deeper:
+        return "start the item in the line above with `- `, or indent this line like it"
     return "check indentation and brackets above this place"
+
+
+def _indent(line: str) -> int:
+    return len(line) - len(line.lstrip())
