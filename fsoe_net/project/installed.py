@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import csv
 import hashlib
 import importlib.metadata
 import importlib.util
@@ -69,16 +70,16 @@ def _recorded() -> dict[str, str]:
         distribution = importlib.metadata.distribution("fsoe-net")
     except importlib.metadata.PackageNotFoundError:
         return {}
-    rows = {file.as_posix(): file for file in distribution.files or ()}
-    marker = rows.get(f"{_PACKAGE.name}/__init__.py")
-    place = None if marker is None else Path(str(marker.locate()))
-    if place is None or not place.is_file() or not place.samefile(_PACKAGE / "__init__.py"):
+    # Not `distribution.files`, which leaves out files that are missing (from Python 3.12 on).
+    rows = list(csv.reader((distribution.read_text("RECORD") or "").splitlines()))
+    place = Path(str(distribution.locate_file(f"{_PACKAGE.name}/__init__.py")))
+    if not place.is_file() or not place.samefile(_PACKAGE / "__init__.py"):
         return {}
     return {
         # RECORD has base64 without its padding.
-        path: base64.urlsafe_b64decode(file.hash.value + "==").hex()
-        for path, file in rows.items()
-        if path.startswith(f"{_PACKAGE.name}/") and file.hash is not None
+        path: base64.urlsafe_b64decode(digest.removeprefix("sha256=") + "==").hex()
+        for path, digest in (row[:2] for row in rows if len(row) > 1)
+        if path.startswith(f"{_PACKAGE.name}/") and digest.startswith("sha256=")
     }
 
 
