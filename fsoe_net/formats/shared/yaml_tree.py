@@ -169,8 +169,8 @@ def parse_yaml(
         out.add(
             "FSN104",
             root.span,
-            f"the document is {what}, not a map: the driver would find no key in it",
-            hint="start the file with a key such as `nets:`, without `- ` in front",
+            f"the document is {what}, not a map of keys and values",
+            hint="begin with a key and a colon, without `- ` in front; is it the right file?",
         )
         return None
     return root
