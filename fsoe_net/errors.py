@@ -68,12 +68,18 @@ class ControlRefused(EnvironmentFault):
         return self.status == "FSN_E_BUSY"
 
 
+def _visible(text: str) -> str:
+    """Return a text without characters that act on a terminal: names of files may have them."""
+    return "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in text)
+
+
 class InputError(FsnError):
     """A file was rejected as a whole.
 
     Args:
         message: One sentence for the user.
-        diagnostics: Findings with locations; may be empty when the message is complete.
+        diagnostics: Findings with locations; may be empty when the message is complete. The first
+            one is a note of the exception.
     """
 
     exit_code = 1
@@ -81,6 +87,11 @@ class InputError(FsnError):
     def __init__(self, message: str, diagnostics: Sequence[Diagnostic] = ()) -> None:
         super().__init__(message)
         self.diagnostics = tuple(diagnostics)
+        # Shown below a traceback: a notebook or a script needs no further call to see the mistake.
+        for first in self.diagnostics[:1]:
+            self.add_note(_visible(f"{first.span}: {first.code}: {first.message}"))
+            if first.hint:
+                self.add_note(_visible(f"next step: {first.hint}"))
 
 
 class PlanFormatError(InputError):

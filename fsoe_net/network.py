@@ -17,6 +17,14 @@ from fsoe_net.plan.fingerprint import Fingerprint
 from fsoe_net.plan.model import Plan
 from fsoe_net.project.check import check_loaded, library_of, load_files, whole_network
 from fsoe_net.project.findings import Findings
+from fsoe_net.project.parts import (
+    NetworkConnection,
+    NetworkSubDevice,
+    NetworkTransfer,
+    connections_of,
+    subdevices_of,
+    transfers_of,
+)
 from fsoe_net.proposal.draft import Draft, Inputs, make_draft
 from fsoe_net.proposal.gather import gather
 from fsoe_net.timing.budget import Budget, make_budget
@@ -88,6 +96,35 @@ class Network:
 
     def __repr__(self) -> str:
         return f"<Network {self.name!r}: {self.check()!r}>"
+
+    def _repr_svg_(self) -> str | None:
+        """Return the picture that a notebook shows; ``None`` if nothing could be read."""
+        from fsoe_net.document.style import standalone_picture
+        from fsoe_net.report.network_picture import network_picture
+
+        if self._checked.resolution is None:
+            return None
+        return standalone_picture(
+            network_picture(self._checked.resolution, self._checked.diagnostics)
+        )
+
+    @property
+    def subdevices(self) -> tuple[NetworkSubDevice, ...]:
+        """The SubDevices, in the order of the process image; empty if nothing could be read."""
+        config = self._checked.network
+        return () if config is None else subdevices_of(config)
+
+    @property
+    def connections(self) -> tuple[NetworkConnection, ...]:
+        """The FSoE connections, in the order of the plan; without those that have errors."""
+        resolution = self._checked.resolution
+        return () if resolution is None else connections_of(resolution)
+
+    @property
+    def transfers(self) -> tuple[NetworkTransfer, ...]:
+        """The copies of every bus cycle, those that are made from connections included."""
+        resolution = self._checked.resolution
+        return () if resolution is None else transfers_of(resolution)
 
     def check(self, scan: AnyPath | None = None) -> Findings:
         """Return the findings, each with its location and the next step.

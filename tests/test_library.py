@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from cli.tool import fsn
@@ -32,6 +33,58 @@ def test_the_names_are_few_and_all_of_them_exist():
     assert set(dir(fsoe_net)) == {*fsoe_net.__all__, "__version__"}
     with pytest.raises(AttributeError, match="no attribute 'Everything'"):
         fsoe_net.Everything  # noqa: B018 - it raises
+
+
+def test_a_network_lists_its_parts_as_its_files_state_them():
+    network = fsoe_net.load(EXAMPLES / "two-buses" / "network.yaml")
+    facts = [(s.bus, s.name, s.position, s.frame_pairs) for s in network.subdevices]
+    assert facts == [
+        ("cell", "el6910", 1, 4),
+        ("cell", "el1904", 2, 1),
+        ("cell", "el2904", 3, 1),
+        ("drives", "drive_1", 0, 1),
+        ("drives", "drive_2", 1, 1),
+    ]
+    assert {s.vendor_id for s in network.subdevices} == {0x2, 0x22D2}
+    first = network.connections[0]
+    assert (first.main, first.sub, first.slot, first.is_confirmed) == ("el6910", "el1904", 0, True)
+    assert (first.address, first.connection_id, first.watchdog_ms) == (101, 1, 100)
+    assert len(network.transfers) == 8
+    assert all(row.is_fsoe for row in network.transfers)
+    assert (network.transfers[0].source, network.transfers[0].source_entry) == (
+        "el1904",
+        (0x6000, 1),
+    )
+
+
+def test_a_network_with_errors_still_lists_its_parts(tmp_path):
+    broken = fsoe_net.load(EXAMPLES / "broken" / "04_size.yaml")
+    assert not broken.check().ok
+    assert [row.size_bytes for row in broken.transfers] == [6, 7]
+    nothing = tmp_path / "nothing.yaml"
+    nothing.write_text("[")
+    unread = fsoe_net.load(nothing)
+    assert (unread.subdevices, unread.connections, unread.transfers) == ((), (), ())
+    assert unread._repr_svg_() is None
+
+
+def test_a_notebook_shows_a_network_as_a_picture():
+    network = fsoe_net.load(EXAMPLES / "estop" / "network.yaml")
+    root = ElementTree.fromstring(network._repr_svg_())
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    shown = {text.text for text in root.iter("{http://www.w3.org/2000/svg}text")}
+    assert {"ek1914", "el1918", "MainInstance", "SubInstance"} <= shown
+
+
+def test_a_traceback_shows_the_first_finding(tmp_path):
+    shutil.copytree(EXAMPLES, tmp_path / "examples")  # its devices are in another folder
+    folder = tmp_path / "examples" / "broken"
+    path = (folder / "04_size.yaml").rename(folder / "a\x1b[2Jb.yaml")
+    with pytest.raises(fsoe_net.InputError) as refused:
+        fsoe_net.load(path).compile()
+    where, what = refused.value.__notes__
+    assert where.startswith(f"{folder}/a\\u001b[2Jb.yaml:17:15: FSN209: size 7 ")
+    assert what == "next step: write size: 6"
 
 
 @pytest.mark.parametrize("name", fsoe_net.__all__)
@@ -114,7 +167,7 @@ def test_the_programs_of_the_page_run(tmp_path, monkeypatch, capsys):
     shutil.copytree(EXAMPLES, tmp_path / "examples")
     monkeypatch.chdir(tmp_path / "examples" / "estop")
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
-    assert len(blocks) == 12
+    assert len(blocks) == 13
     names: dict[str, object] = {}
     with FakeMaster() as master:
         threading.Thread(target=_lose_the_connection, args=(master,), daemon=True).start()

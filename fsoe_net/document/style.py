@@ -13,9 +13,7 @@ svg.window{max-height:46px}
 """
 """Of the drawings alone."""
 
-STYLE = (
-    PICTURES
-    + """
+_COLOURS = """\
 :root{color-scheme:light dark;--ink:#1f2328;--back:#fff;--soft:#57606a;--line:#d0d7de;
 --head:#f3f5f7;--red:#a40e26;--amber:#7d4e00;--blue:#0550ae;--main:#ddf4ff;
 --sub:#fff8c5;--sm:#eaeef2;--c0:#0550ae;--c1:#953800;--c2:#116329;--c3:#6639ba;--c4:#99286e;
@@ -24,6 +22,12 @@ STYLE = (
 --line:#3d444d;--head:#161b22;--red:#ff8182;--amber:#e3b341;--blue:#79c0ff;
 --main:#0c2d6b;--sub:#3d2e00;--sm:#21262d;--c0:#79c0ff;--c1:#ffa657;--c2:#7ee787;--c3:#d2a8ff;
 --c4:#ff9bce;--c5:#b1bac4}}
+"""
+
+STYLE = (
+    PICTURES
+    + _COLOURS
+    + """\
 *{box-sizing:border-box}
 body{font:15px/1.5 system-ui,-apple-system,"Segoe UI","Liberation Sans",sans-serif;
 color:var(--ink);background:var(--back);max-width:1080px;margin:0 auto;padding:1.2em 1em 4em}
@@ -106,3 +110,12 @@ figure svg{max-height:225mm}
 a{color:inherit;text-decoration:none}.data th,.data td{padding:.25em .4em}}
 """
 )
+
+
+def standalone_picture(svg: str) -> str:
+    """Return a drawing as a whole SVG file, with the colours of the pages."""
+    style = (
+        f"<style>{PICTURES}{_COLOURS}svg{{background:var(--back);font-family:sans-serif}}</style>"
+    )
+    head, _, rest = svg.partition(">")
+    return f'{head} xmlns="http://www.w3.org/2000/svg">{style}{rest}'
