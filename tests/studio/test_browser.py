@@ -87,6 +87,33 @@ def test_a_connection_is_removed_drawn_confirmed_and_saved(page: Any, cell: Path
     assert page.locator("textarea").input_value() == before
 
 
+def test_the_facts_of_a_connection_are_on_its_line(page: Any) -> None:
+    page.wait_for_selector(".line text")
+    assert page.locator(".line text").all_text_contents() == [
+        "address 101 · ConnID 1 · 100 ms",
+        "address 102 · ConnID 2 · 100 ms",
+        "address 201 · ConnID 3 · 100 ms",
+        "address 202 · ConnID 4 · 100 ms",
+    ]
+    page.set_viewport_size({"width": 700, "height": 450})  # as at 200 %
+    page.locator(".line text").first.wait_for(state="detached")
+
+
+def test_a_selected_card_has_one_outline_and_the_path_one_line(page: Any, cell: Path) -> None:
+    page.set_viewport_size({"width": 700, "height": 450})
+    page.get_by_role("button", name="el1904 SubInstance").click()
+    page.mouse.move(0, 0)
+    outlined = page.evaluate(
+        "[...document.querySelectorAll('.board *')]"
+        ".filter((e) => getComputedStyle(e).outlineStyle !== 'none').map((e) => e.className)"
+    )
+    assert [name.split()[0] for name in outlined] == ["card"]
+    path = page.locator(".path")
+    assert path.get_attribute("title") == str(cell)
+    assert path.text_content() == "…/cell/network.yaml"
+    assert path.bounding_box()["height"] < 30
+
+
 def test_only_what_fits_lights_up_and_the_reason_is_shown(page: Any) -> None:
     for sub in ("drive_2", "el1904"):
         _connection(page, sub).focus()

@@ -7,6 +7,12 @@ import { GONE, listen, request, state as fetchState } from "./server.js";
 
 /** @typedef {import("./types").State} State */
 
+/**
+ * The end of a path: its begin is the same for all files of a person.
+ * @param {string} path
+ */
+const shortPath = (path) => path.replace(/^.*(?=\/[^/]+\/[^/]+$)/, "…");
+
 /** @param {() => Promise<any>} load Of a view that is loaded when it is first shown. */
 function later(load) {
   /** @type {any} */
@@ -138,7 +144,7 @@ function Toolbar({ state, view, act }) {
           html`<a key=${key} href=${`#${key}`} aria-current=${key === view ? "page" : undefined}>${name}</a>`,
       )}
     </nav>
-    <span class="path">${state.path}</span>
+    <span class="path" title=${state.path}>${shortPath(state.path)}</span>
     <span class="verdict ${worst(state.findings) || "good"}" role="status">
       ${state.is_network ? verdict : "no network yet"} · ${state.saved ? "saved" : "not saved"}
     </span>

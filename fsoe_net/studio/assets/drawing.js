@@ -7,6 +7,12 @@ import { html, Mark, ROLES, SEVERITIES, worst } from "./html.js";
 /** @typedef {import("./types").SubDevice} SubDevice */
 /** @typedef {import("./types").Port} Port */
 /** @typedef {import("./types").Selected} Selected */
+/**
+ * `roomy`: the facts of the connection fit between its ends.
+ * @typedef {{ path: string, x: number, y: number, anchor: "start" | "end",
+ *   roomy: boolean }} Curve */
+
+const FACTS_PX = 230; // of an address, a ConnID and a watchdog
 
 /**
  * Why two ends cannot be connected; empty: they can.
@@ -38,7 +44,7 @@ const isLeft = (sub) =>
  */
 export function Drawing({ state, stale, selected, choose, act }) {
   const [from, setFrom] = useState(/** @type {Port | null} */ (null));
-  const [lines, setLines] = useState(/** @type {(string | null)[]} */ ([]));
+  const [lines, setLines] = useState(/** @type {(Curve | null)[]} */ ([]));
   const board = useRef(/** @type {HTMLElement | null} */ (null));
 
   useEffect(() => {
@@ -89,7 +95,7 @@ export function Drawing({ state, stale, selected, choose, act }) {
           (c, number) =>
             // A connection may name a slot that does not exist; then there is no line.
             lines[number] &&
-            html`<${Line} key=${number} path=${lines[number]} connection=${c} number=${number}
+            html`<${Line} key=${number} curve=${lines[number]} connection=${c} number=${number}
               findings=${state.findings.filter((f) => f.connections.includes(number))}
               selected=${selected} choose=${choose} />`,
         )}
@@ -107,7 +113,7 @@ export function Drawing({ state, stale, selected, choose, act }) {
 }
 
 /**
- * The path of each connection from port to port.
+ * The path of each connection from port to port, and where its facts are written.
  * @param {HTMLElement} board
  * @param {import("./types").Connection[]} connections
  */
@@ -124,18 +130,33 @@ function curves(board, connections) {
     if (!begin || !end) return null;
     const bend = Math.max(60, Math.abs(end[0] - begin[0]) / 2);
     const back = end[0] - begin[0] < 40 ? 1 : -1; // both in one column: a loop next to it
-    return (
+    const path =
       `M${begin[0]} ${begin[1]} C${begin[0] + bend} ${begin[1]} ` +
-      `${end[0] + back * bend} ${end[1]} ${end[0]} ${end[1]}`
-    );
+      `${end[0] + back * bend} ${end[1]} ${end[0]} ${end[1]}`;
+    // At the SubInstance, where no two lines end, and on the side that the line does not come from:
+    // in the middle lines cross.
+    const [x, y] = [end[0] + back * 24, end[1] + (end[1] > begin[1] + 4 ? 16 : -6)];
+    const anchor = /** @type {"start" | "end"} */ (back > 0 ? "start" : "end");
+    return { path, x, y, anchor, roomy: back > 0 || end[0] - begin[0] > FACTS_PX };
   });
 }
 
+/**
+ * The facts of a connection that its files state.
+ * @param {import("./types").Connection} c
+ */
+const facts = (c) =>
+  [
+    c.address !== null && `address ${c.address}`,
+    c.connection_id !== null && `ConnID ${c.connection_id}`,
+    c.watchdog_ms !== null && `${c.watchdog_ms} ms`,
+  ].filter(Boolean);
+
 /** @param {any} props */
-function Line({ path, connection, number, findings, selected, choose }) {
+function Line({ curve, connection, number, findings, selected, choose }) {
   const severity = worst(findings);
   const chosen = selected !== null && "connection" in selected && selected.connection === number;
-  const known = connection.connection_id === null ? "" : `, ConnID ${connection.connection_id}`;
+  const known = facts(connection);
   const open = connection.unconfirmed === null ? "" : ", not confirmed";
   const said = severity && severity !== "info" ? `, ${SEVERITIES[severity][1]}` : "";
   const onKey = (/** @type {KeyboardEvent} */ event) => {
@@ -146,9 +167,13 @@ function Line({ path, connection, number, findings, selected, choose }) {
   };
   return html`<g class="line ${severity} ${chosen ? "chosen" : ""} ${open ? "open" : ""}"
       role="button" tabindex="0" aria-pressed=${chosen}
-      aria-label=${`Connection ${connection.main} to ${connection.sub}${known}${open}${said}`}
+      aria-label=${`Connection ${[`${connection.main} to ${connection.sub}`, ...known].join(", ")}${open}${said}`}
       onClick=${() => choose({ connection: number })} onKeyDown=${onKey}>
-    <path class="wide" d=${path} /><path class="thin" d=${path} />
+    <path class="wide" d=${curve.path} /><path class="thin" d=${curve.path} />
+    ${
+      curve.roomy &&
+      html`<text x=${curve.x} y=${curve.y} text-anchor=${curve.anchor}>${known.join(" · ")}</text>`
+    }
   </g>`;
 }
 
