@@ -1,6 +1,6 @@
-"""What is signed: the report as it is put together, the record of an acceptance, signatures.
+"""Everything that is signed: the assembled report, the acceptance record and its signatures.
 
-Add here: what a sign-off asks for, what `verify` compares. Anything that cannot be decided counts
-as not accepted. Do not add: sections of the report (`report`), signing itself: ``ssh-keygen`` does
-it.
+Add here: requirements of a sign-off, comparisons of `verify`. Anything that cannot be decided
+counts as not accepted. Do not add: sections of the report (`report`), signing itself, which is the
+job of ``ssh-keygen``.
 """

@@ -137,7 +137,8 @@ def record_bytes(record: Acceptance) -> bytes:
     """Return the record as a file.
 
     Raises:
-        InputError: A name, reason or file name is not text: bytes of a command line may be none.
+        InputError: A name, reason or file name is not valid text; arguments of a command line can
+            be arbitrary bytes.
     """
     data = write_acceptance(record).encode("utf-8")
     if parse_acceptance(data, "", Collector()) is None:
@@ -148,7 +149,7 @@ def record_bytes(record: Acceptance) -> bytes:
 
 
 def reason_rows(values: Sequence[str]) -> list[str]:
-    """Return the rows ``WHAT=REASON by NAME``, those of each ``@FILE`` in its place.
+    """Return rows ``WHAT=REASON by NAME``; the rows of an ``@FILE`` take its place.
 
     Raises:
         ValueError: A row does not have that form.
@@ -185,10 +186,10 @@ def _lines(path: str) -> list[str]:
 
 
 def _reason(row: str, steps: Iterable[str] = ()) -> Reason:
-    """Return a reason; names in steps may have an equals sign of their own."""
+    """Return a reason; the name of a step may itself contain an equals sign."""
     subject, _, rest = row.partition("=")
     for step in steps:
-        # The longest name that fits: one name may begin with another.
+        # The longest matching name is used, because one name may be a prefix of another.
         if row.startswith(f"{step}=") and len(step) > len(subject):
             subject, rest = step, row[len(step) + 1 :]
     reason, by = _by(rest)

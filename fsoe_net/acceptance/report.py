@@ -1,4 +1,4 @@
-"""The report of a network: everything it may speak about, gathered from files and a live bus."""
+"""The report of a network: its content, gathered from files and a live bus."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def _budget(
 
 
 def plan_to_show(resolution: Resolution, found: Sequence[Diagnostic]) -> Plan | None:
-    """Return the plan; with errors only if one can still be made, to show its copies."""
+    """Return the plan; with errors, only if one can still be made to show its copies."""
     if not any(d.level is Severity.ERROR for d in found):
         return compile_plan(resolution)
     try:
@@ -269,7 +269,7 @@ def _accepted(found: AcceptedRecord, now: Fingerprint | None) -> GivenRecord:
 
 
 def _signed(accepted: AcceptedRecord, signers: SshSigners) -> Signatures:
-    """Return the signatures of a record; none for a record that was replaced meanwhile."""
+    """Return the signatures of a record; none if the record was replaced in the meantime."""
     signed = check_signatures(accepted.source.path, signers)
     against = [f"{r.what}: {r.fix}" for r in signed.refusals]
     if signed.record.source.sha256 != accepted.source.sha256:

@@ -32,8 +32,11 @@ from fsoe_net.plan.model import Plan
 
 _DO_IT = "do it at the machine"
 _LEFT_OUT = (StepKind.LOSS,)
-"""Steps that a reason may replace at once; the others when they were done for the record before and
-no change calls for them again."""
+"""Steps that can be omitted with a reason alone.
+
+Any other step can be omitted only if it was done for the previous record and no change requires
+it to be repeated.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,10 +49,10 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reason:
-    """Why something is let pass.
+    """The reason why an item is accepted as it is.
 
-    Its subject is ``CODE@file:line``, the id of a step, ``firmware NAME`` and the like, ``bus
-    evidence``, or all of a kind, as ``loss *``.
+    The subject is ``CODE@file:line``, the id of a step, ``firmware NAME`` and the like, ``bus
+    evidence``, or all items of one kind, such as ``loss *``.
     """
 
     subject: str
@@ -130,11 +133,11 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
         _let_pass("bus evidence", why, "give `report` a --evidence scan.json", g, out)
     _steps(g, fingerprint.whole, out)
     _history(g, fingerprint.whole, out)
-    # A reason that is given twice hides which one counts.
+    # Two reasons for one subject: it would be unclear which one applies.
     for subject, count in Counter(r.subject for r in g.reasons).items():
         if count > 1:
             out.refuse(f"--justify {subject} is there {counted(count, 'time')}", "keep one of them")
-    # A reason for something that does not exist is a typing error, and another warning stays open.
+    # A reason for an unknown item is a typing error; the warning that it was meant for stays open.
     for r in g.reasons:
         if r.subject not in out.used:
             out.refuse(
@@ -179,7 +182,7 @@ def sign_off(grounds: Grounds) -> tuple[Acceptance | None, tuple[Refusal, ...]]:
 
 def _people(g: Grounds, out: _Gathered) -> None:
     for role, person in (("author", g.author), ("verifier", g.verifier)):
-        # A signature needs a person: blanks, dashes and roles are refused.
+        # A signature requires a person: blanks, dashes and roles are rejected.
         if not says_something(person.name):
             out.refuse(f"the {role} has no name", f"name a person with --{role}")
         elif not names_a_person(person.name):
@@ -207,7 +210,7 @@ def _people(g: Grounds, out: _Gathered) -> None:
 
 
 def _circumstances(g: Grounds, out: _Gathered) -> None:
-    """Who validated, by what means and where, as ISO 13849-2 and IEC 62061 require."""
+    """Check who validated, with which equipment and where (ISO 13849-2, IEC 62061)."""
     for role, person in (("author", g.author), ("verifier", g.verifier)):
         if not says_something(person.competence):
             out.refuse(
@@ -227,7 +230,7 @@ def _circumstances(g: Grounds, out: _Gathered) -> None:
 
 
 def _report(g: Grounds, whole: str, out: _Gathered) -> None:
-    # The whole fingerprint: the report must be of exactly this configuration.
+    # The whole fingerprint is compared: the report must describe exactly this configuration.
     if g.report.whole != whole:
         code = g.report.whole[:16].upper() or "none"
         out.refuse(
@@ -301,7 +304,7 @@ def _warning(found: Diagnostic, g: Grounds, out: _Gathered) -> None:
 
 
 def _places(found: Diagnostic) -> tuple[str, ...]:
-    """Return how a user may name it: with or without folder and column, shortest last."""
+    """Return the ways to name the place: with or without folder and column, shortest last."""
     span = found.span
     names = (span.file, PurePath(span.file).name)
     whole = [str(Span(name, span.line, span.column)) for name in names]
@@ -346,7 +349,7 @@ def _step(step: TestStep, g: Grounds, out: _Gathered) -> None:
 
 
 def _devices(g: Grounds, out: _Gathered) -> None:
-    """Look whether firmware, serial number and project CRC of each FSoE device were read."""
+    """Check that firmware, serial number and project CRC of each FSoE device were recorded."""
     for device in g.test_record.devices:
         for key in device.blank():
             what = f"{key} {device.subdevice}"
@@ -356,7 +359,7 @@ def _devices(g: Grounds, out: _Gathered) -> None:
 
 
 def _done(step: TestStep, g: Grounds, out: _Gathered) -> None:
-    """Look at a step that went as expected: by whom, when, and whether its time can be."""
+    """Check a step that passed: person, date, and whether its time is plausible."""
     if not step.kind.at_machine:
         return
     who, day = step.machine.by, step.machine.date.strip()[:10]
@@ -379,13 +382,13 @@ def _done(step: TestStep, g: Grounds, out: _Gathered) -> None:
 
 
 def _too_early(day: str, g: Grounds) -> str:
-    """Say that a step was done before there was such a configuration; empty when it was not."""
+    """Return an error if a step is dated before the configuration existed; otherwise empty."""
     made = g.test_record.made.strip()[:10]
     return "" if day >= made else f"done on {day}, before this configuration existed: {made}"
 
 
 def _doubt(step: TestStep, g: Grounds) -> str:
-    """Say why a measured time is hard to believe; empty when it is not."""
+    """Return why a measured time is implausible, or an empty string."""
     measured = step.machine.measured_ms
     if step.kind is not StepKind.TRIGGER or measured is None:
         return ""
@@ -404,7 +407,7 @@ def _doubt(step: TestStep, g: Grounds) -> str:
 def _let_pass(what: str, why: str, fix: str, g: Grounds, out: _Gathered) -> None:
     """Take a reason for a step or a missing item, or reject it."""
     meant = [r for r in g.reasons if r.subject in (what, f"{what.partition(' ')[0]} *")]
-    meant.sort(key=lambda r: r.subject != what)  # its own before the general one
+    meant.sort(key=lambda r: r.subject != what)  # the specific reason first
     reason = next(iter(meant), None)
     if reason is None:
         out.refuse(why, f'{fix}, or --justify "{what}=reason by name"')
@@ -414,7 +417,7 @@ def _let_pass(what: str, why: str, fix: str, g: Grounds, out: _Gathered) -> None
 
 
 def _failures(step: TestStep) -> Iterator[str]:
-    """Yield failures on any bus: a fault shown by an emulation is also one."""
+    """Yield failures on any bus: a failure on an emulated bus also counts."""
     for where, seen in (("emulated", step.emulated), ("live", step.live)):
         if seen is not None and seen.outcome is StepOutcome.NOT_AS_EXPECTED:
             yield f"{where}: not as expected"

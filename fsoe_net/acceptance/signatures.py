@@ -1,4 +1,4 @@
-"""Signatures of an acceptance record: signers, and whether the record is unchanged."""
+"""Signatures of an acceptance record: the signers, and whether the record is unchanged."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _AS_SIGNED = "take it as it was signed, or have the record made and signed again
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignedRecord:
-    """A record with the signatures that hold, and all that is against them."""
+    """A record with its valid signatures and all objections to it."""
 
     path: str
     record: AcceptedRecord
@@ -43,7 +43,7 @@ def sign_record(path: str, role: str, key: str, *, overwrite: bool) -> CheckedSi
         overwrite: Whether to replace an existing signature.
 
     Raises:
-        InputError: The record cannot be signed as it is, or the signature already exists.
+        InputError: The record cannot be signed, or the signature already exists.
         EnvironmentFault: ``ssh-keygen`` is missing, or the file cannot be written.
     """
     found, data = _read(path)
@@ -141,7 +141,7 @@ def _why(exc: InputError) -> str:
 def _alike(signatures: list[CheckedSignature]) -> Iterator[Refusal]:
     if len(signatures) != len(ROLES):
         return
-    author, verifier = signatures  # of two principals: a record with one is FSN163
+    author, verifier = signatures  # one principal for both roles is FSN163
     if author.key == verifier.key:
         fix = "a person other than the author must verify, and sign with a key of their own"
         yield Refusal(what=f"author and verifier signed with one key: {author.key}", fix=fix)

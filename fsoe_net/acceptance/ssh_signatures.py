@@ -1,7 +1,7 @@
-"""Signatures by ``ssh-keygen``: made with an SSH key, checked against a file of allowed signers.
+"""Signatures by ``ssh-keygen``, made with an SSH key and checked against allowed signers.
 
-Nothing goes through a shell, and no file of the user is opened by ``ssh-keygen`` but the key: what
-is checked was read here, once, and is handed over in a folder of our own.
+No shell is involved. Of the user's files, ``ssh-keygen`` opens only the key. All data to check are
+read once, here, and are passed in a temporary folder.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fsoe_net.errors import EnvironmentFault, InputError
 from fsoe_net.formats.shared.files import read_source
 
 NAMESPACE = "fsoe-net-acceptance"
-"""What an SSH signature is for; one made for anything else does not count."""
+"""Purpose of an SSH signature (ssh-keygen ``-n``); signatures for other purposes are invalid."""
 _MOST_BYTES = 1 << 20
 _PATIENCE_S = 60
 _KEY = re.compile(r"with (\S+) key (SHA256:[A-Za-z0-9+/=]+)$")
@@ -28,7 +28,7 @@ _KEY = re.compile(r"with (\S+) key (SHA256:[A-Za-z0-9+/=]+)$")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SshSigners:
-    """Who may sign: files of allowed signers and of revoked keys, as ssh-keygen(1) has them."""
+    """Files of allowed signers and of revoked keys, in the formats of ssh-keygen(1)."""
 
     path: str
     allowed: bytes
@@ -39,7 +39,7 @@ class SshSigners:
         """Read the files.
 
         Raises:
-            InputError: One cannot be read, or has more than 1 MiB.
+            InputError: A file cannot be read, or has more than 1 MiB.
         """
         _, allowed = read_source(signers, most=_MOST_BYTES)
         held = b"" if revoked is None else read_source(revoked, most=_MOST_BYTES)[1]
@@ -84,13 +84,14 @@ def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
 
     Args:
         data: Data to sign.
-        key: File of the private key; of the public one when an agent or a token has the other.
+        key: File of the private key; of the public key if an agent or a token holds the private
+            key.
 
     Returns:
         The signature, armoured, and type and SHA-256 of the key.
 
     Raises:
-        InputError: It is not a file, or ``ssh-keygen`` does not sign with it.
+        InputError: The key is not a file, or ``ssh-keygen`` does not sign with it.
         EnvironmentFault: ``ssh-keygen`` is missing.
     """
     try:
@@ -118,7 +119,7 @@ def ssh_sign(data: bytes, key: str) -> tuple[bytes, str]:
 def _keygen(
     what: str, *given: str, data: bytes, asks: bool = False
 ) -> subprocess.CompletedProcess[bytes]:
-    """Run ``ssh-keygen -Y``; whoever is asked for something takes as long as it takes."""
+    """Run ``ssh-keygen -Y``; there is no time limit while it waits for input from a person."""
     program = shutil.which("ssh-keygen")
     if program is None:
         raise EnvironmentFault(
@@ -132,7 +133,7 @@ def _keygen(
             stdout=subprocess.PIPE,
             stderr=None if asks else subprocess.PIPE,
             env={**os.environ, "LC_ALL": "C"},
-            # A person with a token needs time; a check does not.
+            # A person with a token needs time; a check must end in bounded time.
             timeout=None if asks else _PATIENCE_S,
             check=False,
         )

@@ -43,11 +43,11 @@ class Comparison:
 def compare_running(wanted: Known, socket: str) -> Comparison:
     """Compare what a running core has loaded with what was accepted.
 
-    A bus cycle that is not the one its plan states counts as another section, and so do parameters
-    on the wire that are not those of its plan.
+    A bus cycle other than that of the plan counts as a differing section. So do parameters on the
+    wire that differ from those of the plan.
 
     Raises:
-        EnvironmentFault: Nobody answers on the socket, or it reports no fingerprint.
+        EnvironmentFault: No process answers on the socket, or it reports no fingerprint.
     """
     from fsoe_net.live.client import Client
     from fsoe_net.live.in_use import fingerprint_in_use
@@ -90,7 +90,7 @@ def compare_known(wanted: Known, given: Known, note: str = "") -> Comparison:
 
 
 def _difference(wanted: Known, given: Known, sections: tuple[str, ...]) -> Iterator[str]:
-    """Yield the difference by meaning; then text lines for parts that it does not cover."""
+    """Yield the differences by meaning, then as text for sections that this does not cover."""
     by_meaning = False
     if wanted.plan is not None and given.plan is not None:
         # File names are ignored.
