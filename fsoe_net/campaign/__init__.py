@@ -1,16 +1,12 @@
 """Faults between two ends, seeded and judged: channel, injectors, campaigns, shrinking.
 
-channel         two ends, held images, time, injectors on the way
-faults          injectors; composable
-injection       one case, and short ways to draw one
-fault_classes   errors named by IEC 61784-3, and relay errors, as draws of injectors
-beyond_crc      draws of cases that no CRC hides
-bit_errors      every bit error of few bits, by number
-clean_run       clean runs, and points in them to inject at
-departure       the actions due by a state table, and deviations of an end
-tables          requirements of the state tables on an end, followed from its frames
-faulty_main     a main that sends what a sub must refuse
-judge, collision_proof
+channel         two ends, held images, time, injectors on the way faults          injectors;
+composable injection       one case, and short ways to draw one fault_classes   communication errors
+of IEC 61784-3 and relay errors, drawn as injectors beyond_crc      cases that no CRC detects
+bit_errors      all errors of a few bits, numbered clean_run       clean runs, and points in them to
+inject at departure       the action required by a state table, and deviations of an end tables
+requirements of the state tables on an end, followed from its frames faulty_main     a main that
+sends what a sub must refuse judge, collision_proof
                 outcome of a fault; the proof that an acceptance was a CRC collision
 trials          many faults of one class; statistics
 shrink          a failing case minimised

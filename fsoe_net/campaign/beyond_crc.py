@@ -1,4 +1,4 @@
-"""Cases that no CRC hides: a field wrong, a former session, watchdog and enable at their edges."""
+"""Cases that no CRC detects: a wrong field, an old session, watchdog and enable at their limits."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from fsoe_net.fsoe.pdu import Command, assemble, safe_data_length
 def make_forged(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection:
-    """One field wrong, every CRC right: only the tables of §5 and §6 refuse it."""
+    """One wrong field with valid CRCs: only the state tables of §5 and §6 reject it."""
     way, start, until = span(scene, 1)
     plain = Forge(way=way, start=start, until=until)
     forge = _forge(rng, scene, plain)
@@ -36,18 +36,18 @@ def make_forged(
 
 
 def _watched(scene: Scene, cycles: int) -> Fault:
-    """Return a fault without effect: the ends are watched for that time."""
+    """Return a fault without effect, so that the ends are observed for that time."""
     end = scene.channel.cycle + cycles
     return Flip(way=scene.way, start=end, until=end, mask=0)
 
 
 def _forge(rng: random.Random, scene: Scene, plain: Forge) -> Forge:
-    # The shares are even, except that a wrong ConnID is the most frequent error of a relay.
+    # All fields are equally likely, except that a wrong ConnID is the most frequent relay error.
     due, kind = scene.frame[0], below(rng, 12)
     if kind < 3:
         return replace(plain, connection_id=_other_id(rng, scene, alone=kind > 0))
     if kind < 6:
-        # Within Data, the two data commands are both allowed: exchanging them is another class.
+        # In Data, both data commands are allowed: swapping them belongs to another class.
         others = [
             row for row in Command if row != due and not {due, int(row)} <= set(DATA_COMMANDS)
         ]
@@ -55,8 +55,8 @@ def _forge(rng: random.Random, scene: Scene, plain: Forge) -> Forge:
     if kind == 6:
         known = set(Command)
         return replace(plain, command=rng.choice([row for row in range(256) if row not in known]))
-    # The frame after the next fits in all but its number.
-    if kind == 7:  # the frame that would be right after the one due, with its data or with others
+    # The frame after the next one: everything is valid except its sequence number.
+    if kind == 7:  # the frame that follows the one due, with its data or with others
         return replace(plain, ahead=1, turned=rng.choice((0, 1 << below(rng, _turnable(scene)))))
     if kind == 8:
         return replace(plain, ahead=rng.choice((-1, 2, 0x7FFF)))
@@ -80,7 +80,7 @@ def _other_id(rng: random.Random, scene: Scene, *, alone: bool) -> int:
 
 
 def _turnable(scene: Scene) -> int:
-    """Return how many bits of safe data every state looks at."""
+    """Return how many bits of safe data are checked in every state."""
     return 8 * min(2, _data_bytes(scene.frame))
 
 
@@ -91,7 +91,7 @@ def _data_bytes(frame: bytes) -> int:
 def make_former(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
-    """The frames of an earlier start-up again, or six starts of a session in a row."""
+    """The frames of an earlier start-up, repeated, or six session starts in a row."""
     way, start, until = span(scene, 48)
     back = BACK[way]
     quiet = Freeze(way=back, start=start, until=until)
@@ -121,9 +121,9 @@ def _starts(way: Way, size: int, rng: random.Random) -> tuple[bytes, ...]:
 def make_edge(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
-    """The frame comes up to 1 % before the receiver's watchdog expires, then, or up to 1 % after.
+    """A frame arrives up to 1 % before the receiver's watchdog expires, then, or up to 1 % after.
 
-    The bus cycle moves to that time. An end that may miss its time has that as well.
+    The bus cycle is moved to that time, plus the grace of an end whose watchdog may be late.
     """
     if not scene.in_data:
         return None
@@ -146,7 +146,7 @@ def make_edge(
 def make_enable(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
-    """The applications no longer enable anything, or keep the enable over a Reset."""
+    """The applications withdraw the enable, or keep it during a Reset."""
     if not scene.in_data:
         return None
     way, start, until = span(scene, 1)

@@ -1,4 +1,4 @@
-"""Every bit error of few bits, by number."""
+"""All errors of a few bits, numbered."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def block_bits(size_bytes: int) -> int:
 
 @cache
 def code_distance(data_bytes: int) -> int:
-    """Return the fewest bits of a block, data and CRC, that can turn without being noticed.
+    """Return the smallest number of bits in a block (data and CRC) that can flip undetected.
 
     The CRC is linear: an error of the data goes unnoticed with exactly one error of the CRC, its
     own CRC. All errors of the data are tried.
@@ -42,7 +42,7 @@ def code_distance(data_bytes: int) -> int:
 
 @cache
 def _patterns(bits: int, most: int) -> tuple[int, ...]:
-    """Return all numbers of ``bits`` bits with 1 … ``most`` of them set."""
+    """Return all numbers of ``bits`` bits in which 1 … ``most`` bits are set."""
     return tuple(
         sum(1 << bit for bit in chosen)
         for weight in range(1, most + 1)
@@ -52,14 +52,14 @@ def _patterns(bits: int, most: int) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorSet:
-    """All patterns of few bits in one direction of a connection.
+    """All patterns of a few bits in one direction of a connection.
 
     Attributes:
-        link: The connection that takes them.
+        link: The connection to inject them into.
         way: Direction of the frames.
         bits: Bits of a block, or of the whole frame.
-        most: Most bits that turn at once.
-        blocks: Blocks that take the patterns in turn; 0 when they lie anywhere in the frame.
+        most: Maximum number of bits flipped at once.
+        blocks: Blocks that take the patterns in turn; 0 if they may be anywhere in the frame.
     """
 
     link: TrialConnection
@@ -70,7 +70,7 @@ class ErrorSet:
 
     @property
     def count(self) -> int:
-        """How many patterns there are."""
+        """Number of patterns."""
         return sum(comb(self.bits, weight) for weight in range(1, self.most + 1))
 
     def mask(self, number: int) -> int:
@@ -81,7 +81,7 @@ class ErrorSet:
 
 
 def error_sets(links: Iterable[TrialConnection]) -> tuple[ErrorSet, ...]:
-    """Return every bit error worth trying, each once.
+    """Return every bit error worth testing, each once.
 
     All blocks of one length and direction have one code, so its patterns of fewer bits than
     `code_distance` are tried once, by the first connection with such a block. The patterns of one

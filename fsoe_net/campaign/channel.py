@@ -1,7 +1,7 @@
-"""The black channel in virtual time: two ends, held images, a delay each way, faults on the way.
+"""The black channel in virtual time: two ends, held images, a delay and faults per direction.
 
 The ends are anything with the `Peer` protocol, so that a device developer's own implementation can
-be put in the place of one of ours.
+replace one of ours.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ class Peer(Protocol):
     """One end of a connection, ours or a device developer's.
 
     `step` reads at most one frame and returns at most one: the answer to a frame comes from the
-    call that was given the frame. These are used when the end has them: ``set_safe_data(data)``,
-    ``enable`` (may ProcessData be sent), ``snapshot()`` and ``restore(state)`` (the campaign is
-    some ten times quicker with them), ``watchdog_remaining_ns(now_ns)`` (lets idle time be left
-    out).
+    call that was given the frame. The following are used if the end has them:
+    ``set_safe_data(data)``, ``enable`` (may ProcessData be sent), ``snapshot()`` and
+    ``restore(state)`` (the campaign is some ten times quicker with them),
+    ``watchdog_remaining_ns(now_ns)`` (lets idle time be left out).
     """
 
     def step(self, now_ns: int, received: bytes | None) -> bytes | None:
-        """Read the image at a time in ns; return the frame to put into the own image, if any."""
+        """Read the input image at a time in ns; return the frame for the output image, if any."""
 
     def power_cycle(self) -> None:
-        """Forget everything, as after switching the device off and on."""
+        """Reset all state, as if the device were switched off and on."""
 
     @property
     def received_safe_data(self) -> bytes:
@@ -58,12 +58,12 @@ class Peer(Protocol):
 
 
 def can_fork(end: Peer) -> bool:
-    """Whether an end can be brought back to an earlier point of its run."""
+    """Whether an end can return to an earlier point of its run."""
     return hasattr(end, "snapshot") and hasattr(end, "restore")
 
 
 class SessionIds:
-    """A repeatable source of session ids whose state can be put back."""
+    """A repeatable source of session ids whose state can be restored."""
 
     __slots__ = ("drawn", "value")
 
@@ -88,8 +88,8 @@ class Application:
     hours.
 
     Args:
-        key: Makes the data of two runs different.
-        fail_safe_share: One of so many cycles is sent as FailSafeData; 0 for none.
+        key: Seed; runs with different keys have different data.
+        fail_safe_share: One in this number of cycles is sent as FailSafeData; 0 for none.
         constant: Whether each direction sends the same data in every cycle, and no FailSafeData.
         withdrawn_from: First cycle with everything disabled.
         hands_off_from: First cycle from which the enable is left unchanged.
@@ -102,7 +102,7 @@ class Application:
     hands_off_from: int | None = None
 
     def at(self, way: Way, cycle: int, size: int) -> tuple[bytes, bool]:
-        """Return the data sent this way in this cycle, and whether ProcessData may be sent."""
+        """Return the data for this direction and cycle, and whether ProcessData may be sent."""
         turn = 0 if self.constant else 2 * cycle
         # A hash of cycle and way: the same data in each run, without the memory of a generator.
         x = ((turn + way + self.key) * 0x9E3779B97F4A7C15) & _MASK
@@ -112,16 +112,16 @@ class Application:
         if size > 8:
             data *= -(-size // 8)
         share = 0 if self.constant else self.fail_safe_share
-        # The application takes its release back: from then on, no end may send ProcessData.
+        # The application withdraws its enable: from then on, no end may send ProcessData.
         if self.withdrawn_from is not None and cycle >= self.withdrawn_from:
             return data[:size], False
         return data[:size], not share or (x >> 8) % share != 0
 
 
 class Fault(Protocol):
-    """Something that happens to one direction of a channel while it lasts.
+    """A disturbance of one direction of a channel for a limited time.
 
-    One with ``early_ns`` moves the bus cycle: from ``start`` on it begins so many ns earlier.
+    A fault with ``early_ns`` shifts the bus cycle: from ``start`` on it begins that much earlier.
     """
 
     @property
@@ -137,17 +137,17 @@ class Fault(Protocol):
         """First cycle without a further effect."""
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return what the receiver sees instead of ``image``; the same when it does not act."""
+        """Return what the receiver sees instead of ``image``; ``image`` if the fault is idle."""
 
     def next_change(self, channel: Channel) -> int | None:
-        """Return the first cycle from now on in which it may act otherwise than in the last one.
+        """Return the first cycle from now on in which its effect may differ from the last one.
 
-        ``None`` when that never happens.
+        ``None`` if the effect no longer changes.
         """
 
 
 class Channel:
-    """Two ends and what lies between them; a cycle is a turn of the main, then one of the sub.
+    """Two ends and the path between them; in each cycle, the main runs first and then the sub.
 
     Args:
         main: The end that opens the connection.
@@ -156,18 +156,19 @@ class Channel:
         cycle_ns: Bus cycle in ns.
         delay_cycles: Bus cycles from an output image to the other end's input image, to the sub
             and to the main, at least 1 each.
-        application: Where the safe data come from.
-        session_ids: Sources to put back together with the ends.
-        tables: Per direction, the table its receiver has to follow; ``None`` to judge nothing.
+        application: Source of the safe data.
+        session_ids: Sources to restore together with the ends.
+        tables: Per direction, the state table that its receiver must follow; ``None`` to judge
+            nothing.
 
     Attributes:
         cycle: Bus cycle of the next turn.
-        way: Whose turn is next: that of the receiver of this direction.
+        way: Direction whose receiver runs next.
         sent: Per direction, frames sent: cycle in which they become visible, frame.
         exchanges: Per direction, what its receiver answered to: frame seen, frame sent.
         base: Per direction, the chain of its receiver before the first of ``exchanges``.
-        session_ids: Sources put back together with the ends.
-        answered_ns: Per direction, when its receiver sent a frame last.
+        session_ids: Sources that are restored together with the ends.
+        answered_ns: Per direction, when its receiver last sent a frame.
         departed: Direction and first departure of its receiver from its table.
     """
 
@@ -222,7 +223,7 @@ class Channel:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """What happens on the way, applied in this order."""
+        """Faults on the path, applied in this order."""
         return self._faults
 
     @faults.setter
@@ -237,7 +238,7 @@ class Channel:
         return frames[-1][1] if frames else None
 
     def image(self, way: Way, cycle: int) -> bytes | None:
-        """Return the image at the receiver in a cycle of a faultless channel."""
+        """Return the image at the receiver in the given cycle of a channel without faults."""
         for visible, frame in reversed(self.sent[way]):
             if visible <= cycle:
                 return frame
@@ -248,14 +249,16 @@ class Channel:
         return self._shown[way]
 
     def turn(self) -> tuple[bytes | None, bytes | None]:
-        """Let one end step; return the image it saw and the frame it sent, if that is a new one."""
+        """Run one end; return the image it saw, and the frame it sent if that is a new one."""
         way, cycle = self.way, self.cycle
         image = self.image(way, cycle)
-        # Faults in their order: a torn copy of a delayed frame differs from a delayed torn one.
+        # The order of faults matters: a torn copy of a delayed frame differs from a delayed torn
+        # one.
         for fault in self._faults:
             if fault.way is way:
                 image = fault.apply(self, image)
-        # Only a new image is a new situation; ends may be called any number of times with the same.
+        # Only a new image is a new event; ends may be called any number of times with the same
+        # image.
         if image != self._shown[way]:
             self._shown[way] = image
             feed = self._feed[way]
@@ -266,7 +269,7 @@ class Channel:
         answer = self.ends[way].step(self.now_ns, image)
         if answer is not None:
             if answer == self.newest(BACK[way]):
-                answer = None  # the image stays as it is; some ends hand it out in every call
+                answer = None  # the image is unchanged; some ends return it in every call
             else:
                 self._put(way, image, answer)
         table = self.tables[way]
@@ -283,12 +286,12 @@ class Channel:
     def _enable(
         self, way: Way, feed: Callable[[bytes, bool | None], None], data: bytes, enabled: bool
     ) -> None:
-        # After this time the application is silent, as a crashed program is.
+        # From then on the application is silent, like a crashed program.
         hands_off = self.application.hands_off_from
         if hands_off is not None and self.cycle >= hands_off:
             feed(data, None)
             return
-        # Before Data the table forbids to enable.
+        # The table forbids the enable before state Data.
         enable = enabled and self._in_data[way]
         feed(data, enable)
         table = self.tables[way]
@@ -313,12 +316,12 @@ class Channel:
         self._in_data[way] = answer[0] in _DATA_COMMANDS
 
     def run(self, cycles: int) -> None:
-        """Let both ends step so many times."""
+        """Run both ends for this number of cycles."""
         for _ in range(2 * cycles):
             self.turn()
 
     def skip_idle(self) -> int:
-        """Leave out cycles in which nothing can happen; return their number.
+        """Skip cycles in which nothing can happen; return their number.
 
         Only before a turn of the main, and only when both ends state their watchdogs.
         """
@@ -333,8 +336,8 @@ class Channel:
             left_ns = remaining(now_ns)
             if left_ns is not None:
                 due.append(self.cycle - (-left_ns // self.cycle_ns))
-            # A frame on its way arrives in one of the next cycles.
-            if self.sent[way] and self.sent[way][-1][0] >= self.cycle:  # not shown yet
+            # A frame that is on its way arrives in one of the next cycles.
+            if self.sent[way] and self.sent[way][-1][0] >= self.cycle:  # not visible yet
                 return 0
         due += [at for fault in self.faults if (at := fault.next_change(self)) is not None]
         skipped = max(0, min(due) - self.cycle) if due else 0
@@ -354,7 +357,7 @@ class Channel:
         )
 
     def restore(self, state: tuple[Any, ...]) -> None:
-        """Go back to a `snapshot`, of this channel or of one with ends of the same kind."""
+        """Return to a `snapshot` of this channel, or of one with ends of the same kind."""
         ends, self_state, logs, flags, ids, tables = state
         self.ends[0].restore(ends[0])  # type: ignore[attr-defined]  # can_fork
         self.ends[1].restore(ends[1])  # type: ignore[attr-defined]  # can_fork
@@ -381,7 +384,7 @@ class Channel:
 
 
 def set_sequence(channel: Channel, way: Way, number: int) -> None:
-    """Continue a direction from another sequence number, as after a long run.
+    """Continue a direction with another sequence number, as after a long run.
 
     Both ends are set, so the connection continues undisturbed.
 
@@ -403,7 +406,7 @@ def set_sequence(channel: Channel, way: Way, number: int) -> None:
 
 
 def short_hex(data: bytes) -> str:
-    """Return bytes for a message: all in hex, of many the first and their number."""
+    """Return bytes as hex for a message; long data are cut and their length is added."""
     if len(data) <= _SHOWN_BYTES:
         return data.hex()
     return f"{data[:_SHOWN_BYTES].hex()}... ({len(data)} bytes)"
@@ -416,7 +419,7 @@ def _chain(end: Peer) -> Chain:
 
 
 def _feed(end: Peer) -> Callable[[bytes, bool | None], None] | None:
-    """Return how to hand application data to an end; ``None`` leaves its enable as it is."""
+    """Return a function that passes application data to an end; ``None`` keeps its enable."""
     take = getattr(end, "set_safe_data", None)
     if take is None:
         return None

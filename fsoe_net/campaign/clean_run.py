@@ -1,4 +1,4 @@
-"""Clean runs of a connection, with the points at which a fault can be put in."""
+"""Clean runs of a connection, with the points at which a fault can be injected."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ _DATA_SPOTS = 96  # turns with a new frame in state Data per run
 STARTUP_SHARE = 1 / 8  # of all points
 _VARIANTS = 8  # start-ups with different session ids
 _STARTUP_SPOTS = 96
-_KEEP = 48  # frames of the past which a walk in Data remembers
+_KEEP = 48  # previous frames that a walk in Data keeps
 _KEPT_WALKS = 4
-_SLOW_CYCLES = 20  # what a foreign end may take for an answer
+_SLOW_CYCLES = 20  # time that a foreign end may need to answer
 
 MainFactory = Callable[[MainConfig], Peer]
 SubFactory = Callable[[SubConfig], Peer]
@@ -96,7 +96,7 @@ class TrialConnection:
         return self._between(main, sub, ids, seed)
 
     def again(self, used: Channel, seed: int) -> Channel:
-        """Return a fresh channel between the ends of a used one, switched off and on."""
+        """Return a fresh channel with the ends of a used one, after a power cycle."""
         for end in used.ends:
             end.power_cycle()
         return self._between(used.main, used.sub, used.session_ids, seed)
@@ -127,7 +127,7 @@ class Spot:
     Attributes:
         way: Direction of the frame.
         frame: The frame.
-        in_data: Whether it is one of state Data.
+        in_data: Whether it is a frame of state Data.
         sent: How many frames of this direction the channel remembers, this one included.
         state: Snapshot of the channel before the turn; ``None`` when an end cannot fork.
     """
@@ -147,7 +147,7 @@ class Scene:
         channel: The channel, with no fault.
         way: Direction of the frame about to be seen.
         frame: That frame.
-        in_data: Whether it is one of state Data.
+        in_data: Whether it is a frame of state Data.
         frames: Frames of the run in this direction; later ones are known only for a clean run.
         index: Index of ``frame`` in them.
         watchdog_cycles: Watchdog in whole bus cycles, rounded up.
@@ -178,7 +178,7 @@ class Walk:
 
 
 class _StartUp:
-    """A start-up up to the first frames of state Data."""
+    """The start of a run, up to the first frames of state Data."""
 
     def __init__(self, link: TrialConnection, channel: Channel) -> None:
         self.fork = all(can_fork(end) for end in channel.ends)
@@ -186,8 +186,7 @@ class _StartUp:
         seen: set[Way] = set()
         # With one safe byte, each byte of parameters takes an exchange of its own.
         exchanges = 20 + len(link.main.app_parameters)
-        # Longer than any exchange can take; a connection that is not in Data by then never gets
-        # there.
+        # Longer than any exchange takes: a connection that is not in Data by then never will be.
         limit = exchanges * (sum(link.delay_cycles) + _SLOW_CYCLES) + 5 * link.watchdog_cycles
         while len(seen) < len(Way):
             if channel.cycle > limit:
@@ -230,7 +229,7 @@ def _frame(frame: bytes | None) -> str:
 
 
 class RunSource:
-    """Makes clean runs of one connection and returns to points in them.
+    """Creates clean runs of one connection and returns to points in them.
 
     Args:
         link: The connection.
@@ -261,10 +260,10 @@ class RunSource:
     ) -> Scene:
         """Return a channel at a random point of run ``number``, a share of them in the start-up.
 
-        In state Data the sequence numbers stand anywhere, in every fourth run just before 65535;
-        ends that are not ours begin at 1. In another run of four the safe data are constant. The
-        channel of an earlier scene is used up. With ``data_to`` always in state Data, before a
-        frame of this direction.
+        In state Data the sequence numbers are random; in every fourth run they are just below
+        65535. Foreign ends begin at 1. In another quarter of the runs the safe data are constant.
+        The channel of an earlier scene can no longer be used. With ``data_to``, the point is always
+        in state Data, before a frame of this direction.
         """
         # Drawn before the branch: both kinds of ends take the same random numbers.
         in_data = data_to is not None or rng.random() >= startup_share
@@ -307,7 +306,7 @@ class RunSource:
             channel.application, key=rng.getrandbits(63), constant=_is_constant(number)
         )
         if self._own:
-            # Our own ends can start with any sequence number, so that its wrap is tried as well.
+            # Our own ends can start with any sequence number, so the wrap-around is tested as well.
             self._renumber(rng, near=number % 4 == 0)
             # Old frames are not needed for faults and would be copied with each spot.
             channel.forget(_KEEP)
@@ -330,20 +329,21 @@ class RunSource:
 
     def _startup(self, variant: int) -> _StartUp:
         if variant not in self._startups:
-            # A foreign end draws its own session ids: all at once, before any fault makes it draw.
+            # A foreign end draws its own session ids. Draw them now, before any fault makes it
+            # draw.
             together = range(_VARIANTS) if self.forks and not self._own else (variant,)
             for number in together:
                 self._startups[number] = _StartUp(self.link, self._fresh(number))
         return self._startups[variant]
 
     def _fresh(self, variant: int) -> Channel:
-        """Put the same two ends to the start of a run."""
+        """Return both ends to the start of a run."""
         self._channel = self.link.again(self._channel, self._ids[variant])
         return self._channel
 
     def _renumber(self, rng: random.Random, *, near: bool) -> None:
         for _ in Way:
-            # The end that has just answered a frame has nothing more of its direction to come.
+            # The end that has just answered a frame receives nothing more in this direction.
             way = self._channel.way
             while self._channel.turn()[1] is None:
                 way = self._channel.way
@@ -351,8 +351,8 @@ class RunSource:
             set_sequence(self._channel, way, number)
 
     def _run_to(self, number: int, in_data: bool, rng: random.Random, data_to: Way | None) -> Scene:
-        """Bring ends that cannot fork to the point by a run of their own."""
-        # A foreign end must be run again for each fault: fewer spots keep that bearable.
+        """Bring ends that cannot fork to the point by running them again."""
+        # A foreign end must be run again for each fault; fewer spots limit the time.
         start = self._startup(0)
         steps = rng.randrange(_DATA_SPOTS // 2) if in_data else rng.randrange(len(start.spots))
         channel = self._fresh(number % _VARIANTS)
@@ -360,7 +360,7 @@ class RunSource:
         channel.application = replace(channel.application, constant=constant)
         while True:
             spot = _spot_here(channel, fork=False)
-            # A start-up spot may also be met in Data, not the other way round.
+            # A spot of the start-up may also occur in Data, but not the reverse.
             if spot is not None and spot.in_data >= in_data and data_to in (None, spot.way):
                 if steps == 0:
                     break
@@ -381,21 +381,21 @@ class RunSource:
 
 
 def _is_constant(number: int) -> bool:
-    """Whether run ``number`` has constant data: one in four, and none in which numbers wrap."""
+    """Whether run ``number`` has constant data: one in four, except runs in which numbers wrap."""
     return number % 4 == 1
 
 
 def miswired(link: TrialConnection) -> TrialConnection:
-    """Return a link whose main belongs to another sub: it asks for another address."""
+    """Return a link whose main belongs to another sub and therefore uses a wrong address."""
     return replace(link, name=f"{link.name}/miswired", main=link.other)
 
 
 def other_link(link: TrialConnection, *, same_id: bool) -> TrialConnection:
-    """Return the connection whose frames stray into a link.
+    """Return the connection whose frames are misrouted into a link.
 
     Args:
-        link: The connection that suffers.
-        same_id: Give it the same ConnID and address, as a second system with copied settings.
+        link: The connection that receives them.
+        same_id: Give it the same ConnID and address, like a second system with copied settings.
     """
     main = link.main if same_id else link.other
     sub = SubConfig(

@@ -1,7 +1,7 @@
-"""Proves from the frames alone that a receiver had to accept a frame: all its CRCs fit by accident.
+"""Proves from the frames alone that a receiver had to accept a frame because all CRCs collided.
 
-The receiver's chain is followed through what it saw and sent, and the CRC of each block computed
-from the fourteen bytes of §2; without the receiver.
+The receiver's chain is followed through the frames that it received and sent. The CRC of each block
+is computed from the fourteen bytes of §2, independently of the receiver.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ _FREE = frozenset({Command.SESSION, Command.CONNECTION})  # the ConnID is not kn
 
 
 class CollisionProof:
-    """Follows the chain of one end from outside.
+    """Follows the chain of one end from its frames.
 
     Args:
         base: Chain of the end before its first exchange.
@@ -47,7 +47,7 @@ class CollisionProof:
             return
         pdu = decode_pdu(received) if received and is_frame_length(len(received)) else None
         if self._opens and sent.command == Command.SESSION and fits_start(sent):
-            chain.clear()  # a new session, whatever was received
+            chain.clear()  # a new session, whatever frame was received
         # Without a decodable frame, nothing is known about the chain of the receiver.
         elif pdu is None:
             self.chain = None
@@ -70,13 +70,13 @@ def _sends(chain: Chain, sent: Pdu) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Collision:
-    """A wrong frame that had to be accepted, with all data to verify it.
+    """A wrong frame that had to be accepted, with all data needed to verify this.
 
     Attributes:
         end: ``main`` or ``sub``.
         frame: The accepted frame.
         right: The frame that the other end had sent.
-        old_crc: CRC_0 of the frame before, of either direction.
+        old_crc: CRC_0 of the preceding frame, in either direction.
         sequence: Sequence number with which every CRC of ``frame`` fits.
     """
 
@@ -90,7 +90,7 @@ class Collision:
 def collision(chain: Chain, end: str, frame: bytes, right: bytes) -> Collision | None:
     """Return the proof that a receiver with this chain had to accept a frame, if any.
 
-    Command and ConnID must be those due, and every CRC must match its data.
+    Command and ConnID must be as expected, and every CRC must match its data.
 
     Args:
         chain: Chain of the receiver before the frame.
@@ -98,7 +98,7 @@ def collision(chain: Chain, end: str, frame: bytes, right: bytes) -> Collision |
         frame: The accepted frame.
         right: The frame that the other end sent; gives the command and ConnID due.
     """
-    # A frame of another length is refused without any CRC.
+    # A frame of another length is rejected without checking a CRC.
     if len(frame) != len(right) or not is_frame_length(len(frame)):
         return None
     pdu, due = decode_pdu(frame), decode_pdu(right)
@@ -119,7 +119,7 @@ def collision(chain: Chain, end: str, frame: bytes, right: bytes) -> Collision |
 
 
 def block_crcs(old: int, sequence: int, pdu: Pdu) -> tuple[int, ...]:
-    """Return the CRCs a frame must have for this old CRC and number, from the bytes of §2."""
+    """Return the CRCs of a frame for this old CRC and sequence number, from the bytes of §2."""
     data = pdu.safe_data
     return tuple(
         block_crc(old, pdu.connection_id, sequence, pdu.command, n, data[2 * n : 2 * n + 2])

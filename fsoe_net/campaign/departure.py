@@ -1,4 +1,4 @@
-"""What is due by a state table, and where an end does otherwise."""
+"""The action required by a state table, and deviations of an end from it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _LONG = 120  # characters of a frame in a message
 
 
 def frame_text(frame: bytes | None) -> str:
-    """Return a frame for a message, a long one cut."""
+    """Return a frame as text for a message; a long one is truncated."""
     if frame is None:
         return "nothing"
     text = describe(decode_pdu(frame)) if is_frame_length(len(frame)) else frame.hex()
@@ -23,7 +23,7 @@ class Departure:
 
     Attributes:
         text: The actual and the required action.
-        accepted: Whether it continued with a frame that it must refuse.
+        accepted: Whether it continued after a frame that it must reject.
     """
 
     text: str
@@ -38,7 +38,7 @@ class Due:
         codes: Codes of the Reset that is due; empty when it must continue.
         commands: Commands with which it continues; empty when a Reset or no action is due.
         data: First safe data of that frame, if known.
-        may: Codes with which it may refuse instead of continuing.
+        may: Codes with which it may reject the frame instead of continuing.
     """
 
     codes: tuple[int, ...] = ()

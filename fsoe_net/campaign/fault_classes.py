@@ -47,13 +47,13 @@ class FaultClass:
 
     Attributes:
         name: Name in ``--faults``.
-        kind: Communication error of IEC 61784-3 it belongs to.
+        kind: The communication error of IEC 61784-3 that it belongs to.
         text: Description for people.
-        tolerable: Largest share of cases that no end has to detect, justified in
+        tolerable: Largest share of cases that no end is required to detect, justified in
             ``docs/reference/fault-catalogue.md``.
         startup_share: Share of the points that are in the start-up.
-        make: Draws a case; ``None`` when this point has none. Its arguments: random source,
-            point, other connections, number of the run.
+        make: Draws a case, or ``None`` if there is no case at this point. Its arguments: random
+            source, point, other connections, number of the run.
     """
 
     name: str
@@ -69,15 +69,15 @@ def _make_corruption(
 ) -> Injection:
     size = len(scene.frame)
     cycles = 1 if below(rng, 2) else 4
-    # One in eight: patterns that no model of the block expects.
-    if below(rng, 8) == 0:  # anything anywhere: a few bits up to half of them
+    # One in eight: patterns that are not tied to the blocks of a frame.
+    if below(rng, 8) == 0:  # anywhere: from a few bits up to half of them
         mask = rng.getrandbits(8 * size)
         for _ in range(below(rng, 8)):  # half of them, a quarter … a few
             mask &= rng.getrandbits(8 * size)
         return flip(scene, mask or 1, None, cycles)
     bits = block_bits(size)
     mask = rng.getrandbits(bits) or 1
-    # Of all patterns of a block without the zero one, this share has a CRC that fits.
+    # Share of all non-zero patterns of a block that have a valid CRC.
     chance = (2.0 ** (bits - 16) - 1) / (2.0**bits - 1)
     return flip(scene, mask << (8 + bits * below(rng, block_count(size))), chance, cycles)
 
@@ -102,7 +102,7 @@ def _make_repetition(
 def _make_sequence(
     rng: random.Random, scene: Scene, _foreign: ForeignFrames, _number: int
 ) -> Injection | None:
-    """Two frames swapped: one that comes later, then the one it took the place of."""
+    """Two frames swapped: first a later frame, then the one that it replaced."""
     ahead = scene.index + between(rng, 1, 9)
     if ahead < len(scene.frames):
         return swap(scene, scene.frames[ahead], between(rng, 1, 4), again_chance(scene))
@@ -119,7 +119,7 @@ def _gap(rng: random.Random, scene: Scene) -> int:
 
 
 def _ways(rng: random.Random, scene: Scene) -> tuple[Way, ...]:
-    """One direction, or both: only then the sub cannot learn of it from the main."""
+    """One direction or both; with both, the main cannot inform the sub."""
     return (scene.way,) if rng.random() < 0.5 else tuple(Way)
 
 
@@ -154,9 +154,9 @@ def _make_masquerade(
 ) -> Injection:
     frame, kind = scene.frame, below(rng, 16)
     size = len(frame)
-    if kind < 10:  # it even has the right command and ConnID
+    if kind < 10:  # with the right command and ConnID
         middle = rng.randbytes(size - 3)
-        # All fields but the CRC are right: nothing else can refuse the frame.
+        # All fields except the CRC are right, so only the CRC can reject the frame.
         command = rng.choice(DATA_COMMANDS) if scene.in_data else frame[0]
         made = bytes((command,)) + middle + frame[-2:]
         return swap(scene, made, between(rng, 1, 4), CRC_CHANCE ** block_count(size))
@@ -164,7 +164,7 @@ def _make_masquerade(
         return swap(scene, bytes((rng.choice(list(Command)),)) + rng.randbytes(size - 1))
     if kind < 14:
         return swap(scene, bytes((0 if kind == 12 else 0xFF,)) * size)
-    # The frame of the receiver itself, as a wrong copy would return it.
+    # The receiver's own frame, as a wrong copy would return it.
     own = scene.channel.newest(BACK[scene.way]) or b""
     return swap(scene, own[:size].ljust(size, b"\0"), between(rng, 1, 4))
 
@@ -172,7 +172,7 @@ def _make_masquerade(
 def _make_addressing(
     rng: random.Random, scene: Scene, foreign: ForeignFrames, number: int
 ) -> Injection:
-    """The frame of another connection at the same point of its own run, and for some time."""
+    """The frame of another connection at the same point of its own run, for some time."""
     frames = foreign.frames(scene.way, number, same_id=False)
     return swap(scene, frames[min(scene.index, len(frames) - 1)], between(rng, 1, 64))
 
@@ -191,7 +191,7 @@ def _make_torn(
     head = between(rng, 2, len(scene.frame) - 2)  # command and ConnID are mostly equal
     torn = Torn(way=way, start=start, until=until, head_bytes=head)
     if torn.apply(scene.channel, scene.frame) == scene.channel.shown(way):
-        return None  # the bytes that are new are equal: not an event
+        return None  # the new bytes are equal to the old ones, so there is no fault
     return Injection(faults=(torn,))
 
 

@@ -1,8 +1,8 @@
-"""What can happen to frames on their way: small parts, each for one direction and some time.
+"""Faults of frames on the path: small parts, each for one direction and a limited time.
 
-A fault is data, not code with a memory: what it shows in a cycle follows from the cycle and from
-what the channel has sent. It can thus be repeated, shortened and put together with others. Which
-faults a class of the catalogue consists of is in `fsoe_net.campaign.fault_classes`.
+A fault is data without internal state: its effect in a cycle depends only on the cycle and on the
+frames sent by the channel. It can therefore be repeated, shortened and combined with others. The
+faults of each catalogue class are listed in `fsoe_net.campaign.fault_classes`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fsoe_net.fsoe.pdu import Pdu, assemble, decode_pdu, is_frame_length
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Span:
-    """Attributes common to all: ``way`` and the cycles from ``start`` to before ``until``."""
+    """Common attributes: ``way``, first cycle ``start``, and the first cycle after, ``until``."""
 
     way: Way
     start: int
@@ -26,7 +26,7 @@ class _Span:
         return self.start <= channel.cycle < self.until
 
     def next_change(self, channel: Channel) -> int | None:
-        """Return the next cycle in which it may act otherwise than in the one before."""
+        """Return the next cycle in which its effect may differ from the preceding cycle."""
         if channel.cycle <= self.start:
             return self.start
         return self.until if channel.cycle <= self.until else None
@@ -34,12 +34,12 @@ class _Span:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flip(_Span):
-    """Bits turn: ``mask`` is XORed to the frame, as a whole number, first byte lowest."""
+    """Flips bits: ``mask`` is XORed to the frame as an integer, first byte lowest."""
 
     mask: int
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return the image with the bits turned."""
+        """Return the image with flipped bits."""
         if image is None or not self._on(channel):
             return image
         size = len(image)
@@ -60,38 +60,38 @@ class Swap(_Span):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Freeze(_Span):
-    """Nothing arrives: the image stays as it was before ``start``."""
+    """Nothing arrives: the image keeps its value from before ``start``."""
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return the image of the cycle before."""
+        """Return the image of the previous cycle."""
         return channel.image(self.way, self.start - 1) if self._on(channel) else image
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Early(_Span):
-    """Every bus cycle from ``start`` on begins earlier, by less than one; frames stay."""
+    """Every bus cycle from ``start`` on begins earlier, by less than one; frames are unchanged."""
 
     early_ns: int
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return the image as it is."""
+        """Return the image unchanged."""
         return image
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Late(_Span):
-    """What becomes visible from ``start`` on arrives ``cycles`` bus cycles later."""
+    """Frames that become visible from ``start`` on arrive ``cycles`` bus cycles later."""
 
     cycles: int
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return the image seen so many cycles ago."""
+        """Return the image of ``cycles`` cycles ago."""
         if not self._on(channel):
             return image
         return channel.image(self.way, max(self.start - 1, channel.cycle - self.cycles))
 
     def next_change(self, channel: Channel) -> int | None:
-        """Return when the next frame comes out of the delay, or when the delay ends."""
+        """Return when the next delayed frame becomes visible, or when the delay ends."""
         if not self.start < channel.cycle < self.until:
             return _Span.next_change(self, channel)
         first = max(self.start, channel.cycle - self.cycles)
@@ -101,17 +101,17 @@ class Late(_Span):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Torn(_Span):
-    """The copy is cut: the first ``head_bytes`` are new, the rest is still the frame before."""
+    """A torn copy: the first ``head_bytes`` are new, the rest is from the previous frame."""
 
     head_bytes: int
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return the mixture."""
+        """Return the mixed image."""
         frames = channel.sent[self.way]
         if image is None or not self._on(channel):
             return image
         older = [frame for visible, frame in frames if visible <= channel.cycle and frame != image]
-        # Before the first frame, the rest of the memory is zero.
+        # Before the first frame, the remaining memory is zero.
         rest = older[-1] if older else bytes(len(image))
         return image[: self.head_bytes] + rest[self.head_bytes :]
 
@@ -137,12 +137,12 @@ class Slip(_Span):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Forge(_Span):
-    """The frame is rebuilt with matching CRCs: only the listed fields are wrong.
+    """A frame rebuilt with valid CRCs, so that only the listed fields are wrong.
 
     Attributes:
         command: Another command.
         connection_id: Another ConnID.
-        turned: Bits inverted in the safe data, first byte lowest.
+        turned: Bits to invert in the safe data, first byte lowest.
         ahead: Added to the sequence number.
         spoiled: XORed to the CRC of the last block.
         from_start: Old CRC 0 and number 1, as for a Reset or the first Session frame.
@@ -157,7 +157,7 @@ class Forge(_Span):
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
         """Return the rebuilt frame."""
-        # A table has the chain that a correct sender would use.
+        # A table provides the chain of a correct sender.
         table = channel.tables[self.way]
         if image is None or table is None or not self._on(channel):
             return image
@@ -180,19 +180,19 @@ class Forge(_Span):
         # Sequence numbers run from 1 to 65535; 0 is not used.
         sequence = (sequence - 1 + self.ahead) % 0xFFFF + 1
         crcs = list(block_crcs(old, sequence, pdu))
-        # The last block: earlier ones stay correct, so that the frame is refused at its end.
+        # The last block: earlier ones stay valid, so that the frame is rejected at its end.
         crcs[-1] ^= self.spoiled
         return assemble(pdu.command, pdu.safe_data, tuple(crcs), pdu.connection_id)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay(_Span):
-    """Frames of another time, one after the other: the next one once its receiver has answered."""
+    """Frames from another time, in order: the next one after its receiver has answered."""
 
     frames: tuple[bytes, ...]
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return the frame whose turn it is; the last one stays."""
+        """Return the frame due in the sequence; the last one is kept."""
         if not self._on(channel):
             return image
         back = BACK[self.way]
@@ -205,23 +205,23 @@ class Replay(_Span):
         return self.frames[min(answers, len(self.frames) - 1)]
 
     def next_change(self, channel: Channel) -> int | None:
-        """Return this cycle: it changes with every answer."""
+        """Return this cycle: the effect changes with every answer."""
         return channel.cycle if self._on(channel) else _Span.next_change(self, channel)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alternate(_Span):
-    """Two writers share an image: in every second cycle it shows ``frame``."""
+    """Two writers share an image, which contains ``frame`` in every second cycle."""
 
     frame: bytes
 
     def apply(self, channel: Channel, image: bytes | None) -> bytes | None:
-        """Return the other writer's frame or the right one, in turn."""
+        """Return the other writer's frame and the right one alternately."""
         other = self._on(channel) and (channel.cycle - self.start) % 2 == 0
         return self.frame if other else image
 
     def next_change(self, channel: Channel) -> int | None:
-        """Return this cycle: it changes in each."""
+        """Return this cycle: the effect changes in every cycle."""
         return channel.cycle if self._on(channel) else _Span.next_change(self, channel)
 
 

@@ -1,4 +1,4 @@
-"""A main that sends its sub, with correct CRCs, frames that the sub must refuse."""
+"""A main that sends frames with valid CRCs that its sub must reject."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class FaultyMain(MainInstance):
     """Our main with one value of the start-up changed.
 
     Attributes:
-        oddity: Which; used from the next power-up on.
+        oddity: The wrong value; used from the next power-up on.
     """
 
     def __init__(self, config: MainConfig) -> None:
@@ -36,7 +36,7 @@ class FaultyMain(MainInstance):
         super().__init__(config, session_ids=SessionIds(3))
 
     def change(self, rng: random.Random) -> None:
-        """Choose the error."""
+        """Select the error."""
         self.oddity, self.by = rng.choice(list(Oddity)), rng.randrange(1, 0x100)
         app = self._right.app_parameters
         more = bytes(rng.choice((1, 2, 4, 8))) if self.oddity is Oddity.MORE else b""

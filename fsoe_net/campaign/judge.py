@@ -1,4 +1,4 @@
-"""Judges the reaction of two ends to a fault, from their frames and application data alone."""
+"""Judges the reaction of two ends to a fault, using only their frames and application data."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ _ENDS = ("sub", "main")
 
 
 class TrialOutcome(enum.Enum):
-    """What became of a fault."""
+    """Outcome of a fault."""
 
     DETECTED = "detected"
-    """An end left the state it was in: Reset, new Session, watchdog."""
+    """An end left its state: Reset, new Session, watchdog."""
     TOLERATED = "tolerated"
-    """No end had to notice, and none has: the correct frames continued."""
+    """No end had to detect it, and none did: the correct frames continued."""
     COLLISION = "collision"
-    """A wrong frame was accepted, and its CRCs fit by accident: shown by computing them."""
+    """A wrong frame was accepted because its CRCs match by accident, as a computation proves."""
     WRONGLY_ACCEPTED = "wrongly_accepted"
-    """A wrong frame was accepted without that excuse, or wrong or old data were valid."""
+    """A wrong frame was accepted without a CRC collision, or wrong or old data were valid."""
     WRONG_REACTION = "wrong_reaction"
-    """An end did otherwise than its state table: no Reset, another code, too early, too late."""
+    """An end deviated from its state table: no Reset, another code, too early, too late."""
 
 
 FAILURES = (TrialOutcome.WRONGLY_ACCEPTED, TrialOutcome.WRONG_REACTION)
 
 
-@dataclass(slots=True, kw_only=True)  # not frozen: made a million times
+@dataclass(slots=True, kw_only=True)  # not frozen: millions of instances
 class TrialFinding:
     """Outcome of one fault.
 
@@ -45,7 +45,7 @@ class TrialFinding:
         verdict: The verdict.
         code: Code of the Reset by which it was detected; ``None`` for a new Session or none.
         latency_ns: From the first wrong image after the last correct frame to the frame with which
-            an end leaves; 0 when it is refused in the call that reads it.
+            an end leaves its state; 0 if the image is rejected in the call that reads it.
         exposed: Whether only the CRC protected against the first wrong frame.
         reason: The wrong acceptance, for people.
         proof: Proof of a collision.
@@ -78,7 +78,7 @@ class _Run:
         self.injection = injection
         self.patient, self.miswired = injection.patient, injection.miswired
         if self.miswired:
-            # A miswired network is never right again: the whole run counts.
+            # A miswired network never recovers: the whole run counts.
             self.over = self.limit = channel.cycle + _MISWIRED_CYCLES
         self.settled: set[Way] = set()
         self.started_ns: int | None = None
@@ -89,7 +89,7 @@ class _Run:
         stays, first = self.injection.stays, None
         while self.channel.cycle < self.limit:
             found = self._turn()
-            # A fault that stays may be detected more than once; the judgement ends with the fault.
+            # A persistent fault may be detected more than once; the judgement ends with the fault.
             if stays and found is not None and found.verdict is TrialOutcome.DETECTED:
                 first = first or found
                 found = None
@@ -98,13 +98,13 @@ class _Run:
             if found is not None:
                 both = self.patient and found.verdict is TrialOutcome.DETECTED
                 return self._both_ends(found) if both else found
-        return self._found(TrialOutcome.DETECTED)  # silent, and no data valid
+        return self._found(TrialOutcome.DETECTED)  # silent, and no valid data
 
     def _both_ends(self, found: TrialFinding) -> TrialFinding:
-        """Run on until the end that has not noticed yet gives its data up too."""
+        """Continue until the other end has given up its data as well."""
         ends = self.channel.ends
         for end in ends:
-            # The end that has not noticed must not use data for longer than its watchdog.
+            # The other end must not use data for longer than its watchdog.
             while end.data_valid and self.channel.cycle < self.limit:
                 later = self._turn()
                 if later is not None and later.verdict in FAILURES:
@@ -150,7 +150,7 @@ class _Run:
                 found = self._held(way, end.received_safe_data)
                 if found is not None:
                     return found
-            if self.quiet > 1 and channel.way is Way.TO_MAIN:  # mutants: only spares calls
+            if self.quiet > 1 and channel.way is Way.TO_MAIN:  # mutants: only saves calls
                 channel.skip_idle()
             return None
         self.quiet = 0
@@ -163,7 +163,7 @@ class _Run:
         return found
 
     def _first_turns(self, way: Way) -> tuple[bytes | None, bytes | None]:
-        """Take a turn and note whether it shows something wrong after all was right."""
+        """Run one end and record whether it receives something wrong after correct frames."""
         channel = self.channel
         before, clean = channel.shown(way), channel.image(way, channel.cycle)
         shown, sent = channel.turn()
@@ -183,7 +183,7 @@ class _Run:
         if sent[0] == _RESET:
             # An answer to a Reset is not a detection of the fault.
             if usual_reset and sent[1] == 0:
-                return None  # the acknowledgement of a Reset that was sent
+                return None  # the acknowledgement of its own Reset
             return self._found(TrialOutcome.DETECTED, sent[1])
         if sent[0] == _SESSION and self._restarts(way, shown, due, usual_reset):
             return self._found(TrialOutcome.DETECTED)
@@ -195,7 +195,7 @@ class _Run:
     def _restarts(
         self, way: Way, shown: bytes | None, due: bytes | None, usual_reset: bool
     ) -> bool:
-        """Whether a Session frame shows that the connection was given up."""
+        """Whether a Session frame shows that the connection was restarted."""
         if due is None or shown is None:
             return True
         if way is Way.TO_SUB:
@@ -203,7 +203,7 @@ class _Run:
         return not usual_reset and shown[0] != _SESSION  # a Reset, or the watchdog in state Reset
 
     def _accepted(self, way: Way, shown: bytes | None, due: bytes | None) -> TrialFinding:
-        """Judge an end that continued after a frame that was not due: was it required to?"""
+        """Judge an end that continued after an unexpected frame: was it required to do so?"""
         channel = self.channel
         replayed = CollisionProof(
             channel.base[way],
@@ -211,25 +211,25 @@ class _Run:
             exchanges=channel.exchanges[way][:-1],
         )
         if replayed.chain is not None and shown is not None and due is not None:
-            # With a frame of a former session, what is due is the frame as it was sent then.
+            # For a frame of a former session, the expected frame is the one that was sent then.
             right = shown if self.injection.former else due
             proof = collision(replayed.chain, _ENDS[way], shown, right)
             if proof is not None:
                 found = self._found(TrialOutcome.COLLISION)
                 found.proof = proof
                 return found
-        # No accident of the CRC explains it: the end has accepted a wrong frame.
+        # A CRC collision does not explain it: the end has accepted a wrong frame.
         return self._wrong(way, f"accepted {frame_text(shown)} instead of {frame_text(due)}")
 
     def _settled(self, way: Way) -> TrialFinding | None:
         if self.channel.cycle <= self.over:
-            self.started_ns = None  # all was in time so far
+            self.started_ns = None  # everything in time so far
             return None
         self.settled.add(way)  # one right frame accepted at each end after the fault
         return self._found(TrialOutcome.TOLERATED) if len(self.settled) == len(_ENDS) else None
 
     def _data(self, way: Way, data: bytes) -> TrialFinding | None:
-        """Valid data after a right frame must be those of the frame."""
+        """Check that valid data after a right frame are those of the frame."""
         if self.miswired:
             return self._wrong(way, "valid data from an end it does not belong to")
         self.known[way] = data
@@ -239,7 +239,7 @@ class _Run:
         return self._wrong(way, f"valid data {short_hex(data)} were not sent")
 
     def _held(self, way: Way, data: bytes) -> TrialFinding | None:
-        """Between two answers the valid data stay, and not for longer than the watchdog."""
+        """Check that valid data stay unchanged between answers, at most for the watchdog time."""
         if data != self.known[way]:
             return self._wrong(way, f"took data {short_hex(data)} without an answer")
         age_ns = self.turn_ns - self.channel.answered_ns[way]
@@ -253,7 +253,7 @@ class _Run:
 
 
 def _exposed(shown: bytes | None, clean: bytes | None, before: bytes | None) -> bool:
-    """Whether a data frame with the right ConnID and length is shown in place of another."""
+    """Whether a data frame with the right ConnID and length is delivered in place of another."""
     return (
         shown is not None
         and clean is not None
@@ -266,10 +266,10 @@ def _exposed(shown: bytes | None, clean: bytes | None, before: bytes | None) -> 
 
 
 def judge(scene: Scene, injection: Injection, watchdog_ns: int) -> TrialFinding:
-    """Put a fault into a channel and watch both ends until the verdict is clear.
+    """Inject a fault into a channel and watch both ends until the verdict is clear.
 
     Args:
-        scene: The point at which it happens; its channel is used up.
+        scene: The point of injection; its channel cannot be reused.
         injection: The fault.
         watchdog_ns: Watchdog of the connection in ns.
     """

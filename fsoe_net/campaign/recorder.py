@@ -17,7 +17,7 @@ _Call = dict[str, Any]
 
 
 class _Tap:
-    """Stands before an end and notes every call; the rest of the end shows through."""
+    """Wraps an end and records every call; other attributes are passed through."""
 
     def __init__(self, end: Peer, key: str, size: int, ids: SessionIds | None) -> None:
         self._end, self._key, self._ids = end, key, ids
@@ -27,7 +27,7 @@ class _Tap:
             self.set_safe_data = self._set_safe_data
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("snapshot", "restore"):  # a recording has one history
+        if name in ("snapshot", "restore"):  # a recording cannot return to an earlier point
             raise AttributeError(name)
         return getattr(self._end, name)
 
@@ -66,9 +66,9 @@ class _Tap:
         return answer
 
     def _inner(self) -> _Call:
-        """Return data that only our own ends report: state, and the end that caused a Reset."""
+        """Return data that only our own ends report: the state, and which end caused a Reset."""
         key, end = self._key, self._end
-        # A foreign end shows frames only; its state is not known.
+        # A foreign end provides frames only; its state is unknown.
         if not isinstance(end, Instance) or self._ids is None:
             return {f"{key}_state": None, f"{key}_event": "none", f"{key}_reason": None}
         events = end.take_events()
@@ -122,7 +122,7 @@ class Recorder:
         )
 
     def lines(self, note: str = "") -> Iterator[str]:
-        """Return the recording so far, line by line; a started cycle is finished first.
+        """Return the recording so far, line by line; an incomplete cycle is completed first.
 
         Args:
             note: Description for people.
@@ -171,8 +171,8 @@ class Recorder:
             if sent is None:
                 continue
             opener = call[f"{key}_tx"] if way is Way.TO_MAIN else call[f"{key}_rx"]
-            # The first Session frame has the low bytes; with one byte of data, the next has the
-            # rest.
+            # The first Session frame contains the low bytes; with one byte of data, the next frame
+            # contains the rest.
             if _session(opener, fresh=True) is not None:
                 first = call
                 chunk = sent[: min(2, *self._link.sizes)]
@@ -183,7 +183,7 @@ class Recorder:
 
 
 def _session(text: str | None, *, fresh: bool = False) -> bytes | None:
-    """Return the data of a Session frame, of one that opens a session if ``fresh``."""
+    """Return the data of a Session frame; with ``fresh``, only of one that opens a session."""
     frame = bytes.fromhex(text or "")
     if not is_frame_length(len(frame)) or frame[0] != Command.SESSION:
         return None

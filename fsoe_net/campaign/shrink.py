@@ -1,4 +1,4 @@
-"""Makes a failing trial small and repeats it from power-up, so that it can be read and replayed."""
+"""Minimises a failing trial and repeats it from power-up, so that it can be read and replayed."""
 
 from __future__ import annotations
 
@@ -95,12 +95,12 @@ class _Bench:
 def shrink(case: Case) -> Shrunk | None:
     """Return the smallest case found that still fails.
 
-    Fewer faults, fewer bits, fewer cycles, an earlier point of the run: each is kept while
-    something is still wrongly accepted. ``None`` when the case does not fail from power-up, which
-    happens when it needs a long run before.
+    Fewer faults, fewer bits, fewer cycles, an earlier point of the run: each reduction is kept if a
+    frame is still wrongly accepted. ``None`` if the case does not fail from power-up, for example
+    because it needs a long run first.
 
     Args:
-        case: The failing trial, as `Trials.case` returns it before it is run.
+        case: The failing trial, as `Trials.case` returns it, not yet run.
     """
     if case.injection.miswired:
         return _from_power_up(case)
@@ -116,7 +116,7 @@ def shrink(case: Case) -> Shrunk | None:
 
 
 def _from_power_up(case: Case) -> Shrunk:
-    """A miswired connection is that from the start: there is nothing to leave out."""
+    """Repeat a miswired connection; it is miswired from power-up, so nothing can be removed."""
     recorder = Recorder(case.link, _SEED)
     recorder.channel.turn()
     case.scene.channel = recorder.channel
@@ -139,7 +139,7 @@ def _moved(bench: _Bench, case: Case) -> tuple[Fault, ...] | None:
 
 
 def _candidates(case: Case, point: _Point) -> Iterator[tuple[Fault, ...]]:
-    """Return the faults of a trial as they would be at another point of another run."""
+    """Yield the faults of a trial, moved to another point of another run."""
     scene = case.scene
     by = point.cycle - scene.channel.cycle
     for translate in (_same_bits, _same_age, _same_frame):
@@ -201,7 +201,7 @@ def _shorter(bench: _Bench, faults: _Faults) -> _Faults:
 
 
 def _fewer_bits(bench: _Bench, faults: _Faults) -> _Faults:
-    """Turn back as many bits as possible: halves, quarters … of them, at last one at a time."""
+    """Restore as many bits as possible: halves, quarters and so on, finally one at a time."""
     for n, fault in enumerate(faults):
         if not isinstance(fault, Flip):
             continue
@@ -214,7 +214,7 @@ def _fewer_bits(bench: _Bench, faults: _Faults) -> _Faults:
             while at < len(bits):
                 kept = bits[:at] + bits[at + size :]
                 flip = replace(fault, mask=sum(1 << bit for bit in kept))
-                # At least one bit must stay: without it there is no fault.
+                # At least one bit must stay flipped: otherwise there is no fault.
                 if kept and bench.fails((*faults[:n], flip, *faults[n + 1 :])):
                     bits, faults = kept, (*faults[:n], flip, *faults[n + 1 :])
                 else:
@@ -225,7 +225,7 @@ def _fewer_bits(bench: _Bench, faults: _Faults) -> _Faults:
 
 def _earlier(bench: _Bench, faults: _Faults) -> _Faults:
     first = min(fault.start for fault in faults)
-    # From the start of the run on: the earliest point gives the shortest trace.
+    # Search from the start of the run: the earliest point gives the shortest trace.
     for point in bench.points:
         by = point.cycle - first
         if by >= 0:

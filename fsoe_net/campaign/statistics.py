@@ -1,4 +1,4 @@
-"""The little statistics a campaign needs: how many rare accidents are plausible."""
+"""Statistics of a campaign: the plausible range of a number of rare events."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ CONFIDENCE = 0.99
 def count_interval(mean: float, confidence: float = CONFIDENCE) -> tuple[int, int]:
     """Return the fewest and most events that are plausible when ``mean`` are expected.
 
-    Each tail outside has at most half of ``1 - confidence``. Rare independent events are counted
-    after Poisson; for a probability of 2^-16 that differs from the binomial distribution by less
-    than 2^-16 in every probability.
+    Each tail outside has at most half of ``1 - confidence``. Rare independent events follow a
+    Poisson distribution; at a probability of 2^-16, each of its probabilities differs from the
+    binomial distribution by less than 2^-16.
 
     Args:
         mean: Expected number, at least 0.

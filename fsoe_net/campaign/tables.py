@@ -35,7 +35,7 @@ _COMMANDS = {
 }
 _ID_BYTES, _CONNECTION_BYTES, _COMM_BYTES = 2, 4, 6
 _SAME_IDS = {1: 5, 2: 3}  # sessions in a row with one id, by its bytes: by chance once in 2^32
-_OWN_CODES = (9, 11, *range(0x80, 0x100))  # a device may refuse parameters for its own reasons
+_OWN_CODES = (9, 11, *range(0x80, 0x100))  # a device may reject parameters for reasons of its own
 
 
 _NOTHING = Due()
@@ -51,14 +51,14 @@ def _fits_start(pdu: Pdu) -> bool:
 
 
 class StateTable:
-    """One end's table; `MainTable` and `SubTable` hold the rows.
+    """The state table of one end; `MainTable` and `SubTable` contain the rows.
 
     Args:
         sends: Safe data bytes it sends.
         receives: Safe data bytes it receives.
         watchdog_ns: Its watchdog in ns; 0 while unknown.
-        grace_ns: By how much a watchdog may miss its time; 0 for ours, which also has to keep to
-            the decisions of §16 where implementations differ.
+        grace_ns: Permitted lateness of a watchdog; 0 for ours, which must also follow the decisions
+            of §16 where implementations differ.
     """
 
     def __init__(self, *, sends: int, receives: int, watchdog_ns: int, grace_ns: int) -> None:
@@ -71,10 +71,10 @@ class StateTable:
         self.seen = bytes(frame_length(receives))
         self.sent: bytes | None = None
         self.start_ns: int | None = None
-        self.enabled: bool | None = None  # by the application, None when unknown
+        self.enabled: bool | None = None  # by the application; None if unknown
         self.valid, self.data = False, bytes(receives)
         self.id_bytes, self.same_ids, self.fresh = 0, 1, False
-        self.last_id: bytes | None = None  # as much of it as the first Session frame carries
+        self.last_id: bytes | None = None  # the part that the first Session frame contains
         self.blind = False  # the end follows a different rule until the next Reset
 
     def snapshot(self) -> dict[str, Any]:
@@ -94,7 +94,7 @@ class StateTable:
         self.peer: int | None = None
 
     def due_sequence(self, pdu: Pdu) -> int:
-        """Return the number the next frame has to carry, the collision rule considered."""
+        """Return the expected number of the next frame, including the collision rule."""
         sequence = self.rx_sequence
         if block_crcs(self.last, sequence, pdu)[0] == self.peer:
             sequence = _next(sequence)
@@ -129,7 +129,7 @@ class StateTable:
             sent: New frame it returned, if any.
 
         Returns:
-            Where it departs from the table; then nothing more is judged.
+            The deviation from the table, if any; later calls are then not judged.
         """
         # Nothing can be required until the next Reset makes the state known.
         if self.blind and (sent is None or sent[0] != _RESET):
@@ -148,13 +148,13 @@ class StateTable:
         return found
 
     def shows(self, *, valid: bool, data: bytes) -> Departure | None:
-        """Compare the data given to the end's application with the last accepted frame."""
+        """Compare the data passed to the application with the last accepted frame."""
         if self.blind:
             return None
         if valid != self.valid:
             text = "valid without an accepted ProcessData" if valid else "not valid"
             return Departure(text=f"data {text} in state {self.state.value}")
-        # Also invalid data must be zero: an application may read them by mistake.
+        # Invalid data must also be zero: an application may read them by mistake.
         if not valid and any(data):
             return Departure(text="data that are not valid are not zero")
         if valid and data != self.data:
@@ -165,13 +165,13 @@ class StateTable:
         raise NotImplementedError
 
     def _was_sent(self, now_ns: int, due: Due, before: bytes | None) -> None:
-        """Start the watchdog where the table does."""
+        """Start the watchdog as the table requires."""
 
     def _expired(self, now_ns: int, sent: bytes | None) -> bool:
-        """§8: at exactly T it has expired; an end with grace decides itself near T."""
+        """§8: expired at exactly T; an end with grace decides for itself near T."""
         if self.start_ns is None:
             return False
-        # An end with a clock of its own decides near the limit; its answer shows how.
+        # An end with its own clock decides near the limit; its answer shows the decision.
         over_ns = now_ns - self.start_ns - self.watchdog_ns
         if -self.grace_ns <= over_ns < self.grace_ns:
             if self.state is State.RESET:
@@ -191,7 +191,7 @@ class StateTable:
             self.enabled = False
 
     def _fall(self, *codes: int) -> Due:
-        """Into state Reset."""
+        """Enter state Reset."""
         self.clear()
         self._fail_safe()
         self.state, self.connection_id = State.RESET, 0
@@ -223,7 +223,7 @@ class StateTable:
             due += f" after {frame_text(received)}"
         if sent is None:
             if before is not None and before[0] == _RESET and before[1] in codes:
-                return None  # the same Reset again; its image does not change
+                return None  # the same Reset repeated; the image does not change
             return Departure(text=f"sends nothing, {due}")
         if sent.command != _RESET:
             return Departure(text=f"continues with {describe(sent)}, {due}", accepted=True)
@@ -309,7 +309,7 @@ class MainTable(StateTable):
                 return self._fall(3)  # row 9
             if self.state is not State.DATA and not pdu.safe_data.startswith(self.chunk):
                 return self._fall(7)  # row 10
-        # The receive chain comes last: a frame with a wrong command must not move it.
+        # The receive chain is last: a frame with a wrong command must not advance it.
         if not self._receive(pdu):
             if self.state is State.SESSION and self.sent_bytes <= self.chunk_bytes:
                 self.blind = self.grace_ns > 0  # row 11; §11.2: three implementations, three ways
@@ -353,7 +353,7 @@ class MainTable(StateTable):
     def _went_on(self, due: Due, received: bytes | None, sent: Pdu | None) -> Departure | None:
         # The same id twice in a row occurs in one of 65536 cases.
         if sent is None and due is _NEW_SESSION and self.sent and self.sent[0] == _SESSION:
-            sent = decode_pdu(self.sent)  # by accident the same id: the image does not change
+            sent = decode_pdu(self.sent)  # the same id by accident: the image does not change
         found = super()._went_on(due, received, sent)
         if found is None and sent is not None and sent.command == _SESSION:
             self.chunk = sent.safe_data[: self.chunk_bytes]
@@ -422,7 +422,7 @@ class SubTable(StateTable):
         return self._fall(1 if inside and self._receive(pdu) else 4)  # rows 10, 11
 
     def _refusal(self, pdu: Pdu) -> tuple[int, ...]:
-        """Rows 12 … 23: the code with which a frame is refused, none when it is right."""
+        """Rows 12 … 23: the code with which a frame is rejected, or none if it is valid."""
         command, state = pdu.command, self.state
         if state is State.RESET:
             return (1,)  # row 12
@@ -458,7 +458,7 @@ class SubTable(StateTable):
         return _DATA
 
     def _judge_told(self, command: int) -> tuple[int, ...]:
-        """Rows 17 and 20: what the frames before said is judged with the first of the next kind."""
+        """Rows 17 and 20: earlier content is judged with the first frame of the next type."""
         if self.state is State.CONNECTION and command == _PARAMETER:
             return self._wrong_connection()
         if self.state is State.PARAMETER and command in _DATA:
@@ -488,7 +488,7 @@ class SubTable(StateTable):
         return Due((), (pdu.command,), chunk, self._early() if self.grace_ns else ())
 
     def _early(self) -> tuple[int, ...]:
-        """§14 item 4: an end may refuse what it receives at once; and parameters of its own."""
+        """§14 item 4: an end may reject content immediately, and parameters for its own reasons."""
         if self.state is State.PARAMETER:
             whole = len(self.received) >= _COMM_BYTES + self.config.app_parameter_bytes
             return (*_OWN_CODES, *self._wrong_parameters()) if whole else ()

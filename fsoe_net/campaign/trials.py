@@ -1,7 +1,7 @@
-"""Fault campaigns: many seeded faults of a class, each put into a clean run and judged.
+"""Fault campaigns: many seeded faults of a class, each injected into a clean run and judged.
 
-A trial depends on the connections, the class, the seed and its own number, on nothing else: not on
-the trials before it, nor on how many processes share the work.
+A trial depends only on the connections, the class, the seed and its own number. It does not depend
+on earlier trials or on the number of worker processes.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from fsoe_net.errors import ConfigError
 
 EXHAUSTIVE = "bit_errors"
 _ADDRESSING, _PARAMETERS = "addressing", "parameters"
-_UNDRAWN = (EXHAUSTIVE, _PARAMETERS)  # no fault at a point of a run, so not to be joined
-_SURE = 1 - 2e-6  # of a bound that a right end must not break in a thousand campaigns
-_MISWIRED_SHARE = 1 / 32  # of its trials; each is a start-up of its own
+_UNDRAWN = (EXHAUSTIVE, _PARAMETERS)  # no fault at a point of a run, so they cannot be combined
+_SURE = 1 - 2e-6  # a correct end must not exceed the bound in a thousand campaigns
+_MISWIRED_SHARE = 1 / 32  # of its trials; each one is a separate start-up
 _PER_WALK = 1024  # trials that share a run
-_WALKS = 4  # runs that take the trials in turn: a short campaign meets each kind of run
+_WALKS = 4  # runs that alternate, so that a short campaign covers each kind of run
 _KEPT_FAILURES = 5
 _KEPT_COLLISIONS = 100
 _MAX_DRAWS = 100
@@ -39,7 +39,7 @@ _MAX_DRAWS = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CampaignConfig:
-    """The connections of a campaign; trials are dealt out to them in turn."""
+    """The connections of a campaign; trials are distributed to them in turn."""
 
     links: tuple[TrialConnection, ...]
     seed: int = 0
@@ -66,7 +66,7 @@ class Failure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
-    """A trial that ended in a true collision, and the proof."""
+    """A trial that ended in a real collision, and the proof."""
 
     trial: int
     link: str
@@ -75,24 +75,24 @@ class Shown:
 
 @dataclass(slots=True, kw_only=True)
 class ClassResult:
-    """What became of the faults of one class; results of parts can be merged.
+    """Outcomes of the faults of one class; partial results can be merged.
 
     Attributes:
         name: Class, or classes joined by ``+``.
-        injected: Faults put in.
+        injected: Faults injected.
         detected: Faults an end noticed.
         tolerated: Faults no end had to notice.
         collisions: Acceptances shown to be true CRC collisions.
-        wrongly_accepted: Acceptances that are not, or wrong or old data.
-        wrong_reactions: Ends that did otherwise than their state table.
+        wrongly_accepted: Acceptances without a CRC collision, or wrong or old data.
+        wrong_reactions: Ends that deviated from their state table.
         codes: Codes of the Resets by which faults were detected; -1 for a new Session or silence.
         latency_min_ns: Shortest detection latency, ``None`` without detection.
         latency_sum_ns: Sum over ``detected``.
         latency_max_ns: Longest.
         latency_max_share: Longest latency as a share of the watchdog of its connection.
-        exposed: Faults against which only the CRC helped, and whose chance is known.
+        exposed: Faults that only the CRC could detect, with a known probability.
         exposed_collisions: Collisions among them.
-        expected: Expected number of those.
+        expected: Expected number of such collisions.
         failures: First wrong acceptances and reactions.
         shown: First collisions, with proof.
     """
@@ -117,14 +117,14 @@ class ClassResult:
 
     @property
     def interval(self) -> tuple[int, int] | None:
-        """Fewest and most collisions among ``exposed`` that are plausible at 99 %."""
+        """Plausible range of the number of collisions among ``exposed``, at 99 %."""
         if self.name == EXHAUSTIVE:
             return 0, 0
         return count_interval(self.expected) if self.exposed else None
 
     @property
     def rate_ok(self) -> bool:
-        """Whether the collisions are as many as the CRC allows."""
+        """Whether the number of collisions is plausible for the CRC."""
         if self.name == EXHAUSTIVE:
             return self.collisions == 0
         interval = self.interval
@@ -132,7 +132,7 @@ class ClassResult:
 
     @property
     def most_tolerated(self) -> int:
-        """Most faults that no end had to notice, by the share the catalogue allows the class."""
+        """Largest plausible number of tolerated faults, by the share that the catalogue allows."""
         share = max(CATALOGUE[part].tolerable for part in self.name.split("+"))
         return min(self.injected, count_interval(share * self.injected, _SURE)[1])
 
@@ -143,7 +143,7 @@ class ClassResult:
 
     @property
     def passed(self) -> bool:
-        """Whether no end failed, the rate is plausible and not too many were tolerated."""
+        """Whether no end failed, the rate is plausible and not too many faults were tolerated."""
         return not self.failed and self.rate_ok and self.tolerated <= self.most_tolerated
 
     def add(self, finding: TrialFinding, link: TrialConnection, chance: float | None) -> None:
@@ -176,7 +176,7 @@ class ClassResult:
 
 
 def merge(parts: Iterable[ClassResult]) -> ClassResult:
-    """Put results of parts of one class together; their order does not matter.
+    """Merge partial results of one class; their order does not matter.
 
     Raises:
         ConfigError: No parts, or parts of different classes.
@@ -195,8 +195,8 @@ def merge(parts: Iterable[ClassResult]) -> ClassResult:
         total.shown += row.shown
     shortest = [row.latency_min_ns for row in rows if row.latency_min_ns is not None]
     total.latency_min_ns = min(shortest, default=None)
-    # Sums of floats depend on the order; sorted, each run gives the same.
-    total.expected = sum(sorted(row.expected for row in rows))  # the same in whatever order
+    # Sums of floats depend on the order; sorting makes them repeatable.
+    total.expected = sum(sorted(row.expected for row in rows))  # in any order
     _keep_first(total)
     return total
 
@@ -219,7 +219,7 @@ _SUMS = (
 )
 
 
-@dataclass(slots=True, kw_only=True)  # not frozen: made a million times
+@dataclass(slots=True, kw_only=True)  # not frozen: millions of instances
 class Case:
     """A prepared trial: a point of a run and its faults."""
 
@@ -245,14 +245,14 @@ class _Lane:
 
     def case(self, number: int) -> Case:
         rng = self._rng
-        # Seeded by its number: a trial can be repeated without those before it.
+        # Seeded by its number, so that a trial can be repeated without the earlier ones.
         rng.seed(self._key ^ number)
         walk = _walk_of(number)
         if self.odd:
             return self._faulty_main(rng)
         if self.miswires and rng.random() < _MISWIRED_SHARE:
             return self._miswired(rng.getrandbits(63))
-        # Some classes need a certain kind of frame, which a random point may not have.
+        # Some classes need a certain type of frame, which a random point may not have.
         for _ in range(_MAX_DRAWS):
             scene = self.walker.scene(walk, rng, startup_share=self._startup_share)
             injection = self._draw(rng, scene, walk)
@@ -261,9 +261,9 @@ class _Lane:
         raise ConfigError(f"{self.link.name}: no point of the run suits this class")
 
     def flip(self, number: int, way: Way, mask: int) -> Case:
-        """Return a trial in which these bits of a data frame turn.
+        """Return a trial in which these bits of a data frame are flipped.
 
-        Where they turn it into the frame seen last, which is not an event (§10), another point is
+        If the result equals the last frame received, which is not an event (§10), another point is
         drawn.
         """
         self._rng.seed(self._key ^ number)
@@ -338,10 +338,10 @@ class Trials:
 
     Args:
         config: Connections and seed.
-        name: Class, or several joined by ``+`` that happen together.
+        name: Class, or several joined by ``+`` that are injected together.
 
     Raises:
-        ConfigError: No such class.
+        ConfigError: Unknown class.
     """
 
     def __init__(self, config: CampaignConfig, name: str) -> None:
@@ -354,7 +354,7 @@ class Trials:
         self._sets = [(row, lane_of[row.link]) for row in sets]
 
     def case(self, trial: int) -> Case:
-        """Return a trial ready to be run; it uses up the one before."""
+        """Return a trial ready to run; the previous one can no longer be used."""
         if self.name != EXHAUSTIVE:
             lanes = self._lanes
             return lanes[trial % len(lanes)].case(trial // len(lanes))
@@ -370,14 +370,14 @@ class Trials:
         return case, judge(case.scene, case.injection, case.link.watchdog_ns)
 
     def order(self, trials: range) -> Iterator[int]:
-        """Return the numbers connection by connection, which keeps the runs in use."""
+        """Return the trial numbers grouped by connection, which reuses the clean runs."""
         step = 1 if self.name == EXHAUSTIVE else len(self._lanes)
         for first in range(step):
             yield from range(trials.start + (first - trials.start) % step, trials.stop, step)
 
 
 def trial_count(config: CampaignConfig, name: str, faults: int) -> int:
-    """Return how many trials a class has: ``faults``, or that of all bit errors."""
+    """Return the number of trials of a class: ``faults``, or the number of all bit errors."""
     if name != EXHAUSTIVE:
         return faults
     return sum(row.count for row in error_sets(config.links))
@@ -394,11 +394,11 @@ def run_trials(
     Args:
         config: Connections and seed.
         name: Class of the catalogue, or several joined by ``+``.
-        trials: Which; below `trial_count`.
-        on_trial: Called before each with the number of those done.
+        trials: Numbers of the trials; below `trial_count`.
+        on_trial: Called before each trial with the number of completed ones.
 
     Raises:
-        ConfigError: No such class, or a connection that never reaches state Data.
+        ConfigError: Unknown class, or a connection that never reaches state Data.
     """
     work = Trials(config, name)
     result = ClassResult(name=name)
@@ -419,7 +419,7 @@ def class_names(text: str) -> tuple[str, ...]:
     """Return the classes in ``loss,delay+torn_copy``; ``all`` selects those of the catalogue.
 
     Raises:
-        ValueError: Unknown class, a duplicate, or two classes cannot be combined.
+        ValueError: Unknown class, a duplicate, or classes that cannot be combined.
     """
     if text == "all":
         return tuple(CATALOGUE)

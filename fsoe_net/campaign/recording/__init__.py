@@ -1,1 +1,1 @@
-"""Recorded runs (§13): reading them, and holding them against the engine."""
+"""Recorded runs (§13): reading them and comparing them with the engine."""

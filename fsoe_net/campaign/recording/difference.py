@@ -1,4 +1,4 @@
-"""What a replay found different, in words a person can act on."""
+"""Differences that a replay found, with explanations for people."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fsoe_net.fsoe.pdu import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compared:
-    """One call of one end, as recorded and as ours.
+    """One call of one end: the recorded answer and ours.
 
     Attributes:
         time_us: Time of the call.
@@ -40,7 +40,7 @@ class RecordingDifference:
     Attributes:
         line: Line of the recording, from 1.
         step: Step number of the line in the recording.
-        side: ``main``, ``sub`` or, for cycles of which only a hash was kept, ``both``.
+        side: ``main``, ``sub`` or, for cycles that are recorded only as a hash, ``both``.
         field: ``frame``, ``state``, ``reset by``, ``reset code``, ``valid``, ``data``, ``hash``.
         expected: Recorded value; a frame with its meaning.
         got: Our value.
@@ -64,7 +64,7 @@ class RecordingDifference:
 def differing(expected: Answer, got: Answer) -> list[str]:
     """Return the names of the values in which two answers differ.
 
-    Of an end that shows no state, only frame, validity and data are compared.
+    If an end reports no state, only frame, validity and data are compared.
     """
     names = ["frame", "valid", "data"]
     if expected.state is not None:
@@ -73,7 +73,7 @@ def differing(expected: Answer, got: Answer) -> list[str]:
 
 
 def value_text(answer: Answer, name: str) -> str:
-    """Return one value of an answer, for people."""
+    """Return one value of an answer as text."""
     value = getattr(answer, name)
     if name == "frame":
         return frame_text(value)

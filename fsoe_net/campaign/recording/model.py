@@ -1,4 +1,4 @@
-"""What a recorded run holds; the format of the file is in §13 of the protocol notes."""
+"""Content of a recorded run; the file format is in §13 of the protocol notes."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class SideName(enum.Enum):
 
     @property
     def label(self) -> str:
-        """Name as people read it here: ``main`` or ``sub``."""
+        """Name as shown to people: ``main`` or ``sub``."""
         return self.name.lower()
 
 
 class OrderKind(enum.Enum):
-    """What a recorded command asks of an end."""
+    """Type of a recorded command to an end."""
 
     ENABLE = "enable"
     DISABLE = "disable"
@@ -52,12 +52,12 @@ class Order:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """What one call did, recorded or ours.
+    """Result of one call, recorded or ours.
 
     Attributes:
-        frame: Frame sent, ``None`` when none was.
-        state: Name of the state after the call; ``None`` when the end shows none, as a foreign end
-            in a campaign: then its frames, validity and data alone count.
+        frame: Frame sent, or ``None``.
+        state: Name of the state after the call; ``None`` if the end reports none, like a foreign
+            end in a campaign. Then only frames, validity and data are compared.
         reset_by: ``none``, ``this end`` or ``the other end``.
         reset_code: Code of that reset.
         valid: Whether the application has valid data.
@@ -91,7 +91,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedStep:
-    """One bus cycle: orders, then a call of each end.
+    """One bus cycle: the commands, then one call of each end.
 
     Attributes:
         number: Step number given in the file.
@@ -112,11 +112,11 @@ class RecordedStep:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skip:
-    """Cycles in lockstep without loss, of which only a hash is kept.
+    """Cycles in lockstep without loss, recorded only as a hash.
 
     Attributes:
-        cycles: How many.
-        sha256: Over all frames, in hex; main's, then sub's, per cycle.
+        cycles: Number of cycles.
+        sha256: Hash of all frames, in hex; per cycle, the frame of the main and then of the sub.
     """
 
     cycles: int
@@ -125,13 +125,13 @@ class Skip:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """The configuration of a recorded run and its lines, read when they are needed.
+    """The configuration of a recorded run and its lines, which are read on demand.
 
     Attributes:
         main: Configuration of the MainInstance.
         sub: Configuration of the SubInstance; its verdict is an order.
         first_ids: First session id of each recorded end; scripted ends are missing.
-        bus_cycle_us: Bus cycle; 0 where it is not given, which takes lines without cycles left out.
+        bus_cycle_us: Bus cycle; 0 if unknown; then the recording must not contain skipped cycles.
         lines: Number of each line with what it holds.
     """
 

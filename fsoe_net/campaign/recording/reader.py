@@ -1,7 +1,7 @@
 """Reads recorded runs line by line.
 
-Nothing of a line is believed before it was looked at: what `read_recording` yields has the right
-types, sizes and ranges, so that `fsoe_net.campaign.recording.replay` need not ask again.
+Every line is validated: the items that `read_recording` yields have the right types, sizes and
+ranges, so that `fsoe_net.campaign.recording.replay` does not check them again.
 """
 
 from __future__ import annotations
@@ -64,11 +64,11 @@ def _recording(first: Row, others: Iterator[Row]) -> Recording:
             safe_in_bytes=main.safe_in_bytes,
             app_parameter_bytes=first.number(size) if first.given(size) else len(app),
         )
-    # Values that FSoE does not allow are an error of the line, not of the program.
+    # Values that FSoE does not allow are an error in the line, not in the program.
     except FsoeError as exc:
         raise first.error(str(exc)) from exc
     ids = {side: first.session_id(f"{side.value}_session_id") for side in SideName}
-    # A scripted end is a player: it has no engine with an id.
+    # A scripted end only plays frames: it has no engine and therefore no session id.
     scripted = {s for s in SideName if first.row.get(f"{s.value}_impl") == "scripted"}
     reader = _Reader(
         {SideName.MAIN: main.safe_out_bytes, SideName.SUB: main.safe_in_bytes},
@@ -97,11 +97,11 @@ class _Reader:
     ) -> None:
         self.sends = sends
         self.bus_cycle_us = bus_cycle_us
-        self.foreign = foreign  # they show frames and data, no state
+        self.foreign = foreign  # ends without a recorded state
         self.first_ids = first_ids
         self.time_us = 0
-        self.number: int | None = None  # of the step before
-        self.skipped = False  # after a skip the numbers may go on from its end
+        self.number: int | None = None  # of the previous step
+        self.skipped = False  # after a skip, step numbers may continue from its end
 
     def lines(self, others: Iterator[Row]) -> Iterator[tuple[int, RecordedStep | Skip]]:
         for row in others:
@@ -142,7 +142,7 @@ class _Reader:
         )
 
     def _number(self, row: Row) -> int:
-        """Return the number of a step: without the lines between, no state could be the same."""
+        """Return the number of a step; gaps are invalid, because the states would differ."""
         number, last = row.number("n"), self.number
         if last is not None and (number <= last or (number > last + 1 and not self.skipped)):
             raise row.error(f"step {number} after step {last}; {last + 1} is the next one")
@@ -157,7 +157,7 @@ class _Reader:
         if not dot or who not in {s.value for s in SideName}:
             raise row.error(f"command {short(text)} names neither 'master' nor 'slave'")
         if name not in {kind.value for kind in OrderKind}:
-            # Bounded by the error message: a line may be of any length.
+            # Truncated for the message: a line may be of any length.
             raise row.error(f"unknown command {short(text)}")
         side, kind = SideName(who), OrderKind(name)
         if kind is OrderKind.DATA:

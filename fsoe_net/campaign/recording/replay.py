@@ -4,7 +4,7 @@ Each end alone receives the input of its counterpart in the recording, at the re
 after the recorded commands; its answers are compared. The file format is in §13 of the protocol
 notes.
 
-Two kinds of steps may differ for good reason and are counted as `tolerated`:
+Two kinds of steps may differ for a valid reason and are counted as `tolerated`:
 
 * FailSafeData with non-zero content (§9): the recorded frame is taken into our chain when that is
   the only difference, and the comparison continues.
@@ -51,13 +51,13 @@ _KEPT_DIFFERENCES = 100
 
 @dataclass(slots=True, kw_only=True)
 class ReplayResult:
-    """What a replay found.
+    """Result of a replay.
 
     Attributes:
         differences: Values that differ, in the order of the recording; the first 100.
-        differing: How many values differ, kept or not.
+        differing: Number of values that differ, including those not kept.
         compared: Calls compared, both ends counted, lockstep cycles included.
-        tolerated: Calls that differ with good reason.
+        tolerated: Calls that differ for a valid reason.
     """
 
     differences: list[RecordingDifference] = field(default_factory=list)
@@ -66,7 +66,7 @@ class ReplayResult:
     tolerated: int = 0
 
     def add(self, difference: RecordingDifference) -> None:
-        """Count a difference; of a long recording that differs everywhere the first are kept."""
+        """Count a difference; only the first ones are kept."""
         self.differing += 1
         if len(self.differences) < _KEPT_DIFFERENCES:
             self.differences.append(difference)
@@ -79,7 +79,7 @@ class _Side:
         self.name = name
         self.session_id = recording.first_ids.get(name, 0)
         self.verdict = 0
-        self.apart = False  # since a quirk, until the next Reset
+        self.apart = False  # from a quirk to the next Reset
         self.end = self._end(recording)
 
     def _end(self, recording: Recording) -> MainInstance | SubInstance:
@@ -144,7 +144,7 @@ class _Side:
         return True
 
     def rejoin(self, time_us: int) -> None:
-        """Fall into the state in which the recorded end is after the Reset it sent."""
+        """Take the state in which the recorded end is after it sent a Reset."""
         self.end.request_reset()
         self.end.step(time_us * 1000, None)
         self.end.take_events()
@@ -165,7 +165,7 @@ def _is_row_11(side: _Side, call: Call) -> bool:
 
 
 class _Replay:
-    """Both ends, and where in the recording they are."""
+    """Both ends, and their position in the recording."""
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
@@ -200,12 +200,12 @@ class _Replay:
         expected, got = call.expected, side.step(step.time_us, call)
         self.result.compared += 1
         names = differing(expected, got)
-        # From a known quirk on, both sides are in different states until the next Reset.
+        # After a known quirk, both sides are in different states until the next Reset.
         if step.quirk and (names or _is_row_11(side, call)):
             side.apart = True
         if side.apart:
             self.result.tolerated += bool(names)
-            # A Reset brings both sides together again.
+            # A Reset brings both sides back into the same state.
             if expected.frame is not None and expected.frame[0] == Command.RESET:
                 side.rejoin(step.time_us)
             return
@@ -236,7 +236,7 @@ class _Replay:
         """Run cycles in lockstep with constant data; SHA-256 over main's and sub's frames."""
         main, sub = self.sides[SideName.MAIN], self.sides[SideName.SUB]
         self.result.compared += 2 * skip.cycles
-        # A side that is apart would give another hash, which means nothing.
+        # A side in a different state would give a different, meaningless hash.
         if main.apart or sub.apart:
             self.result.tolerated += 2 * skip.cycles
             return
@@ -282,6 +282,6 @@ def replay(lines: Iterable[str]) -> ReplayResult:
 
 
 def replay_file(path: Path) -> ReplayResult:
-    """Hold the recorded run in a ``.jsonl`` file against this engine; see `replay`."""
+    """Compare the recorded run in a ``.jsonl`` file with this engine; see `replay`."""
     with path.open("rb") as file:
         return replay(file_lines(file))

@@ -1,4 +1,4 @@
-"""Lines of JSON whose values are looked at before they are believed."""
+"""Lines of JSON whose values are validated before use."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MAX_NUMBER = 10**15
 
 
 def file_lines(file: BinaryIO) -> Iterator[str]:
-    """Yield the lines of a file; never more than one is held, and of a long one only the start.
+    """Yield the lines of a file; only one is held at a time, and only the start of a long one.
 
     Raises:
         RecordingError: A line is not UTF-8 or too long.
@@ -53,7 +53,7 @@ _TYPE_TEXT = {str: "a string", int: "a whole number", bool: "true or false", lis
 
 
 class Row:
-    """An object of the file; has its line for messages.
+    """An object of the file, with its line number for messages.
 
     Each method raises `RecordingError` when the value does not have the requested type.
     """
@@ -75,11 +75,11 @@ class Row:
         return value
 
     def given(self, key: str) -> bool:
-        """Whether the key is there and not null."""
+        """Whether the key is present and not null."""
         return self.row.get(key) is not None
 
     def number(self, key: str, low: int = 0, high: int = _MAX_NUMBER) -> int:
-        """Return a whole number within these bounds."""
+        """Return an integer within these bounds."""
         value: int = self.get(key, int)
         if not low <= value <= high:
             raise self.error(f"{key!r} is {short(value)}; allowed are {low} … {high}")
@@ -99,7 +99,7 @@ class Row:
             raise self.error(f"{what!r} is {short(text)}, no bytes in hex{odd}") from exc
 
     def image(self, key: str) -> bytes | None:
-        """Return a frame of any length; ``None`` for null, but the key must be there."""
+        """Return a frame of any length, or ``None`` for null; the key is required."""
         if key in self.row and self.row[key] is None:
             return None
         image = self.hex(key)
@@ -127,7 +127,7 @@ class Row:
 
 
 def short(value: object) -> str:
-    """Return a value for a message, never long, printable everywhere."""
+    """Return a short, printable form of a value for a message."""
     if isinstance(value, int) and abs(value) > _MAX_NUMBER:
         return "a huge number"
     text = ascii(value)
