@@ -1,4 +1,4 @@
-"""Capture files written: pcapng. `fsoe_net.formats.capture.packets` reads them.
+"""Writes capture files (pcapng); `fsoe_net.formats.capture.packets` reads them.
 
 Format: draft-ietf-opsawg-pcapng.
 """
@@ -43,7 +43,7 @@ class CaptureWriter:
         self._file.write(struct.pack("<I", kind) + length + body + length)
 
     def packet(self, time_ns: int, data: bytes, *, outbound: bool | None = None) -> None:
-        """Append one packet, bytes from the destination MAC on; ``outbound``: this host sent it."""
+        """Append a packet, from the destination MAC on; ``outbound``: sent by this host."""
         size = len(data)
         head = struct.pack("<IIIII", 0, time_ns >> 32, time_ns & 0xFFFFFFFF, size, size)
         body = head + data

@@ -1,9 +1,9 @@
-"""Cyclic process data of a capture: which windows pass by, and which FSoE frames are copied.
+"""Cyclic process data of a capture: the windows in it, and the FSoE frames that are copied.
 
-A copy is believed when three things come together: the process data of both ends have the shape of
-an FSoE frame, every new frame at the destination stood at exactly one source a few cycles before,
-and both directions together form a conversation whose CRCs fit the chain (`core.monitor`). What
-lies in memory for that is a few frames of each place, however long the capture is.
+A copy is accepted if three conditions hold: the process data of both ends have the structure of an
+FSoE frame; every new frame at the destination was at exactly one source a few cycles before; and
+both directions form a conversation with a valid chain of CRCs (`core.monitor`). This needs memory
+for a few frames per place, regardless of the length of the capture.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from fsoe_net.formats.capture.datagrams import Datagram, DatagramCommand
 from fsoe_net.fsoe.pdu import Command, safe_data_length
 
 ENOUGH_FRAMES = 20
-_LIKELY_FRAMES = 4  # from then on the CRCs are followed
-_REMEMBERED = 6  # frames a copy may lag its source, plus a lost packet
+_LIKELY_FRAMES = 4  # number of frames from which the CRCs are checked
+_REMEMBERED = 6  # frames by which a copy may lag its source, plus a lost packet
 _MOST_WINDOWS = 4096
 _MOST_MONITORS = 256
-_SHARE = 0.9  # of new frames at the destination that have to come from the source
+_SHARE = 0.9  # of the new frames at the destination must come from the source
 _INPUTS, _OUTPUTS = (
     (DatagramCommand.LRD, DatagramCommand.LRW),
     (DatagramCommand.LWR, DatagramCommand.LRW),
@@ -30,7 +30,7 @@ _COMMANDS = frozenset(int(c) for c in Command)
 
 
 class FramePlace(NamedTuple):
-    """A place with the shape of an FSoE frame; ``owner`` is the number of its `Station`."""
+    """A place with the structure of an FSoE frame; ``owner`` is the number of its `Station`."""
 
     owner: int
     manager: int
@@ -42,7 +42,7 @@ class FramePlace(NamedTuple):
 
 @dataclass(slots=True)
 class CyclicWindow:
-    """A datagram that comes again and again."""
+    """A datagram that is repeated in every cycle."""
 
     command: int
     logical: int
@@ -64,7 +64,7 @@ class _Destination:
     from_source: dict[FramePlace, int] = field(default_factory=dict)
 
     def sources(self, least: int) -> list[FramePlace]:
-        """Return where nearly all of its frames come from, once there were enough of them."""
+        """Return the sources of nearly all of its frames, if there were enough frames."""
         need = max(least, _SHARE * self.changes)
         return [place for place, count in self.from_source.items() if count >= need]
 
@@ -73,7 +73,7 @@ _Copy = tuple[FramePlace, FramePlace]
 
 
 class Cycles:
-    """Takes the logical datagrams.
+    """Processes the logical datagrams.
 
     Attributes:
         windows: Data seen, by command, logical address and length.
@@ -90,7 +90,7 @@ class Cycles:
         self._sure_sources: set[FramePlace] = set()
 
     def watch(self, places: tuple[FramePlace, ...]) -> None:
-        """Say where frames are to be expected; what was found out of places that stay is kept."""
+        """Set the places where frames are expected; results of places that remain are kept."""
         sources = {p: self._sources.get(p) or _Source() for p in places if not p.is_output}
         self._sources = sources
         self._destinations = {
@@ -107,7 +107,7 @@ class Cycles:
         }
 
     def take(self, datagram: Datagram, packet: int) -> None:
-        """Take one logical datagram."""
+        """Process one logical datagram."""
         key = (datagram.command, datagram.logical, len(datagram.data))
         window = self.windows.get(key)
         if window is None:
@@ -127,7 +127,7 @@ class Cycles:
         ways = [p for p in self._destinations if command in _OUTPUTS]
         ways += [
             p for p in self._sources if command in _INPUTS
-        ]  # destinations first: they are older
+        ]  # destinations first, as they are older
         end = logical + length
         return tuple(p for p in ways if logical <= p.logical and p.logical + p.size <= end)
 
@@ -141,13 +141,13 @@ class Cycles:
                 self._follow(place, frame)
             return
         if place in self._twice and datagram.counter:
-            return  # what comes back at this address are inputs
+            return  # data that return at this address are inputs
         row = self._destinations[place]
         if frame == row.last:
             return
         row.last = frame
         if frame[0] not in _COMMANDS or frame[0] == Command.RESET:
-            return  # Resets of all connections look alike
+            return  # Resets of all connections are identical
         row.changes += 1
         for source, seen in self._sources.items():
             # A SubDevice that repeats its own outputs is not the source of a copy.
@@ -157,7 +157,7 @@ class Cycles:
     # -- CRCs -------------------------------------------------------------------------------------
 
     def _follow(self, source: FramePlace, frame: bytes) -> None:
-        """Compare a new frame with every conversation that its source may be a part of."""
+        """Compare a new frame with every conversation that its source may be part of."""
         if source in self._sure_sources:
             return
         for pair, monitor in list(self._monitors.items()):
@@ -185,7 +185,7 @@ class Cycles:
                 ends = (back[1].owner, back[0].owner)
                 if there[0] != source or ends != (there[0].owner, there[1].owner):
                     continue
-                # Either end may be the main: one of the two orders will have CRCs that fit.
+                # Either end may be the main: only one of the two orders has valid CRCs.
                 for pair in ((there, back), (back, there)):
                     if pair not in self._monitors and len(self._monitors) < _MOST_MONITORS:
                         sizes = [safe_data_length(c[0].size) for c in pair]
@@ -200,7 +200,7 @@ class Cycles:
         return found
 
     def copies(self) -> tuple[list[_Copy], list[_Copy]]:
-        """Return the copies that are proven, and those where only the bytes speak for it."""
+        """Return the proven copies, and those that are supported only by equal bytes."""
         by_values = self._by_values()
         return [c for c in by_values if c in self._sure], [
             c for c in by_values if c not in self._sure

@@ -1,4 +1,4 @@
-"""FSoE frames in captured EtherCAT traffic, with the names that a network gives them."""
+"""FSoE frames in captured EtherCAT traffic, with their names in a network."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class DecodedFrame(NamedTuple):
     Attributes:
         packet: Number of the packet, from 1.
         time_ms: Time since the first packet of the capture.
-        names: Its connection of the network, if known.
+        names: Its connection in the network, if known.
         number: Number of the connection in this capture, from 0.
         direction: Direction, given by the end that sent it.
         frame: Its bytes.
@@ -48,16 +48,16 @@ class DecodedFrame(NamedTuple):
 
     @property
     def connection(self) -> str:
-        """Its name in the network, else its number in this capture."""
+        """Its name in the network, or its number in this capture."""
         return f"connection {self.number}" if self.names is None else self.names.name
 
 
 class CaptureFacts(NamedTuple):
-    """What is to be said of a capture.
+    """Facts about a capture.
 
     Attributes:
-        start_ns: Time of its first packet; -1: there is none.
-        cut: Packets of which only the beginning was kept.
+        start_ns: Time of its first packet; -1 if it is empty.
+        cut: Truncated packets.
         other_links: Packets of interfaces that are not Ethernet.
     """
 
@@ -67,22 +67,22 @@ class CaptureFacts(NamedTuple):
 
 
 def naming_of(resolution: Resolution | None) -> Naming:
-    """Return the names of a network for captured items; none without a network."""
+    """Return the names of a network for captured items; empty without a network."""
     if resolution is None:
         return Naming(None)
     return Naming(resolution, LogicalImage(compile_plan(resolution)))
 
 
 class CaptureDecoder:
-    """Goes through a capture once; its connections and counts are whole at the end.
+    """Reads a capture once; its connections and counters are complete at the end.
 
     Args:
-        name: Of the capture, for messages.
-        stream: Its bytes.
+        name: Name of the capture, for messages.
+        stream: Bytes of the capture.
         naming: See `naming_of`.
 
     Raises:
-        CoreMissing: The compiled part is not there.
+        CoreMissing: The compiled part is missing.
     """
 
     def __init__(self, name: str, stream: BinaryIO, naming: Naming) -> None:
@@ -101,12 +101,12 @@ class CaptureDecoder:
         for time_ns, bus, packet in self._reader:
             if self._start_ns < 0:
                 self._start_ns = time_ns
-            now_ns = max(now_ns, time_ns)  # several interfaces in one file may step back
+            now_ns = max(now_ns, time_ns)  # times of several interfaces may go backwards
             yield from self._scanner.packet(packet, now_ns, bus)
 
     def frame_of(self, s: Sighting) -> DecodedFrame:
         """Return a frame with its names."""
-        # A start-up shows the roles for certain, so the guess is taken back.
+        # A start-up shows the roles with certainty, so the guess is discarded.
         if s.connection not in self._known or s.frame[0] == Command.SESSION:
             found = self._scanner.connections()[s.connection]
             self._known[s.connection] = self._naming.find_in(found)
@@ -125,7 +125,7 @@ class CaptureDecoder:
         )
 
     def connections(self) -> list[Found]:
-        """Return the connections found so far, each with its names and whether it is swapped."""
+        """Return the connections found so far, with names and whether the roles are swapped."""
         return [(c, *self._naming.find_in(c)) for c in self._scanner.connections()]
 
     def counts(self) -> ScanCounts:
@@ -134,5 +134,5 @@ class CaptureDecoder:
 
     @property
     def facts(self) -> CaptureFacts:
-        """What is to be said of the capture itself."""
+        """Facts about the capture itself."""
         return CaptureFacts(self._start_ns, self._reader.cut, self._reader.other_links)

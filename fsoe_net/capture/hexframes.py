@@ -27,7 +27,7 @@ _SEPARATORS = str.maketrans("", "", ":-_")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HexFrame:
-    """One frame as given; ``direction`` 0 main to sub, 1 sub to main, ``None``: not stated."""
+    """One frame as given; ``direction`` is 0 main to sub, 1 sub to main, ``None`` if not stated."""
 
     data: bytes
     direction: int | None
@@ -115,7 +115,7 @@ def _frame(word: str, direction: int | None, place: str) -> HexFrame:
 
 
 def _shown(word: str) -> str:
-    """Return a word for a message: the start of a huge one."""
+    """Return a word for a message, truncated if long."""
     return repr(word) if len(word) <= _LONG else f"{word[:_LONG]!r}..."
 
 

@@ -1,6 +1,6 @@
 """Writes a Wireshark dissector for the FSoE frames of one network.
 
-How it works is in ``dissector.lua``; here the tables of the network are put in front of it.
+The code is in ``dissector.lua``; this module prepends the tables of the network.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _signals(number: int, way: int, signals: tuple[Signal, ...]) -> str:
 
 
 def _places(way: int, transfer: ResolvedTransfer, image: LogicalImage) -> list[str]:
-    """Return the places of one direction; the chain is followed where the receiver gets it."""
+    """Return the places of one direction; the chain is followed at the receiver."""
     rows: list[str] = []
     for end, is_input in ((transfer.destination, False), (transfer.source, True)):
         address = image.address(end)

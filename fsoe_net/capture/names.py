@@ -1,4 +1,4 @@
-"""Names for what is seen: which connection of a network a ConnID is, and what its bits mean."""
+"""Names for captured items: the connection that a ConnID belongs to, the meaning of its bits."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Naming:
     """Finds the connection of a network that a ConnID on the wire belongs to.
 
     Args:
-        resolution: The network, or ``None``: then nothing has a name.
+        resolution: The network, or ``None`` for no names.
         image: Its logical addresses, to distinguish main from sub in a capture without a start-up.
     """
 
@@ -62,7 +62,7 @@ class Naming:
     def find(self, connection_id: int, frame_bytes: tuple[int, int]) -> ConnectionNames | None:
         """Return the connection with this ConnID and these frame lengths.
 
-        One whose ConnID no file states is found when it is the only one of these lengths.
+        A connection whose ConnID is in no file is found if it is the only one with these lengths.
         """
         stated = self._by_id.get(connection_id)
         if stated is not None:

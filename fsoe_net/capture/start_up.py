@@ -1,4 +1,4 @@
-"""A capture of EtherCAT, pcap or pcapng, into a description of the bus.
+"""Converts a capture of EtherCAT (pcap or pcapng) to a description of the bus.
 
 The start-up traffic of a MainDevice shows the bus: it assigns station addresses in ring order,
 reads EEPROMs and objects, writes PDO assignments, sync managers and FMMUs. Packets are read one by
@@ -37,13 +37,13 @@ def load_capture(source: Source, out: Collector, *, name: str = "<capture>") -> 
     """Read a capture packet by packet, of any size.
 
     Args:
-        source: Path of a pcap or pcapng file, packed with gzip or not, or its bytes.
-        out: Takes FSN150 when the capture has no EtherCAT, FSN151 where the file is damaged, FSN152
-            for packets of which only the beginning was kept, FSN153 for missing data, FSN154 for
-            PDOs that do not fit. The line of a place is the number of the packet.
+        source: Path of a pcap or pcapng file, compressed with gzip or not, or its bytes.
+        out: Takes FSN150 when the capture has no EtherCAT, FSN151 if the file is damaged, FSN152
+            for truncated packets, FSN153 for missing data, FSN154 for PDOs that do not fit. The
+            line number of a finding is the number of the packet.
         name: Name shown when ``source`` is bytes.
     """
-    compiled()  # a missing core must not end the work in the middle of a file
+    compiled()  # a missing core must be reported before the file is read
     if isinstance(source, bytes):
         return read_stream(name, io.BytesIO(source), out)
     path = os.fspath(source)
@@ -193,7 +193,7 @@ class _Capture:
         )
 
     def _remarks(self, stations: list[Station]) -> None:
-        """Say what concerns no single SubDevice."""
+        """Report remarks that do not concern a single SubDevice."""
         ring = self._ring
         placed = [s for s in stations if s.position is not None]
         if ring.count is not None and len(placed) < ring.count:
@@ -237,7 +237,7 @@ def _logical(station: Station, start: int, size: int, sm: SyncManager) -> int | 
 def _frames(station: Station, described: DescribedSubDevice) -> Iterator[FramePlace]:
     """Yield where FSoE frames of a SubDevice may be in the logical address space.
 
-    The likely ones too: what is in them will show it.
+    Possible places are included; their content shows whether they are FSoE frames.
     """
     for manager in described.device.layout.managers:
         start = manager.sm.start_byte

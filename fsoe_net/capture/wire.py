@@ -18,7 +18,7 @@ _SHORTEST_BYTES = 60
 
 
 class LogicalImage:
-    """Where each sync manager of a plan lies in the logical address space.
+    """The position of each sync manager of a plan in the logical address space.
 
     Args:
         plan: A plan with registered process data.
@@ -35,7 +35,7 @@ class LogicalImage:
         self._bases = {f.sm: f.offset_bytes for f in domain.fmmus}
 
     def address(self, end: ResolvedEnd) -> int | None:
-        """Return the logical address of one end of a transfer; ``None``: it has no place."""
+        """Return the logical address of one end of a transfer, or ``None`` if it has none."""
         for sm, base in self._bases.items():
             record = self._plan.sync_managers[sm]
             owner = self._plan.subdevices[record.subdevice].name
@@ -48,7 +48,7 @@ class LogicalImage:
 
         Args:
             read: Returns the bytes of a sync manager by record number.
-            outputs: Which of the two.
+            outputs: Whether to fill the outputs; otherwise the inputs.
             into: The image, `size_bytes` long.
         """
         for f in self._domain.fmmus:
@@ -63,9 +63,9 @@ class LogicalImage:
         Args:
             image: The process data.
             number: Number of the cycle, for the datagram index.
-            back: On the way back the working counter is complete and a SubDevice has marked the
-                source address; on the way out it is 0.
-            missing: By how much the working counters fall short of what is expected.
+            back: Whether the frames are on the way back: then the working counter is complete and a
+                SubDevice has marked the source address. Otherwise it is 0.
+            missing: Difference between the expected and the actual working counters.
         """
         rows = [(d.offset_bytes, d.size_bytes, d.working_counter) for d in self._domain.datagrams]
         return image_packets(rows, image, number, back=back, missing=missing)
@@ -84,9 +84,9 @@ def image_packets(
     Args:
         datagrams: Offset, length and complete working counter of each.
         image: The process data.
-        number: As `LogicalImage.packets`, like ``back`` and ``missing``.
-        back: See there.
-        missing: See there.
+        number: See `LogicalImage.packets`.
+        back: See `LogicalImage.packets`.
+        missing: See `LogicalImage.packets`.
     """
     for start, size, complete in datagrams:
         # EtherCAT header: type 1, and the length with datagram header (10) and counter (2).
@@ -100,11 +100,11 @@ def image_packets(
 
 
 class RebuiltFrames:
-    """Turns images of successive cycles into frames on their way out and back.
+    """Converts images of successive cycles to frames on their way out and back.
 
     Args:
-        datagrams: Offset, length and complete working counter of each; ``None``: not known.
-        outputs: Offset and length of what the bus is sent.
+        datagrams: Offset, length and complete working counter of each; ``None`` if unknown.
+        outputs: Offset and length of the outputs.
         image_bytes: Length of an image.
     """
 
@@ -124,16 +124,16 @@ class RebuiltFrames:
     def cycle(
         self, image: bytes, number: int, now_ns: int, wkc: tuple[int, int]
     ) -> Iterator[tuple[int, bytes, bool]]:
-        """Yield the frames of one cycle: time, packet, whether it goes out.
+        """Yield the frames of one cycle: time, packet, whether it is outbound.
 
-        An image is as its cycle left it: inputs as they came back, outputs as they are sent. So its
-        inputs belong to the outputs of the cycle before, and where that was not seen the frame on
-        its way back is left out.
+        An image has the values at the end of its cycle: received inputs and the outputs to send
+        next. Its inputs therefore belong to the outputs of the previous cycle. If that cycle is
+        missing, the returning frame is omitted.
 
         Args:
             image: The process data at the end of the cycle.
-            number: Of the cycle.
-            now_ns: When the cycle began.
+            number: Number of the cycle.
+            now_ns: Start time of the cycle.
             wkc: Expected and actual working counter of the cycle.
 
         Raises:
