@@ -1,7 +1,7 @@
 """Command line: one module per command, the only layer that prints or exits.
 
 Add here: a command with its options and the printing of its result. Do not add: work that the
-studio or a program could want too; it belongs below.
+studio or a program could also use; it belongs in a lower layer.
 """
 
 import os
@@ -9,7 +9,7 @@ import sys
 
 
 def start() -> None:
-    """Run the command line and exit; Ctrl-C while it is still being loaded prints no traceback."""
+    """Run the command line and exit; Ctrl-C while it is loading prints no traceback."""
     try:
         from fsoe_net.cli.main import main as run
     except KeyboardInterrupt:

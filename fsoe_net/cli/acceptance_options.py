@@ -1,4 +1,4 @@
-"""Options of ``fsoe-net acceptance record`` about when and under which circumstances."""
+"""Options of ``fsoe-net acceptance record`` for the date and the circumstances."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 
 def day_of_signature(value: str | None) -> str:
-    """Return the day (ISO 8601), today without one.
+    """Return the day (ISO 8601), or today if none is given.
 
     Raises:
         ValueError: It is not a day, or is in the future.
@@ -39,7 +39,7 @@ def _said(values: Sequence[str]) -> Sequence[str]:
 
 
 def circumstance_options(function: _F) -> _F:
-    """Add who is competent, what a step was measured with, where, and files that show it."""
+    """Add options for competence, test equipment, place and attached files."""
     for role in ("verifier", "author"):
         function = click.option(
             f"--{role}-competence",

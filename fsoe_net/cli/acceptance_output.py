@@ -1,4 +1,4 @@
-"""What ``fsoe-net acceptance`` prints, and its examples."""
+"""Output of ``fsoe-net acceptance``, and its examples."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def print_refusals(refusals: tuple[Refusal, ...]) -> None:
 
 
 def print_record(output: str, record: Acceptance, before: AcceptedRecord | None) -> None:
-    """Print what was written, and what is done next."""
+    """Print what was written, and the next step."""
     echo(
         f"{output}: {short_code(record.whole)}, author {record.author.name}, verifier "
         f"{record.verifier.name}, {record.verifier.date}"

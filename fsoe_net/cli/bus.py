@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def scan_to_compare(
     interface: str | None, socket: str | None, scan_file: str | None, *, yes: bool
 ) -> Scan | None:
-    """Return what is on the bus, when it is to be compared.
+    """Return the scan of the bus to compare with, if requested.
 
     Raises:
         click.UsageError: It is given twice.
@@ -44,10 +44,10 @@ def scan_to_compare(
 def take_scan(
     interface: str | None, *, bus: str | None, socket: str | None, yes: bool
 ) -> TakenScan:
-    """Scan a bus, after saying what that does to it and, where states change, asking.
+    """Scan a bus, after stating the effect on it and asking before states are changed.
 
     Raises:
-        click.UsageError: Nobody is there to be asked.
+        click.UsageError: A question is needed, but there is no terminal.
     """
     if interface is None and socket is None:
         raise click.UsageError("name the bus: --interface IF, or --socket PATH of an fsn-master")

@@ -112,12 +112,12 @@ def command(
         ctx.exit(print_replay(files, fmt))
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no fault put in")
-    check_target(output, overwrite=overwrite, stdout=True)  # hours may lie between
+    check_target(output, overwrite=overwrite, stdout=True)  # written hours later
     _try_folder(save_dir)
     if main or sub:
         # The device under test is usually a module in the folder of the user.
         sys.path.insert(0, os.getcwd())
-    # Prints of a foreign device must not get into a JSON report.
+    # Output of a foreign device must not get into a JSON report.
     with stdout_to_stderr() if main or sub else nullcontext():
         links = campaign_links(
             resolution,
@@ -131,7 +131,7 @@ def command(
             result = run_campaign(config, names, cycles, jobs=jobs, on_progress=on_progress)
         elapsed_s = time.monotonic() - start_s
         saved, broken = save_recordings(result, save_dir)
-    # Written before a fault is raised: hours of work must not be lost.
+    # Written before an error is raised: hours of work must not be lost.
     write_report(result, saved, fmt, output, overwrite=overwrite)
     print_end(result, elapsed_s, output)
     if broken is not None:

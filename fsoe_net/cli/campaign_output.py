@@ -1,4 +1,4 @@
-"""What is left of a campaign: its report, its recordings, a line at the end."""
+"""Results of a campaign: its report, its recordings and the final line."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ error; 130 interrupted, with the result so far."""
 def write_report(
     result: CampaignResult, saved: Saved, fmt: str, output: str | None, *, overwrite: bool
 ) -> None:
-    """Write a report to a file, or print it where there is none or it cannot be written."""
+    """Write a report to a file; print it if there is no file or it cannot be written."""
     document = campaign_document(result, saved)
     if fmt == "text" and output is None:
         show(document, width=100)
@@ -54,7 +54,7 @@ def write_report(
     try:
         write_whole(output, text.encode(), overwrite=overwrite)
     except (EnvironmentFault, InputError):
-        echo(text, nl=False)  # not lost for a full disk, or a file made meanwhile
+        echo(text, nl=False)  # not lost if the disk is full or the file exists by now
         raise
 
 
@@ -76,7 +76,7 @@ def save_recordings(result: CampaignResult, folder: str | None) -> tuple[Saved, 
 
 
 def print_end(result: CampaignResult, elapsed_s: float, output: str | None) -> None:
-    """Print how much was done, and where the report is."""
+    """Print how much was done and where the report is."""
     done = sum(row.injected for row in result.classes)
     rate = f"{done / elapsed_s:.0f}" if elapsed_s > 0 else "?"
     echo(f"{done} faults in {elapsed_s:.1f} s, {rate} per second", err=True)

@@ -94,7 +94,7 @@ def command(
     """
     present = Runtime(runtime)
     scan = scan_to_compare(interface, socket, scan_file, yes=yes)
-    # A fix changes files after a question to a person; a program would wait for ever.
+    # A fix changes files after asking a person; a program would wait forever.
     if fix and fmt != "text":
         raise click.UsageError("--fix shows changes for people: leave out --format")
 
@@ -113,14 +113,14 @@ def command(
         fixes = Fixes.of(checked.diagnostics, checked.network.sources)
         if _is_wanted(fixes, len(checked.diagnostics), yes=yes):
             fixes.write()
-            # Checked again: a fix may have revealed another finding.
+            # Checked again: a fix may reveal another finding.
             echo(f"written: {', '.join(fixes.after)}")
             checked = once()
     ctx.exit(exit_code(_shown(checked, quiet=quiet)))
 
 
 def _is_wanted(fixes: Fixes, findings: int, *, yes: bool) -> bool:
-    """Show what would change, and return whether it is to be written."""
+    """Show the changes, and return whether to write them."""
     if not fixes.after:
         echo("nothing to fix: no hint has exactly one way to follow it")
         return False

@@ -25,12 +25,12 @@ class CommandLines:
         self._number = 0
 
     def __call__(self, session: SegmentSession, now_ns: int) -> None:
-        """Do what has come in since the last call."""
+        """Execute the commands that arrived since the last call."""
         # Without waiting: the devices must step in time, whether commands arrive or not.
         while self._open and select.select([self._descriptor], [], [], 0)[0]:
             self._take()
             *lines, self._rest = self._rest.split(b"\n")
-            # A last line without its end, and one that is too long to be a command.
+            # A last line without a line end, and one that is too long for a command.
             if len(self._rest) > _MAX_LINE or (self._rest and not self._open):
                 lines.append(self._rest)
                 self._rest = b""

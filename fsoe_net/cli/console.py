@@ -83,7 +83,7 @@ def _note(text: str) -> None:
 
 
 def _standard_input(console: Console) -> None:
-    """Run lines as they come; what was set stays leased between them."""
+    """Run lines as they arrive; values that were set stay leased between lines."""
     for number, raw in enumerate(sys.stdin.buffer, 1):
         try:
             line = raw.decode("utf-8")
@@ -93,7 +93,7 @@ def _standard_input(console: Console) -> None:
 
 
 def _unattended(console: Console, run: Callable[[], None]) -> int:
-    """Run a script; return the exit code. Says at its end which outputs fall back."""
+    """Run a script and return the exit code; print which outputs fall back at its end."""
     code = 0
     try:
         with contextlib.suppress(ConsoleEnd):

@@ -96,7 +96,7 @@ def _write(files: Mapping[str, bytes], output: str, overwrite: bool) -> None:
 def _target(output: str) -> str:
     if output == STDOUT:
         raise click.UsageError("-o -: standard output has no extension; say the format with --to")
-    # A name without an extension is a folder: the formats of several files write folders.
+    # A name without an extension is a folder, because formats of several files write folders.
     if output.endswith(os.sep) or Path(output).is_dir() or "." not in Path(output).name:
         return next(name for name, target in all_targets().items() if target.is_folder)
     suffix, target = target_of(output)

@@ -96,7 +96,7 @@ def command(
         decode_hex([("argument", " ".join(inputs))], naming, out)
     else:
         stdin = standard_input()
-        # The first bytes show what it is, and are not consumed.
+        # The first bytes identify the format and are not consumed.
         if is_capture(stdin.peek(4)[:4]):
             decode_capture("stdin", stdin, naming, out, changes=changes, summary=summary)
         else:

@@ -34,7 +34,7 @@ def standard_input() -> io.BufferedReader:
     """Return standard input as bytes.
 
     Raises:
-        click.UsageError: It is closed.
+        click.UsageError: Standard input is closed.
     """
     if sys.stdin is None or sys.stdin.closed:
         raise click.UsageError("no INPUT, and standard input is closed")
@@ -45,7 +45,7 @@ def standard_input() -> io.BufferedReader:
 
 
 def decode_hex(texts: Iterable[tuple[str, str]], naming: Naming, out: Output) -> None:
-    """Decode frames in hex, each with the place it comes from."""
+    """Decode frames in hex, each with its place in the input."""
     out.begin("hex")
     number = 0
     for number, seen in enumerate(follow_frames(parse_frames(texts)), start=1):  # noqa: B007
@@ -75,7 +75,7 @@ def hex_lines(stream: io.BufferedReader) -> Iterator[tuple[str, str]]:
 
 
 class _Said:
-    """What every direction has said last, to leave out what is not new."""
+    """The last content of each direction, to omit repetitions."""
 
     def __init__(self) -> None:
         self._last: dict[tuple[int, int], tuple[int, bytes, CrcVerdict, ConnectionState]] = {}
@@ -108,12 +108,12 @@ def decode_capture(
             out.wrong += s.verdict is CrcVerdict.WRONG
             if not summary and (not changes or said.is_news(s)):
                 out.row(decoder.frame_of(s))
-    # A damaged capture is still worth its first part.
+    # The readable beginning of a damaged capture is still useful.
     except InputError as exc:
         out.damaged(str(exc))
     out.end_of_frames()
     connections = decoder.connections()
     ways = [(c.to_sub, c.to_main) for c, *_ in connections]
-    # A way without one checked frame proves nothing.
+    # A direction without a checked frame proves nothing.
     out.unchecked |= not ways or any(not sum(d.right + d.wrong for d in way) for way in ways)
     out.found(connections, decoder.counts(), decoder.facts)

@@ -1,4 +1,4 @@
-"""How decoded frames are printed: text in columns, or one JSON document written as it grows."""
+"""Output of decoded frames: text in columns, or one JSON document written incrementally."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _MOST_PARTS = 10_000
 
 
 class _Parts:
-    """Cached texts of what does not change from frame to frame: all but CRCs, time and number."""
+    """Cached texts of the constant parts of a frame: all but CRCs, time and number."""
 
     def __init__(self, build: Callable[[DecodedFrame, bytes], tuple[str, str]]) -> None:
         self._build = build
@@ -47,7 +47,7 @@ class _Parts:
 
 
 class _Lines:
-    """Writes in large pieces: a capture has many short lines."""
+    """Writes large blocks, because a capture has many short lines."""
 
     def __init__(self) -> None:
         self._lines: list[str] = []
@@ -63,7 +63,7 @@ class _Lines:
 
 
 def _meaning(row: DecodedFrame, data: bytes) -> str:
-    """Return the meaning of the frame beyond its columns."""
+    """Return the meaning of the frame that its columns do not show."""
     if row.frame[0] == Command.RESET:
         return f"{data[0]}: {reset_code_text(data[0])}"
     if row.frame[0] == Command.PROCESS_DATA and row.names is not None:
@@ -82,7 +82,7 @@ class TextOutput:
         self._headed = False
 
     def begin(self, source: str) -> None:
-        """Remember the source; its head comes with the first frame."""
+        """Remember the source; its heading is printed with the first frame."""
         self._source = source
         self._headed = self._damaged = False
 
@@ -122,20 +122,20 @@ class TextOutput:
         return left, f"{right}  {meaning}" if meaning else right
 
     def damaged(self, message: str) -> None:
-        """Say it on standard error."""
+        """Print the message on standard error."""
         self._lines.flush()
         self._damaged = True
         self.wrong += 1
         echo(f"error: {message}", err=True)
 
     def end_of_frames(self) -> None:
-        """Leave a line free."""
+        """Print an empty line."""
         self._lines.flush()
         if self._headed:
             echo()
 
     def found(self, connections: list[Found], counts: ScanCounts, facts: CaptureFacts) -> None:
-        """Print one block per connection, or why there is none."""
+        """Print one block per connection, or why there are none."""
         for number, (c, names, swapped) in enumerate(connections, start=1):
             for line in _connection_lines(number, c, names, swapped):
                 echo(line)
@@ -156,7 +156,7 @@ class TextOutput:
                 echo(f"{number} {text}")
 
     def end(self) -> None:
-        """Nothing is left to print."""
+        """Do nothing: all output is complete."""
 
 
 def _connection_lines(
@@ -166,7 +166,7 @@ def _connection_lines(
         f"{names.name if names else f'#{number}'}: "
         f"ConnID {c.connection_id}, now {c.state.replace('_', ' ')}"
     )
-    # Roles that were guessed the wrong way round are corrected by the network.
+    # Wrongly guessed roles are corrected by the network.
     ways = (c.to_sub, c.to_main)[:: -1 if swapped else 1]
     for way, direction in zip(_ARROWS, ways, strict=True):
         yield f"  {way}  {_counts_text(direction)}"
@@ -183,7 +183,7 @@ def _connection_lines(
 
 
 def _is_where_expected(found: FoundConnection, names: ConnectionNames) -> bool:
-    """Whether both ends lie where the IgH MainDevice would put this connection."""
+    """Whether both ends are where the IgH MainDevice would place this connection."""
     expected = names.addresses[0] | names.addresses[1]
     return all(place.is_logical and place.address in expected for place in found.places[:2])
 
@@ -234,7 +234,7 @@ def _none_text(counts: ScanCounts) -> str:
 
 
 class JsonOutput:
-    """One document; frames are written as they come, so memory does not grow with the capture."""
+    """One document; frames are written as they arrive, so memory use is constant."""
 
     def __init__(self) -> None:
         self.wrong = 0
@@ -270,7 +270,7 @@ class JsonOutput:
 
     @staticmethod
     def _constant(row: DecodedFrame, data: bytes) -> tuple[str, str]:
-        """Return the members that do not change from frame to frame; they are the last ones."""
+        """Return the members that do not change between frames; they are written last."""
         item: dict[str, object] = {
             "connection": row.names.name if row.names else None,
             "connection_number": row.number + 1,
@@ -295,13 +295,13 @@ class JsonOutput:
         echo(f"error: {message}", err=True)
 
     def end_of_frames(self) -> None:
-        """Close the list, and of hex the object."""
+        """Close the list; for hex input, also the object."""
         self._lines.flush()
         echo("]", nl=False)
         self._open = True
 
     def found(self, connections: list[Found], counts: ScanCounts, facts: CaptureFacts) -> None:
-        """Write what was found in a capture."""
+        """Write the connections found in a capture."""
         rows = []
         for number, (c, names, swapped) in enumerate(connections, start=1):
             ways = (c.to_sub, c.to_main)[:: -1 if swapped else 1]

@@ -111,9 +111,9 @@ def _document(found: Examination) -> Document:
 
 
 def _advice(finding: MachineFinding) -> list[Part]:
-    """Return what a finding means; commands stay on one line, to be copied."""
+    """Return the advice for a finding; commands stay on one line so that they can be copied."""
     head = Verdict(f"{finding.level.value}[{finding.name}]", _LEVELS[finding.level])
-    # Commands keep their line, so that they can be copied as a whole.
+    # Commands stay on one line, so that they can be copied.
     commands = [
         f"  {f'{word}:' if n == 0 else '':5} {text}"
         for word, texts in (("now", finding.now), ("keep", finding.keep))

@@ -110,10 +110,10 @@ def command(
         ),
         scenario_file,
     )
-    # A scenario ends when its last step is over.
+    # A scenario ends after its last step.
     if duration_ns is None and session.scenario is not None:
         duration_ns = session.scenario.duration_ns or None
-    # Emulated devices on the wire of a machine would be taken for real ones.
+    # Emulated devices on the network of a machine could be mistaken for real ones.
     check_rig(vouched)
     links = [
         SegmentLink(

@@ -1,4 +1,4 @@
-"""What ``fsoe-net emulate`` prints."""
+"""Output of ``fsoe-net emulate``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BANNER = """\
 
 
 def check_rig(vouched: bool) -> None:
-    """Say loudly what a test rig is; it takes a word of the user, and nothing else takes it.
+    """Print a prominent warning about a test rig, after checking that the user vouches for it.
 
     Raises:
         EnvironmentFault: This is not a test rig, or the user has not vouched for it.
@@ -58,7 +58,7 @@ def print_emulation(result: EmulateResult) -> None:
     echo(f"\n{counted(c.frames, 'frame')} answered{own}")
     if c.unsent:
         echo(f"{counted(c.unsent, 'answer')} could not be sent: {os.strerror(c.send_errno)}")
-    # Without expectations, the reason for a failure must be found from the states.
+    # Without expectations, the reason for a failure must be derived from the states.
     if not result.verdicts and not result.passed and c.frames:
         in_op = all(status.state == "OP" for status in result.states.values())
         missing = "copied the FSoE frames between them" if in_op else "brought all of them to OP"

@@ -46,7 +46,7 @@ def page_text(code: str) -> str | None:
 
 
 def _other_programs(code: str) -> str:
-    """Return what the programs of ``--runtime`` do today with such a mistake."""
+    """Return how the programs of ``--runtime`` handle the mistake today."""
     rows = [
         f"- `{'`, `'.join(r.value for r in runtimes)}`: {text}"
         for runtimes, text in effects_today(code)
@@ -55,10 +55,10 @@ def _other_programs(code: str) -> str:
 
 
 def _status_page(code: str) -> str:
-    """Return what a status of the C core means and what to do.
+    """Return the meaning of a status of the C core, and what to do.
 
     Raises:
-        click.BadParameter: There is none of that name.
+        click.BadParameter: Unknown status.
     """
     name = "FSN_" + code.strip().upper().removeprefix("FSN_")
     rows = {row.name: row for row in status_table()}
@@ -81,7 +81,7 @@ def command(code: str | None) -> None:
     if code is None:
         for info in CATALOGUE.values():
             echo(f"{info.code}  {info.severity:7}  {info.title}")
-        # The codes of Python are shown even if the C core is missing.
+        # The codes of Python are listed even if the C core is missing.
         with contextlib.suppress(CoreMissing):
             for row in status_table():
                 echo(f"{row.name}  {row.text}")
@@ -89,7 +89,7 @@ def command(code: str | None) -> None:
     if re.match(r"(FSN_)?E_", code.strip().upper()):
         echo(_status_page(code))
         return
-    # Numbers alone and lower case are accepted as well.
+    # Bare numbers and lower case are also accepted.
     near = nearest_codes(code)
     known = next(iter(near), "")
     if known[3:] != code.strip().upper().removeprefix("FSN"):
@@ -100,7 +100,7 @@ def command(code: str | None) -> None:
         info = CATALOGUE[known]
         text = f"{known} ({info.severity}): {info.title}\n"
     text = text.rstrip("\n") + _other_programs(known)
-    # Markdown is formatted for people only; a pipe receives the text.
+    # Markdown is formatted on a terminal only; a pipe receives the plain text.
     if sys.stdout.isatty():
         import rich.console
         import rich.markdown

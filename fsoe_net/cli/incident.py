@@ -1,4 +1,4 @@
-"""``fsoe-net log incident``: one page about why a connection dropped or a bus did not open."""
+"""``fsoe-net log incident``: why a connection dropped or a bus did not open, as one page."""
 
 from __future__ import annotations
 
@@ -60,5 +60,5 @@ def incident(ctx: click.Context, file: str, fmt: str, output: str | None, overwr
         show(document, width=100)
     else:
         echo(text, nl=False)
-    # A page without a likely cause is not an answer: scripts can see it.
+    # A page without a likely cause is not an answer; the exit code shows this to scripts.
     ctx.exit(0 if facts.verdicts.likely else 1)

@@ -1,4 +1,4 @@
-"""``fsoe-net init``: a commented network out of whatever files there are."""
+"""``fsoe-net init``: a commented network from any available files."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def command(
     if own or fmt != "text":
         raise click.UsageError("--device-file and --format belong to --list")
     folder = Path(output or ".")
-    # Before any question is asked: the answers must not be lost at the end.
+    # Before any question is asked, so that the answers are not lost at the end.
     if not template:
         check_folder(folder, overwrite=overwrite)
     found = gather(files, loading, answers=answers_file)

@@ -34,7 +34,7 @@ def write_network(made: Draft, folder: Path, *, overwrite: bool) -> bool:
         f"{counted(len(rows), 'FSoE connection')}, {unconfirmed} of them unconfirmed, "
         f"{counted(len(written.files), 'file')}"
     )
-    # Checked as the user will check it: what was written must be readable.
+    # Checked as the user will check it: the written files must be readable.
     checked = check_files([str(network)])
     left = [d for d in checked.diagnostics if d.level is not Severity.INFO]
     print_diagnostics(left)

@@ -43,8 +43,7 @@ def ask(question: Question, answers: Answers, made: Draft) -> Answers:
         except click.Abort:
             echo("\nnothing written", err=True)
             raise
-        # An empty answer leaves a question open, except that without a ring nothing can be
-        # proposed.
+        # An empty answer leaves a question open. Without a ring, however, nothing can be proposed.
         if not text and question.ask is not Ask.SUBDEVICES:
             return replace(answers, passed=answers.passed | {question.key})
         found = (
@@ -89,7 +88,7 @@ def _with_ring(text: str, answers: Answers) -> Answers | None:
 
 def _with(question: Question, text: str, answers: Answers, made: Draft) -> Answers | None:
     words = [_choice(question, w) for w in re.split(r"[,;]\s*", text)]
-    # Several words make sense for MainInstances only.
+    # Several words are allowed for MainInstances only.
     if None in words or (len(words) > 1 and question.ask is not Ask.MAIN):
         return None
     chosen = [AnsweredWord(span=_HERE, text=w) for w in words if w is not None]
@@ -118,7 +117,7 @@ def _choice(question: Question, text: str) -> str | None:
 
 
 def refuse(made: Draft) -> None:
-    """Refuse a proposal with wrong answers.
+    """Reject a proposal with wrong answers.
 
     Raises:
         InputError: An answer cannot be used.
@@ -129,7 +128,7 @@ def refuse(made: Draft) -> None:
 
 
 def answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
-    """Propose; at a terminal, ask and propose again until no question is left."""
+    """Make a proposal; at a terminal, ask and repeat until no question is open."""
     made = make_draft(inputs, answers)
     refuse(made)
     while asking and made.questions:
@@ -145,7 +144,7 @@ def answered(inputs: Inputs, answers: Answers, *, asking: bool) -> Draft:
 
 
 def report_questions(made: Draft, *, answered: bool) -> None:
-    """Report open questions; without a ring, or if open ones are not allowed, refuse.
+    """Report open questions; fail if there is no ring or open questions are not allowed.
 
     Raises:
         InputError: Answers are needed.

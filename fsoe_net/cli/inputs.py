@@ -1,4 +1,4 @@
-"""The arguments all commands share: which files, and how references in them are followed."""
+"""The arguments that all commands share: the files, and how references in them are followed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _pair(separator: str, what: str) -> Callable[..., dict[str, str]]:
 def network_of_folder(
     ctx: click.Context, _param: click.Parameter, files: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Take the network of this folder when no file is named."""
+    """Use the network of the current folder if no file is given."""
     if ctx.params.get("is_replay"):
         return files
     if files:
@@ -57,7 +57,7 @@ def input_options(function: _F) -> _F:
 
 
 def reference_options(function: _F) -> _F:
-    """Add the options that say how references in files are followed; they come as ``loading``."""
+    """Add the options for following references in files; they are passed as ``loading``."""
 
     @functools.wraps(function)
     def with_loading(
@@ -109,7 +109,7 @@ def reference_options(function: _F) -> _F:
 
 
 def master_option(function: _F) -> _F:
-    """Add ``--master`` to a command with `reference_options`, which it is below."""
+    """Add ``--master``; the command must also have `reference_options`, applied above it."""
 
     @functools.wraps(function)
     def with_master(*args: Any, master: str, loading: LoadOptions, **kwargs: Any) -> Any:

@@ -48,7 +48,7 @@ def command(
     check_target(str(target), overwrite=overwrite)
     if not without_soem:
         echo(SOEM_TERMS, err=True)
-        # The licence of SOEM binds the user, who must agree and not the script.
+        # The licence of SOEM binds the user, so a person must agree, not a script.
         if not yes:
             if not sys.stdin.isatty():
                 raise click.UsageError(

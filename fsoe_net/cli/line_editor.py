@@ -1,4 +1,4 @@
-"""A line editor with completion and a history, where Python has readline."""
+"""A line editor with completion and history, if Python has readline."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _HISTORY_LINES = 2_000
 
 @contextlib.contextmanager
 def line_editor(console: Console) -> Iterator[None]:
-    """Give `input` completion and a history file, where Python has readline."""
+    """Give `input` completion and a history file, if Python has readline."""
     try:
         import readline
     except ImportError:
@@ -26,7 +26,7 @@ def line_editor(console: Console) -> Iterator[None]:
 
     def completer(word: str, state: int) -> str | None:
         nonlocal found
-        # Readline calls with rising states; the list is made once for each word.
+        # Readline calls with increasing states; the list is made once per word.
         if state == 0:
             before = readline.get_line_buffer()[: readline.get_begidx()]
             try:
@@ -51,12 +51,12 @@ def line_editor(console: Console) -> Iterator[None]:
         if path is not None:
             with contextlib.suppress(OSError):
                 readline.write_history_file(path)
-                # The history holds names and values of a machine.
+                # The history contains names and values of a machine.
                 path.chmod(0o600)
 
 
 def _history_file() -> Path | None:
-    """Return the history file, made for this user only; ``None`` where there is no place."""
+    """Return the history file, private to this user, or ``None`` if there is no place for it."""
     state = os.environ.get("XDG_STATE_HOME", "")
     base = Path(state) if os.path.isabs(state) else Path("~/.local/state").expanduser()
     path = base / "fsoe-net" / "console_history"

@@ -1,4 +1,4 @@
-"""``fsoe-net run`` on a live bus: its options, which of them go together, the run."""
+"""``fsoe-net run`` on a live bus: its options, their valid combinations, the run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from fsoe_net.project.simulate import plan_bytes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveBus:
-    """The options of a live bus as they were given; ``None`` where one was not."""
+    """The options of a live bus as given; ``None`` if one was not given."""
 
     interfaces: tuple[str, ...]
     redundant: str | None
@@ -36,18 +36,18 @@ class LiveBus:
 
     @property
     def wanted(self) -> bool:
-        """Whether a live bus is meant: by its interface, or by what drives it."""
+        """Whether a live bus is requested, by its interface or by its driver."""
         return bool(self.interfaces) or self.bus is not None
 
     def check(self, wanted: Mapping[str, Any], *, histograms: bool) -> None:
-        """Refuse options that do not go together.
+        """Reject options that cannot be combined.
 
         Args:
             wanted: The options of an emulated run.
-            histograms: Whether files of the timing are wanted.
+            histograms: Whether timing files are requested.
 
         Raises:
-            click.UsageError: Some do not.
+            click.UsageError: Some options cannot be combined.
         """
         if not self.wanted:
             self._check_emulated(wanted, histograms=histograms)
@@ -100,10 +100,10 @@ class LiveBus:
             raise click.UsageError("--redundant: the same interface twice")
 
     def options(self, network: NetworkConfig, incidents: str | None) -> BusOptions:
-        """Return them as ``fsn-master`` takes them.
+        """Return the options in the form that ``fsn-master`` accepts.
 
         Raises:
-            click.UsageError: A bus has no interface, or an option goes with one bus.
+            click.UsageError: A bus has no interface, or an option is only valid for a single bus.
         """
         if not self.interfaces and not network.buses:
             raise click.UsageError("--bus is for a live bus: name its --interface too")
@@ -127,7 +127,7 @@ class LiveBus:
 
 
 def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of a live bus; they come as ``live``."""
+    """Add the options of a live bus; they are passed as ``live``."""
 
     @functools.wraps(function)
     def with_live(*args: Any, **kwargs: Any) -> None:
@@ -186,7 +186,7 @@ def live_bus_options(function: Callable[..., None]) -> Callable[..., None]:
 def run_live_bus(
     resolution: Resolution, options: BusOptions, wanted: Mapping[str, Any], show: Show | None
 ) -> Run:
-    """Run a network on a live bus; ``wanted`` has its plan and duration."""
+    """Run a network on a live bus; ``wanted`` contains its plan and duration."""
 
     def started(master: Master) -> None:
         echo(
@@ -202,5 +202,5 @@ def run_live_bus(
         wanted["duration_ns"],
         on_start=started,
         on_update=show,
-        stop=stop_on(ENDS),  # when its terminal goes, the tool goes and the bus stays
+        stop=stop_on(ENDS),  # if the terminal closes, this command ends and the bus continues
     )

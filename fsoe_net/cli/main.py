@@ -54,9 +54,9 @@ GROUPS = {
         "campaign": "Inject faults into the connections of a network; replay recordings.",
     },
 }
-# Names that other tools have for a command.
+# Names that other tools use for a command.
 _ALIASES = {"compile": "plan", "gui": "studio", "simulate": "run", "validate": "check"}
-# Former commands and other words, and what does that now.
+# Former and similar command names, with their replacement.
 _INSTEAD = {
     "accept": "acceptance record",
     "devices": "init --list",
@@ -72,7 +72,7 @@ _COMMANDS = {name: about for group in GROUPS.values() for name, about in group.i
 
 
 class _LazyGroup(click.Group):
-    """Imports a command only when it is called, so that `check` stays quick and needs no core."""
+    """Imports a command only when it is called, so that `check` starts fast and needs no core."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
@@ -100,7 +100,7 @@ class _LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        # Click has no hint for a misspelt command, or for a file that is given without one.
+        # Click gives no hint for a misspelt command, or for a file given without a command.
         if args and args[0] not in _COMMANDS and not args[0].startswith("-"):
             from fsoe_net.diag.guesses import guesses, one_of
 
@@ -133,7 +133,7 @@ itself. EtherCAT and Safety over EtherCAT are registered trademarks and patented
 licensed by Beckhoff Automation GmbH, Germany."""
 
 
-# https://no-color.org; what runs in an editor or a log calls itself dumb.
+# https://no-color.org; editors and logs set TERM=dumb.
 _COLOURS = False if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" else None
 
 
@@ -163,7 +163,7 @@ def main() -> None:
         echo(shown.getvalue(), nl=False, err=True)
         sys.exit(exc.exit_code)
     except (click.Abort, KeyboardInterrupt):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # who presses it again sees no traceback
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # pressing it again prints no traceback
         echo("interrupted", err=True)
         sys.exit(130)
     except InputError as exc:
@@ -176,8 +176,7 @@ def main() -> None:
         echo(f"error: {exc}", err=True)
         sys.exit(exc.exit_code)
     except BrokenPipeError:
-        # The reader (`| head`) has gone; that is not an error.
-        # Python flushes at exit and would fail once more.
+        # The reader (such as `| head`) has closed the pipe; that is not an error.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except OSError as exc:

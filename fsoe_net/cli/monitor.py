@@ -73,7 +73,7 @@ def command(
         raise click.UsageError("--once looks once: leave out --duration and --capture")
     if rebuild and capture is None:
         raise click.UsageError("--rebuild belongs to --capture")
-    # Before the bus is watched: a capture of hours must not fail at its end.
+    # Before the bus is watched, because a capture of hours must not fail at its end.
     check_target(capture, overwrite=overwrite)
     stop = stop_on(ENDS_OR_HANGS_UP)
     with Attachment(path) as attached:
@@ -84,7 +84,7 @@ def command(
             try:
                 view = watch(attached, duration_ns, stop, live=fmt == "text")
             finally:
-                # Also after Ctrl-C or a fault: the file must be complete up to there.
+                # Also after Ctrl-C or an error: the file must be complete up to that point.
                 if recorder is not None:
                     recorder.stop()
             recorded = recorder

@@ -1,4 +1,4 @@
-"""How a bus that is watched is shown: one view for the live display and for the end."""
+"""Output of a watched bus: one view for the live display and for the end."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ _COLUMNS = (
 
 
 def bus_document(view: BusView) -> Document:
-    """Return what is known: connections, SubDevices that lack something, timing."""
+    """Return the known facts: connections, SubDevices with problems, timing."""
     health = view.health
     parts: list[Part] = [
         words(health_verdict(reason_text(r, health.bus), r.level)) for r in health.bus.reasons
     ]
     if view.snapshot is not None:
-        # Values that are not current stay visible: they show how the bus was before.
+        # Outdated values stay visible: they show the previous state of the bus.
         if not view.current:
             parts.append(words("the values are the last known ones"))
         if view.connections:
@@ -141,7 +141,7 @@ def _watchdog(row: WatchedConnection, health: FsoeHealth) -> Cell:
 
 
 def _counted(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[Paragraph]:
-    """Return a line for each SubDevice that was away or whose ports have counted faults."""
+    """Return a line for each SubDevice that was absent or whose ports counted faults."""
     lines = []
     for s in subdevices:
         found = []
@@ -157,13 +157,13 @@ def _counted(subdevices: tuple[SubDeviceSnapshot, ...]) -> list[Paragraph]:
 
 
 def capture_text(recorder: LiveCapture, path: str | None) -> str:
-    """Return what was captured, as a line."""
+    """Return a line about what was captured."""
     how = f"rebuilt: {recorder.rebuilt}" if recorder.rebuilt else "from the wire"
     lost = f", {recorder.skipped} missed" if recorder.skipped else ""
     text = f"{path}: {counted(recorder.packets, 'frame')}, {how}{lost}"
     if recorder.fault:
         text += f"; it ended early: {recorder.fault}"
-    # Without frames the interface is the wrong one, although it has the same name.
+    # No frames: probably the wrong interface, even if it has the same name.
     elif not recorder.packets and not recorder.rebuilt:
         text += "; is fsn-master in another network namespace? --rebuild needs none"
     return text

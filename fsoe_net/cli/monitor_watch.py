@@ -1,4 +1,4 @@
-"""Watches a bus on a terminal, and captures it meanwhile."""
+"""Watches a bus on a terminal, and captures it at the same time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LOOK_S = 0.2
 def begin_capture(
     attached: Attachment, path: str, capture: str | None, *, rebuild: bool
 ) -> LiveCapture | None:
-    """Begin a capture where one is wanted.
+    """Begin a capture if one is requested.
 
     Raises:
         EnvironmentFault: It is not possible.
@@ -48,7 +48,7 @@ def begin_capture(
 def watch(
     attached: Attachment, duration_ns: int | None, stop: threading.Event, *, live: bool
 ) -> BusView:
-    """Watch until the time is over or the user has had enough; return what was seen last."""
+    """Watch until the time is over or the user stops; return the last view."""
     until = None if duration_ns is None else time.monotonic() + duration_ns / 1e9
     if live and is_screen():
         from rich.live import Live
@@ -77,7 +77,7 @@ def _follow(
                 [e for e in new if e in shown or e.kind is RunEventKind.LINKS]
             ):
                 _print_event(event, display)
-        # Set even if nothing is printed: events must not be shown later.
+        # Set even if nothing is printed, so that these events are not shown later.
         shown_events = len(view.events)
         if stop.is_set() or (until is not None and time.monotonic() >= until):
             return view

@@ -1,4 +1,4 @@
-"""Types and options that several commands share: one name and one meaning each."""
+"""Types and options that several commands share, each with one name and one meaning."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Time(click.ParamType[int]):
     Args:
         least: Smallest time, written as above.
         most: Largest time.
-        bare: Whether a number without a unit is taken, as seconds.
+        bare: Whether a number without a unit is accepted, as seconds.
     """
 
     name = "time"
@@ -39,7 +39,7 @@ class Time(click.ParamType[int]):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> int:
-        """Return nanoseconds; fails with the forms that are taken."""
+        """Return nanoseconds; on error, list the accepted forms."""
         text = str(value)
         found = time_ns(text, bare_ns=self._bare_ns)
         if found is None:
@@ -55,7 +55,7 @@ class Time(click.ParamType[int]):
 
 
 RUN_TIME = Time("1ms", "168h")
-CYCLE = Time("50us", "1s", bare=False)  # as fsn-master takes it
+CYCLE = Time("50us", "1s", bare=False)  # the range that fsn-master accepts
 
 
 named_folders: set[str] = set()
@@ -63,7 +63,7 @@ named_folders: set[str] = set()
 
 
 class _Path(click.ParamType[str]):
-    """A path. Nothing is opened here: the reader reports errors, with one exit code."""
+    """A path. It is not opened here: the reader reports errors, with one exit code."""
 
     def __init__(self, name: str, completion: str) -> None:
         self.name = name
@@ -72,7 +72,7 @@ class _Path(click.ParamType[str]):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> str:
-        """Return the path, and note its folder if it is read."""
+        """Return the path; record its folder if it is for reading."""
         path = str(value)
         if param is not None and param.name != "output":
             named_folders.add(path if os.path.isdir(path) else os.path.dirname(path) or ".")
@@ -85,12 +85,12 @@ class _Path(click.ParamType[str]):
 
 
 class _Folder(_Path):
-    """A folder; ``-`` is refused, as it is standard output everywhere."""
+    """A folder; ``-`` is rejected, because it means standard output everywhere."""
 
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> str:
-        """Return the path; fails where a file alone would have a meaning."""
+        """Return the path; reject ``-``."""
         if value == "-":
             self.fail("- is standard output; name a folder, ./- where it is called so", param, ctx)
         return super().convert(value, param, ctx)
@@ -102,7 +102,7 @@ class _NetworkFile(_Path):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> str:
-        """Return the path, of a folder that of the network in it."""
+        """Return the path; for a folder, that of its network file."""
         path = super().convert(value, param, ctx)
         inside = os.path.join(path, NETWORK)
         return inside if os.path.isfile(inside) else path
@@ -158,15 +158,15 @@ def _by_bus(given: Sequence[str], names: Sequence[str]) -> dict[str, str]:
 
 
 def interfaces_of(given: Sequence[str], network: NetworkConfig, *, own: bool) -> tuple[str, ...]:
-    """Return the interface of each bus of a network, one for a network of one bus.
+    """Return the interface of each bus of a network, in order.
 
     Args:
         given: Values of ``--interface``.
-        network: Says which buses there are.
-        own: Whether those of its file count where none is given.
+        network: The network, which defines the buses.
+        own: Whether to use the interfaces in its file if none is given.
 
     Raises:
-        click.UsageError: One is missing, is not of a bus, or is there twice.
+        click.UsageError: An interface is missing, belongs to no bus, or is given twice.
     """
     if not network.buses:
         if len(given) != 1:
@@ -185,7 +185,7 @@ def interfaces_of(given: Sequence[str], network: NetworkConfig, *, own: bool) ->
 
 
 def master_options(function: _F) -> _F:
-    """Add ``--socket`` and ``--interface``, which name a running fsn-master."""
+    """Add ``--socket`` and ``--interface``, which select a running fsn-master."""
     for decorate in (
         click.option(
             "--interface",
@@ -202,10 +202,10 @@ def master_options(function: _F) -> _F:
 
 
 def master_socket(socket: str | None, interface: str | None) -> str:
-    """Return the control socket of the fsn-master that `master_options` name.
+    """Return the control socket of the fsn-master selected by `master_options`.
 
     Raises:
-        click.UsageError: It is not named, or twice.
+        click.UsageError: None is selected, or two are.
     """
     if (socket is None) == (interface is None):
         raise click.UsageError("give either --socket PATH or --interface IF")
@@ -217,12 +217,12 @@ def master_socket(socket: str | None, interface: str | None) -> str:
 
 
 def refuse_others(ctx: click.Context, flag: str, *names: str) -> None:
-    """Refuse the options that a flag would make useless.
+    """Reject options that have no effect together with a flag.
 
     Args:
-        ctx: Of the command.
+        ctx: Context of the command.
         flag: The flag, such as ``--list``.
-        names: Names of the parameters that go with it, that of the flag itself too.
+        names: Names of the parameters that may be combined with it, including the flag itself.
 
     Raises:
         click.UsageError: Another option is given.
@@ -266,7 +266,7 @@ def read_by(read: Callable[[Any], object]) -> Callable[..., object]:
 
 
 def read_sha256(text: str | None) -> str:
-    """Return a SHA-256 in small digits, empty for none; `ValueError` for what is not one."""
+    """Return a SHA-256 in lower case, or an empty string; `ValueError` if it is invalid."""
     if text is None:
         return ""
     if len(text) != 64 or set(text.lower()) - set("0123456789abcdef"):
@@ -275,7 +275,7 @@ def read_sha256(text: str | None) -> str:
 
 
 def read_moment(text: str | None) -> datetime | None:
-    """Return a day or time, UTC where it names no zone; `ValueError` for what is not one."""
+    """Return a day or time, in UTC if it has no zone; `ValueError` if it is invalid."""
     if text is None:
         return None
     try:
@@ -293,7 +293,7 @@ def format_option(function: _F) -> _F:
 
 
 def signer_options(function: _F) -> _F:
-    """Add ``--signers`` and ``--revoked``: who may sign an acceptance record."""
+    """Add ``--signers`` and ``--revoked``: the allowed signers of an acceptance record."""
     function = click.option(
         "--revoked",
         type=FILE,

@@ -1,4 +1,4 @@
-"""How findings are printed: text, JSON, SARIF 2.1.0, GitHub annotations."""
+"""Output formats of findings: text, JSON, SARIF 2.1.0, GitHub annotations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from fsoe_net.rules.runtime import Runtime
 if TYPE_CHECKING:
     from fsoe_net.model.scan import Scan
 
-_MOST_OF_A_CODE = 100  # shown as text; one mistake made everywhere is read once
+_MOST_OF_A_CODE = 100  # findings per code in text output
 
 FORMATS = ("text", "json", "sarif", "github")
 
@@ -46,7 +46,7 @@ def print_diagnostics(
         diagnostics: Sorted findings.
         fmt: ``text``, ``json``, ``sarif`` or ``github``.
         err: Print to standard error.
-        runtime: Adds what this runtime does today with each mistake.
+        runtime: Adds how this runtime handles each mistake today.
     """
     if fmt in ("json", "sarif"):
         document = json_document if fmt == "json" else sarif_document
@@ -59,7 +59,7 @@ def print_diagnostics(
 
 
 def _print_text(diagnostics: Sequence[Diagnostic], runtime: Runtime, *, err: bool) -> None:
-    """Print the first findings of each code, then how many more there are."""
+    """Print the first findings of each code, then the number of further ones."""
     counts: Counter[str] = Counter()
     for diagnostic in diagnostics:
         counts[diagnostic.code] += 1
@@ -75,7 +75,7 @@ def _print_text(diagnostics: Sequence[Diagnostic], runtime: Runtime, *, err: boo
 
 
 def verdict_line(checked: Checked, scan: Scan | None) -> str:
-    """Return the last line of a check: what was checked, compared with what, and how it ended."""
+    """Return the last line of a check: what was checked and compared, and the result."""
     counts = summary(checked.diagnostics)
     network = checked.network
     codes = sorted({d.code for d in checked.diagnostics if d.level is not Severity.INFO})

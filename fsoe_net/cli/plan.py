@@ -84,7 +84,7 @@ def command(
     checked = check_files(files, loading)
     resolution = whole_network(checked, "no plan written")
     warnings = [d for d in checked.diagnostics if d.level is Severity.WARNING]
-    # A plan is written despite warnings, so that they must be visible.
+    # A plan is written despite warnings, so the warnings must be visible.
     print_diagnostics(warnings, err=True)
     plan = compile_plan(resolution)
     if output is None:
@@ -109,7 +109,7 @@ def _read(files: tuple[str, ...]) -> Plan:
 
 
 def _canonical(files: tuple[str, ...], loading: LoadOptions, name: str) -> str:
-    """Return the text of a section, of a network, a plan or an acceptance record."""
+    """Return the canonical text of a section of a network, a plan or an acceptance record."""
     known = read_known(files, loading)
     text = known.section_text(name)
     if text is None:

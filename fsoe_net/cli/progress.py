@@ -1,4 +1,4 @@
-"""A bar for what takes long."""
+"""A progress bar for long operations."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from fsoe_net.simulate.campaign import Progress
 
 @contextmanager
 def progress_bar(first: str) -> Iterator[Progress | None]:
-    """Show a bar on a terminal, on the error channel, so that it never mixes with the report."""
+    """Show a bar on a terminal, on standard error, so that it never mixes with the report."""
     if not is_screen(err=True):
         yield None
         return
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    # The time continues by itself, also while a slow device starts up.
+    # The clock continues by itself, even while a slow device starts up.
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),

@@ -20,7 +20,7 @@ def print_replay(files: tuple[str, ...], fmt: str) -> int:
     reset codes and data are compared with the recording. This is not a conformance test.
     """
     outcomes = []
-    # All files are tried: one that fails must not hide the others.
+    # All files are tried: a failing file must not hide the others.
     for file in files:
         outcome = _replayed(file)
         outcomes.append(outcome)

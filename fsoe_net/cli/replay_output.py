@@ -1,4 +1,4 @@
-"""What ``fsoe-net campaign --replay`` prints."""
+"""Output of ``fsoe-net campaign --replay``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fsoe_net.diag.words import counted
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayOutcome:
-    """The outcome of one file; ``reason`` is why it was not read to its end."""
+    """The outcome of one file; ``reason`` explains why it was not read to its end."""
 
     file: str
     result: ReplayResult | None = None
@@ -22,12 +22,12 @@ class ReplayOutcome:
 
     @property
     def replays(self) -> bool:
-        """Whether it could be read, and every value is the same."""
+        """Whether it could be read, and every value is equal."""
         return self.result is not None and not self.result.differing
 
 
 def print_outcome(outcome: ReplayOutcome) -> None:
-    """Print how a recording replays."""
+    """Print the outcome of one recording."""
     result = outcome.result
     if result is None:
         place = f"{outcome.file}:{outcome.line}" if outcome.line else outcome.file
@@ -54,7 +54,7 @@ def print_outcome(outcome: ReplayOutcome) -> None:
 
 
 def outcome_json(outcome: ReplayOutcome) -> dict[str, object]:
-    """Return the same as a JSON document (``docs/reference/json-output.md``)."""
+    """Return the outcome as a JSON document (``docs/reference/json-output.md``)."""
     result = outcome.result
     error = {"line": outcome.line, "message": outcome.reason} if result is None else None
     return {

@@ -105,7 +105,7 @@ def command(
     report. If the network has an error, the report starts with all findings.
     """
     form = Path(output).suffix.lstrip(".").lower()
-    # The PDF library is optional; its absence must show before the work.
+    # The PDF library is optional; if it is missing, fail before the work.
     if form == "pdf":
         pdf_library()
     elif form not in REPORT_FORMATS:
@@ -138,7 +138,7 @@ def command(
     )
     print_diagnostics(report.test_record_findings, err=True)
     write_whole(output, report.render(form), overwrite=overwrite)
-    # The report is written even with errors; they are also shown here.
+    # The report is also written if there are errors; they are printed here as well.
     print_diagnostics(report.errors, err=True)
     run = report.run
     verdict = "" if run is None else f"; run {'passed' if run.passed else 'FAILED'}"

@@ -123,7 +123,7 @@ def command(
         raise EnvironmentFault(missing_package("ros2", exc.name, "ros2")) from exc
     stop = stop_on(ENDS_OR_HANGS_UP)
     here_only = localhost or (
-        # The variables that ROS 2 itself reads, of older and newer versions.
+        # The variables that ROS 2 itself reads, in older and newer versions.
         os.environ.get("ROS_LOCALHOST_ONLY") == "1"
         or os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
     )

@@ -114,7 +114,7 @@ def command(
     resolution = whole_network(check_files(files, loading), "nothing started")
     make_folder(wanted["incidents"], "--incidents")
     make_folder(live.intervention_log, "--intervention-log")
-    # In virtual time a run is over before a display could be read.
+    # In virtual time a run ends before a display could be read.
     is_shown = fmt == "text" and is_screen() and not wanted["virtual_time"]
     with display(resolution.network.name) if is_shown else contextlib.nullcontext() as show:
         if not live.wanted:
@@ -127,6 +127,6 @@ def command(
         echo(json.dumps(result.to_json(__version__), indent=2, ensure_ascii=False))
     else:
         print_result(result)
-    # Last: a fault of the disk must not hide the result.
+    # Last, because a disk error must not hide the result.
     write_timing(result, stats, plot, text=fmt == "text", overwrite=overwrite)
     ctx.exit(0 if result.passed else 1)

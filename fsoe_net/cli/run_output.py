@@ -1,4 +1,4 @@
-"""How a run is shown: the live table, the text at the end, files of its timing."""
+"""Output of a run: the live table, the text at the end, the timing files."""
 
 from __future__ import annotations
 
@@ -62,14 +62,14 @@ _AT_THE_END = (
 )
 
 STATE_REASONS = (HealthReason.NOT_IN_DATA, HealthReason.FAILSAFE_DATA)
-"""What the state of a connection shows by itself."""
+"""Reasons that the state of a connection already shows."""
 
 Show = Callable[[RunUpdate], None]
 
 
 @contextmanager
 def display(name: str) -> Iterator[Show]:
-    """Show a run on the terminal while it lasts; yields the function for updates."""
+    """Display a run on the terminal; yields the function for updates."""
     from rich.live import Live
 
     with Live(refresh_per_second=10, transient=True, console=terminal()) as live:
@@ -77,7 +77,7 @@ def display(name: str) -> Iterator[Show]:
 
 
 def _live_view(name: str, update: RunUpdate) -> TerminalView:
-    """Return what a terminal shows during a run: connections, and SubDevices not in OP."""
+    """Return the terminal view during a run: connections, and SubDevices not in OP."""
     cells = tuple(
         (
             cell(c.name),
@@ -96,14 +96,14 @@ def _live_view(name: str, update: RunUpdate) -> TerminalView:
 
 
 def cycle_text(statistics: Statistics) -> str:
-    """Return the number of the cycle, and its working counter where that is not complete."""
+    """Return the number of the cycle, and its working counter if that is incomplete."""
     s = statistics
     wkc = "" if s.expected_wkc == s.actual_wkc else f" · WKC {s.actual_wkc}/{s.expected_wkc}"
     return f"cycle {s.cycles}{wkc}"
 
 
 def health_verdict(text: str, level: HealthLevel) -> Verdict:
-    """Return a text with a level of health."""
+    """Return a verdict with this text and level of health."""
     return Verdict(text, HEALTH_LEVELS[level])
 
 
@@ -115,11 +115,11 @@ def state_cell(result: ConnectionResult, health: FsoeHealth) -> Cell:
 
 
 def health_lines(rows: Iterable[Health], shown: Collection[HealthReason] = ()) -> list[Paragraph]:
-    """Return a line for every subject that is not well, with the reasons.
+    """Return a line with the reasons for every subject that has a problem.
 
     Args:
         rows: All subjects.
-        shown: Reasons that a table shows already.
+        shown: Reasons that a table already shows.
     """
     lines = []
     for row in rows:
@@ -131,7 +131,7 @@ def health_lines(rows: Iterable[Health], shown: Collection[HealthReason] = ()) -
 
 
 def number_text(value: int | None) -> str:
-    """Return a number, ``-`` for none."""
+    """Return a number as text, or ``-`` for ``None``."""
     return "-" if value is None else str(value)
 
 
@@ -192,7 +192,7 @@ def _mode(result: Run) -> str:
 
 
 def print_events(events: Sequence[RunEvent]) -> None:
-    """Print interesting events; what several sources say at once, or one again, is one line."""
+    """Print interesting events; simultaneous or repeated ones with the same text are joined."""
     joined = joined_events(interesting(events))
     runs = itertools.groupby(joined, key=lambda e: (e.source, e.text))
     for _, rows in runs:
@@ -205,7 +205,7 @@ def print_events(events: Sequence[RunEvent]) -> None:
 
 
 def joined_events(events: Sequence[RunEvent]) -> list[RunEvent]:
-    """Return events of which those with one time and text, as of a lost bus, are one."""
+    """Return the events, joining those with the same time and text, as after the loss of a bus."""
     found = []
     # A lost bus sets all connections back within a millisecond.
     for _, rows in itertools.groupby(events, key=lambda e: (round(e.time_ms), e.text)):
@@ -227,7 +227,7 @@ def interesting(events: Sequence[RunEvent]) -> list[RunEvent]:
 
 
 def _stall_text(result: Run) -> str:
-    """Return what a stall of this machine explains; empty where it was shorter than a watchdog."""
+    """Return how a stall of this machine explains the result; empty if shorter than a watchdog."""
     watchdogs = [c.watchdog_ms for c in result.connections if c.watchdog_ms]
     if not watchdogs or result.stalled_ms < min(watchdogs):
         return ""
@@ -250,7 +250,7 @@ def _verdicts(result: Run) -> list[Paragraph]:
     if result.passed:
         return lines
     if not result.verdicts:
-        # With all SubDevices in OP the cause is in FSoE; otherwise it is on the bus.
+        # If all SubDevices are in OP, the cause is in FSoE; otherwise it is on the bus.
         in_op = in_operation(map(subdevice_health, result.subdevices))
         missing = "" if in_op else " with its SubDevices in OP"
         lines.append(words(f"not every connection is in Data{missing}"))
@@ -261,7 +261,7 @@ def _verdicts(result: Run) -> list[Paragraph]:
 def write_timing(
     result: Run, stats: str | None, plot: str | None, *, text: bool, overwrite: bool
 ) -> None:
-    """Write the requested files, and print percentiles when ``text`` is wanted.
+    """Write the requested files, and print percentiles if ``text`` is set.
 
     Raises:
         EnvironmentFault: A file cannot be written.

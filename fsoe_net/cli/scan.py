@@ -1,4 +1,4 @@
-"""``fsoe-net scan``: what is on a live bus, as a table, a document, or files to start from."""
+"""``fsoe-net scan``: the content of a live bus as a table, a document, or initial files."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def command(
     else:
         show(scan_document(taken.scan))
     if output is not None:
-        # Only for -o: the files are read back, which takes a moment.
+        # Only for -o: reading the files back takes a moment.
         files = scan_files(taken)
         texts = {name: text.encode("utf-8") for name, text in files.texts.items()}
         write_all(output, texts, overwrite=overwrite)

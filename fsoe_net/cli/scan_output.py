@@ -29,7 +29,7 @@ _STATES = {
 
 
 def scan_document(scan: Scan) -> Document:
-    """Return one row per SubDevice; its FSoE connections and its problems below the table."""
+    """Return one row per SubDevice, with its FSoE connections and problems below the table."""
     details = [
         words(f"{s.position} {s.planned or s.name}".rstrip() + f": {text}")
         for s in scan.subdevices
@@ -71,8 +71,8 @@ def _hex(value: int | None) -> str:
 
 
 def _sizes(s: ScannedSubDevice) -> str:
-    """``SM2 6 / SM3 6``: bytes of outputs, of inputs."""
-    # Not read is something else than empty.
+    """Return bytes of outputs and of inputs, such as ``SM2 6 / SM3 6``."""
+    # Unread is different from empty.
     if s.sms is None:
         return "-"
     parts = []
@@ -94,7 +94,7 @@ def _details(s: ScannedSubDevice) -> list[str]:
     lines = []
     if s.fsoe is not None:
         lines += [_connection(c) for c in s.fsoe.connections]
-        lines += [_connection(c) for c in s.fsoe.given if c.connection_id]  # 0: nothing given
+        lines += [_connection(c) for c in s.fsoe.given if c.connection_id]  # 0: none
     for p in s.ports:
         if p.link_lost or p.rx_errors:
             lost = counted(p.link_lost, "lost link")

@@ -11,7 +11,7 @@ from fsoe_net.self_test.model import PartResult
 from fsoe_net.self_test.run import SelfTest, run_self_test
 
 _LEVELS = {"pass": Level.CLEAR, "fail": Level.ERROR, "not tried": Level.OPEN}
-_MOST_SHOWN = 3  # of the values of a part that differ; JSON has all
+_MOST_SHOWN = 3  # of the differing values of a part; JSON has all of them
 _LONGEST = 200  # characters of a value
 
 

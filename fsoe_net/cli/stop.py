@@ -1,4 +1,4 @@
-"""The signals that end a running command with its result."""
+"""Signals that end a running command, which then prints its result."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ ENDS_OR_HANGS_UP = (*ENDS, signal.SIGHUP)
 def stop_on(signals: tuple[signal.Signals, ...]) -> threading.Event:
     """Return an event that these signals set from now on.
 
-    They raise nothing: in the middle of a request that would leave half a reply. A signal
-    that was ignored before, as Ctrl-C is for a job in the background, stays ignored.
+    No exception is raised, because in the middle of a request it would leave half a reply. A signal
+    that was ignored before stays ignored, such as Ctrl-C for a background job.
     """
     stop = threading.Event()
     for number in signals:

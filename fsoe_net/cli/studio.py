@@ -32,7 +32,7 @@ Exit codes: 0 ended by Ctrl-C, or the snapshot was written; 1 an invalid file; 2
 
 
 def _network_file(path: str | None) -> tuple[str, bool]:
-    """Return the network file, and whether it may be one that is still to be made."""
+    """Return the network file, and whether it may still have to be created."""
     name = path or NETWORK
     if os.path.isdir(name):
         return os.path.join(name, NETWORK), True
@@ -111,7 +111,7 @@ def command(
 
     new_text = empty_network(name) if may_be_new else None
     workspace = Workspace(name, loading, new_text=new_text)
-    # A port of its own for each file: bookmarks and cookies stay valid.
+    # A separate port for each file, so that bookmarks and cookies stay valid.
     usual = usual_port(name) if remote is None else 0
     try:
         studio = Studio(
@@ -122,10 +122,10 @@ def command(
             allow_control=allow_control,
         )
     except EnvironmentFault:
-        # A port that the user has chosen must not be replaced.
+        # A port selected by the user must not be replaced.
         if port is not None or not usual:
             raise
-        # The usual port is taken.
+        # The usual port is in use.
         studio = Studio(workspace, control_socket=live, allow_control=allow_control)
     url = studio.url if live is None else f"{studio.url}#live"
     echo(f"{name}: open {url}")

@@ -1,4 +1,4 @@
-"""``fsoe-net studio --snapshot``: a network, and what its bus shows now, as one page."""
+"""``fsoe-net studio --snapshot``: a network and the current state of its bus as one page."""
 
 from __future__ import annotations
 
@@ -49,26 +49,26 @@ def write_snapshot(
     may_be_missing: bool,
     overwrite: bool,
 ) -> None:
-    """Write a network as one page, with what its bus shows now.
+    """Write a network and the current state of its bus as one page.
 
     Args:
         name: The network file.
-        loading: How it is read.
+        loading: How references in it are followed.
         target: The page.
         socket: Control socket of a running ``fsn-master``, or ``None``.
         may_be_missing: Whether the bus alone is shown if the file is missing.
-        overwrite: Whether a page that is there is replaced.
+        overwrite: Whether to replace an existing page.
 
     Raises:
-        click.UsageError: The name is not that of a page.
-        InputError: The file exists, and is not to be replaced.
+        click.UsageError: The name has not the suffix of a page.
+        InputError: The file exists and must not be replaced.
         EnvironmentFault: It cannot be written, or no ``fsn-master`` answers.
     """
     if Path(target).suffix not in (".html", ".htm"):
         raise click.UsageError(f"--snapshot {target}: write a page, .html")
     check_target(target, overwrite=overwrite)
     bus = None if socket is None else _live(socket)
-    # Without a file, the bus alone is worth a page.
+    # Without a network file, a page of the bus alone is still useful.
     if bus is not None and may_be_missing and not os.path.exists(name):
         page, what = bus, f"the bus at {socket}"
     else:
@@ -80,7 +80,7 @@ def write_snapshot(
 
 
 def _live(socket: str) -> Document:
-    """Return what a bus shows at this moment.
+    """Return the current state of a bus.
 
     Raises:
         EnvironmentFault: No ``fsn-master`` answers.
@@ -88,7 +88,7 @@ def _live(socket: str) -> Document:
     with Attachment(socket) as attached:
         view = attached.look(0.0)
         if view.snapshot is None and not view.away:
-            view = attached.look(1.0)  # a cycle may leave no time for a snapshot at once
+            view = attached.look(1.0)  # a snapshot may need several attempts between cycles
     if view.away:
         raise EnvironmentFault(view.away)
     shown = bus_document(view)
@@ -112,7 +112,7 @@ def _live(socket: str) -> Document:
 
 
 def _with_bus(page: Document, bus: Document) -> Document:
-    """Return the page of a network with its bus before it; the worse verdict counts."""
+    """Return the page of a network with its bus first; the worse verdict applies."""
     verdict = bus.verdict
     if page.verdict is not None and verdict is not None:
         levels = list(Level)

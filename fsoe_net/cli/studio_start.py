@@ -1,4 +1,4 @@
-"""What ``fsoe-net studio`` needs before it serves a page."""
+"""Preparation of ``fsoe-net studio`` before it serves a page."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from fsoe_net.studio.listening import Listening
 if TYPE_CHECKING:
     from fsoe_net.studio.server import Studio
 
-_FIRST_PORT, _PORTS = 61_000, 4500  # above those that Linux gives away by itself
+_FIRST_PORT, _PORTS = 61_000, 4500  # above the ephemeral ports of Linux
 
 
 def usual_port(name: str) -> int:
-    """Return the port of a file, so that a browser finds again what it has kept for it."""
+    """Return the port of a file, so that the browser finds the data that it stored for it."""
     return _FIRST_PORT + zlib.crc32(os.fsencode(os.path.realpath(name))) % _PORTS
 
 
 def listening(*given: str | None) -> Listening | None:
-    """Return how other machines are let in; ``None``: they are not.
+    """Return the settings for access from other machines, or ``None`` for no access.
 
     Args:
         given: Address, certificate, key and password file: all, or none.
 
     Raises:
-        click.UsageError: Some are missing.
+        click.UsageError: Only some of them are given.
         InputError: A file cannot be used.
     """
     found = [value for value in given if value]
@@ -42,10 +42,10 @@ def listening(*given: str | None) -> Listening | None:
 
 
 def check_control(live: str | None, listen: str | None) -> None:
-    """Refuse control of a bus if none is named, or if the person could not be identified.
+    """Reject control of a bus if no bus is given, or if users could not be identified.
 
     Raises:
-        click.UsageError: It is refused.
+        click.UsageError: Control is rejected.
     """
     if live is None:
         raise click.UsageError("--allow-control needs --socket PATH or --interface IF")

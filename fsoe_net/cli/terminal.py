@@ -1,4 +1,4 @@
-"""The one way to standard output and standard error: nothing in a text acts on the terminal."""
+"""The only way to standard output and standard error: text cannot control the terminal."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
-    """Print a text; whatever it holds, nothing in it acts on the terminal.
+    """Print a text; its content cannot control the terminal.
 
     Args:
         text: Lines of any origin; names in them come from files, devices and the network.
@@ -29,11 +29,12 @@ def echo(text: str = "", *, err: bool = False, nl: bool = True) -> None:
 
 
 def show(document: Document, *, width: int | None = None, err: bool = False) -> None:
-    """Print a document: as wide as a terminal is; elsewhere with all columns.
+    """Print a document: in the width of the terminal, otherwise with all columns.
 
     Args:
         document: The document to print.
-        width: Cells of running text where this is not a terminal; ``None`` for whole paragraphs.
+        width: Width of running text in cells if this is not a terminal; ``None`` for whole
+            paragraphs.
         err: Print to standard error.
     """
     from fsoe_net.document.write_terminal import TerminalView, document_text
@@ -46,7 +47,7 @@ def show(document: Document, *, width: int | None = None, err: bool = False) -> 
 
 
 def is_screen(*, err: bool = False) -> bool:
-    """Return whether what is printed can be replaced in place; not with ``TERM=dumb``.
+    """Return whether output can be replaced in place; false with ``TERM=dumb``.
 
     Args:
         err: For standard error.
@@ -56,7 +57,7 @@ def is_screen(*, err: bool = False) -> bool:
 
 
 def terminal(*, err: bool = False) -> Console:
-    """Return a console of rich that shows texts as `echo` does.
+    """Return a console of rich that prints texts like `echo`.
 
     Args:
         err: For standard error.

@@ -1,4 +1,4 @@
-"""``fsoe-net test-record``: what to try, run where it can be, the rest left to people."""
+"""``fsoe-net test-record``: the steps to test, run where possible, the rest left to people."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def _note(text: str) -> None:
 
 
 def _live(trial: Trial, socket: str, output: str, *, overwrite: bool) -> None:
-    """Try the steps on a running bus; what was observed is written also when it breaks off."""
+    """Run the steps on a running bus; the results are also written if it is interrupted."""
     done = 0
 
     def on_step(step: TestStep) -> None:

@@ -1,4 +1,4 @@
-"""What ``fsoe-net test-record`` prints, and asks the person at the machine."""
+"""Output of ``fsoe-net test-record``, and its questions to the person at the machine."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fsoe_net.model.test_record import EMULATED_NOTE, StepOutcome, TestRecord, T
 
 
 def print_step(step: TestStep) -> None:
-    """Print what a step on the live bus has shown."""
+    """Print the result of a step on the live bus."""
     seen = step.live
     if seen is not None:
         time = "" if seen.measured_ms is None else f", {seen.measured_ms:g} ms {seen.time_is}"
@@ -22,7 +22,7 @@ class PersonAtTerminal:
     """The person at the terminal."""
 
     def guarded(self, step: TestStep) -> bool:
-        """Ask whether the area is guarded; the answer is the name of the SubDevice."""
+        """Ask whether the area is guarded; the person answers with the name of the SubDevice."""
         echo(f"\n{step.id}: {step.what}", err=True)
         echo("Machines may move or stop. Is the area guarded, with no person in it?", err=True)
         answer = click.prompt(
@@ -39,7 +39,7 @@ class PersonAtTerminal:
 
 
 def print_outcome(record: TestRecord, output: str) -> int:
-    """Print what was tried, and return the exit code."""
+    """Print a summary of the steps and return the exit code."""
     steps = record.steps
     wrong = [
         step.id

@@ -1,4 +1,4 @@
-"""``fsoe-net timing``: watchdogs and reaction times, and what limits them."""
+"""``fsoe-net timing``: watchdogs and reaction times, and their limits."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _measured(path: str) -> dict[str, float]:
     """Return the longest FSoE cycle of each connection of a run, ms.
 
     Raises:
-        InputError: It is not the result of a run.
+        InputError: The file is not the result of a run.
     """
     try:
         with open_file(path) as stream:

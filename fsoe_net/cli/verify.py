@@ -1,4 +1,4 @@
-"""``fsoe-net acceptance verify``: is this network, plan or running core what was accepted?"""
+"""``fsoe-net acceptance verify``: compares a network, plan or running core with the accepted."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def verify(
     calculates its fingerprint from the tables it has loaded and reports the bus cycle in use.
     """
     live = socket is not None or interface is not None
-    # In the folder of a network, nothing needs to be named.
+    # In the folder of a network, no file has to be given.
     if not files and not live and acceptance is None:
         if not os.path.isfile(NETWORK):
             raise click.UsageError(
@@ -93,7 +93,7 @@ def verify(
         print_json(wanted, rows, signed)
     else:
         print_text(wanted, rows, signed)
-    # A signature that does not hold outweighs an equal configuration.
+    # An invalid signature outweighs an equal configuration.
     holds = signed is None or not signed.refusals
     ctx.exit(0 if holds and all(row.same for row in rows) else 1)
 
@@ -101,7 +101,7 @@ def verify(
 def _signed(
     acceptance: str | None, signers: str | None, revoked: str | None
 ) -> SignedRecord | None:
-    """Check the signatures of a record that is named for it."""
+    """Check the signatures of a record, if one is given."""
     if revoked is not None and signers is None:
         raise click.UsageError("--revoked FILE goes with --signers FILE")
     if (acceptance is None) != (signers is None):

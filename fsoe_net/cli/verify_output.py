@@ -1,4 +1,4 @@
-"""What ``fsoe-net acceptance verify`` prints."""
+"""Output of ``fsoe-net acceptance verify``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _compared(row: Comparison) -> Iterator[Part]:
 
 
 def print_text(wanted: Known, rows: Sequence[Comparison], signed: SignedRecord | None) -> None:
-    """Print each comparison, and the signatures before."""
+    """Print the signatures, then each comparison."""
     parts = [] if signed is None else list(_signed(signed))
     parts.append(words(f"{wanted.fingerprint.short}  accepted: {wanted.path}"))
     for row in rows:
@@ -41,7 +41,7 @@ def print_text(wanted: Known, rows: Sequence[Comparison], signed: SignedRecord |
 
 
 def print_json(wanted: Known, rows: Sequence[Comparison], signed: SignedRecord | None) -> None:
-    """Print the same as one document."""
+    """Print the comparisons as one JSON document."""
     document: dict[str, object] = {
         "same": all(row.same for row in rows),
         "accepted": {"path": wanted.path, **wanted.fingerprint.to_json()},

@@ -1,4 +1,4 @@
-"""A file that a command is to write is looked at before the work, not after it."""
+"""Checks the target of a command before the work, not after it."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from fsoe_net.formats.shared.write_files import STDOUT, refuse_present
 
 
 def check_target(path: str | None, *, overwrite: bool, stdout: bool = False) -> None:
-    """Refuse a file that could not be written, before the work and not after it.
+    """Reject a file that cannot be written, before the work and not after it.
 
     Args:
-        path: The file; ``None``: none is to be written.
-        overwrite: Whether a file that exists is replaced.
+        path: The file, or ``None`` if none is written.
+        overwrite: Whether to replace an existing file.
         stdout: Whether ``-`` is standard output.
 
     Raises:
-        click.UsageError: ``-`` where only a file is written.
-        InputError: It exists.
-        EnvironmentFault: Its folder is missing or closed, or it is a folder itself.
+        click.UsageError: ``-``, but the output must be a file.
+        InputError: The file exists.
+        EnvironmentFault: Its folder is missing or not writable, or the path is a folder.
     """
     if path is None or (path == STDOUT and stdout):
         return
@@ -33,21 +33,20 @@ def check_target(path: str | None, *, overwrite: bool, stdout: bool = False) -> 
         raise EnvironmentFault(f"cannot write {path}: it is a folder; name a file")
     if not target.parent.is_dir():
         raise EnvironmentFault(f"cannot write {path}: missing folder {target.parent}")
-    # `--overwrite` is needed for each file that exists: results must not vanish by a repeated
-    # command.
+    # `--overwrite` is needed for each existing file: a repeated command must not destroy results.
     if not overwrite:
         refuse_present(target)
-    # Looked at before the work: after it, the result would be lost.
+    # Checked before the work: afterwards, the result would be lost.
     if why := _why_closed(target if target.exists() else target.parent, os.W_OK):
         raise EnvironmentFault(f"cannot write {path}: {why}")
 
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:
-    """Refuse a folder that cannot take the files, before anybody answers questions.
+    """Reject a folder that cannot take the files, before any question is asked.
 
     Raises:
-        InputError: There is a network already.
-        EnvironmentFault: It cannot be written.
+        InputError: The folder already contains a network.
+        EnvironmentFault: The folder cannot be written.
     """
     network = folder / "network.yaml"
     if not overwrite and os.path.lexists(network):
@@ -63,7 +62,7 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
 
 
 def _why_closed(place: Path, mode: int) -> str:
-    """Return why a file or folder cannot be written, or nothing."""
+    """Return why a file or folder cannot be written, or an empty string."""
     if os.access(place, mode):
         return ""
     if os.statvfs(place).f_flag & os.ST_RDONLY:
