@@ -62,7 +62,7 @@ def check_scan(resolution: Resolution, scan: Scan) -> list[Diagnostic]:
 
 
 def _present(network: NetworkConfig, scan: Scan) -> tuple[NetworkConfig, Scan]:
-    """Leave out the groups whose alias is not on the bus: they may be absent."""
+    """Leave out groups whose alias is not on the bus: they may be absent."""
     here = {there.alias for there in scan.subdevices if not there.is_silent}
     aliases = {sub.name: sub.alias for sub in network.subdevices}
     absent = {
@@ -154,7 +154,7 @@ def _other(out: FindingList, match: Match) -> None:
     for sub, found in match.other:
         device = sub.device
         if device is None:
-            continue  # an unknown device agrees with all
+            continue  # an unknown device matches any other
         expected = identity_text(device.vendor_id, device.product_code)
         out.add(
             "FSN504",
@@ -205,7 +205,7 @@ def _aliases(out: FindingList, network: NetworkConfig, scan: Scan) -> None:
 
 
 def _same_place(out: FindingList, match: Match) -> None:
-    """FSN414 that only the bus shows: one SubDevice named by its alias and by its position."""
+    """FSN414, visible only on the bus: one SubDevice named by its alias and by its position."""
     first: dict[int, SubDevice] = {}
     # Without an alias first, so that the finding is where the alias is given.
     for sub, found in sorted((*match.pairs, *match.other), key=lambda row: row[0].alias):
@@ -301,7 +301,7 @@ class _Layout:
             sm = there.pop(planned.sm.index, None)
             if sm is None:
                 self._add_length(planned, "the device has no such sync manager")
-            elif sm.complete:  # else reported by FSN514
+            elif sm.complete:  # an incomplete one is reported by FSN514
                 self._sync_manager(planned, sm)
         for sm in there.values():
             if sm.is_process_data and sm.size_bytes and sm.complete:
@@ -319,7 +319,7 @@ class _Layout:
         if sm.kind != way:
             self._add_length(planned, f"it is for {sm.kind.replace('_', ' ')}")
         elif sm.pdos is not None and self._pdos_differ(planned.sm, sm.pdos):
-            return  # another length follows from that
+            return  # the length differs as a consequence
         elif planned.complete and size is not None and size != planned.size_bytes:
             self._add_length(planned, counted(size, "byte"))
 
@@ -333,7 +333,7 @@ class _Layout:
         )
 
     def _pdos_differ(self, sm: SyncManager, found: tuple[ScannedPdo, ...]) -> bool:
-        """Add a finding for another assignment, else one per PDO with another mapping."""
+        """Add a finding for another assignment, otherwise one per PDO with another mapping."""
         pdos = self.device.pdos_of(sm)
         ours, theirs = [p.index for p in pdos], [p.index for p in found]
         if ours != theirs:

@@ -1,4 +1,4 @@
-"""Which SubDevices differ between two plans, in all content of the fingerprint.
+"""Finds the SubDevices that differ between two plans in any content of the fingerprint.
 
 The comparison by meaning ignores details such as the type of an entry. Steps of a test record must
 not be skipped for such a change, so this module compares the canonical text.
@@ -22,7 +22,7 @@ def changed_subdevices(before: Plan, now: Plan) -> frozenset[str] | None:
         now: The current plan.
 
     Returns:
-        Their names; ``None`` when all may be affected: the cycle of a bus or a group differs, or
+        Their names, or ``None`` if all may be affected: the cycle of a bus or a group differs, or
         SubDevices were reordered, removed, or have no unique name.
     """
     old, new = ([s.name for s in plan.subdevices] for plan in (before, now))
@@ -39,7 +39,7 @@ def changed_subdevices(before: Plan, now: Plan) -> frozenset[str] | None:
 
 
 def _of_all(plan: Plan) -> tuple[object, ...]:
-    """Return the facts of the plan that are not about one SubDevice."""
+    """Return the facts of the plan that do not concern a single SubDevice."""
     return (
         plan.cycle_ns,
         [(bus.name, bus.cycle_ns) for bus in plan.buses],
@@ -48,7 +48,7 @@ def _of_all(plan: Plan) -> tuple[object, ...]:
 
 
 def _own(plan: Plan) -> dict[str, list[_Row]]:
-    """Return its bus, its group and the lines of each SubDevice, without its number."""
+    """Return bus, group and lines of each SubDevice, without its number."""
     names = [s.name for s in plan.subdevices]
     own: dict[str, list[_Row]] = {
         name: [(plan.bus_number(n), plan.group_number(n))] for n, name in enumerate(names)
@@ -68,7 +68,7 @@ def _own(plan: Plan) -> dict[str, list[_Row]]:
 
 
 def _shared(plan: Plan) -> Iterator[_Row]:
-    """Yield copies and connections, the names of their two ends first."""
+    """Yield copies and connections, preceded by the names of their two ends."""
     names = {n: s.name for n, s in enumerate(plan.subdevices)}
 
     def end(number: int, bit: int) -> tuple[str, _Row]:

@@ -1,9 +1,8 @@
 """Semantic comparison of two descriptions or plans: moved, added, removed, changed, exchanged.
 
 SubDevices are paired by name, then by place and identity, then by identity in order, then by place
-(an exchanged device). Entries are followed by their address, so that data which merely moved are
-kept apart from data that came and went. Facts that one side does not have are not compared, and
-said so.
+(an exchanged device). Entries are identified by their address, which distinguishes moved data from
+added and removed data. Facts that are missing on one side are not compared, and are listed as such.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ _Pairs = list[tuple[int | None, int | None]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """What differs. ``not_compared``: facts that only one side has, in words."""
+    """The differences. ``not_compared``: facts that only one side has, in words."""
 
     changes: tuple[Change, ...]
     not_compared: tuple[str, ...]
@@ -54,16 +53,16 @@ def compare(a: Side, b: Side) -> Difference:
 
 def _pair_subdevices(a: tuple[SideSubDevice, ...], b: tuple[SideSubDevice, ...]) -> _Pairs:
     left, right = dict(enumerate(a)), dict(enumerate(b))
-    # Users choose names, so that a renamed SubDevice is a new one only if nothing else agrees.
+    # Users choose names, so a renamed SubDevice is a new one only if nothing else matches.
     pairs = pair_by(lambda s: s.name or None, left, right, unique=True)
     pairs += pair_by(
         lambda s: None if s.identity is None else (s.place, s.identity), left, right, unique=True
     )
     pairs += pair_by(lambda s: s.identity, left, right)
     pairs += pair_by(lambda s: s.place, left, right, unique=True)
-    # Nothing is known of these: their order decides.
+    # Nothing else is known about these: their order decides.
     pairs += pair_by(lambda s: s.place is s.identity is None or None, left, right)
-    if len(left) == len(right) == 1:  # one device type against one device
+    if len(left) == len(right) == 1:  # one device on each side
         (one, old), (two, new) = *left.items(), *right.items()
         if any(s.identity is None or s.place is None for s in (old, new)):
             pairs.append((one, two))
@@ -76,7 +75,7 @@ def _pair_subdevices(a: tuple[SideSubDevice, ...], b: tuple[SideSubDevice, ...])
 class _Comparison:
     """Two sides whose SubDevices are paired.
 
-    Those of B have the number of their partner in A, others one after all of A.
+    A SubDevice of B has the number of its partner in A; without a partner, a number after all of A.
     """
 
     def __init__(self, a: Side, b: Side, pairs: _Pairs) -> None:
@@ -165,7 +164,7 @@ class _Comparison:
         return replace(copy, source=source, destination=destination)
 
     def _copies(self, a: Iterable[SideCopy], b: Iterable[SideCopy]) -> Iterator[Change]:
-        # An output has one writer, so that copies to one destination are the same copy in A and B.
+        # An output has one writer, so copies to one destination are the same copy in A and B.
         destinations: dict[SideEnd, tuple[list[SideCopy], list[SideCopy]]] = {}
         for side, copies in enumerate((a, b)):
             for copy in copies:
@@ -183,7 +182,7 @@ class _Comparison:
 
     def _copy(self, old: SideCopy, new: SideCopy) -> Iterator[Change]:
         area, where, names = ChangeArea.COPY, self._arrow(old), self._ends(old, new)
-        if old.source != new.source:  # two SubDevices may have one title
+        if old.source != new.source:  # two SubDevices may have the same title
             texts = self._end(old.source), self._end(new.source)
             yield Change(ChangeKind.CHANGED, area, where, "source", *texts, (), names)
         yield from changed_facts(
@@ -223,7 +222,8 @@ class _Comparison:
             for number, c in enumerate(b)
         }
         olds, news = dict(left), dict(right)
-        # Two SubDevices are a key only if one connection is between them on both sides.
+        # Two SubDevices identify a connection only if it is the only one between them on both
+        # sides.
         single = _single(left.values()) & _single(right.values())
         for key in (
             lambda c: None if None in (c.main, c.sub) else (c.main, c.sub, c.slot),
@@ -330,13 +330,13 @@ def _sorted_text(numbers: tuple[int, ...] | None) -> str | None:
 
 
 def _single(rows: Iterable[DescribedConnection]) -> set[tuple[int | None, int | None]]:
-    """Return the SubDevices with one connection between them, whatever its slot."""
+    """Return the pairs of SubDevices with one connection between them, whatever its slot."""
     counts = Counter((c.main, c.sub) for c in rows if None not in (c.main, c.sub))
     return {pair for pair, count in counts.items() if count == 1}
 
 
 def _parameters(side: Side, connection: DescribedConnection) -> str | None:
-    """Return the parameters; without any ``None`` when the side may only be silent about them."""
+    """Return the parameters; ``None`` if there are none and the side may simply not state them."""
     return connection.app_parameters.hex() or ("" if side.whole else None)
 
 

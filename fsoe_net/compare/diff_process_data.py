@@ -44,7 +44,7 @@ def _size(sm: SmLayout) -> str | None:
 
 
 def _watchdog(sm: SmLayout, whole: bool) -> str | None:
-    """Return the watchdog; a file of another tool that has the default does not state one."""
+    """Return the watchdog; for a file of another tool, the default counts as not stated."""
     stated = whole or sm.sm.watchdog is not Watchdog.DEFAULT
     return sm.sm.watchdog.value if stated else None
 
@@ -98,7 +98,7 @@ def _entries(where: str, a: SmLayout, b: SmLayout, *, with_restart: bool) -> Ite
         if new is None:
             continue
         distance = new.bit_offset - old.bit_offset
-        # What moved together with its frame is one change, that of the frame.
+        # What moved together with its frame is one change: that of the frame.
         if distance and follows.get(old.bit_offset // 8) != distance:
             moved.setdefault(distance, []).append(old.entry.address)
         facts: list[tuple[str, int | str, int | str]] = [("bits", old.entry.bits, new.entry.bits)]
@@ -122,7 +122,7 @@ def _restart(placed: Placed) -> str:
 
 
 def _keyed(rows: Iterable[Placed]) -> dict[tuple[str, int], Placed]:
-    """Return the entries without padding by address; a repeated address gets its number."""
+    """Return the entries by address, without padding; a repeated address gets a number."""
     counts: Counter[str] = Counter()
     keyed = {}
     for row in rows:
@@ -134,7 +134,7 @@ def _keyed(rows: Iterable[Placed]) -> dict[tuple[str, int], Placed]:
 
 
 def _followed(a: Iterable[FsoeBlock], b: Iterable[FsoeBlock]) -> dict[int, int]:
-    """Return by how many bits each byte of a frame moved with it, which the frame reports."""
+    """Return by how many bits each byte of a frame moved with it; the frame reports this move."""
     right = _by_address(b)
     return {
         byte: 8 * (new.byte_offset - old.byte_offset)

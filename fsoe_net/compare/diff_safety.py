@@ -1,4 +1,4 @@
-"""What differs between the safety functions of two sides."""
+"""Differences between the safety functions of two sides."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _changed(
 ) -> Iterator[Change]:
     for what, key in attributes.items():
         before, after = getattr(a, key), getattr(b, key)
-        if before != after:  # compared before two numbers get the same text
+        if before != after:  # compared before rounding makes their texts equal
             kind, area = ChangeKind.CHANGED, ChangeArea.SAFETY_FUNCTION
             facts = _fact(key, before), _fact(key, after)
             yield Change(kind, area, where, prefix + what, *facts)

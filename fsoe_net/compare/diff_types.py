@@ -14,7 +14,7 @@ _T = TypeVar("_T")
 
 
 class ChangeKind(enum.StrEnum):
-    """What has become of it."""
+    """What happened to an item."""
 
     ADDED = "added"
     REMOVED = "removed"
@@ -24,7 +24,7 @@ class ChangeKind(enum.StrEnum):
 
 
 class ChangeArea(enum.StrEnum):
-    """What the change is about; the value is the word in documents."""
+    """The area of a change; the value is the word in documents."""
 
     NETWORK = "network"
     SUBDEVICE = "subdevice"
@@ -67,7 +67,7 @@ class Change:
 
     @property
     def listed_entries(self) -> str:
-        """The first entries, and how many more there are."""
+        """The first entries, and the number of further ones."""
         return listed(self.entries, 6)
 
     def __str__(self) -> str:
@@ -107,7 +107,7 @@ def changed_part(
     what: str = "",
     subdevices: tuple[str, ...] = (),
 ) -> Change:
-    """Return the change of a part that is ``None`` where a side does not have it.
+    """Return the change of a part that is ``None`` on a side without it.
 
     ``text`` returns the value of the part in words.
     """
@@ -141,7 +141,7 @@ def changed_facts(
 
 
 def size_text(bits: int | None) -> str | None:
-    """Return a length in bytes, or in bits where it is not a multiple of 8."""
+    """Return a length in bytes, or in bits if it is not a multiple of 8."""
     if bits is None:
         return None
     return f"{bits} bits" if bits % 8 else f"{bits // 8} bytes"

@@ -1,4 +1,4 @@
-"""Pairs the rows of two sides by keys, and the values that FSoE connections state."""
+"""Pairs the rows of two sides by keys, and compares values that FSoE connections state."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def pair_by(
     unique: bool = False,
     fits: Callable[[_A, _B], bool] | None = None,
 ) -> list[tuple[int, int]]:
-    """Pair rows that have the same key, in their order, and take them out of both sides.
+    """Pair rows that have the same key, in their order, and remove them from both sides.
 
     Args:
         key: Returns the key of a row; a row whose key is ``None`` has no partner.
@@ -49,7 +49,7 @@ def pair_by(
 
 
 def attributes(*names: str) -> Callable[[Any], Hashable | None]:
-    """Return a key of these attributes, ``None`` for a row that does not state all of them."""
+    """Return a function for the key of these attributes; ``None`` if a row lacks one of them."""
 
     def key(row: Any) -> Hashable | None:
         values = tuple(getattr(row, name) for name in names)
@@ -66,7 +66,7 @@ class Value:
         key: Its key in a network file.
         what: Its name in messages.
         unit: Unit after the number.
-        code: Finding when a device has another value.
+        code: Finding if a device has another value.
         tag: Its name in a TwinSAFE export.
     """
 
@@ -85,7 +85,7 @@ VALUES = (
 
 
 def differing(value: Value, a: object, b: object) -> tuple[int, int] | None:
-    """Return what two connections have for a value, ``None`` unless both state it and differ."""
+    """Return the values of two connections if both state one and they differ, else ``None``."""
     mine, other = getattr(a, value.key), getattr(b, value.key)
     return None if None in (mine, other) or mine == other else (mine, other)
 
@@ -93,7 +93,7 @@ def differing(value: Value, a: object, b: object) -> tuple[int, int] | None:
 def pair_connections(
     left: dict[int, _A], right: dict[int, _B], fits: Callable[[_A, _B], bool] | None = None
 ) -> list[tuple[int, int]]:
-    """Pair by address and connection ID, then by one of them; see `pair_by`."""
+    """Pair by address and connection ID, then by one of the two; see `pair_by`."""
     pairs = []
     for keys in (("address", "connection_id"), ("address",), ("connection_id",)):
         pairs += pair_by(attributes(*keys), left, right, fits=fits)

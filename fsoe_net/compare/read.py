@@ -1,4 +1,4 @@
-"""Anything that describes a bus, read as one side of a comparison; known by content."""
+"""Reads anything that describes a bus as one side of a comparison; recognised by content."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ def check_copies(
         resolution: The network.
         file: The other file; may be without copies.
         subs: SubDevice of the network by its number in the file.
-        blamed: Names of SubDevices that have a finding.
+        blamed: Names of SubDevices that already have a finding.
     """
     if file.copies:
         _Copies(out, file, subs).check(resolution, {s.name for s in subs.values()} - blamed)
@@ -42,7 +42,7 @@ def check_copies(
 
 @dataclass(frozen=True, slots=True)
 class _Copies:
-    """Copies of the file, and what is known of them after the transfers were looked up.
+    """Copies of the file, and the results of looking up the transfers in them.
 
     ``used``: the first transfer of a copy by its number. ``reported``: transfers with a finding.
     ``covered``: bytes that a transfer writes.
@@ -78,7 +78,7 @@ class _Copies:
         return [(name, end.sm_index, first + n) for n in range(size)]
 
     def _sources(self) -> dict[_Byte, tuple[_Byte, int]]:
-        """Return for each byte that the file writes its source and the number of the copy."""
+        """Return the source of each byte that the file writes, and the number of the copy."""
         sources: dict[_Byte, tuple[_Byte, int]] = {}
         for number, copy in enumerate(self.file.copies):
             known = {copy.source.subdevice, copy.destination.subdevice} <= self.subs.keys()
@@ -109,7 +109,7 @@ class _Copies:
             self._add(row, f"only {counted(copied, 'byte')} of it are copied", self.file.span)
 
     def _check_longer(self, copy: DescribedCopy, row: ResolvedTransfer) -> None:
-        """Name a copy that writes bytes which no transfer writes; two transfers may be one copy."""
+        """Report a copy with bytes that no transfer writes; two transfers may be one copy."""
         size = _size(copy)
         more = sum(byte not in self.covered for byte in self._bytes(copy.destination, size))
         if more and row.number not in self.reported:
@@ -163,7 +163,7 @@ def check_slots(
     subs: Mapping[int, SubDevice],
     blamed: set[str],
 ) -> None:
-    """Compare the connections of a file that gives each slot a partner: ``fsoeSlaveIdx``."""
+    """Compare the connections of a file that gives each slot a partner (``fsoeSlaveIdx``)."""
     partners = _partners(file, subs)
     wrong: list[tuple[Connection, str, DescribedConnection]] = []
     for connection in resolution.connections:

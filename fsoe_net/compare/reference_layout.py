@@ -1,4 +1,4 @@
-"""FSN433 … FSN441: the process data of one SubDevice against those another file gives it."""
+"""FSN433 … FSN441: the process data of one SubDevice compared with another file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MODULES = "the default modules of the file were compared; the device may have o
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remark:
-    """A finding about a SubDevice, still without its name; ``there`` is the place in the file."""
+    """A finding about a SubDevice, not yet with its name; ``there`` is the place in the file."""
 
     code: str
     span: Span
@@ -67,7 +67,7 @@ def compare_layout(
 
 @dataclass(slots=True, kw_only=True)
 class _Side:
-    """Both sides of one SubDevice; gathers remarks, at most one about a PDO or sync manager."""
+    """Both sides of one SubDevice; collects remarks, at most one per PDO or sync manager."""
 
     device: Device
     row: DescribedSubDevice
@@ -77,7 +77,7 @@ class _Side:
     named: set[int] = field(default_factory=set)  # sync managers that have a remark
     ours: list[tuple[SmLayout, tuple[Pdo, ...]]] = field(init=False)
     theirs: dict[int, SyncManager] = field(init=False)
-    pdos: dict[int, Pdo] = field(default_factory=dict)  # those of the file, assigned ones first
+    pdos: dict[int, Pdo] = field(default_factory=dict)  # PDOs of the file, assigned ones first
     facts: dict[int, PdoFacts] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class _Side:
 
     @property
     def numberless(self) -> bool:
-        """Whether the file gives bytes of sync managers without numbers of PDOs."""
+        """Whether the file has bytes of sync managers without PDO numbers."""
         return any(p.index == 0 for sm in self.theirs.values() for p in sm.pdos or ())
 
     def add(
@@ -172,7 +172,7 @@ class _Side:
             )
 
     def compare_default_sizes(self) -> None:
-        """FSN441, once for a device: it is a note, whatever the number of sync managers."""
+        """FSN441, once per device: it is a note, whatever the number of sync managers."""
         sizes = self.row.facts.default_bytes
         wrong = [
             planned
@@ -264,9 +264,9 @@ class _Side:
             )
 
     def _assignment(self, number: int, span: Span, ours: list[Pdo], theirs: list[Pdo]) -> None:
-        """FSN433, FSN437: which PDOs a sync manager carries, and in which order."""
+        """FSN433, FSN437: the PDOs of a sync manager and their order."""
         here = {p.index for p in ours}
-        # A PDO that another one excludes, or that is reported as missing, is not named twice.
+        # A PDO that another one excludes, or that is reported as missing, is not reported twice.
         blocked = self._excluded_by(here) | self._missing(number, span, _without(theirs, here))
         mine = [p.index for p in ours]
         other = [p.index for p in theirs if p.index in here or p.index not in blocked]
@@ -274,7 +274,7 @@ class _Side:
             return
         unknown = [i for i in mine if i not in self.pdos]
         if self.is_type and not unknown and self.row.facts.assignable and set(other) <= set(mine):
-            return  # optional PDOs, which the device lets a MainDevice assign
+            return  # optional PDOs, which a MainDevice may assign
         self.add(
             "FSN433",
             next((p.span for p in ours if p.index in unknown), span),
@@ -293,7 +293,7 @@ class _Side:
         return Severity.INFO if self.row.facts.assignable else None
 
     def _missing(self, number: int, span: Span, pdos: list[Pdo]) -> set[int]:
-        """FSN437; return which of these PDOs, which are not assigned, have to be."""
+        """FSN437; return the unassigned PDOs that are mandatory."""
         if not self.is_type:
             return set()
         missing = [p for p in pdos if p.index in self.facts and self.facts[p.index].mandatory]

@@ -1,4 +1,4 @@
-"""FSN443, FSN446, FSN447: connections of a network against a safety project."""
+"""FSN443, FSN446, FSN447: connections of a network compared with a safety project."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def check_twinsafe(
         out: Takes the findings.
         resolution: The network.
         file: The export.
-        library: States which device an order number is.
+        library: Maps order numbers to devices.
         slots: Whether to compare the order of slots; `check_slots` does it for a whole bus.
     """
     project = _Project(out, resolution, file, library)
-    # Connections in which the logic is itself the SubInstance are in another network.
+    # Connections in which the logic itself is the SubInstance belong to another network.
     rows = [c for c in file.connections if c.main == 0]
     ours = _of_main(resolution, rows)
     if not ours and resolution.network.partial:
@@ -59,7 +59,7 @@ def check_twinsafe(
 
 
 def _of_main(resolution: Resolution, rows: list[DescribedConnection]) -> list[Connection]:
-    """Return the connections of the MainInstance whose facts agree most with the project."""
+    """Return the connections of the MainInstance that matches the project best."""
     ids = {r.connection_id for r in rows} - {None}
     addresses = {r.address for r in rows} - {None}
     score: Counter[str] = Counter()
@@ -85,11 +85,11 @@ class _Project:
     library: Library
 
     def order(self, row: DescribedConnection) -> str:
-        """Order number of the SubInstance of a row."""
+        """Return the order number of the SubInstance of a row."""
         return "" if row.sub is None else self.file.subdevices[row.sub].order
 
     def title(self, row: DescribedConnection) -> str:
-        """``connection 2 (EL1904, FSoE address 5)``, without a number where the file has none."""
+        """Return ``connection 2 (EL1904, FSoE address 5)``; the number only if it is known."""
         parts = [self.order(row) or row.name[:60]]
         if row.address is not None:
             parts.append(f"FSoE address {row.address}")
@@ -105,14 +105,14 @@ class _Project:
         """Pair by connection ID and address, then by one of them, then by slot.
 
         Returns:
-            The number of the row for that of the connection, in the order of the connections.
+            The number of the row by the number of the connection, in the order of the connections.
         """
         both = zip(described_connections(self.resolution), self.resolution.connections, strict=True)
         left = dict(enumerate(d for d, c in both if c.main.name == ours[0].main.name))
         right = dict(enumerate(rows))
 
         def fits(mine: DescribedConnection, row: DescribedConnection) -> bool:
-            """Whether the two are not known to be different devices."""
+            """Whether the two may be the same device."""
             if mine.sub is None:
                 return True
             device = self.resolution.network.subdevices[mine.sub].device
@@ -141,7 +141,7 @@ class _Project:
                     related=(Related(span=self.file.span, message="the safety project"),),
                 )
         if self.resolution.single or any(n.incomplete for n in self.resolution.network.nets):
-            return  # a transfer is missing here, which has a finding of its own
+            return  # a transfer is missing here, which has its own finding
         there = set(pairs.values())
         for number, row in enumerate(rows):
             if number not in there:
@@ -155,7 +155,7 @@ class _Project:
                 )
 
     def check_slots(self, pairs: list[_Pair], *, whole: bool) -> None:
-        """Compare the order of slots; a missing one, which is reported, moves the others."""
+        """Compare the order of slots; a missing one is reported and shifts the others."""
         rows = sorted(
             (
                 (c.slot, row.slot, c, row)
@@ -172,7 +172,7 @@ class _Project:
         }
         for slot, (there, c, row) in list(wrong.items()):
             if slot not in wrong:
-                continue  # reported with its partner
+                continue  # reported together with its partner
             text = f"{c.main.name} with {c.sub.name} uses slot {slot}, slot {there} in "
             text += self.file.path
             partner = wrong.get(there)
@@ -189,7 +189,7 @@ class _Project:
             )
 
     def check_values(self, connection: Connection, row: DescribedConnection) -> None:
-        """Compare what both state of a connection."""
+        """Compare the values of a connection that both sides state."""
         facts = connection.stated
         for value in VALUES:
             if both := differing(value, facts, row):

@@ -1,4 +1,4 @@
-"""FSN431 … FSN447: a network against other files that describe the same devices or bus.
+"""FSN431 … FSN447: a network compared with other files that describe the same devices or bus.
 
 One cause is one finding: consequences of another device, position or process data are not reported
 again for copies and connections. A fact missing in a file is not a difference.
@@ -48,7 +48,7 @@ _SETUP = frozenset({"eni", "ethercat-config"})
 _BLAMED = frozenset({"FSN401", "FSN402", "FSN403", "FSN404", "FSN407", "FSN409", "FSN410"})
 _BLAMED |= {"FSN412", "FSN413"}
 _MOST_PLACES = 65_536
-_WITH_PROJECT = "twincat"  # a bus that has its safety project with it
+_WITH_PROJECT = "twincat"  # a bus that includes its safety project
 
 _Pair = tuple[SubDevice, int]
 
@@ -78,7 +78,7 @@ def check_references(
 
 @dataclass(slots=True)
 class _Check:
-    """One file against the network."""
+    """One file compared with the network."""
 
     resolution: Resolution
     file: Description
@@ -87,10 +87,10 @@ class _Check:
     out: FindingList
     blamed: set[str] = field(default_factory=set)
     guessed: str = ""
-    # By the content of both sides: a hundred equal terminals are compared once.
+    # Keyed by the content of both sides, so that a hundred equal terminals are compared once.
     compared: dict[tuple[object, ...], list[Remark]] = field(default_factory=dict)
     remarks: dict[tuple[str, Span, str], tuple[Remark, list[str]]] = field(default_factory=dict)
-    identities: list[Identity | None] = field(init=False)  # of the rows of the file
+    identities: list[Identity | None] = field(init=False)  # one per row of the file
 
     def __post_init__(self) -> None:
         self.identities = [self._identity(row) for row in self.file.subdevices]
@@ -134,7 +134,7 @@ class _Check:
         return self.file.format in _TYPES
 
     def _identity(self, row: DescribedSubDevice) -> Identity | None:
-        """Return vendor and product of a row, by its order number if the file has nothing else."""
+        """Return vendor and product of a row; by its order number if the file has nothing else."""
         device = row.device
         if device.vendor_id and device.product_code:
             return device.vendor_id, device.product_code
@@ -156,7 +156,7 @@ class _Check:
         )
 
     def _types(self) -> list[_Pair] | None:
-        """Pair by identity; the exact revision first, as `convert` chooses."""
+        """Pair by identity; the exact revision first, as in `convert`."""
         rows: dict[Identity | None, list[int]] = {}
         for number, identity in enumerate(self.identities):
             rows.setdefault(identity, []).append(number)
@@ -181,9 +181,9 @@ class _Check:
         return None
 
     def _lone(self) -> list[_Pair]:
-        """Pair a text without any identity with the one device type that has its PDOs.
+        """Pair a text without any identity with the only device type that has its PDOs.
 
-        Where there is only one device type, it is that one.
+        If there is only one device type, that one is used.
         """
         if self.identities != [None]:
             return []
@@ -212,7 +212,7 @@ class _Check:
         return self._by_place()
 
     def _by_place(self) -> list[_Pair]:
-        """Pair by place, for files that name only some SubDevices."""
+        """Pair by position, for files that name only some SubDevices."""
         places: dict[tuple[int, int], int] = {}
         for number, row in enumerate(self.file.subdevices):
             if row.alias:
@@ -253,7 +253,7 @@ class _Check:
         ]
 
     def _as_scanned(self, place: int, number: int | None) -> ScannedSubDevice:
-        """Return a row as a bus shows it; a place the file leaves out is unknown."""
+        """Return a row as a scan would; a position that the file leaves out is unknown."""
         if number is None:
             return ScannedSubDevice(position=place)
         row, identity = self.file.subdevices[number], self.identities[number]
@@ -289,7 +289,7 @@ class _Check:
         free = {identity for identity, row in rows if row.position is None} - {None}
         for sub, _ in match.missing:
             if identity_of(sub) in free:
-                continue  # in a group that comes and goes
+                continue  # in a group that may be absent
             self._moved(sub, f"{sub.name} is not in {self.file.path}", None)
         extra = [s.name or s.identity for s in match.extra if s.position in numbers]
         if extra:
@@ -382,7 +382,7 @@ class _Check:
                 self.blamed.add(sub.name)
 
     def _say(self) -> None:
-        """Add the remarks: once for all SubDevices of one type."""
+        """Add the remarks, once for all SubDevices of one type."""
         for remark, names in self.remarks.values():
             more = f" and {len(names) - 1} more" if len(names) > 1 else ""
             self.out.add(

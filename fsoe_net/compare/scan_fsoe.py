@@ -22,12 +22,12 @@ def check_fsoe_values(
 
     Args:
         out: Takes the findings.
-        network: With what is stated of its connections.
-        found: SubDevices on the bus by name; those that are not there have been named elsewhere.
+        network: The network, with the stated facts of its connections.
+        found: SubDevices on the bus by name; missing ones are reported elsewhere.
     """
     stated = [fact for net in network.nets for fact in net.connections]
     mains = dict.fromkeys(f.main for f in stated)
-    # Not every device reports on which side of a connection it is; the network states it.
+    # Not every device reports whether it is main or sub of a connection; the network states it.
     given = {
         name: [*there.fsoe.given, *(() if name in mains else there.fsoe.connections)]
         for name, there in found.items()
@@ -51,18 +51,18 @@ def check_fsoe_values(
 
 @dataclass(frozen=True, slots=True)
 class _Bus:
-    """SubDevices on the bus by name, and what each reports of its SubInstances."""
+    """SubDevices on the bus by name, and what each reports about its SubInstances."""
 
     out: FindingList
     found: Mapping[str, ScannedSubDevice]
     given: Mapping[str, list[ScannedConnection]]
 
     def _addresses_of(self, name: str) -> list[int]:
-        """Return the FSoE addresses of a SubDevice, else those that its MainInstance names."""
+        """Return the FSoE addresses that a SubDevice or else its MainInstance reports."""
         fsoe = self.found[name].fsoe
         if fsoe is not None and fsoe.addresses:
             return list(fsoe.addresses)
-        return [row.address for row in self.given.get(name, ()) if row.address]  # 0: not known
+        return [row.address for row in self.given.get(name, ()) if row.address]  # 0 if unknown
 
     def check_addresses(self, stated: Iterable[ConnectionFacts]) -> list[ConnectionFacts]:
         """Compare the FSoE address of each SubInstance; return those that cannot be read."""
@@ -111,10 +111,10 @@ class _Bus:
     def check_connections(self, main: str, facts: list[ConnectionFacts]) -> list[ConnectionFacts]:
         """Compare the connections a MainInstance reports with what is stated.
 
-        Of one that reports nothing, compare what its SubInstances were given.
+        If it reports nothing, compare the values that its SubInstances received.
 
         Returns:
-            Those of which nothing can be read.
+            The connections of which nothing can be read.
         """
         fsoe = self.found[main].fsoe
         rows = () if fsoe is None else fsoe.connections
@@ -122,7 +122,7 @@ class _Bus:
             return self._check_given(main, facts)
         left, right = dict(enumerate(facts)), dict(enumerate(rows))
         numbers = pair_connections(left, right)
-        numbers += list(zip(left, right, strict=False))  # nothing else is known of these
+        numbers += list(zip(left, right, strict=False))  # nothing else is known about these
         pairs = [(facts[one], rows[two]) for one, two in numbers]
         for value in VALUES:
             self._compare(main, value, pairs)
@@ -138,7 +138,7 @@ class _Bus:
         return []
 
     def _check_given(self, main: str, facts: list[ConnectionFacts]) -> list[ConnectionFacts]:
-        """Compare what SubInstances report of a connection that has been up; return the others."""
+        """Compare what SubInstances report of a connection that was up; return the others."""
         pairs: list[_Pair] = []
         unread = []
         for fact in facts:
@@ -146,11 +146,11 @@ class _Bus:
                 continue
             rows = self.given.get(fact.sub, [])
             row = next((r for r in rows if r.address == fact.address), rows[0] if rows else None)
-            if row is not None and row.connection_id and row.watchdog_ms:  # 0: nothing given
+            if row is not None and row.connection_id and row.watchdog_ms:  # 0: nothing received
                 pairs.append((fact, row))
             else:
                 unread.append(fact)
-        for value in VALUES[1:]:  # the address has been compared
+        for value in VALUES[1:]:  # the address has already been compared
             self._compare(main, value, pairs, by_sub=True)
         return unread
 

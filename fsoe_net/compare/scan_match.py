@@ -27,11 +27,11 @@ class Match:
     """SubDevices of a network on a bus.
 
     Attributes:
-        pairs: Same identity, also if found at another position.
+        pairs: Same identity, even if found at another position.
         other: Another device at the position.
-        swapped: Two that have exchanged positions; each with the position where it was found.
-        moved: Found at another position, with its position in the network.
-        missing: Not found; its position, ``None`` when its alias is not on the bus.
+        swapped: Two SubDevices with exchanged positions, each with the position where it was found.
+        moved: Found at another position; with its position in the network.
+        missing: Not found; with its position, or ``None`` if its alias is not on the bus.
         free_missing: Empty free positions of the network (a coupler, say) that shift the following
             SubDevices.
         extra: On the bus but not in the network, with process data or between listed SubDevices.
@@ -52,14 +52,14 @@ class Match:
     cost: int = 0
 
     def take(self, sub: SubDevice, found: ScannedSubDevice) -> None:
-        """Add what was found at the place of a SubDevice."""
+        """Add the device found at the place of a SubDevice."""
         is_it = is_same(identity_of(sub), found.numbers)
         (self.pairs if is_it else self.other).append((sub, found))
 
 
 @dataclass(frozen=True, slots=True)
 class _Rows:
-    """The two rows: ``None`` is a place the network does not name."""
+    """The two rows; ``None`` is a place that the network does not name."""
 
     planned: list[SubDevice | None]
     found: list[ScannedSubDevice]
@@ -67,7 +67,7 @@ class _Rows:
     by_alias: frozenset[int]
 
     def cost(self, sub: SubDevice | None, found: ScannedSubDevice) -> int:
-        """Return what it costs to take one for the other."""
+        """Return the cost of matching the two."""
         if sub is None:
             return 0 if self.is_plain(found) else _FREE_TAKEN
         if not is_same(identity_of(sub), found.numbers):
@@ -77,17 +77,17 @@ class _Rows:
         return _ADDRESS if stated is not None and read and stated not in read else 0
 
     def is_plain(self, found: ScannedSubDevice) -> bool:
-        """Whether the network need not name it."""
+        """Whether the network may leave it unnamed."""
         return found.position in self.by_alias or not found.process_data
 
 
 def identity_of(sub: SubDevice) -> Identity | None:
-    """Return vendor and product of a SubDevice, where they are known."""
+    """Return vendor and product of a SubDevice, if known."""
     return None if sub.device is None else (sub.device.vendor_id, sub.device.product_code)
 
 
 def is_same(one: Identity | None, two: Identity | None) -> bool:
-    """Whether two identities agree; an unknown one agrees with all."""
+    """Whether two identities match; an unknown one matches any other."""
     return None in (one, two) or one == two
 
 
@@ -120,8 +120,9 @@ def match_subdevices(
             places.setdefault(sub.position, sub)
     size = max(places, default=-1) + 1
     rows = _Rows([places.get(n) for n in range(size)], list(bus), addresses, frozenset(by_alias))
-    # Exchanged devices are cheapest place by place; a missing one moves all others, which only the
-    # alignment sees. Its table has a cell for each pair, too many on a very large bus.
+    # Exchanged devices are cheapest when compared place by place. A missing one shifts all others,
+    # which only the alignment finds. Its table has a cell for each pair, too many on a very large
+    # bus.
     best = _in_place(rows)
     if best.cost and len(rows.planned) * len(rows.found) <= _MOST_CELLS:
         best = min(best, _aligned(rows), key=lambda m: m.cost)
@@ -131,7 +132,7 @@ def match_subdevices(
 
 
 def _find_aliases(subs: list[SubDevice], bus: Sequence[ScannedSubDevice], match: Match) -> set[int]:
-    """Look up SubDevices by alias; return the positions they were found at."""
+    """Look up SubDevices by alias; return the positions where they were found."""
     first: dict[int, int] = {}
     for found in bus:
         if found.alias:
@@ -149,7 +150,7 @@ def _find_aliases(subs: list[SubDevice], bus: Sequence[ScannedSubDevice], match:
 
 
 def _in_place(rows: _Rows) -> Match:
-    """Compare place by place; two that have each other's place are swapped."""
+    """Compare place by place; two that have each other's place count as swapped."""
     match = Match()
     wrong: list[int] = []
     for place, (sub, found) in enumerate(zip(rows.planned, rows.found, strict=False)):
@@ -204,7 +205,7 @@ def _leave(match: Match, sub: SubDevice | None, place: int) -> None:
 
 
 def _add(rows: _Rows, match: Match, found: ScannedSubDevice) -> None:
-    """Add an unlisted SubDevice; one without process data after all others is harmless."""
+    """Add an unlisted SubDevice; one without process data after all the others is harmless."""
     if found.position in rows.by_alias:
         return
     end = max((f.position for _, f in (*match.pairs, *match.other)), default=-1)
@@ -219,7 +220,7 @@ def _add(rows: _Rows, match: Match, found: ScannedSubDevice) -> None:
 
 
 def _aligned(rows: _Rows) -> Match:
-    """Lay the rows side by side at the least cost."""
+    """Align the rows at the lowest cost."""
     match = Match()
     taken, gone, added = _steps(rows)
     for place, found in taken:
@@ -242,7 +243,7 @@ def _aligned(rows: _Rows) -> Match:
 def _steps(
     rows: _Rows,
 ) -> tuple[list[tuple[int, ScannedSubDevice]], list[int], list[ScannedSubDevice]]:
-    """Return the cheapest alignment: places with what was found there, both sides alone."""
+    """Return the cheapest alignment: matched places, and what is unmatched on each side."""
     lost = [_SMALL if s is None else _GONE for s in rows.planned]
     extra = [_SMALL if rows.is_plain(f) else _GONE for f in rows.found]
     width, costs = len(rows.found), _costs(rows, lost, extra)
@@ -268,7 +269,7 @@ def _steps(
 
 
 def _costs(rows: _Rows, lost: list[int], extra: list[int]) -> list[list[int]]:
-    """Return the least costs of all from place i and number j on, as ``costs[i][j]``."""
+    """Return the lowest cost from place i and number j to the end, as ``costs[i][j]``."""
     width = len(rows.found)
     costs = [[0] * (width + 1) for _ in range(len(rows.planned) + 1)]
     for j in range(width - 1, -1, -1):

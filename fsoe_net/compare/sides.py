@@ -1,6 +1,6 @@
 """Networks, plans, descriptions and scans in one form, the sides of a comparison.
 
-A fact is ``None`` where the source is silent, and is then not compared.
+A fact is ``None`` if the source does not state it; then it is not compared.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ Sdos = dict[tuple[int, int], tuple[int, int]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SideSubDevice:
-    """One SubDevice; ``fsoe_addresses`` as devices report them."""
+    """One SubDevice; ``fsoe_addresses`` are those that the device reports."""
 
     name: str
     alias: int | None = None
@@ -61,12 +61,12 @@ class SideSubDevice:
 
     @property
     def place(self) -> tuple[int, int] | None:
-        """Its alias and position, where it has a place in a ring."""
+        """Its alias and position, if it has a place in a ring."""
         return None if self.position is None else (self.alias or 0, self.position)
 
     @property
     def title(self) -> str:
-        """Its name, else its position."""
+        """Its name, or its position."""
         if self.name:
             return self.name
         return "unnamed SubDevice" if self.position is None else f"position {self.position}"
@@ -83,7 +83,7 @@ class SideSubDevice:
 class SideEnd:
     """An end of a copy: number of the SubDevice, and the entry there.
 
-    ``subdevice`` is ``None`` when it is in a file that was not given; ``address`` then names it.
+    ``subdevice`` is ``None`` if it is in a file that was not given; ``address`` then names it.
     Without an entry, ``address`` is the sync manager and the bit.
     """
 
@@ -110,11 +110,11 @@ class Side:
         format: ``network``, ``plan``, ``scan``, ``eni`` and so on.
         path: Path of the source.
         whole: ``None`` inside it means *not set*, which differs from a value on the other side.
-        cycle_ns: Cycle of the bus; of several, that of the first.
-        bus_cycles: Cycles of all buses but the first by name.
-        copies: ``None`` when the source has no copies, as an ESI or a scan.
-        connections: ``None`` likewise.
-        functions: ``None`` likewise, and for a plan, which holds only
+        cycle_ns: Cycle of the bus; with several buses, of the first one.
+        bus_cycles: Cycles of all buses except the first, by name.
+        copies: ``None`` if the source has no copies, such as an ESI or a scan.
+        connections: Likewise.
+        functions: Likewise, and for a plan, which contains only
         functions_sha256: their hash; empty without any.
     """
 
@@ -140,13 +140,13 @@ def _sdos(rows: Iterable[Sdo | PlanSdo]) -> Sdos:
 
 
 class _Ends:
-    """Ends of copies by their entries, which keep their addresses when they move."""
+    """Ends of copies by their entries, whose addresses stay the same when they move."""
 
     def __init__(self) -> None:
         self._addresses: dict[tuple[int, int], dict[int, str]] = {}
 
     def at(self, number: int, managers: Managers | None, sm_index: int, bit: int) -> SideEnd:
-        """Return an end; the entries of a sync manager are read once, for copies without number."""
+        """Return an end; the entries of a sync manager are read once for all copies."""
         manager = (managers or {}).get(sm_index)
         if manager is not None and manager.complete:
             found = self._addresses.get((number, sm_index))
@@ -164,7 +164,7 @@ class _Ends:
 
 
 def side_of_network(resolution: Resolution, path: str) -> Side:
-    """Return the side of a network, of a slave YAML or of a transfer YAML on its own."""
+    """Return the side of a network, or of a slave YAML or transfer YAML alone."""
     network = resolution.network
     numbers = resolution.numbers
     copies = [
@@ -179,7 +179,7 @@ def side_of_network(resolution: Resolution, path: str) -> Side:
     ]
     used = {(c.net_number, c.facts_number) for c in resolution.connections}
     connections = [
-        described_facts(facts, f"{facts.main} - {facts.sub}")  # its transfers are not there
+        described_facts(facts, f"{facts.main} - {facts.sub}")  # its transfers are in another file
         for net_number, net in enumerate(network.nets)
         for number, facts in enumerate(net.connections)
         if (net_number, number) not in used
@@ -278,7 +278,7 @@ def side_of_plan(
 
 
 def _plan_managers(plan: Plan) -> list[dict[int, SmLayout]]:
-    """Return the sync managers of each SubDevice; their frames are those that the plan lists."""
+    """Return the sync managers of each SubDevice; their frames are those in the plan."""
     restart = {
         (s.sm, bit)
         for s in plan.symbols
@@ -445,7 +445,7 @@ def _described(sub: DescribedSubDevice) -> SideSubDevice:
 
 
 def side_of_scan(scan: Scan, path: str) -> Side:
-    """Return the side of a bus as it was read."""
+    """Return the side of a scanned bus."""
     subdevices = tuple(_scanned(s) for s in scan.subdevices)
     return Side(format="scan", path=path, whole=False, subdevices=subdevices)
 
