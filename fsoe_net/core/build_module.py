@@ -24,7 +24,7 @@ def main(cdef: str, include: str, target: str) -> None:
 
 
 def _whole(name: str, headers: str) -> str:
-    """Return a struct without comments; the compiler determines the lengths of its arrays."""
+    """Return a struct without comments; the compiler determines its array lengths."""
     found = re.search(rf"^{name} {{\n.*?^}};", headers, flags=re.M | re.S)
     if found is None:
         raise SystemExit(f"{name} is in none of the headers")

@@ -1,4 +1,4 @@
-"""What is known of a running bus: the documents ``snapshot`` and ``layout``, as plain values.
+"""State of a running bus: the documents ``snapshot`` and ``layout``, as plain values.
 
 `fsn-master` writes them as replies and into incident files (``master_core/src/control/reports``),
 `fsoe_net.simulate.emulated_documents` for an emulated run; this module reads them all.
@@ -30,7 +30,7 @@ _STATES = tuple(ConnectionState)
 
 
 class Found(enum.IntEnum):
-    """What is in the place of a SubDevice: ``enum fsn_found``."""
+    """The device at the position of a SubDevice: ``enum fsn_found``."""
 
     UNKNOWN = 0
     NOTHING = 1
@@ -46,12 +46,12 @@ class Found(enum.IntEnum):
 
     @classmethod
     def of(cls, number: int | None) -> Found:
-        """Return the member of a number; `UNKNOWN` for one that is not there."""
+        """Return the member with this number, or `UNKNOWN`."""
         return next((member for member in cls if member == number), cls.UNKNOWN)
 
     @property
     def text(self) -> str:
-        """The same as ``fsn_found_text()``."""
+        """The same text as ``fsn_found_text()``."""
         return _FOUND[self]
 
 
@@ -74,13 +74,13 @@ _FOUND = {
 class SubDeviceSnapshot:
     """State of one SubDevice of the plan.
 
-    ``al`` is its AL state as a word, ``none`` when it does not answer, followed by ``+ERROR`` when
+    ``al`` is its AL state as a word, ``none`` if it does not answer, followed by ``+ERROR`` when
     the error flag is set; ``al_code`` its AL status code, ``None`` if not read. ``found``: the
-    device at its position; ``detail``: the problem for people, e.g. the location of a broken cable;
-    empty without one. ``fsoe_address``: its actual address if it differs from the plan, else 0;
+    device at its position. ``detail``: the problem in words, e.g. the location of a broken cable;
+    may be empty. ``fsoe_address``: its actual address if it differs from the plan, else 0;
     ``link_down``: it does not answer and the link before it is down. ``link``, ``link_lost``,
     ``rx_errors``: one number per port, empty if not counted. ``returns``: how often it was lost and
-    came back. ``known`` is false while the bus is not open.
+    answered again. ``known`` is false while the bus is not open.
     """
 
     name: str
@@ -109,7 +109,7 @@ class SubDeviceSnapshot:
         return self.found.text if self.known else ""
 
     def to_json(self) -> dict[str, Any]:
-        """Return the values as documents of ``run`` and ``monitor`` have them."""
+        """Return the values in the form that documents of ``run`` and ``monitor`` use."""
         return asdict(self) | {"found": self.found_text, "found_code": int(self.found)}
 
     @property
@@ -135,7 +135,7 @@ class SubDeviceSnapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusSnapshot:
-    """One cycle of a live bus, and its SubDevices; both in plan order."""
+    """One cycle of a live bus and its SubDevices; connections and SubDevices in plan order."""
 
     cycle: Snapshot
     subdevices: tuple[SubDeviceSnapshot, ...]
@@ -163,7 +163,7 @@ class LayoutDatagram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayoutCopy:
-    """Bytes that are moved each cycle; ``name`` may be empty."""
+    """Bytes that are copied each cycle; ``name`` may be empty."""
 
     name: str = ""
     source_byte: int
@@ -176,7 +176,7 @@ _NO_COPY = LayoutCopy(source_byte=0, destination_byte=0, size_bytes=0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedConnection:
-    """Facts of files, a plan or a layout about a connection; ``None``: not stated.
+    """Facts about a connection from files, a plan or a layout; ``None`` if not stated.
 
     ``safe_bytes``: lengths of the safe data to the sub and to the main, 0 without a plan;
     ``to_sub`` and ``to_main``: the copies of its frames, empty without a layout. ``cycle_ns``: the
@@ -198,7 +198,7 @@ class PlannedConnection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """The process image of the running plan; empty where the bus did not open."""
+    """The process image of the running plan; empty if the bus did not open."""
 
     image_bytes: int
     sms: tuple[LayoutSm, ...]
@@ -211,7 +211,7 @@ class Layout:
 
 
 def read_snapshot(reply: JsonObject) -> BusSnapshot:
-    """Return the values of a ``snapshot``; a value that is wrong raises `JsonObject.bad`."""
+    """Return the values of a ``snapshot``; an invalid value raises `JsonObject.bad`."""
     return BusSnapshot(
         cycle=Snapshot(
             statistics=read_statistics(reply.child("statistics")),
@@ -222,12 +222,12 @@ def read_snapshot(reply: JsonObject) -> BusSnapshot:
 
 
 def read_statistics(row: JsonObject) -> Statistics:
-    """Return the counters of the cyclic thread; raises as `read_snapshot`."""
+    """Return the counters of the cyclic thread; errors as in `read_snapshot`."""
     return _filled(Statistics, row)
 
 
 def read_connections(reply: JsonObject) -> tuple[ConnectionSnapshot, ...]:
-    """Return the connections of a ``snapshot``; raises as `read_snapshot`."""
+    """Return the connections of a ``snapshot``; errors as in `read_snapshot`."""
     return tuple(
         ConnectionSnapshot(
             **{key: row.label(key) for key in ("name", "net", "main", "sub")},
@@ -259,7 +259,7 @@ def _state(row: JsonObject) -> ConnectionState:
 
 
 def _filled(kind: type[_Record], row: JsonObject, **values: Any) -> _Record:
-    """Return a record whose fields have the names of the keys, except those that are given."""
+    """Return a record whose fields are named like the keys, except the given ones."""
     read: dict[str, Callable[[str], Any]] = {
         "int": row.count,
         "int | None": row.optional,
@@ -286,7 +286,7 @@ def _histogram(row: JsonObject) -> Histogram:
 
 
 def read_subdevice(row: JsonObject) -> SubDeviceSnapshot:
-    """Return the values of one SubDevice; raises as `read_snapshot`."""
+    """Return the values of one SubDevice; errors as in `read_snapshot`."""
     known = row.flag("known")
     facts = row if known else row.empty()
     return _filled(
@@ -308,7 +308,7 @@ def read_subdevice(row: JsonObject) -> SubDeviceSnapshot:
 
 
 def read_layout(reply: JsonObject) -> Layout:
-    """Return the values of a ``layout``; raises as `read_snapshot`."""
+    """Return the values of a ``layout``; errors as in `read_snapshot`."""
     image_bytes = reply.count("image_bytes")
     return Layout(
         image_bytes=image_bytes,

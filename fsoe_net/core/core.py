@@ -1,4 +1,4 @@
-"""Plan, emulated bus and core of the C library. Each object keeps alive what it points into."""
+"""Plan, emulated bus and core of the C library. Each object keeps alive the objects it uses."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class CorePlan:
     """A plan that the C core has loaded and proved."""
 
     cycle_ns: int
-    """Bus cycle in nanoseconds, 0 when the plan does not state it."""
+    """Bus cycle in nanoseconds; 0 if the plan does not state it."""
     subdevice_names: tuple[str, ...]
     connection_names: tuple[str, ...]
     inputs: Mapping[str, int]
@@ -38,7 +38,7 @@ class CorePlan:
     outputs: Mapping[str, int]
     """Number of each output by name, for `Core.set_output` and `Core.read_symbol`."""
     sm_sizes: list[int]
-    """Process data of each sync manager in bytes; 0 when it has no place on the bus."""
+    """Process data of each sync manager in bytes; 0 if it has no place on the bus."""
 
     def __init__(self, pointer: Any) -> None:
         self._pointer = pointer
@@ -60,8 +60,8 @@ class CorePlan:
         """Load the bytes of a `.fsnplan`.
 
         Raises:
-            PlanFormatError: The core refuses the plan; the message names record and rule.
-            CoreMissing: The compiled part is not there.
+            PlanFormatError: The core rejects the plan; the message names record and rule.
+            CoreMissing: The compiled part is missing.
         """
         ffi, lib = compiled()
         slot = ffi.new("struct fsn_plan **")
@@ -88,7 +88,7 @@ class CorePlan:
         """Return the record number of a sync manager.
 
         Raises:
-            KeyError: No such SubDevice or sync manager.
+            KeyError: Unknown SubDevice or sync manager.
         """
         return self._sms[subdevice, index]
 
@@ -140,8 +140,8 @@ class EmulatedBus:
         raise_status(lib.fsn_emulated_create(plan._pointer, slot), "emulated bus")
         self._plan = plan
         self._lib = lib
-        # Reference counts in C keep plan and bus alive as long as needed, whatever the order in
-        # which the garbage collector comes along.
+        # Reference counts in C keep plan and bus alive as long as needed, in whatever order the
+        # garbage collector runs.
         self._pointer = ffi.gc(slot[0], lib.fsn_emulated_free)
         self._buffers = [ffi.new("uint8_t[]", max(1, size)) for size in plan.sm_sizes]
         self._views = [
@@ -151,12 +151,12 @@ class EmulatedBus:
         self._null = ffi.NULL
 
     def read_outputs(self, sm: int) -> bytes:
-        """Return the newest outputs that were delivered to an output sync manager, whole.
+        """Return the newest outputs delivered to an output sync manager, all of one cycle.
 
-        One thread per sync manager.
+        Only one thread may read a given sync manager.
 
         Raises:
-            CoreError: No output sync manager of that number.
+            CoreError: Unknown output sync manager.
         """
         view = self._views[sm] if 0 <= sm < len(self._views) else None
         if view is None:
@@ -169,12 +169,12 @@ class EmulatedBus:
         return bytes(view)
 
     def write_inputs(self, sm: int, data: bytes) -> None:
-        """Publish the inputs of an input sync manager, whole.
+        """Publish the inputs of an input sync manager, all of one cycle.
 
-        One thread per sync manager.
+        Only one thread may write a given sync manager.
 
         Raises:
-            CoreError: No input sync manager of that number, or wrong length.
+            CoreError: Unknown input sync manager, or wrong length.
         """
         if not 0 <= sm < len(self._views):
             raise CoreError(f"sync manager {sm}: {self._range()}", self._lib.FSN_E_ARG)
@@ -186,7 +186,7 @@ class EmulatedBus:
         """Unplug a SubDevice (by number) or plug it in again.
 
         Raises:
-            CoreError: No such SubDevice.
+            CoreError: Unknown SubDevice.
         """
         if not 0 <= subdevice < len(self._plan.subdevice_names):
             raise CoreError(f"the plan has no SubDevice {subdevice}", self._lib.FSN_E_ARG)
@@ -202,7 +202,7 @@ class EmulatedBus:
 
 
 class Core:
-    """The C core on an emulated bus: runs single cycles, or a cyclic thread of its own."""
+    """The C core on an emulated bus: runs single cycles or its own cyclic thread."""
 
     def __init__(self, plan: CorePlan, bus: EmulatedBus) -> None:
         ffi, lib = compiled()
@@ -229,7 +229,7 @@ class Core:
         self.close()
 
     def close(self) -> None:
-        """Stop the cyclic thread and let go of the core; may be called at any time, twice too.
+        """Stop the cyclic thread and release the core; may be called at any time, also twice.
 
         No other thread may be inside a call. Later calls raise `CoreError`.
         """
@@ -242,7 +242,7 @@ class Core:
         """Run one bus cycle at a given time.
 
         Raises:
-            CoreError: The cyclic thread runs, or the core is closed.
+            CoreError: The cyclic thread is running, or the core is closed.
         """
         status = self._lib.fsn_core_cycle(self._pointer, now_ns)
         if status:
@@ -252,7 +252,7 @@ class Core:
         """Run ``count`` bus cycles, the first at ``now_ns``, then every ``step_ns``.
 
         Raises:
-            CoreError: The cyclic thread runs, or the core is closed.
+            CoreError: The cyclic thread is running, or the core is closed.
         """
         for number in range(count):
             self.cycle(now_ns + number * step_ns)
@@ -261,12 +261,13 @@ class Core:
         """Start the cyclic thread.
 
         Args:
-            cycle_ns: Bus cycle; 0 takes the plan's.
+            cycle_ns: Bus cycle; 0 for that of the plan.
             priority: SCHED_FIFO priority, 0 for the normal scheduler.
             cpu: CPU to run on, from 0; ``None`` for any.
 
         Raises:
-            CoreError: It runs already, the cycle is impossible, or the system refused.
+            CoreError: The thread is already running, the cycle is invalid, or the system denied the
+                request.
         """
         options = self._ffi.new("struct fsn_thread_options *")
         options.cycle_ns, options.priority = cycle_ns, priority
@@ -284,14 +285,14 @@ class Core:
             self._lib.fsn_core_stop(self._pointer)
 
     def snapshot(self) -> Snapshot:
-        """Return a consistent picture of one cycle.
+        """Return a consistent snapshot of one cycle.
 
         Raises:
             CoreError: The cycle was faster than every attempt to read.
         """
         ffi = self._ffi
         count = len(self._plan.connection_names)
-        # Of its own for each call: several threads may look at once.
+        # A separate buffer for each call: several threads may read at once.
         statistics = ffi.new("struct fsn_statistics *")
         connections = ffi.new("struct fsn_connection_status[]", max(1, count))
         raise_status(
@@ -304,7 +305,7 @@ class Core:
         )
 
     def cycle_image(self) -> CycleImage:
-        """Return number, counters and process image of one cycle; cheaper than `snapshot`.
+        """Return number, counters and process image of one cycle; faster than `snapshot`.
 
         Raises:
             CoreError: The cycle was faster than every attempt to read.
@@ -337,15 +338,15 @@ class Core:
         return bytes(self._ffi.buffer(image, self._image_bytes))
 
     def sm_base(self, sm: int) -> int | None:
-        """Return the first byte of a sync manager in the image; ``None`` when it has no place."""
+        """Return the first byte of a sync manager in the image, or ``None`` if it has no place."""
         base = int(self._lib.fsn_core_sm_base(self._pointer, sm))
         return None if base == self._lib.FSN_NONE else base
 
     def stale_cycles(self, sm: int) -> int:
-        """Return in how many cycles an input sync manager held bytes of an earlier cycle.
+        """Return in how many cycles an input sync manager contained bytes of an earlier cycle.
 
         Raises:
-            CoreError: No such sync manager, or the core is closed.
+            CoreError: Unknown sync manager, or the core is closed.
         """
         # The function in C returns a count and no status, so that it cannot refuse a number.
         if self._pointer == self._ffi.NULL or not 0 <= sm < len(self._plan.sm_sizes):
@@ -353,7 +354,7 @@ class Core:
         return int(self._lib.fsn_core_stale_cycles(self._pointer, sm))
 
     def events(self) -> list[CoreEvent]:
-        """Return the changes of state since the last call."""
+        """Return the state changes since the last call."""
         event = self._ffi.new("struct fsn_event *")
         found = []
         with self._events_lock:
@@ -378,7 +379,7 @@ class Core:
         Negative values are stored in two's complement.
 
         Raises:
-            CoreError: No such symbol, an input, or its bytes belong to a copy.
+            CoreError: The symbol is unknown or an input, or its bytes belong to a copy.
             OverflowError: The value has more than 64 bits.
         """
         if not -(1 << 63) <= value < 1 << 64:
@@ -392,7 +393,7 @@ class Core:
         """Return the value of a symbol in the last cycle, zero-extended.
 
         Raises:
-            CoreError: No such symbol.
+            CoreError: Unknown symbol.
         """
         self._check_symbol(symbol)
         value = self._ffi.new("uint64_t *")

@@ -1,4 +1,4 @@
-"""JsonObject of JSON that another program has written: types and ranges are checked."""
+"""A JSON object written by another program: types and ranges of its values are checked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _TEXT = 4096
 
 
 def clean(text: str, most: int = _TEXT) -> str:
-    """Return a text that can be printed on one line: no control characters, no half characters."""
+    """Return a text printable on one line, without control characters or lone surrogates."""
     if len(text) <= most and text.isprintable():
         return text
     kept = "".join(
@@ -44,14 +44,15 @@ class JsonObject:
         return IncidentError(f"{self._path}{key} {reason}", *self._at)
 
     def has(self, key: str) -> bool:
-        """Whether there is a value that is not null."""
+        """Whether the key has a value other than null."""
         return self._row.get(key) is not None
 
     def whole(self, key: str, *, missing: int | None = None) -> int:
-        """Return a whole number from 0 to 2^64 - 1.
+        """Return an integer from 0 to 2^64 - 1.
 
         Raises:
-            IncidentError: It is not one, or absent and ``missing`` is ``None``.
+            IncidentError: The value is not such an integer, or it is absent and ``missing`` is
+                ``None``.
         """
         value = self._row.get(key)
         if value is None and missing is not None:
@@ -61,26 +62,26 @@ class JsonObject:
         return value
 
     def count(self, key: str) -> int:
-        """Return a whole number; absent is 0."""
+        """Return a non-negative integer; 0 if absent."""
         return self.whole(key, missing=0)
 
     def empty(self) -> JsonObject:
-        """Return an object without values in the same place; nothing in it is missed."""
+        """Return an object without values at the same location; all its values may be absent."""
         return JsonObject({}, *self._at, self._path)
 
     def optional(self, key: str) -> int | None:
-        """Return a whole number, or ``None`` when it is absent or null."""
+        """Return a non-negative integer, or ``None`` if it is absent or null."""
         return self.whole(key) if self.has(key) else None
 
     def flag(self, key: str) -> bool:
-        """Return a boolean; absent is false."""
+        """Return a boolean; false if absent."""
         value = self._row.get(key, False)
         if not isinstance(value, bool):
             raise self.bad(key, "is neither true nor false")
         return value
 
     def text(self, key: str, *, most: int | None = None) -> str:
-        """Return a text; absent or null is empty. With ``most`` it is made fit to print."""
+        """Return a text; empty if absent or null. With ``most`` it is made printable."""
         value = self._row.get(key)
         if value is None:
             return ""
@@ -89,11 +90,11 @@ class JsonObject:
         return value if most is None else clean(value, most)
 
     def label(self, key: str) -> str:
-        """Return a text that is fit to print."""
+        """Return a printable text."""
         return self.text(key, most=_TEXT)
 
     def numbers(self, key: str) -> tuple[int, ...]:
-        """Return a list of whole numbers; absent or null is empty."""
+        """Return a list of non-negative integers; empty if absent or null."""
         rows = self._list(key)
         for value in rows:
             if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= _MOST:
@@ -101,12 +102,12 @@ class JsonObject:
         return tuple(rows)
 
     def words(self, key: str, known: Sequence[str]) -> tuple[str, ...]:
-        """Return those of some known words that a list holds; absent or null is empty."""
+        """Return the known words in a list; empty if absent or null."""
         rows = self._list(key)
         return tuple(word for word in known if word in rows)
 
     def pairs(self, key: str) -> tuple[tuple[int, int], ...]:
-        """Return a list of pairs of whole numbers."""
+        """Return a list of pairs of non-negative integers."""
         found = []
         for row in self._list(key):
             good = isinstance(row, list) and len(row) == 2
@@ -116,7 +117,7 @@ class JsonObject:
         return tuple(found)
 
     def child(self, key: str) -> JsonObject:
-        """Return an object; absent or null is an empty one."""
+        """Return an object; an empty one if absent or null."""
         value = self._row.get(key)
         if value is None:
             value = {}
@@ -125,14 +126,14 @@ class JsonObject:
         return type(self)(value, *self._at, f"{self._path}{key}.")
 
     def children(self, key: str) -> Iterator[JsonObject]:
-        """Yield the objects of a list; absent or null is an empty one."""
+        """Yield the objects of a list; none if absent or null."""
         for number, value in enumerate(self._list(key)):
             if not isinstance(value, dict):
                 raise self.bad(f"{key}[{number}]", "is not an object")
             yield type(self)(value, *self._at, f"{self._path}{key}[{number}].")
 
     def plain(self) -> dict[str, str]:
-        """Return numbers and texts as texts that are fit to print; the rest is left out."""
+        """Return numbers and texts as printable texts; other values are omitted."""
         return {
             clean(key, 64): clean(str(value), 256)
             for key, value in self._row.items()
@@ -151,9 +152,9 @@ class JsonObject:
 
 
 class ReplyObject(JsonObject):
-    """The values of a reply of a running program: each that is read has to be there.
+    """The values of a reply of a running program; each value that is read is required.
 
-    Texts stay as they are; whoever prints them makes them printable.
+    Texts are unchanged; code that prints them must make them printable.
     """
 
     def __init__(
@@ -166,7 +167,7 @@ class ReplyObject(JsonObject):
         return ValueError(f"{self._path}{key} {reason}")
 
     def count(self, key: str) -> int:
-        """Return a whole number."""
+        """Return a non-negative integer."""
         return self.whole(key)
 
     def label(self, key: str) -> str:

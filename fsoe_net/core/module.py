@@ -14,7 +14,7 @@ def compiled() -> tuple[Any, Any]:
     """Return cffi's ``ffi`` and ``lib``.
 
     Raises:
-        CoreMissing: The compiled module is not there or does not fit this machine.
+        CoreMissing: The compiled module is missing or is for another platform.
     """
     try:
         from fsoe_net.core import _core

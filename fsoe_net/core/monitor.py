@@ -24,7 +24,7 @@ class Monitor:
         safe_in_bytes: Safe data bytes from sub to main.
 
     Raises:
-        CoreMissing: The compiled part is not there.
+        CoreMissing: The compiled part is missing.
     """
 
     def __init__(self, safe_out_bytes: int, safe_in_bytes: int) -> None:
@@ -41,20 +41,20 @@ class Monitor:
 
     @property
     def gaps(self) -> int:
-        """Times the chain was lost and found again without a Reset: frames passed unseen."""
+        """How often the chain was lost and found without a Reset: frames were not observed."""
         return int(self._monitor.status.gaps)
 
     @property
     def parameters(self) -> FsoeParameters:
-        """What the main has sent in its last start-up."""
+        """The parameters that the main sent in its last start-up."""
         return parameters_of(self._monitor.status.parameters)
 
     def counts(self, direction: int) -> DirectionSnapshot:
-        """Return the counters of a direction as they are now."""
+        """Return the current counters of a direction."""
         return direction_snapshot(self._monitor.status.direction[direction])
 
     def sequence(self, direction: int) -> int:
-        """Return the number of the next frame of a direction, 0 while it is not known."""
+        """Return the number of the next frame of a direction; 0 if unknown."""
         return int(self._monitor.followed[direction].sequence)
 
     def frame(self, direction: int, data: bytes, now_ns: int) -> CrcVerdict:
@@ -80,7 +80,7 @@ def direction_snapshot(d: Any) -> DirectionSnapshot:
 
 
 def parameters_of(c: Any) -> FsoeParameters:
-    """Return the values of a ``struct fsn_parameters``; what is not known is ``None``."""
+    """Return the values of a ``struct fsn_parameters``; unknown ones are ``None``."""
     return FsoeParameters(
         connection_id=c.connection_id if c.known & 1 else None,
         address=c.address if c.known & 2 else None,

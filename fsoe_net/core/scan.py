@@ -1,4 +1,4 @@
-"""Finds FSoE connections in captured EtherCAT frames; the work is done in C."""
+"""Finds FSoE connections in captured EtherCAT frames, using the C core."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Sighting(NamedTuple):
     """One new frame of a connection.
 
     ``direction`` 0 is main to sub, 1 sub to main. ``sequence`` is the number of the frame in its
-    chain, 0 when not known. ``packet`` counts the packets of the capture from 1.
+    chain, 0 if unknown. ``packet`` counts the packets of the capture from 1.
     """
 
     time_ns: int
@@ -44,12 +44,12 @@ class Sighting(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundPlace:
-    """Where frames of one direction were seen.
+    """Where frames of one direction were found.
 
     Attributes:
         command: EtherCAT command of the datagram, e.g. ``LRW``.
-        address: Logical address of the first byte; of a physical command its station address in
-            the lower and its offset in the upper 16 bits.
+        address: Logical address of the first byte; for a physical command, the station address in
+            the lower and the offset in the upper 16 bits.
         direction: 0 main to sub, 1 sub to main.
         size_bytes: Length of the frame.
     """
@@ -61,13 +61,13 @@ class FoundPlace:
 
     @property
     def is_logical(self) -> bool:
-        """Whether the address is a logical one."""
+        """Whether the address is logical."""
         return self.command.startswith("L")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoundConnection:
-    """A connection that was found; ``roles_certain`` when its start-up was seen."""
+    """A connection that was found; ``roles_certain`` if its start-up was captured."""
 
     connection_id: int
     places: tuple[FoundPlace, ...]
@@ -80,7 +80,7 @@ class FoundConnection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanCounts:
-    """What was seen besides FSoE; see ``struct fsn_scan_counts``."""
+    """Counters of everything found besides FSoE; see ``struct fsn_scan_counts``."""
 
     packets: int
     ethercat: int
@@ -91,10 +91,10 @@ class ScanCounts:
 
 
 class Scanner:
-    """Takes captured Ethernet frames, yields the new FSoE frames in them.
+    """Reads captured Ethernet frames and returns the new FSoE frames in them.
 
     Raises:
-        CoreMissing: The compiled part is not there.
+        CoreMissing: The compiled part is missing.
     """
 
     def __init__(self) -> None:
@@ -107,12 +107,12 @@ class Scanner:
         self._packet = self._lib.fsn_scan_packet  # looked up once: called for every packet
 
     def packet(self, data: bytes, time_ns: int, bus: int = 0) -> list[Sighting]:
-        """Look at one captured Ethernet frame.
+        """Process one captured Ethernet frame.
 
         Args:
             data: The bytes from the destination address on.
             time_ns: When it was captured, never decreasing.
-            bus: Number of the bus, when the capture is of several, such as its interface.
+            bus: Number of the bus or interface, if the capture contains several.
 
         Returns:
             The new FSoE frames, oldest first; those of a connection that was just found include
@@ -156,7 +156,7 @@ class Scanner:
         return found
 
     def counts(self) -> ScanCounts:
-        """Return the results so far."""
+        """Return the current counters."""
         c = self._ffi.new("struct fsn_scan_counts *")
         self._lib.fsn_scan_counts(self._scan, c)
         return ScanCounts(**{f.name: getattr(c, f.name) for f in fields(ScanCounts)})

@@ -30,7 +30,7 @@ class AlStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentCounts:
-    """What a segment has seen; see ``struct fsn_segment_counts``."""
+    """Counters of a segment; see ``struct fsn_segment_counts``."""
 
     frames: int
     datagrams: int
@@ -54,8 +54,9 @@ class SegmentLink:
     """Where and how a segment answers.
 
     ``interface2``, if any, is the second port of the MainDevice and closes a ring. ``priority`` is
-    one of SCHED_FIFO, 0 for the normal scheduler; ``cpu`` is counted from 0, ``None``: any.
-    ``no_machine_on_this_wire`` vouches for real interfaces; only a test rig takes them.
+    a SCHED_FIFO priority, 0 for the normal scheduler; ``cpu`` counts from 0, ``None`` for any.
+    ``no_machine_on_this_wire`` confirms that no machine is connected to real interfaces; only a
+    test rig accepts them.
     """
 
     interface: str
@@ -73,7 +74,7 @@ class SegmentLink:
         return " and ".join(map(repr, self.interfaces))
 
     def why_refused(self, code: int) -> str:
-        """Return the meaning of a system error for it, and the next step."""
+        """Return the meaning of a system error for the segment, and the next step."""
         if code != errno.ENODEV:
             wanted = _WANTED.get(code, "raw sockets need CAP_NET_RAW, a priority CAP_SYS_NICE")
             return f"{self}: {os.strerror(code)}; {wanted}"
@@ -86,7 +87,7 @@ def is_test_rig() -> bool:
     """Return whether the compiled part may answer on real network interfaces.
 
     Raises:
-        CoreMissing: The compiled part is not there.
+        CoreMissing: The compiled part is missing.
     """
     _, lib = compiled()
     return bool(lib.fsn_segment_test_rig())
@@ -102,7 +103,7 @@ class Segment:
         plan: The plan; kept alive by the segment.
 
     Raises:
-        CoreMissing: The compiled part is not there.
+        CoreMissing: The compiled part is missing.
     """
 
     def __init__(self, plan: CorePlan) -> None:
@@ -122,7 +123,7 @@ class Segment:
 
     @property
     def size(self) -> int:
-        """SubDevices on the ring, couplers for free positions included."""
+        """SubDevices on the ring, including couplers at free positions."""
         return int(self._lib.fsn_segment_size(self._pointer))
 
     @property
@@ -132,44 +133,44 @@ class Segment:
 
     @property
     def names(self) -> frozenset[str]:
-        """SubDevices of the plan."""
+        """Names of the SubDevices of the plan."""
         return frozenset(self._plan.subdevice_names)
 
     def position(self, subdevice: str) -> int:
         """Return the ring position of a SubDevice.
 
         Raises:
-            ValueError: No such SubDevice.
+            ValueError: Unknown SubDevice.
         """
         number = self._plan.subdevice_names.index(subdevice)
         return int(self._lib.fsn_segment_position(self._pointer, number))
 
     def frame(self, data: bytes, now_ns: int) -> bytes | None:
-        """Let one Ethernet frame pass; return the answer, ``None`` when there is none."""
+        """Pass one Ethernet frame through; return the answer, or ``None`` if there is none."""
         buffer = self._ffi.new("uint8_t[]", data)
         size = self._lib.fsn_segment_frame(self._pointer, buffer, len(data), now_ns)
         return bytes(self._ffi.buffer(buffer, size)) if size else None
 
     def set_ring(self, ring: bool) -> None:
-        """Cable the last SubDevice to a second port of the MainDevice, or take the cable away."""
+        """Connect the last SubDevice to a second port of the MainDevice, or remove that cable."""
         self._lib.fsn_segment_set_ring(self._pointer, ring)
 
     def frame_from(self, port: int, data: bytes, now_ns: int) -> tuple[bytes, int] | None:
-        """Let a frame in at port 0 or 1; return the answer and the port where it comes out."""
+        """Pass a frame in at port 0 or 1; return the answer and the port where it leaves."""
         buffer = self._ffi.new("uint8_t[]", data)
         out = self._ffi.new("uint32_t *")
         size = self._lib.fsn_segment_frame_from(self._pointer, port, buffer, len(data), now_ns, out)
         return (bytes(self._ffi.buffer(buffer, size)), int(out[0])) if size else None
 
     def idle(self, now_ns: int) -> None:
-        """Let watchdogs see the time without a frame."""
+        """Advance the watchdogs to a time without a frame."""
         self._lib.fsn_segment_idle(self._pointer, now_ns)
 
     def read_outputs(self, sm: int) -> bytes:
         """Return the newest outputs of a sync manager by its number in the plan.
 
         Raises:
-            CoreError: It is not an output.
+            CoreError: The sync manager is not an output.
         """
         size, buffer = self._plan.sm_sizes[sm], self._buffers[sm]
         status = self._lib.fsn_segment_read_outputs(self._pointer, sm, buffer, size, self._ffi.NULL)
@@ -177,10 +178,10 @@ class Segment:
         return bytes(self._ffi.buffer(buffer, size))
 
     def write_inputs(self, sm: int, data: bytes) -> None:
-        """Publish the inputs of a sync manager, whole.
+        """Publish the inputs of a sync manager, all at once.
 
         Raises:
-            CoreError: It is not an input, or has another length.
+            CoreError: The sync manager is not an input, or has another length.
         """
         status = self._lib.fsn_segment_write_inputs(self._pointer, sm, data, len(data))
         raise_status(status, f"inputs of sync manager {sm}")
@@ -192,7 +193,7 @@ class Segment:
         return AlStatus(state=_STATES[status & 15], error=bool(status & 16), code=code[0])
 
     def set_present(self, position: int, present: bool) -> None:
-        """Unplug or reconnect the SubDevice at a ring position, with all after it."""
+        """Unplug or reconnect the SubDevice at a ring position, with all following ones."""
         self._lib.fsn_segment_set_present(self._pointer, position, present)
 
     def power_cycle(self, position: int) -> None:
@@ -200,10 +201,10 @@ class Segment:
         self._lib.fsn_segment_power_cycle(self._pointer, position)
 
     def set_link(self, position: int | None, up: bool) -> None:
-        """Cut or splice the cable after a SubDevice; ``None``: the one from the MainDevice.
+        """Cut or restore the cable after a SubDevice; ``None`` for the one from the MainDevice.
 
         Raises:
-            CoreError: No such cable.
+            CoreError: Unknown cable.
         """
         number = self._lib.FSN_NONE if position is None else position
         raise_status(self._lib.fsn_segment_set_link(self._pointer, number, up), "cable")
@@ -212,24 +213,24 @@ class Segment:
         """Count receive errors at port 0 (towards the MainDevice) or 1.
 
         Raises:
-            CoreError: No such SubDevice or port.
+            CoreError: Unknown SubDevice or port.
         """
         status = self._lib.fsn_segment_rx_errors(self._pointer, position, port, errors)
         raise_status(status, f"receive errors at port {port}")
 
     def swap(self, one: int, other: int) -> None:
-        """Exchange two SubDevices; both keep their position in all other calls.
+        """Exchange two SubDevices; all other calls still use their former positions.
 
         Raises:
-            CoreError: No such two SubDevices.
+            CoreError: Unknown SubDevices.
         """
         raise_status(self._lib.fsn_segment_swap(self._pointer, one, other), "swap")
 
     def set_identity(self, position: int, identity: tuple[int, int, int] | None) -> None:
-        """Say another vendor, product code and revision from the next power-on; ``None``: its own.
+        """Set vendor, product code and revision from the next power-on; ``None``: its own.
 
         Raises:
-            CoreError: No such SubDevice.
+            CoreError: Unknown SubDevice.
         """
         pointer = self._ffi.NULL
         if identity is not None:
@@ -239,20 +240,20 @@ class Segment:
         raise_status(status, "identity")
 
     def set_sdo_abort(self, position: int, index: int, sub: int | None, code: int) -> None:
-        """Abort SDO transfers of an object, of all its entries for ``None``; code 0: no longer.
+        """Abort SDO transfers of an object, or of all its entries for ``None``; code 0 ends this.
 
         Raises:
-            CoreError: No such SubDevice, or 16 objects of it are aborted already.
+            CoreError: Unknown SubDevice, or 16 of its objects are already aborted.
         """
         number = self._lib.FSN_NONE if sub is None else sub
         status = self._lib.fsn_segment_set_sdo_abort(self._pointer, position, index, number, code)
         raise_status(status, f"abort of 0x{index:04x}")
 
     def set_object(self, position: int, index: int, sub: int, data: bytes) -> None:
-        """Set an object as CoE reads it, now and after every power-on.
+        """Set the value of an object that CoE reads, now and after every power-on.
 
         Raises:
-            CoreError: No such SubDevice, or another length than before.
+            CoreError: Unknown SubDevice, or the length differs from the existing one.
         """
         status = self._lib.fsn_segment_set_object(
             self._pointer, position, index, sub, data, len(data)
@@ -260,10 +261,10 @@ class Segment:
         raise_status(status, f"object 0x{index:04x}:{sub:02x}")
 
     def offer_object(self, position: int, index: int, sub: int, data: bytes) -> None:
-        """Set an object as `set_object` does; where it is added, CoE may write it too.
+        """Set an object like `set_object`; a newly added object can also be written through CoE.
 
         Raises:
-            CoreError: No such SubDevice, or another length than before.
+            CoreError: Unknown SubDevice, or the length differs from the existing one.
         """
         status = self._lib.fsn_segment_offer_object(
             self._pointer, position, index, sub, data, len(data)
@@ -271,10 +272,10 @@ class Segment:
         raise_status(status, f"object 0x{index:04x}:{sub:02x}")
 
     def get_object(self, position: int, index: int, sub: int, size: int) -> bytes:
-        """Return an object of so many bytes as it is now.
+        """Return the current value of an object of this length.
 
         Raises:
-            CoreError: No such SubDevice or object, or another length.
+            CoreError: Unknown SubDevice or object, or another length.
         """
         buffer = self._ffi.new("uint8_t[]", max(1, size))
         status = self._lib.fsn_segment_get_object(self._pointer, position, index, sub, buffer, size)
@@ -282,28 +283,28 @@ class Segment:
         return bytes(self._ffi.buffer(buffer, size))
 
     def set_clock_bits(self, position: int, bits: int) -> None:
-        """Give the times of a distributed clock 32 or 64 bits.
+        """Set the width of distributed clock times to 32 or 64 bits.
 
         Raises:
-            CoreError: No such SubDevice, or another number of bits.
+            CoreError: Unknown SubDevice, or another number of bits.
         """
         status = self._lib.fsn_segment_set_clock_bits(self._pointer, position, bits)
         raise_status(status, f"clock of {bits} bits")
 
     def set_mailbox_delay(self, position: int, delay_ns: int) -> None:
-        """Let mailbox answers wait.
+        """Delay mailbox answers.
 
         Raises:
-            CoreError: No such SubDevice.
+            CoreError: Unknown SubDevice.
         """
         status = self._lib.fsn_segment_set_mailbox_delay(self._pointer, position, delay_ns)
         raise_status(status, "mailbox delay")
 
     def set_al_delay(self, position: int, delay_ns: int) -> None:
-        """Let AL state transitions wait.
+        """Delay AL state transitions.
 
         Raises:
-            CoreError: No such SubDevice.
+            CoreError: Unknown SubDevice.
         """
         status = self._lib.fsn_segment_set_al_delay(self._pointer, position, delay_ns)
         raise_status(status, "delay of AL states")
@@ -313,23 +314,23 @@ class Segment:
         self._lib.fsn_segment_lose(self._pointer, frames)
 
     def lose_every(self, frames: int) -> None:
-        """Lose every n-th frame; 0: none."""
+        """Lose every n-th frame; 0 for none."""
         self._lib.fsn_segment_lose_every(self._pointer, frames)
 
     def set_delay(self, delay_ns: int) -> None:
-        """Let frames on the interface take longer; 0: no longer."""
+        """Delay frames on the interface; 0 for no delay."""
         self._lib.fsn_segment_set_delay(self._pointer, delay_ns)
 
     def stall(self, duration_ns: int) -> None:
-        """Hold all frames on the interface for a while; they come afterwards."""
+        """Hold all frames on the interface for a time; they are sent afterwards."""
         self._lib.fsn_segment_stall(self._pointer, duration_ns)
 
     def repeat(self, frames: int) -> None:
-        """Keep the next answer and send it once more after each of so many further ones."""
+        """Keep the next answer and send it again after each of the given number of further ones."""
         self._lib.fsn_segment_repeat(self._pointer, frames)
 
     def counts(self) -> SegmentCounts:
-        """Return the results of the segment."""
+        """Return the counters of the segment."""
         c = self._ffi.new("struct fsn_segment_counts *")
         self._lib.fsn_segment_counts(self._pointer, c)
         return SegmentCounts(**{f.name: getattr(c, f.name) for f in fields(SegmentCounts)})
@@ -338,9 +339,9 @@ class Segment:
         """Answer on one or two veth or tap interfaces, in a thread, until `unlink`.
 
         Raises:
-            EnvironmentFault: No such interface, not a virtual one, or no permission.
+            EnvironmentFault: The interface is unknown or not virtual, or permission is missing.
         """
-        # The structure holds addresses only: the names must stay alive as long as it does.
+        # The structure contains only addresses, so the names must stay alive as long as it does.
         first = self._ffi.new("char[]", link.interface.encode())
         second = self._ffi.NULL
         if link.interface2 is not None:

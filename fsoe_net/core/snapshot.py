@@ -1,4 +1,4 @@
-"""What the cyclic thread lets others see, as plain values."""
+"""Data that the cyclic thread publishes, as plain values."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from fsoe_net.fsoe.parameters import NOT_OBSERVED, FsoeParameters
 class Histogram:
     """Times in nanoseconds; see ``struct fsn_histogram``.
 
-    ``buckets`` holds, for each bucket that is not empty, its smallest time and how many times fell
-    into it; a bucket is at most a 64th of its smallest time wide (below 64 ns: 1 ns). Percentiles
-    are the upper end of a bucket, never above ``max_ns``.
+    ``buckets`` contains the smallest time and the count of each non-empty bucket. The width of a
+    bucket is at most 1/64 of its smallest time (below 64 ns: 1 ns). Percentiles are the upper end
+    of a bucket, never above ``max_ns``.
     """
 
     count: int
@@ -29,7 +29,7 @@ class Histogram:
 
     @property
     def mean_ns(self) -> int:
-        """The mean of all times; 0 without any."""
+        """The mean of all times; 0 if there are none."""
         return self.sum_ns // self.count if self.count else 0
 
     def to_json(self) -> dict[str, object]:
@@ -38,10 +38,10 @@ class Histogram:
         return {name: getattr(self, name) for name in names}
 
     def at_most(self, per_million: int) -> int:
-        """Return the time that a share of all times does not exceed, ns, as the core does.
+        """Return the time in ns that a share of all times does not exceed, as the core does.
 
-        It is the upper end of the bucket in which that time fell, never above ``max_ns``; 0
-        without any time.
+        It is the upper end of the bucket that contains this time, never above ``max_ns``; 0 if
+        there are no times.
 
         Args:
             per_million: The share, such as 999990 for 99.999 %.
@@ -55,9 +55,9 @@ class Histogram:
 
 
 def bucket_end(floor_ns: int) -> int:
-    """Return where the bucket with this smallest time ends, ns: the smallest time of the next.
+    """Return the end of the bucket with this smallest time in ns: the smallest time of the next.
 
-    A bucket is a 64th of the power of two below it wide, and 1 ns below 64 ns.
+    The width of a bucket is 1/64 of the power of two below it, and 1 ns below 64 ns.
     """
     return floor_ns + max(1, 1 << floor_ns.bit_length() >> 7)
 
@@ -82,7 +82,7 @@ def bars_of(buckets: Iterable[Sequence[int]]) -> list[tuple[int, int, int]]:
 class Statistics:
     """Counters of the cyclic thread; the histograms stay empty in virtual time.
 
-    ``latency``: how late wake-ups came; ``period``: from one cycle to the next; ``work``: from the
+    ``latency``: delay of wake-ups; ``period``: from one cycle to the next; ``work``: from the
         wake-up to the end of sending; ``copy``: the copies alone; ``round_trip``: from sending to
         the last reply, if the bus measures it; ``dc_offset``: distance from the phase of the DC
         clock.
@@ -151,13 +151,13 @@ class DirectionSnapshot:
 
     @property
     def interval_mean_ns(self) -> int:
-        """The mean of all intervals; 0 without any."""
+        """The mean of all intervals; 0 if there are none."""
         return self.interval_sum_ns // self.intervals if self.intervals else 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionSnapshot:
-    """One connection as seen from outside, with its names of the plan where they are at hand."""
+    """One connection as observed on the bus, with its names of the plan if they are known."""
 
     name: str = ""
     net: str = ""
@@ -167,26 +167,26 @@ class ConnectionSnapshot:
     to_sub: DirectionSnapshot
     to_main: DirectionSnapshot
     gaps: int
-    """Times the chain was lost and found again without a Reset: frames passed unseen."""
+    """How often the chain was lost and found without a Reset, because frames were not observed."""
     observed: FsoeParameters = NOT_OBSERVED
-    """What the main has sent in its last start-up."""
+    """The parameters that the main sent in its last start-up."""
     configured: FsoeParameters = NOT_OBSERVED
-    """What the plan states; only from a program that reports it."""
+    """The parameters of the plan; only from a program that reports them."""
     differs: tuple[str, ...] = ()
-    """Names of the parameters that were not those of the plan when they were last observed."""
+    """Names of the parameters that differed from the plan when last observed."""
 
     @property
     def resets(self) -> int:
-        """Resets on the wire since the bus was opened, without the one that a start begins with.
+        """Resets on the wire since the bus was opened, without the one at the start.
 
-        Each is answered by a Reset of the other end, so the end that has sent more is counted.
+        Each Reset is answered by a Reset of the other end, so the larger of the two counts is used.
         """
         return max(self.to_sub.resets - 1, self.to_main.resets - 1, 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Snapshot:
-    """A consistent picture of one cycle; connections in plan order."""
+    """A consistent snapshot of one cycle; connections in plan order."""
 
     statistics: Statistics
     connections: tuple[ConnectionSnapshot, ...]
@@ -194,11 +194,11 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoreEvent:
-    """A change that the core has seen on the wire.
+    """A change that the core observed on the wire.
 
-    ``by``: who began the reset, ``main`` or ``sub``; empty for other changes. Where ``before`` is
-    ``after``, the parameters of the connection have come to differ from the plan or no longer do:
-    ``differs`` names those that do, ``parameters`` are those observed.
+    ``by``: the end that began the reset, ``main`` or ``sub``; empty for other changes. If
+    ``before`` equals ``after``, the parameters of the connection have started or stopped to differ
+    from the plan: ``differs`` names the differing ones, ``parameters`` are those observed.
     """
 
     now_ns: int
@@ -213,7 +213,7 @@ class CoreEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CycleImage:
-    """What a recorder takes of one cycle: its number, counters so far, and the process image."""
+    """The data of one cycle for a recorder: its number, the counters so far, the process image."""
 
     cycle: int
     now_ns: int

@@ -11,7 +11,7 @@ _LOWEST = -127  # values are small and negative
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatusInfo:
-    """A status: ``FSN_E_BUS_SILENT``, -64, its meaning, and the action."""
+    """A status: name, such as ``FSN_E_BUS_SILENT``, value (-64), meaning, and action."""
 
     name: str
     value: int
@@ -23,7 +23,7 @@ def status_table() -> tuple[StatusInfo, ...]:
     """Return every status that is an error.
 
     Raises:
-        CoreMissing: The compiled module is not there.
+        CoreMissing: The compiled module is missing.
     """
     ffi, lib = compiled()
     rows = (
