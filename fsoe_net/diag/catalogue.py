@@ -2,7 +2,8 @@
 
 FSN1xx loading, FSN2xx plan and copies, FSN3xx FSoE, FSN4xx devices and layout, FSN5xx live bus,
 FSN6xx timing. Each code has a page ``docs/diagnostics/FSNxyz.md`` and a seeded mistake in
-``tests/diagnostics/cases.yaml`` that raises it where the clean files do not; a test demands both.
+``tests/diagnostics/cases.yaml`` that triggers it, while the clean files do not; a test requires
+both.
 """
 
 from __future__ import annotations
@@ -238,13 +239,13 @@ def code_info(code: str) -> CodeInfo:
     """Return the catalogue line of a code.
 
     Raises:
-        KeyError: No such code.
+        KeyError: Unknown code.
     """
     return CATALOGUE[code]
 
 
 def nearest_codes(text: str) -> tuple[str, ...]:
-    """Return the codes that a user may have meant. ``203`` and ``fsn203`` are understood."""
+    """Return the codes that a user may have meant. ``203`` and ``fsn203`` are accepted."""
     wanted = text.strip().upper()
     if wanted.isdigit():
         wanted = "FSN" + wanted

@@ -1,4 +1,4 @@
-"""The shape of one finding: code, severity, message, place, related places, hint."""
+"""Data types of a finding: code, severity, message, place, related places, hint."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Severity(enum.Enum):
-    """How bad a finding is. `check` exits with 1 for errors and warnings, not for ``info``."""
+    """Severity of a finding. `check` exits with 1 for errors and warnings, not for ``info``."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -21,7 +21,7 @@ class Severity(enum.Enum):
 
     @property
     def rank(self) -> int:
-        """0 for the worst, rising."""
+        """0 for the most severe, increasing."""
         return _RANK[self]
 
 
@@ -43,7 +43,7 @@ class Span:
         return f"{self.file}:{self.line}:{self.column}" if self.line else self.file
 
 
-# A message contains values of files, which may have any length.
+# A message contains values from files, which may have any length.
 _MOST_CHARACTERS = 2000
 _LAST_CHARACTERS = 500
 
@@ -69,7 +69,7 @@ class Related:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Edit:
-    """One scalar of a YAML file, or its key, and the text that belongs there.
+    """A replacement for one scalar of a YAML file, or for its key.
 
     Args:
         span: Place of the value.
@@ -86,7 +86,7 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fix:
-    """What to do about a finding: words for people, and edits when there is exactly one way."""
+    """The fix of a finding: text for people, and edits if there is exactly one solution."""
 
     hint: str
     edits: tuple[Edit, ...] = ()
@@ -98,13 +98,13 @@ class Diagnostic:
 
     Args:
         code: ``FSNxyz`` from the catalogue; never renumbered.
-        message: One sentence that names the values involved; the middle of a long one is left out,
-            as of a long hint.
-        span: Where the user has to look.
-        severity: Taken from the catalogue when left out.
-        hint: The concrete fix where one can be computed, else the next step; may be empty.
+        message: One sentence that names the values involved; a long message or hint is shortened in
+            the middle.
+        span: The place to look at.
+        severity: From the catalogue if omitted.
+        hint: The concrete fix if one can be computed, otherwise the next step; may be empty.
         related: Further places.
-        edits: The hint as changes of the file, when there is exactly one way.
+        edits: The hint as changes of the file, if there is exactly one solution.
 
     Raises:
         KeyError: The code is not in the catalogue.
@@ -127,7 +127,7 @@ class Diagnostic:
 
     @property
     def level(self) -> Severity:
-        """The severity, never ``None``."""
+        """The severity; never ``None``."""
         return self.severity or Severity.ERROR
 
     def to_json(self) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""What a misspelt word may mean: every known word that fits as well as the best one."""
+"""Suggestions for a misspelt word: every known word that matches as well as the best one."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 
-_MOST_COMPARISONS = 200_000  # of two words; a second or two
-_AS_WELL = 0.05  # of the ratio of two words
-_MOST = 4  # words to choose from; more would not help
+_MOST_COMPARISONS = 200_000  # of two words; takes one or two seconds
+_AS_WELL = 0.05  # difference in similarity below which two words match equally well
+_MOST = 4  # suggestions; more would not help
 _LONGEST = 200  # characters; no name is longer
 
 
 class Guesses:
-    """Guesses at what a misspelt word means, over words that may be tens of thousands.
+    """Suggestions for misspelt words, from a list that may contain tens of thousands.
 
-    Each word is compared once. Of many words only the first get the slow comparison: by then
-    the cause is one mistake made everywhere, and the user needs no further guess.
+    Each word is compared once. With many words, only the first ones get the slow comparison: the
+    cause is then one repeated mistake, and the user needs no further suggestion.
     """
 
     def __init__(self, known: Iterable[str], *, cutoff: float = 0.6) -> None:
@@ -61,7 +61,7 @@ class Guesses:
             matcher.set_seq1(known)
             ratios[known] = matcher.ratio()
         least = max(ratios.values()) - _AS_WELL
-        # names of one row, drive_1 and drive_2, are as near to drive_3 as each other
+        # for example drive_1 and drive_2, which are equally similar to drive_3
         row = _without_numbers(word)
         found = [k for k in close if ratios[k] >= least or _without_numbers(k) == row]
         found.sort(key=lambda k: (-ratios[k], k))
@@ -76,7 +76,7 @@ def guesses(word: str, known: Iterable[str], *, cutoff: float = 0.6) -> tuple[st
     Args:
         word: The word as written.
         known: The valid words.
-        cutoff: Least similarity of two words, 0 to 1.
+        cutoff: Minimum similarity of two words, 0 to 1.
     """
     return Guesses(known, cutoff=cutoff).of(word)
 
@@ -95,5 +95,5 @@ def _numbers(word: str) -> list[str]:
 
 
 def _without_numbers(word: str) -> str:
-    """Return a word without the numbers that count; those of four digits are type numbers."""
+    """Return a word without its counting numbers; numbers of four digits are type numbers."""
     return re.sub(r"(?<![0-9])[0-9]{1,2}(?![0-9])", "0", word)

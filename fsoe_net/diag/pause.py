@@ -12,10 +12,10 @@ _T = TypeVar("_T")
 
 
 def without_collector(function: Callable[_P, _T]) -> Callable[_P, _T]:
-    """Let the cyclic garbage collector rest during a call; what it was before, it is after.
+    """Disable the cyclic garbage collector during a call; its previous state is restored.
 
-    A network is millions of objects without a cycle: looking for one again and again while they are
-    made took half of the time. Reference counts go on freeing what is let go.
+    A network consists of millions of objects without reference cycles. Searching for cycles took
+    half of the time. Reference counts still free unused objects.
     """
 
     @functools.wraps(function)

@@ -1,4 +1,4 @@
-"""Texts of unknown origin, made fit to be shown: no character acts on a terminal or a page."""
+"""Makes text of unknown origin printable: no character can control a terminal or a page."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ _BIDI = frozenset("\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 
 
 def printable(text: str, *, keep: str = "") -> str:
-    r"""Return a text with each character that does not print as its escape, such as ``\u001b``.
+    r"""Return a text in which each unprintable character is escaped, such as ``\u001b``.
 
     The escapes are those of JSON, so a JSON document keeps its meaning.
 
     Args:
-        text: Of any origin.
-        keep: Characters that stay as they are, such as the line break of a text of many lines.
+        text: Text of any origin.
+        keep: Characters that stay unchanged, such as line breaks in a text of several lines.
     """
     if text.isprintable():
         return text
-    # A name from the machine, where the locale of the process has no UTF-8.
+    # A name from the machine, if the locale of the process has no UTF-8.
     with contextlib.suppress(UnicodeError):
         text = text.encode("utf-8", "surrogateescape").decode("utf-8")
     return "".join(c if c in keep or not _is_hidden(c) else _escape(c) for c in text)
 
 
 def first_control(text: str) -> str:
-    """Return the first character that acts on a terminal or reorders a line; empty without one.
+    """Return the first character that controls a terminal or reorders a line, or an empty string.
 
-    Line breaks and tabs are none of these. Marks that some scripts need, such as the zero-width
-    non-joiner, are not either.
+    Line breaks and tabs are allowed. So are marks that some scripts need, such as the zero-width
+    non-joiner.
     """
     if text.isprintable():
         return ""

@@ -1,4 +1,4 @@
-"""Words of messages."""
+"""Helpers for the wording of messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def counted(number: int, word: str) -> str:
 
 
 def noun(number: float, word: str) -> str:
-    """Return the word as it follows the number: ``copy`` or ``copies``."""
+    """Return the word in the form required by the number: ``copy`` or ``copies``."""
     if number == 1:
         return word
     stem = word[:-1]
@@ -22,13 +22,13 @@ def noun(number: float, word: str) -> str:
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:
-    """Return names with commas; of very many the first, and how many more there are."""
+    """Return names separated by commas; of many, the first ones and the number of further ones."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"{', '.join(names[:most])}{more}"
 
 
 def summary(diagnostics: Sequence[Diagnostic]) -> str:
-    """Return ``2 errors, 1 warning, 3 notes``; empty without any."""
+    """Return ``2 errors, 1 warning, 3 notes``; empty if there are none."""
     parts = []
     for level, word in (
         (Severity.ERROR, "error"),
