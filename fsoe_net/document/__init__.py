@@ -1,4 +1,4 @@
-"""Documents as data, and the writers that make pages, text and JSON of them.
+"""Documents as data, and the writers that convert them to pages, text and JSON.
 
 Add here: a kind of block, a writer. Blocks are independent of FSoE. Do not add: contents of a
 report (`report`).

@@ -1,7 +1,7 @@
-"""A document as data: sections of paragraphs, tables and pictures; writers make pages of it.
+"""A document as data: sections of paragraphs, tables and pictures, which writers convert to pages.
 
 Every number is a `Number` with its unit and its source, every judgement a `Verdict` with a word, so
-that no writer needs colours to say anything. Texts may be of any origin: each writer escapes them.
+that no meaning depends on colours. Texts may be of any origin: each writer escapes them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fsoe_net.diag.words import noun
 
 
 class Level(enum.Enum):
-    """How a verdict has to be read; each writer gives it a mark and a word."""
+    """Level of a verdict; each writer gives it a mark and a word."""
 
     CLEAR = "clear"
     NOTE = "note"
@@ -25,7 +25,7 @@ class Level(enum.Enum):
 
 
 class Style(enum.Enum):
-    """How a text is set. ``BLANK``: a field that a person fills in by hand."""
+    """How text is set. ``BLANK``: a field that a person fills in by hand."""
 
     PLAIN = "plain"
     MUTED = "muted"
@@ -36,7 +36,7 @@ class Style(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Words."""
+    """Text with a style."""
 
     text: str
     style: Style = Style.PLAIN
@@ -47,9 +47,9 @@ class Number:
     """A number as printed.
 
     Attributes:
-        value: Unrounded.
-        text: As it is printed, without the unit.
-        unit: Empty only for what is a name, such as an address.
+        value: Unrounded value.
+        text: Printed form, without the unit.
+        unit: Empty only for identifiers, such as an address.
         source: Where it comes from, in words.
     """
 
@@ -61,7 +61,7 @@ class Number:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """A judgement in words."""
+    """A judgement in words, with a level."""
 
     word: str
     level: Level
@@ -98,7 +98,7 @@ class Bullets:
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """Lines that stay as they are: commands to copy, recordings, bars of characters."""
+    """Lines without wrapping: commands to copy, recordings, bar charts of characters."""
 
     lines: tuple[str, ...]
 
@@ -109,9 +109,10 @@ class Column:
 
     Attributes:
         title: Description of its cells.
-        number: Its cells are aligned as numbers are.
-        rank: A narrow terminal leaves out the columns of the highest rank first, those of 0 never.
-        wraps: Its cells are sentences, which may take several lines of a terminal.
+        number: Whether its cells are aligned like numbers.
+        rank: A narrow terminal omits the columns of the highest rank first, and never those of rank
+            0.
+        wraps: Whether its cells are sentences that may take several lines of a terminal.
         share: Percent of the width of a page; 0 for the natural width.
     """
 
@@ -217,7 +218,7 @@ def section_marks(sections: Sequence[Section]) -> list[str]:
     return [chr(ord("A") + n - main) if s.appendix else str(n + 1) for n, s in enumerate(sections)]
 
 
-# -- short ways to write cells --------------------------------------------------------------------
+# -- helpers for cells ---------------------------------------------------------------------------
 
 
 def cell(*items: Item | str) -> Cell:
@@ -231,17 +232,17 @@ def words(*items: Item | str, note: bool = False) -> Paragraph:
 
 
 def muted(text: str) -> Text:
-    """Return text of less weight."""
+    """Return text with less emphasis."""
     return Text(text, Style.MUTED)
 
 
 def strong(text: str) -> Text:
-    """Return text of more weight."""
+    """Return text with more emphasis."""
     return Text(text, Style.STRONG)
 
 
 def code(text: str) -> Text:
-    """Return text as in a file or on a screen."""
+    """Return text of a file or a screen."""
     return Text(text, Style.CODE)
 
 
@@ -252,7 +253,7 @@ def decimal(value: float, digits: int = 2) -> str:
 
 
 def outward(value: float, digits: int = 2, *, up: bool) -> float:
-    """Round a bound to the side on which it remains valid.
+    """Round a bound so that it remains valid.
 
     A minimum and a judged time are rounded up, a maximum down: at most 49.996 ms must not be shown
     as 50 ms. Floating-point errors are ignored.
@@ -269,19 +270,19 @@ def number_of(value: float | None, word: str, source: str, text: str = "") -> It
         value: The number.
         word: The unit, in the singular.
         source: Source of the number.
-        text: Printed form of the number; decimal when empty.
+        text: Printed form of the number; decimal if empty.
     """
     return stated(value, "" if value is None else noun(value, word), source, text)
 
 
 def stated(value: float | None, unit: str, source: str, text: str = "") -> Item:
-    """Return a number, or that it is not stated.
+    """Return a number, or a text that it is not stated.
 
     Args:
         value: The number.
         unit: Its unit.
-        source: Where it comes from.
-        text: How it is printed; in decimal form when empty.
+        source: Source of the number.
+        text: Printed form of the number; decimal if empty.
     """
     if value is None:
         return Verdict("not stated", Level.OPEN)

@@ -1,4 +1,4 @@
-"""Marks for the sources of the numbers of a table: once per column where one source serves all."""
+"""Marks for the sources of the numbers of a table, one per column if all its numbers share it."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Sources:
         self.legend = tuple((mark, source) for source, mark in names.items())
 
     def head(self, column: int) -> str:
-        """Return the mark at the head of a column; empty when its cells have marks of their own."""
+        """Return the mark at the head of a column; empty if its cells have their own marks."""
         return _raised(self._names[self._single[column]]) if column in self._single else ""
 
     def mark(self, number: Number, column: int) -> str:
-        """Return the mark after a number; empty when the head of its column has it."""
+        """Return the mark after a number; empty if the head of its column has it."""
         if column in self._single or not number.source:
             return ""
         return _raised(self._names[number.source])

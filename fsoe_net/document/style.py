@@ -1,4 +1,4 @@
-"""The style of all pages: light and dark, phone width, A4 with a head on each page."""
+"""The style of all pages: light and dark, phone width, A4 with a header on each page."""
 
 PICTURES = """\
 svg{width:100%;height:auto;font-family:inherit}text{fill:var(--ink)}
@@ -11,7 +11,7 @@ stroke:var(--c0);stroke-width:3}.box.sub{fill:var(--sub);stroke:var(--amber)}
 .tick{stroke:var(--back);stroke-width:.8}.moment{stroke:var(--ink);stroke-width:2}
 svg.window{max-height:46px}
 """
-"""Of the drawings alone."""
+"""Style of the drawings alone."""
 
 _COLOURS = """\
 :root{color-scheme:light dark;--ink:#1f2328;--back:#fff;--soft:#57606a;--line:#d0d7de;

@@ -1,4 +1,4 @@
-"""A document as one HTML file: no script, light and dark, prints to A4 with a head on each page."""
+"""A document as one HTML file: no script, light and dark, printable on A4 with a page header."""
 
 from __future__ import annotations
 

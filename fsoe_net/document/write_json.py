@@ -20,7 +20,7 @@ from fsoe_net.document.model import (
 
 
 def section_json(number: int, section: Section) -> dict[str, Any]:
-    """Return a section; numbers begin at 1 and count appendices too."""
+    """Return a section; numbers begin at 1 and include appendices."""
     return {
         "number": number,
         "key": section.key,

@@ -1,4 +1,4 @@
-"""A document as Markdown: tables with marks instead of colours, pictures as their words."""
+"""A document as Markdown: tables with marks instead of colours, text instead of pictures."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def _part(part: Part, *, depth: int) -> list[str]:
 
 
 def _running(items: Sequence[Item]) -> str:
-    """Return running text; what begins it does not make a heading, a list or a quotation of it."""
+    """Return running text whose beginning cannot form a heading, a list or a quotation."""
     text = "".join(_inline(i) for i in items)
     return re.sub(r"^(\s*\d*)([-+>.)])", r"\1\\\2", text)
 
@@ -118,19 +118,19 @@ def _inline(item: Item) -> str:
         return _code(item.text)
     if item.style is Style.STRONG:
         text = _words(item.text)
-        bare = text.rstrip()  # a space before the closing marks would leave them as they are
+        bare = text.rstrip()  # with a space before them, the closing marks would have no effect
         return f"**{bare}**{text[len(bare) :]}"
     return "____" if item.style is Style.BLANK else _words(item.text)
 
 
 def _words(text: str) -> str:
-    """Return text that Markdown takes for text, on one line."""
+    """Return text on one line that Markdown does not interpret."""
     text = printable(text.replace("\n", " "))
     return re.sub(r"[\\`*_<\[#&]", r"\\\g<0>", text)
 
 
 def _code(text: str) -> str:
-    """Return text as code; its fence is longer than any row of backticks in it."""
+    """Return text as code; its fence is longer than any run of backticks in it."""
     text = printable(text.replace("\n", " "))
     if "`" not in text:
         return f"`{text}`"

@@ -1,4 +1,4 @@
-"""A document as PDF: the same page as HTML, printed to A4 by WeasyPrint (the extra ``pdf``)."""
+"""A document as PDF: the HTML page printed to A4 by WeasyPrint (the extra ``pdf``)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from fsoe_net.errors import EnvironmentFault
 
 _OTHERWISE = "or write .html and print it to a PDF file in a browser"
 
-# Head and foot go into the margins instead of a table around the page, which would be slow.
+# Header and footer are in the margins; a table around the page would be slow.
 _PRINT = """
 @page{margin:22mm 13mm 20mm 15mm;
 @top-left{content:element(head);width:100%;vertical-align:bottom;padding-bottom:2mm}
@@ -37,7 +37,7 @@ def pdf_library() -> Any:
     """Return WeasyPrint.
 
     Raises:
-        EnvironmentFault: It, or a library of the system that it needs, is not installed.
+        EnvironmentFault: WeasyPrint or a system library that it needs is not installed.
     """
     try:
         import weasyprint
@@ -55,7 +55,7 @@ def pdf_library() -> Any:
 
 @without_collector
 def document_pdf(document: Document) -> bytes:
-    """Return the document as PDF, without a date: same input, library and fonts, same bytes.
+    """Return the document as PDF without a date: equal input, library and fonts give equal bytes.
 
     Raises:
         InputError: WeasyPrint is not installed.
@@ -63,9 +63,9 @@ def document_pdf(document: Document) -> bytes:
     library = pdf_library()
     log = logging.getLogger("weasyprint")
     level = log.level
-    log.setLevel(logging.CRITICAL)  # of rules for screens and other browsers
+    log.setLevel(logging.CRITICAL)  # warnings about rules for screens and other browsers
     try:
-        # A document needs nothing from outside: its pictures are in the page.
+        # A document needs nothing external: its pictures are in the page.
         inside = library.urls.URLFetcher(allowed_protocols=("data",))
         page = _for_print(document_html(document))
         return bytes(library.HTML(string=page, url_fetcher=inside).write_pdf())
@@ -74,9 +74,9 @@ def document_pdf(document: Document) -> bytes:
 
 
 def _for_print(page: str) -> str:
-    """Return the page with its pictures as images, which see no rules of the page.
+    """Return the page with its pictures as images, to which the rules of the page do not apply.
 
-    So each is styled in itself. As parts of the page they would take as long as its text.
+    Each picture therefore contains its own style. Inline pictures would take as long as the text.
     """
     colours = dict(re.findall(r"--([\w-]+):([^;}]+)", STYLE.partition("@media")[0]))
     light = re.sub(r"var\(--([\w-]+)[^)]*\)", lambda m: colours[m[1]], PICTURES)

@@ -1,6 +1,6 @@
 """A document for terminals of any width, and as plain text.
 
-A narrow terminal has fewer columns, never truncated names; plain text has all of them.
+A narrow terminal shows fewer columns, never truncated names; plain text has all columns.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 _GAP = 2  # cells between two columns
-_WRAPPED = 24  # cells that a column of sentences needs at least
+_WRAPPED = 24  # minimum width of a column of sentences, in cells
 _UNLIMITED = 1_000_000
-_TEXT_WIDTH = 100  # of running text, where there is more room
+_TEXT_WIDTH = 100  # of running text, on a wider terminal
 _LEVELS = {
     Level.CLEAR: "green",
     Level.NOTE: "cyan",
@@ -53,10 +53,10 @@ _STYLES = {
 
 
 class TerminalView:
-    """What `rich` prints of a document, also again and again in one place.
+    """A renderable for `rich`, which can also be updated in place.
 
     Args:
-        document: Texts in it may be of any origin; nothing in them acts on the terminal.
+        document: Texts in it may be of any origin; they cannot control the terminal.
     """
 
     def __init__(self, document: Document) -> None:
@@ -93,8 +93,7 @@ def document_text(document: Document, *, width: int | None = _TEXT_WIDTH) -> str
 
     Args:
         document: Document to write.
-        width: Columns of running text, ``None`` for whole paragraphs; tables use their natural
-            width.
+        width: Width of running text, ``None`` for whole paragraphs; tables use their natural width.
     """
     from rich.console import Console
 
@@ -106,7 +105,7 @@ def document_text(document: Document, *, width: int | None = _TEXT_WIDTH) -> str
 def _parts(
     parts: Sequence[Part], console: Console, options: ConsoleOptions
 ) -> Iterator[Text | _FittedTable]:
-    """Yield parts; an empty line is between all but running text and what follows a heading."""
+    """Yield parts, separated by empty lines except between running text and after a heading."""
     from rich.text import Text
 
     width = min(options.max_width, _TEXT_WIDTH) if console.is_terminal else options.max_width
@@ -141,7 +140,7 @@ def _part(part: Part, console: Console, width: int) -> Iterator[Text | _FittedTa
 def _wrapped(
     items: Sequence[Item], console: Console, width: int, first: str = ""
 ) -> Iterator[Text]:
-    """Yield running text; further lines begin below the first word."""
+    """Yield running text; further lines are indented to the first word."""
     from rich.text import Text
 
     text = _text(items, between="")
@@ -172,7 +171,7 @@ def _safe(text: str) -> str:
 
 
 class _FittedTable:
-    """A table as wide as its columns need; what does not fit is left out, and named below."""
+    """A table as wide as its columns need; omitted columns are named below it."""
 
     def __init__(self, table: Table) -> None:
         self._table = table
