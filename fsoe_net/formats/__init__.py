@@ -1,6 +1,6 @@
-"""Files into the model and back, every value with its place; mistakes become diagnostics.
+"""Reads files into the model and writes them; every value has its place; mistakes are diagnostics.
 
-Add here: a folder per format with its `Format`, reader, writer and limits; commands find it by
-themselves. A file is hostile until it is checked. Do not add: rules over several files (`rules`,
-`compare`).
+Add here: a folder per format with its `Format`, reader, writer and limits; commands find it
+automatically. Treat every file as hostile until it is checked. Do not add: rules over several files
+(`rules`, `compare`).
 """

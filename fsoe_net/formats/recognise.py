@@ -1,4 +1,4 @@
-"""What kind of file this is: by content, and only where that shows nothing by its name."""
+"""Recognises the type of a file by content, and by its name only if the content is inconclusive."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _UNPACK = "unpack it, then name the files in it"
 _AGAIN = "fetch the file itself; this is what came instead of it"
 BUILDER_PROJECT = "which looks like a project of an ENI builder, not its ENI"
 
-# What it is, how it begins, the next step.
+# Description, start of the file, next step.
 _BEGINNINGS = (
     ("a ZIP archive", rb"PK\x03\x04|PK\x05\x06", _UNPACK),
     ("a file packed with gzip", rb"\x1f\x8b", "unpack it with `gunzip`"),
@@ -77,7 +77,7 @@ class Recognised:
 
     @property
     def words(self) -> str:
-        """Its description, with an article."""
+        """The description, with an article."""
         return self.signature.words
 
     @property
@@ -93,7 +93,7 @@ class Recognised:
 
 @functools.cache
 def _table() -> tuple[Recognised, ...]:
-    """Return each way to recognise a file; rows that need a root and a text come first."""
+    """Return all ways to recognise a file; rows that need both a root and a text come first."""
     # The output of `ethercat xml` has the root of an ESI: its comment decides before the root.
     rows = [Recognised(f, s) for f in all_formats().values() for s in f.signatures]
     rows += [Recognised(None, s) for s in UNSUPPORTED]
@@ -114,7 +114,7 @@ def recognise(data: bytes) -> Recognised | None:
 
 
 def beginning(data: bytes) -> Recognised | None:
-    """Return what a file is whose first bytes show it."""
+    """Return the type of a file that its first bytes show."""
     head = data[:_BEGINNING_BYTES]
     for row in _table():
         sign = row.signature
@@ -150,7 +150,7 @@ class _Enough(Exception):
 
 
 def _first_elements(head: bytes) -> list[tuple[str, dict[str, str]]]:
-    """Return name and attributes of the root, with an unknown one of some elements in it."""
+    """Return name and attributes of the root; if it is unknown, also of some elements in it."""
     elements: list[tuple[str, dict[str, str]]] = []
 
     def start(name: str, given: dict[str, str]) -> None:
@@ -158,7 +158,7 @@ def _first_elements(head: bytes) -> list[tuple[str, dict[str, str]]]:
         if _of_root(elements[0][0]) or len(elements) >= _MOST_ELEMENTS:
             raise _Enough
 
-    for encoding in (None, "iso-8859-1"):  # the second for text that is not what it claims
+    for encoding in (None, "iso-8859-1"):  # if the declared encoding is wrong
         if elements:
             break
         parser = expat.ParserCreate(encoding)
@@ -169,7 +169,7 @@ def _first_elements(head: bytes) -> list[tuple[str, dict[str, str]]]:
 
 
 def _text(head: bytes) -> Recognised | None:
-    """Return the format whose mark comes first; in each format its first signature counts."""
+    """Return the format whose mark comes first; each format counts with its first signature."""
     found: dict[str, tuple[int, Recognised]] = {}
     for row in _table():
         sign = row.signature
@@ -195,7 +195,7 @@ def find_format(source: Source, out: Collector, *, name: str = "<file>") -> Form
 
     Args:
         source: Path, or the bytes of the file.
-        out: Takes FSN101 when it cannot be read, FSN117 for an unknown file, with a list of the
+        out: Takes FSN101 if the file cannot be read, FSN117 for an unknown file, with a list of the
             supported formats.
         name: Name shown when ``source`` is bytes.
     """
@@ -223,7 +223,7 @@ def _probably(head: bytes, path: str) -> Recognised | None:
 
 
 def _guesses(head: bytes, path: str) -> Iterator[Format]:
-    """Yield the formats that a file may have whose content shows none for certain."""
+    """Yield the possible formats of a file whose content does not identify one with certainty."""
     known = all_formats().values()
     yield from (f for f in known if any(re.search(g, head) for g in f.guesses))
     yield from (f for f in known if path.endswith(f.suffixes))
@@ -251,7 +251,7 @@ def _refuse(found: Recognised | None, path: str, out: Collector) -> None:
 
 
 def refuse_known(data: bytes, place: Span, wanted: str, out: Collector) -> bool:
-    """Identify a file that does not describe a network; ``False``: unknown file.
+    """Identify a file that does not describe a network; ``False`` for an unknown file.
 
     Args:
         data: The file.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Yields(enum.Enum):
-    """Purpose of a file of a format for readers."""
+    """What a file of a format yields to readers."""
 
     NETWORK = "a network, or a part of one"  # read together by `own.network.load_network`
     BUS = "SubDevices with their places"
@@ -90,13 +90,13 @@ class Format:
         expects: Appearance of such a file; shown for unknown files.
         yields: Purpose of reading it.
         read: ``module:function``, which takes a `Source`, a `Collector` and ``name=`` and returns a
-            `Description` or ``None``; empty where it yields a network.
+            `Description` or ``None``; empty if it yields a network.
         signatures: Definite signatures; the first match counts.
-        guesses: Patterns of which one in the first 64 KiB shows it when no signature of any format
-            fits and no suffix is known.
-        suffixes: Suffixes that identify it when the content does not.
-        is_streamed: Read from a path piece by piece, whatever its size.
-        has_masters: A file may have several EtherCAT masters; the reader takes ``master=``.
+        guesses: Patterns in the first 64 KiB that indicate the format if no signature matches and
+            the suffix is unknown.
+        suffixes: Suffixes that identify it if the content does not.
+        is_streamed: Whether it is read from a path piece by piece, whatever its size.
+        has_masters: Whether a file may have several EtherCAT masters; the reader takes ``master=``.
         is_binary: Whether it accepts binary files that no other format identifies.
         parts: Suffixes of files named by another file of the same folder, by the suffix of that
             file.
@@ -151,7 +151,7 @@ def target_of(path: str) -> tuple[str, Target | None]:
 
 
 def function_of(place: str) -> Callable[..., Any]:
-    """Return the function that ``module:function`` names."""
+    """Return the function named ``module:function``."""
     module, _, name = place.partition(":")
     found: Callable[..., Any] = getattr(importlib.import_module(module), name)
     return found
@@ -167,7 +167,7 @@ def read_foreign(
         found: Its format; it does not yield a network.
         out: Takes its findings.
         name: Name shown when ``source`` is bytes.
-        master: Number or name of the master to read of a file that has several.
+        master: Number or name of the master to read if a file has several.
     """
     chosen = {"master": master} if found.has_masters else {}
     read: Description | None = function_of(found.read)(source, out, name=name, **chosen)

@@ -1,4 +1,4 @@
-"""Captures (pcap, pcapng) of a start-up: the bus that a MainDevice set up."""
+"""Captures (pcap, pcapng) of a start-up: the bus that a MainDevice configured."""
 
 from __future__ import annotations
 

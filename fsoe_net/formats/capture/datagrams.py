@@ -23,7 +23,7 @@ _LENGTH, _MORE = 0x07FF, 0x8000
 
 
 class DatagramCommand(enum.IntEnum):
-    """What a datagram asks for: a SubDevice by ring position, by station address, all, logical."""
+    """Addressing of a datagram: a SubDevice by ring position or station address, all, logical."""
 
     APRD, APWR, APRW = 1, 2, 3
     FPRD, FPWR, FPRW = 4, 5, 6
@@ -33,7 +33,7 @@ class DatagramCommand(enum.IntEnum):
 
 
 class Datagram(NamedTuple):
-    """One datagram; ``address`` is that of a SubDevice, ``register`` a place in its memory."""
+    """Datagram; ``address`` is that of a SubDevice, ``register`` a location in its memory."""
 
     command: int
     number: int
@@ -49,10 +49,10 @@ class Datagram(NamedTuple):
 
 
 def joined(rows: Sequence[Datagram]) -> list[Datagram]:
-    """Return the logical datagrams of a packet, those that continue each other as one.
+    """Return the logical datagrams of a packet, with consecutive ones joined.
 
-    A MainDevice cuts its image into datagrams as it likes, which may cut an FSoE frame in two. A
-    datagram with an answer is not joined to one without.
+    A MainDevice may split its image into datagrams anywhere, even within an FSoE frame. A datagram
+    with an answer is not joined to one without.
     """
     found: list[Datagram] = []
     for row in rows:
@@ -74,10 +74,10 @@ def datagrams(packet: bytes) -> tuple[list[Datagram], bool] | None:
     """Return the datagrams of a packet, and whether something is missing at its end.
 
     Args:
-        packet: From the destination MAC on.
+        packet: The packet, from the destination MAC on.
 
     Returns:
-        ``None`` when the packet is not EtherCAT.
+        The datagrams and whether the end is truncated, or ``None`` if the packet is not EtherCAT.
     """
     start = _begin(packet)
     if start is None:

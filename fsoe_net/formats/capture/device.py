@@ -13,7 +13,7 @@ from fsoe_net.formats.sii.read import SiiImage, describe_sii, read_sii_categorie
 from fsoe_net.model.bus import Device, Direction, Entry, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.description import DescribedSubDevice
 
-_PROCESS_DATA = range(2, 16)  # sync managers that the assignment objects can mean
+_PROCESS_DATA = range(2, 16)  # sync managers that assignment objects can refer to
 _WATCHDOG = 0x40
 _IDENTITY = {"vendor": (0x8, 1), "product": (0xA, 2), "revision": (0xC, 3), "serial": (0xE, 4)}
 _FORMATS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
@@ -21,7 +21,7 @@ _FORMATS = {1: "<B", 2: "<H", 4: "<I", 8: "<Q"}
 
 @dataclass(slots=True)
 class _Read:
-    """A SubDevice while it is described."""
+    """State of the description of one SubDevice."""
 
     station: Station
     path: str
@@ -77,7 +77,7 @@ def describe_station(station: Station, path: str, out: Collector) -> DescribedSu
 
 
 def _identity(read: _Read, name: str) -> int | None:
-    """Return a number of the identity: of the EEPROM, else of object 0x1018."""
+    """Return a number of the identity, from the EEPROM or else from object 0x1018."""
     word, subindex = _IDENTITY[name]
     stored = read.station.sii.number(word)
     in_object = read.station.object_number(0x1018, subindex)
@@ -161,7 +161,7 @@ def _managers(
 
 
 def _enabled(row: Manager | None) -> Manager | None:
-    """Return a sync manager unless it was written to be switched off."""
+    """Return a sync manager, or ``None`` if it was written as disabled."""
     return row if row is not None and row.enabled else None
 
 
@@ -179,7 +179,7 @@ def _start(row: Manager | None, sii: SyncManager | None) -> int | None:
 
 
 def _place(read: _Read, index: int) -> Span:
-    """Return the packet that said what an object holds, else where the SubDevice was seen first."""
+    """Return the packet with the content of an object, or the first packet of the SubDevice."""
     packet = read.station.places.get(index)
     return read.span if packet is None else Span(read.path, packet, 1)
 
@@ -208,7 +208,7 @@ def _pdos(
     row: Manager | None,
     findings: Collector,
 ) -> tuple[Pdo, ...] | None:
-    """Return the PDOs of a sync manager: of the object dictionary, else of the EEPROM."""
+    """Return the PDOs of a sync manager, from the object dictionary or else from the EEPROM."""
     if listed is None:
         return _stored_pdos(read, number, sii, row)
     stored = {} if sii is None else {p.index: p for p in sii.pdos or ()}
@@ -239,7 +239,7 @@ def _pdos(
 def _stored_pdos(
     read: _Read, number: int, sii: SyncManager | None, row: Manager | None
 ) -> tuple[Pdo, ...] | None:
-    """Return the PDOs of the EEPROM, where they fill the sync manager."""
+    """Return the PDOs of the EEPROM if they fill the sync manager."""
     stored = None if sii is None else sii.pdos
     if not stored:
         return None
@@ -284,7 +284,7 @@ def _settled(
 
 
 def _offered(read: _Read, from_sii: DescribedSubDevice, image: SiiImage) -> tuple[Pdo, ...]:
-    """Return all PDOs that were seen; those of the object dictionary first."""
+    """Return all PDOs that were found, those of the object dictionary first."""
     found: dict[int, Pdo] = {}
     for index in sorted(i for i, sub in read.station.objects if sub == 0):
         if any(index in group for group in MAPPINGS):

@@ -1,8 +1,8 @@
-"""Capture files, pcap and pcapng, read packet by packet, whatever their size.
+"""Reads capture files, pcap and pcapng, packet by packet, whatever their size.
 
-The libraries at hand take the clock of one interface for all, round times to floats, or end without
-a word where a file is damaged; a tool that looks for lost frames can do with none of that.
-Formats: draft-ietf-opsawg-pcap and draft-ietf-opsawg-pcapng.
+Available libraries use the clock of one interface for all, round times to floats, or end silently
+at damage in a file. A tool that looks for lost frames cannot accept any of that. Formats:
+draft-ietf-opsawg-pcap and draft-ietf-opsawg-pcapng.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ _PCAPNG = b"\x0a\x0d\x0d\x0a"
 _GZIP = b"\x1f\x8b"
 _GZIP_TELLS = 64
 _ETHERNET = 1
-_MOST_BYTES = 1 << 24  # of a packet or block; more is not a length but damage
+_MOST_BYTES = 1 << 24  # of a packet or block; a larger number is damage, not a length
 _LATEST_NS = 1 << 63
-_MOST_UNPACKED = 100  # times its packed size: cycles of a bus are packed to a tenth
+_MOST_UNPACKED = 100  # times the compressed size: cycles of a bus compress to a tenth
 _ALWAYS_UNPACKED = 1 << 24  # bytes
 _SECTION, _INTERFACE, _OLD_PACKET, _SIMPLE_PACKET, _PACKET = 0x0A0D0D0A, 1, 2, 3, 6
 _TSRESOL, _TSOFFSET = 9, 14
 
 
 def is_capture(head: bytes) -> bool:
-    """Whether these first bytes of a file are those of a capture, packed with gzip or not.
+    """Whether the first bytes of a file are those of a capture, compressed with gzip or not.
 
-    Of a packed file a few bytes do not show what is in it; then it may be one.
+    A few bytes do not show the content of a compressed file; then the result is true.
     """
     if head[:2] == _GZIP and len(head) > _GZIP_TELLS:
         try:
@@ -55,7 +55,7 @@ class _DamageError(Exception):
 
 @dataclass(slots=True)
 class _Clock:
-    """How an interface counts time."""
+    """The clock of an interface."""
 
     link_type: int
     units_per_s: int = 1_000_000
@@ -69,17 +69,17 @@ class CaptureReader:
     """Iterates over the Ethernet packets of a capture: time in ns since 1970, interface, bytes.
 
     Args:
-        name: Of the file, for messages.
-        stream: Its bytes; need not be seekable.
+        name: Name of the file, for messages.
+        stream: Content of the file; need not be seekable.
 
     Attributes:
         packets: Ethernet packets so far.
-        cut: Of these, packets of which the capture kept only the beginning.
-        other_links: Packets of interfaces that are not Ethernet; they are left out.
+        cut: Truncated packets among these.
+        other_links: Packets of interfaces that are not Ethernet; they are omitted.
 
     Raises:
-        InputError: No capture, not of Ethernet, or damaged; the message names the packet. What
-            comes before the damage has been yielded.
+        InputError: The file is not a capture, not of Ethernet, or damaged; the message names the
+            packet. Packets before the damage have been yielded.
     """
 
     def __init__(self, name: str, stream: BinaryIO) -> None:
@@ -133,7 +133,7 @@ class CaptureReader:
             if len(head) != 16:
                 raise _DamageError("the file ends inside the head of a packet")
             seconds, fraction, size, original = record.unpack(head)
-            if size > _MOST_BYTES:  # fractions beyond a second are seen in the wild
+            if size > _MOST_BYTES:  # real captures have fractions above one second
                 raise _DamageError("what follows is not a packet")
             data = self._exactly(size, "a packet")
             time_ns = seconds * 1_000_000_000 + fraction * unit_ns
@@ -219,7 +219,7 @@ class CaptureReader:
 
 
 class _Counted(io.RawIOBase):
-    """A stream that counts what was read of it."""
+    """A stream that counts the bytes read from it."""
 
     def __init__(self, stream: BinaryIO | gzip.GzipFile) -> None:
         self._stream = stream
@@ -253,7 +253,7 @@ class _Unpacked(_Counted):
 
 
 def buffered(stream: BinaryIO | io.RawIOBase) -> io.BufferedReader:
-    """Return a stream that can be looked into without taking bytes from it."""
+    """Return a stream that can be peeked at without consuming bytes."""
     return io.BufferedReader(cast(io.RawIOBase, stream), 1 << 16)
 
 

@@ -1,8 +1,8 @@
-"""All SubDevices of a capture: who is meant by an address, and what was requested of all of them.
+"""All SubDevices of a capture: the SubDevice that an address refers to, and the requests to it.
 
-A datagram counts once it has come back, which its working counter shows: its copy on the way out
-has 0. Auto-increment addresses are counted on by every SubDevice they pass, so what comes back is
-their number less the position; a broadcast, sent with 0, comes back with their number.
+A datagram is used when it returns, which its working counter shows: on the way out it is 0. Every
+SubDevice increments an auto-increment address, so a returning address is the number of SubDevices
+minus the position. A broadcast is sent with 0 and returns with the number of SubDevices.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ _KNOWN = frozenset({*_POSITIONAL, *_BROADCAST, *_READS, *_WRITES})
 
 
 class Ring:
-    """Takes the datagrams to registers and mailboxes.
+    """Processes the datagrams to registers and mailboxes.
 
     Attributes:
-        count: SubDevices in the ring, as the last broadcast showed; ``None`` before one.
+        count: SubDevices in the ring according to the last broadcast; ``None`` before the first
+            one.
         restarted: Last packet where the number of SubDevices had changed and addresses were
             assigned again.
         full: Whether there are more SubDevices than can be kept.
@@ -59,7 +60,7 @@ class Ring:
         return self._by_address[address].position is None
 
     def take(self, datagram: Datagram, packet: int) -> None:
-        """Take one datagram that is not logical."""
+        """Process one datagram that is not logical."""
         command = datagram.command
         if command not in _KNOWN:
             return
@@ -83,7 +84,7 @@ class Ring:
         self.changed |= station.changed
 
     def _went_out(self, datagram: Datagram) -> None:
-        """Remember a datagram that has not been answered yet, or never was."""
+        """Remember a datagram without an answer so far."""
         if datagram.command in _POSITIONAL:
             key = (datagram.command, datagram.address, datagram.register)
             self._sent[datagram.number] = key
@@ -153,7 +154,7 @@ class Ring:
         return Station(number=self._born, packet=packet, position=position)
 
     def _assign(self, station: Station, data: bytes, packet: int) -> None:
-        """A station address is given, or read back."""
+        """Process a station address that is written or read back."""
         address = int.from_bytes(data[:2], "little")
         if len(data) < 2 or not address:
             return

@@ -1,4 +1,4 @@
-"""CoE SDO transfers as they pass by in mailboxes: expedited, normal, segmented, complete access.
+"""CoE SDO transfers in captured mailboxes: expedited, normal, segmented, complete access.
 
 +--------+---------+----------+-------------+-------------+---------+-------+-----+------+
 | length | address | priority | type, count | CoE service | command | index | sub | data |
@@ -18,7 +18,7 @@ _UPLOADED_SEGMENT, _DOWNLOADED_SEGMENT, _UPLOADED, _DOWNLOADED = 0, 1, 2, 3  # a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapturedSdo:
-    """A transfer that was finished; ``subindex`` is the first one of a complete access."""
+    """A completed transfer; ``subindex`` is the first one of a complete access."""
 
     index: int
     subindex: int
@@ -29,7 +29,7 @@ class CapturedSdo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SdoAbort:
-    """A transfer that one of the two gave up."""
+    """A transfer that one side aborted."""
 
     index: int
     subindex: int
@@ -43,10 +43,10 @@ class _Transfer:
     subindex: int
     written: bool
     complete: bool
-    size: int | None = None  # not given
-    started: bool = False  # the first answer has come
+    size: int | None = None  # unknown
+    started: bool = False  # the first answer has arrived
     data: bytearray = field(default_factory=bytearray)
-    toggle: int | None = None  # of the segment that was requested
+    toggle: int | None = None  # of the requested segment
     segment: bytes = b""
     last: bool = False
 
@@ -66,17 +66,17 @@ def _place(body: bytes) -> tuple[int, int]:
 
 
 class SdoFollower:
-    """Follows the transfers with one SubDevice, one at a time as the mailbox has it.
+    """Follows the transfers with one SubDevice, one at a time, as in the mailbox.
 
-    A mailbox that is read or written again changes nothing: answers count once, and only where
-    they fit what was requested.
+    A repeated read or write of a mailbox has no effect: each answer counts once, and only if it
+    matches the request.
     """
 
     def __init__(self) -> None:
         self._now: _Transfer | None = None
 
     def request(self, mailbox: bytes) -> SdoAbort | None:
-        """Take data written by the MainDevice to a mailbox."""
+        """Process data written by the MainDevice to a mailbox."""
         found = _service(mailbox)
         if found is None or found[0] != _REQUEST:
             return None
@@ -94,7 +94,7 @@ class SdoFollower:
         return None
 
     def response(self, mailbox: bytes) -> CapturedSdo | SdoAbort | None:
-        """Take data read by the MainDevice from a mailbox."""
+        """Process data read by the MainDevice from a mailbox."""
         found = _service(mailbox)
         if found is None or found[0] != _RESPONSE or self._now is None:
             return None
@@ -170,7 +170,7 @@ class SdoFollower:
 
 
 def _take_first(now: _Transfer, body: bytes) -> None:
-    """Take the data of a first message: up to four bytes instead of the size, or after it."""
+    """Take the data of a first message: up to four bytes in place of the size, or after it."""
     # Bit 1: data instead of the size; bit 0: size given; bits 2 and 3: unused bytes of the four.
     if body[0] & 2:
         unused = body[0] >> 2 & 3 if body[0] & 1 else 0

@@ -1,7 +1,7 @@
-"""The EEPROM of a SubDevice, put together from the reads of a MainDevice (registers 0x0502 …).
+"""The EEPROM of a SubDevice, assembled from the reads of a MainDevice (registers 0x0502 …).
 
 A read is a command with a word address, then 4 or 8 bytes of data once the SubDevice is no longer
-busy. Data count only when all of that was seen: a lost packet must not move words elsewhere.
+busy. Data are used only if all of this was captured: a lost packet must not shift words.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ SII_REGISTERS = range(0x0502, 0x0510)
 _CONTROL, _ADDRESS, _DATA = 0x0502, 0x0504, 0x0508
 _BUSY, _REFUSED, _WIDE, _READ = 0x8000, 0x2000, 0x0040, 1
 _STRINGS, _GENERAL = 10, 30
-_GENERAL_WORDS = 3  # up to what the mailbox can
+_GENERAL_WORDS = 3  # up to the mailbox protocols
 _PROCESS_DATA = (41, 50, 51)  # categories: sync managers, TxPDO, RxPDO
 _HEADER_WORDS, _END, _MOST_WORDS = 0x40, 0xFFFF, 0x10000
 
 
 class SiiReads:
-    """What is known of an EEPROM.
+    """The known part of an EEPROM.
 
     Attributes:
-        words: By word address.
+        words: Words by address.
         conflicts: Words that were read with two values.
     """
 
@@ -33,11 +33,11 @@ class SiiReads:
         self._ready = self._wide = False
 
     def lost(self) -> None:
-        """A command is under way: until it has come back, no data belong to an address."""
+        """Note a command under way: until it returns, no data belong to an address."""
         self._at = None
 
     def written(self, register: int, data: bytes) -> None:
-        """Take a write of the MainDevice that the SubDevice has taken."""
+        """Process a write of the MainDevice that the SubDevice accepted."""
         end = register + len(data)
         for place in range(max(register, _ADDRESS), min(end, _DATA)):
             self._address[place - _ADDRESS] = data[place - register]
@@ -51,13 +51,13 @@ class SiiReads:
             self._ready = False
 
     def status(self, control: int) -> None:
-        """Take the control word as read on the bus."""
+        """Process a control word read on the bus."""
         self._ready = not control & (_BUSY | _REFUSED)
         # The controller reads 8 bytes at once instead of 4.
         self._wide = bool(control & _WIDE)
 
     def read(self, register: int, data: bytes) -> None:
-        """Take data read by the MainDevice from the SubDevice."""
+        """Process data read by the MainDevice from the SubDevice."""
         end = register + len(data)
         if register <= _CONTROL and end >= _CONTROL + 2:
             at = _CONTROL - register
@@ -90,15 +90,15 @@ class SiiReads:
         return found
 
     def number(self, place: int) -> int | None:
-        """Return the 32 bits at a word address, or ``None`` if not read."""
+        """Return the 32 bits at a word address, or ``None`` if they were not read."""
         low, high = self.words.get(place), self.words.get(place + 1)
         return None if low is None or high is None else high << 16 | low
 
     def image(self) -> tuple[bytes, bool]:
-        """Return an image of the categories that were read whole.
+        """Return an image of the categories that were read completely.
 
-        And whether all that say something about process data are among them: MainDevices jump over
-        what they do not want to know, such as most strings.
+        Also return whether it includes all categories about process data. MainDevices skip
+        categories that they do not need, such as most strings.
         """
         header = [self.words.get(place, 0) for place in range(_HEADER_WORDS)]
         found: list[int] = []

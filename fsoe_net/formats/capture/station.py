@@ -1,4 +1,4 @@
-"""One SubDevice of a capture: its registers, EEPROM and objects, as far as seen."""
+"""One SubDevice of a capture: its captured registers, EEPROM and objects."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _OPERATIONAL = 8
 _ASSIGNMENTS = range(0x1C10, 0x1C30)
 _IDENTITY, _NAME, _MODULES = 0x1018, 0x1008, (0xF030, 0xF050)
 _PLAIN_BYTES = (1, 2, 4, 8)
-_MOST_BYTES = 64  # of a value that is kept
+_MOST_BYTES = 64  # of a value that is stored
 _MOST_SDOS = 4096
 _MOST_ABORTS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manager:
-    """A sync manager register block: where its buffer lies, and whether it is in use."""
+    """A sync manager register block: the position of its buffer, and whether it is active."""
 
     start: int
     length: int
@@ -33,7 +33,7 @@ class Manager:
 
     @property
     def is_mailbox(self) -> bool:
-        """Whether it carries a mailbox, not process data."""
+        """Whether it carries a mailbox instead of process data."""
         return self.control & 3 == 2
 
     @property
@@ -57,15 +57,15 @@ class Station:
     """What the MainDevice and one SubDevice exchanged.
 
     Attributes:
-        number: A name for it while the capture is read.
-        packet: Number of the packet where it was seen first.
-        position: In the ring, where an auto-increment access shows it.
+        number: Identifier while the capture is read.
+        packet: Number of its first packet.
+        position: Position in the ring, if an auto-increment access shows it.
         address: Station address.
-        objects: Values by index and subindex; of a complete access the parts.
+        objects: Values by index and subindex; a complete access is split into its parts.
         places: Packet of the last value of an object, by index.
         downloads: Start-up SDOs, in the order of their last write.
-        late: Downloads that came when the SubDevice was in OP, or its state was not known.
-        changed: Something that decides about the layout has changed since this was last cleared.
+        late: Downloads while the SubDevice was in OP or its state was unknown.
+        changed: Whether anything that affects the layout has changed since this was last cleared.
     """
 
     number: int
@@ -87,7 +87,7 @@ class Station:
     # -- observed traffic --------------------------------------------------------------------------
 
     def wrote(self, register: int, data: bytes, packet: int) -> None:
-        """Take a write that the SubDevice has taken."""
+        """Process a write that the SubDevice accepted."""
         if register >= _MEMORY:
             if self._is_mailbox(register, Direction.OUTPUT):
                 self._finish(self._sdo.request(data), packet)
@@ -100,7 +100,7 @@ class Station:
             self._asked_state = data[_AL_CONTROL - register] & 0x0F
 
     def read(self, register: int, data: bytes, packet: int) -> None:
-        """Take the answer of the SubDevice."""
+        """Process the answer of the SubDevice."""
         if register >= _MEMORY:
             if self._is_mailbox(register, Direction.INPUT):
                 self._finish(self._sdo.response(data), packet)
@@ -112,7 +112,7 @@ class Station:
     def _is_mailbox(self, register: int, direction: Direction) -> bool:
         managers = self.managers()
         if not managers:
-            return True  # the capture begins after the set-up; the mailbox itself must fit
+            return True  # the capture begins after the set-up; the mailbox itself must match
         return any(
             m.is_mailbox and m.direction is direction and m.start <= register < m.start + m.length
             for m in managers.values()
@@ -125,7 +125,7 @@ class Station:
                 value = data[place - register]
                 if self._registers.get(place) != value:
                     self._registers[place] = value
-                    # Status and PDI bytes of a sync manager come and go.
+                    # Status and PDI bytes of a sync manager change at run time.
                     self.changed |= area is not MANAGERS or place & 7 not in (5, 7)
 
     def _finish(self, found: CapturedSdo | SdoAbort | None, packet: int) -> None:
@@ -169,7 +169,7 @@ class Station:
         return bytes(known) if len(known) == size else None
 
     def managers(self) -> dict[int, Manager]:
-        """Return the sync managers whose registers were seen, those of length 0 left out."""
+        """Return the sync managers with captured registers, except those of length 0."""
         found = {}
         for number in range(len(MANAGERS) // 8):
             at = MANAGERS.start + 8 * number
@@ -206,13 +206,13 @@ class Station:
 
     @property
     def alias(self) -> int:
-        """Configured station alias: of the register, else of the EEPROM, else 0."""
+        """Return the configured station alias, from the register, else from the EEPROM, else 0."""
         row = self._bytes(_ALIAS, 2)
         return int.from_bytes(row, "little") if row is not None else self.sii.words.get(4, 0)
 
     @property
     def dc_activation(self) -> int:
-        """Word at the DC activation register, 0 if not written."""
+        """Return the word in the DC activation register, 0 if not written."""
         return int.from_bytes(self._bytes(_DC_ACTIVATION, 2) or b"", "little")
 
     def object_number(self, index: int, subindex: int) -> int | None:
@@ -221,7 +221,7 @@ class Station:
         return int.from_bytes(data, "little") if data else None
 
     def assigned(self, manager: int) -> tuple[int, ...] | None:
-        """Return the PDOs of a sync manager; ``None`` when the object was not seen whole."""
+        """Return the PDOs of a sync manager; ``None`` if the object was not captured completely."""
         return self._list(_ASSIGNMENTS.start + manager)
 
     def mapping(self, pdo: int) -> tuple[int, ...] | None:
@@ -229,7 +229,7 @@ class Station:
         return self._list(pdo)
 
     def modules(self) -> tuple[int, ...]:
-        """Return the modules in the slots, as configured, else as found."""
+        """Return the modules in the slots, as configured or else as detected."""
         return next((found for index in _MODULES if (found := self._list(index))), ())
 
     def name(self) -> str:
@@ -247,7 +247,7 @@ class Station:
 
 
 def _width(index: int) -> int | None:
-    """Return the size of the entries of an object that is kept; 0 for a text."""
+    """Return the entry size of an object that is stored; 0 for a text."""
     if index in _ASSIGNMENTS:
         return 2
     if index in _MODULES or index == _IDENTITY or any(index in m for m in MAPPINGS):
@@ -256,7 +256,7 @@ def _width(index: int) -> int | None:
 
 
 def _parts(value: CapturedSdo, width: int) -> dict[int, bytes]:
-    """Take a complete access apart: the count in 16 bits, or in 8, then entries of one width."""
+    """Split a complete access: the count in 16 or 8 bits, then entries of one width."""
     if not width:
         return {value.subindex: value.data[:_MOST_BYTES]}
     data, parts = value.data, {}

@@ -1,4 +1,4 @@
-"""ENI, EtherCAT network information: read, written, and its copies replaced."""
+"""ENI (EtherCAT network information): reading, writing, and replacing its copies."""
 
 from __future__ import annotations
 

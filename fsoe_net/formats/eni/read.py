@@ -61,7 +61,7 @@ def load_eni(source: Source, out: Collector, *, name: str = "<eni>") -> Descript
 
 
 def load_eni_images(source: Source, out: Collector, *, name: str = "<eni>") -> EniImages | None:
-    """Read an ENI and where its images are; ``None`` when the file does not say.
+    """Read an ENI with the position of its images; ``None`` if the file does not state it.
 
     Args:
         source: Path, or the bytes of the file.
@@ -92,7 +92,7 @@ def _read(source: Source, out: Collector, name: str) -> _Reader | None:
 
 
 class _Reader:
-    """Takes the sections of an ENI as they end."""
+    """Processes the sections of an ENI as they end."""
 
     def __init__(self, path: str, out: Collector) -> None:
         self._path = path
@@ -104,14 +104,14 @@ class _Reader:
         self.result: Description | None = None
 
     def closed(self, element: Element, parent: Element, depth: int) -> bool:
-        """Take an element; true when it is done with."""
+        """Process an element; return true if it is no longer needed."""
         if depth == 4 and parent.name in ("Inputs", "Outputs"):
             read_image(element, parent, self._parts, self._out)
             return True
         if depth != 2:
             return False
         if element.name == "Slave":
-            if len(self._slaves) <= MOST_SUBDEVICES:  # one more is said
+            if len(self._slaves) <= MOST_SUBDEVICES:  # one more, so that the limit is reported
                 slave = read_slave(element, len(self._slaves), self._out, self._path)
                 self._slaves.append(slave)
         elif element.name == "Cyclic":
@@ -124,7 +124,7 @@ class _Reader:
         return True
 
     def conclude(self, root: Element) -> Description | None:
-        """Conclude; ``None`` when the file disagrees with itself about its header."""
+        """Complete the description; ``None`` if the file contradicts itself about its header."""
         if not self._slaves:
             self._out.add(
                 "FSN141",

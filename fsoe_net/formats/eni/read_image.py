@@ -1,4 +1,4 @@
-"""Where the process data of an ENI lie, and what its CopyInfos copy.
+"""Positions of the process data of an ENI, and what its CopyInfos copy.
 
 ``Send``/``Recv`` windows, ``Variable``s and ``CopyInfo``s share one coordinate per image: bits of
 the input image, bits of the output image. Two routes lead to each entry, through the PDO lists and
@@ -33,10 +33,10 @@ class Place:
     subdevice: int
     sm_index: int
     blocks: tuple[FsoeBlock, ...]
-    edges: tuple[int, ...]  # where frames begin and end, and the sync manager; bits of the image
+    edges: tuple[int, ...]  # begin and end of frames and of the sync manager; bits of the image
 
     def block_at(self, bit: int) -> FsoeBlock | None:
-        """Return the FSoE frame that holds a bit of this sync manager."""
+        """Return the FSoE frame that contains a bit of this sync manager."""
         number = bisect_right(self.blocks, bit, key=lambda b: 8 * b.byte_offset) - 1
         if number < 0 or bit >= 8 * self.blocks[number].end_byte:
             return None
@@ -45,13 +45,13 @@ class Place:
 
 @dataclass(slots=True)
 class ImageMap:
-    """All places of one image, by rising bit."""
+    """All places of one image, in ascending order of bits."""
 
     places: list[Place]
     starts: list[int]
 
     def at(self, bit: int) -> Place | None:
-        """Return the place that holds a bit."""
+        """Return the place that contains a bit."""
         number = bisect_right(self.starts, bit) - 1
         if number < 0 or bit >= self.places[number].end_bit:
             return None
@@ -65,10 +65,10 @@ def header_bits(slaves: list[EniSlave], parts: EniParts, out: Collector) -> int 
     """Return the distance from the offset of a command to its data: 80 bits or 0 in known files.
 
     ``BitStart == 8 * (Offs + FMMU.logical - Addr) + FMMU.startbit + header``. Tools that count from
-    the datagram header leave 10 bytes there, others none.
+    the datagram header have 10 bytes there, others none.
 
     Returns:
-        The single constant; ``None`` when unknown, or with FSN142 when the file is inconsistent.
+        The constant, or ``None`` if it is unknown or, with FSN142, if the file is inconsistent.
     """
     first: dict[int, Window] = {}
     commands = {
@@ -97,14 +97,14 @@ def header_bits(slaves: list[EniSlave], parts: EniParts, out: Collector) -> int 
 
 
 def _paired(windows: list[Window], fmmus: list[Fmmu]) -> Iterable[tuple[Window, Fmmu]]:
-    """Pair each window with the FMMU at its begin: several may share the only window."""
+    """Pair each window with the FMMU at its start; several FMMUs may share the only window."""
     fmmus = sorted(fmmus, key=lambda f: (f.logical, f.start_bit))
     if len(windows) == 1 or len(windows) == len(fmmus):
         yield from zip(sorted(windows, key=lambda w: w.bit_start), fmmus, strict=False)
 
 
 def _delta(window: Window, fmmu: Fmmu, commands: list[CyclicCommand]) -> int | None:
-    """Find the command of an FMMU among those of its direction, which stand by rising address."""
+    """Find the command of an FMMU among those of its direction, which are sorted by address."""
     behind_last = bisect_right(commands, fmmu.logical, key=lambda c: c.address)
     for command in reversed(commands[max(behind_last - 8, 0) : behind_last]):
         offset = command.offset(window.direction)
@@ -120,7 +120,7 @@ def _delta(window: Window, fmmu: Fmmu, commands: list[CyclicCommand]) -> int | N
 def map_images(
     slaves: list[EniSlave], parts: EniParts, out: Collector
 ) -> dict[Direction, ImageMap]:
-    """Place every sync manager; FSN143 and FSN144 where the file disagrees with itself."""
+    """Place every sync manager; report contradictions in the file as FSN143 and FSN144."""
     found: dict[Direction, list[Place]] = {Direction.INPUT: [], Direction.OUTPUT: []}
     for number, slave in enumerate(slaves):
         layout = slave.described.device.layout
@@ -177,7 +177,7 @@ def _starts(
 def _compare(
     slave: EniSlave, manager: SmLayout, start: int, parts: EniParts, out: Collector
 ) -> None:
-    """Look each named entry up among the variables."""
+    """Look up each named entry among the variables."""
     image = parts.images[manager.sm.direction]
     if not image.variables:
         return
@@ -229,13 +229,14 @@ class _Run:
 def copies_of(
     parts: EniParts, maps: dict[Direction, ImageMap], out: Collector, *, placed: bool
 ) -> tuple[DescribedCopy, ...]:
-    """Return what the CopyInfos copy: neighbours joined, then cut at sync managers and frames.
+    """Return the copies of the CopyInfos: adjacent ones joined, then split at SMs and frames.
 
     Args:
         parts: The file.
-        maps: Where process data lie.
+        maps: Positions of process data.
         out: Takes FSN145 and FSN149.
-        placed: Every SubDevice has its place; else a copy to nowhere is not a finding of its own.
+        placed: Whether every SubDevice has its place; otherwise a copy to an unknown place is not a
+            finding.
     """
     copies: list[DescribedCopy] = []
     if not placed:
@@ -275,7 +276,7 @@ def _inside(
 
 
 def _wrap_hint(bit: int, image: ImageMap) -> str:
-    """Name the bit a 16-bit counter may have meant."""
+    """Return a hint with the bit that a 16-bit counter may have meant."""
     end = image.places[-1].end_bit if image.places else 0
     for candidate in range(bit + _WRAP, min(end, 0x1000000), _WRAP):
         if image.at(candidate) is not None:
@@ -346,7 +347,7 @@ def _end(place: Place, bit: int, span: Span) -> DescribedEnd:
 
 
 def _to_edge(place: Place, bit: int) -> int:
-    """Return the bits from here to where an FSoE frame begins or ends, or the sync manager."""
+    """Return the bits from here to the next edge of an FSoE frame or of the sync manager."""
     return place.edges[bisect_right(place.edges, bit)] - bit
 
 
@@ -358,7 +359,7 @@ def _edges(manager: SmLayout, start: int) -> tuple[int, ...]:
 
 
 def _whole_frames(piece: DescribedCopy, source: Place, destination: Place, out: Collector) -> None:
-    """FSN149 when a copy touches an FSoE frame and does not move the whole of it."""
+    """Report FSN149 if a copy includes only a part of an FSoE frame."""
     for end, place in ((piece.source, source), (piece.destination, destination)):
         block = place.block_at(end.bit_offset)
         if block is None:

@@ -27,7 +27,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fmmu:
-    """One FMMU as the start-up commands write it into registers 0x0600 + 16 n.
+    """One FMMU, as start-up commands write it into registers 0x0600 + 16 n.
 
     +---------+--------+-----+-----+------+------+------+--------+
     | logical | length | bit | bit | phys | bit  | type | active |
@@ -61,7 +61,7 @@ class CyclicCommand:
     output_offset: int | None
 
     def offset(self, direction: Direction) -> int | None:
-        """Return the position of its data in an image, bytes; ``None`` when they are not in it."""
+        """Return the byte position of its data in an image; ``None`` if they are not in it."""
         if direction is Direction.INPUT:
             return self.input_offset if self.command != _LWR else None
         return self.output_offset if self.command != _LRD else None
@@ -89,7 +89,7 @@ class EniParts:
 
 
 def read_windows(process_data: Element, out: Collector) -> list[Window]:
-    """Return the ``Send`` and ``Recv`` windows of a SubDevice that are not empty."""
+    """Return the non-empty ``Send`` and ``Recv`` windows of a SubDevice."""
     windows = []
     for name, direction in (("Send", Direction.OUTPUT), ("Recv", Direction.INPUT)):
         for element in process_data.all(name):
@@ -104,7 +104,7 @@ def read_windows(process_data: Element, out: Collector) -> list[Window]:
 
 
 def read_cyclic(element: Element, parts: EniParts, out: Collector) -> None:
-    """Take the commands and copies of one ``Cyclic``."""
+    """Add the commands and copies of one ``Cyclic``."""
     cycle = xml_number(element.first("CycleTime"), out)
     if cycle and (parts.cycle_us is None or cycle < parts.cycle_us):
         parts.cycle_us = cycle
@@ -152,7 +152,7 @@ def _length(cmd: Element, out: Collector) -> int:
 
 
 def _copy(info: Element, parts: EniParts, out: Collector) -> None:
-    """Take one ``CopyInfo``; some tools call the destination ``DestBitOffs``."""
+    """Add one ``CopyInfo``; some tools call the destination ``DestBitOffs``."""
     wanted = {"SrcBitOffs": 0, "DstBitOffs": 0, "BitSize": 0}
     for name in wanted:
         element = info.first(name)
@@ -178,7 +178,7 @@ def _copy(info: Element, parts: EniParts, out: Collector) -> None:
 
 
 def read_image(element: Element, parent: Element, parts: EniParts, out: Collector) -> None:
-    """Take one ``Variable`` or ``ByteSize`` below ``Inputs`` or ``Outputs``."""
+    """Add one ``Variable`` or ``ByteSize`` below ``Inputs`` or ``Outputs``."""
     direction = Direction.INPUT if parent.name == "Inputs" else Direction.OUTPUT
     image = parts.images[direction]
     if element.name == "ByteSize":

@@ -45,7 +45,7 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
 
     Args:
         element: The element, complete.
-        number: How many stood before it; its position where the file is silent.
+        number: Number of SubDevices before it; its position if the file states none.
         out: Takes FSN141 and FSN143.
         path: The file.
     """
@@ -94,7 +94,7 @@ def read_slave(element: Element, number: int, out: Collector, path: str) -> EniS
 def _start_facts(
     element: Element, info: Element, revision: int | None, objects: Iterable[tuple[int, int]]
 ) -> StartFacts:
-    """Return what starting the SubDevice takes; `objects` are those its SDOs write."""
+    """Return the facts needed to start the SubDevice; `objects` are those its SDOs write."""
     process_data = element.first("ProcessData")
     return StartFacts(
         revision=revision,
@@ -109,7 +109,7 @@ def _start_facts(
 
 
 def _of_managers(process_data: Element | None, name: str, high: int) -> dict[int, int]:
-    """Return the numbers of sync managers; `_manager` reports those that are wrong."""
+    """Return the numbers of sync managers; `_manager` reports invalid ones."""
     rows = {}
     for number in range(_MAX_SM + 1):
         sm = None if process_data is None else process_data.first(f"Sm{number}")
@@ -120,7 +120,7 @@ def _of_managers(process_data: Element | None, name: str, high: int) -> dict[int
 
 
 def _mailbox(element: Element | None) -> MailboxFacts | None:
-    out = Collector()  # no rule reads a mailbox, so an odd one is not a finding
+    out = Collector()  # no rule reads a mailbox, so an unusual one is not a finding
     windows = []
     # Tools differ in the name of the second window.
     for names in (("Send",), ("Recv", "Receive")):
@@ -157,7 +157,7 @@ def _needed(info: Element, name: str, out: Collector) -> int:
 
 
 def _position(info: Element, number: int, out: Collector) -> int:
-    """Auto-increment addresses count 0, 65535, 65534 ..., the negative position in 16 bits."""
+    """Return the ring position. Auto-increment addresses are 0, 65535, 65534 ..., its negative."""
     address = xml_number(info.first("AutoIncAddr"), out, high=0xFFFF)
     return number if address is None else -address & 0xFFFF
 
@@ -256,7 +256,7 @@ def _compare_marked(
 def _listed_pdos(
     listed: list[Element], number: int, offered: Mapping[int, Pdo], out: Collector
 ) -> list[Pdo]:
-    """Return the PDOs that a sync manager lists; the first wrong one is reported."""
+    """Return the PDOs that a sync manager lists; the first invalid one is reported."""
     taken: dict[int, Pdo] = {}
     reported = False
     for element in listed:
@@ -363,7 +363,7 @@ def _fmmu(data: bytes) -> Fmmu | None:
 def _sdos(
     element: Element, out: Collector, notes: list[str]
 ) -> tuple[tuple[Sdo, ...], set[tuple[int, int]]]:
-    """Return the CoE start-up SDOs without those that set PDOs, and the objects of the latter."""
+    """Return the CoE start-up SDOs except those that set PDOs, and the objects of the latter."""
     mailbox = element.first("Mailbox")
     coe = None if mailbox is None else mailbox.first("CoE")
     commands = None if coe is None else coe.first("InitCmds")

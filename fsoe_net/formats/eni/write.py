@@ -29,7 +29,7 @@ def write_eni(description: Description, *, header_bytes: int = 0) -> str:
     """Return an ENI for a bus.
 
     It contains addresses, FMMUs, process data, start-up SDOs, cyclic commands and copies. Data from
-    an ESI are included where a SubDevice has `StartFacts`; `eni_notes` names the rest.
+    an ESI are included if a SubDevice has `StartFacts`; `eni_notes` names missing data.
 
     Args:
         description: SubDevices with ring positions, copies.
@@ -67,7 +67,7 @@ def _check_positions(description: Description) -> None:
 
 
 def _placed(sub: DescribedSubDevice) -> DescribedSubDevice:
-    """Add the start of sync managers, where only the type defines it."""
+    """Add the start of sync managers if only the device type defines it."""
     starts = sub.start.starts if sub.start is not None else {}
     managers = tuple(
         replace(sm, start_byte=starts.get(sm.index)) if sm.start_byte is None else sm
@@ -79,7 +79,7 @@ def _placed(sub: DescribedSubDevice) -> DescribedSubDevice:
 def _copy_bits(
     copy: DescribedCopy, layout: EniLayout, description: Description
 ) -> tuple[int, tuple[int, int, int]]:
-    """Return the address of the command that brings the source, and the numbers to write."""
+    """Return the address of the command that contains the source, and the numbers to write."""
     bits = []
     address = 0
     for end, direction in (

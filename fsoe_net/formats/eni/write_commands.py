@@ -43,7 +43,7 @@ def register(
         address: Auto-increment or station address.
         ado: Register.
         data: Data to write, or as many zeros as bytes to read.
-        comment: For people.
+        comment: Text for people.
         before: Whether it is sent before the commands of the SubDevices.
         more: Elements at its end.
     """
@@ -85,7 +85,7 @@ def download(sdo: Sdo, comment: str = "") -> str:
 
 
 def _list(index: int, values: list[int], size_bytes: int, what: str) -> Iterator[str]:
-    """An object that holds a list is cleared, filled, and then given its length."""
+    """Yield commands that clear an object with a list, fill it and then set its length."""
     yield download(Sdo(index=index, subindex=0, size_bytes=1, value=0), f"clear {what}")
     for number, value in enumerate(values, 1):
         yield download(Sdo(index=index, subindex=number, size_bytes=size_bytes, value=value))
@@ -101,5 +101,5 @@ def pdo_mapping(pdo: Pdo) -> Iterator[str]:
 
 
 def pdo_assignment(sm: int, pdos: tuple[Pdo, ...]) -> Iterator[str]:
-    """Write which PDOs a sync manager carries."""
+    """Write the PDOs that a sync manager carries."""
     yield from _list(0x1C10 + sm, [p.index for p in pdos], 2, f"PDOs of SM{sm}")

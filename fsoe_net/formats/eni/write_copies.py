@@ -1,4 +1,4 @@
-"""The CopyInfos of an ENI replaced, every other byte of the file as it was."""
+"""Replaces the CopyInfos of an ENI; all other bytes of the file are unchanged."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _STEP = b"\t"
 
 @dataclass(slots=True)
 class _Cmd:
-    """A cyclic command in the bytes: where it ends, where its CopyInfos are, its numbers."""
+    """A cyclic command in the bytes: its end, the position of its CopyInfos, its numbers."""
 
     values: dict[str, str] = field(default_factory=dict)
     infos: list[tuple[int, int]] = field(default_factory=list)
     end: int = 0
 
     def bits(self, header_bits: int) -> range:
-        """Return the bits of the input image it brings; empty when it reads nothing."""
+        """Return the bits of the input image that it fills; empty if it reads nothing."""
         offset = _number(self.values.get("InputOffs", ""))
         if self.values.get("Cmd") not in _READS or offset is None:
             return range(0)
@@ -52,7 +52,7 @@ def replace_copies(
         header_bits: Bits between the offset of a command and its data in this file, 80 or 0.
 
     Raises:
-        InputError: No command of the file carries the source of a copy, or it is not an ENI.
+        InputError: No command of the file contains the source of a copy, or the file is not an ENI.
     """
     encoding = _UTF16.get(data[:2])
     if encoding is not None:
@@ -95,7 +95,7 @@ def _bringer(rooms: list[tuple[int, range]], copy: tuple[int, int, int]) -> int:
 def _edits(
     data: bytes, command: _Cmd, copies: list[tuple[int, int, int]]
 ) -> list[tuple[int, int, bytes]]:
-    """Return what to put where, in one command."""
+    """Return the replacements in one command, with their positions."""
     # The new lines take the line break and the indent of this file: a diff shows only copies.
     last = command.end
     while last > 0 and data[last - 1] in _BLANK:
@@ -142,7 +142,7 @@ def _number(text: str) -> int | None:
 
 
 class _Finder:
-    """Finds the cyclic commands of an ENI with their places in the bytes."""
+    """Finds the cyclic commands of an ENI and their positions in the bytes."""
 
     def __init__(self, data: bytes, encoding: str | None) -> None:
         self.commands: list[_Cmd] = []
@@ -165,7 +165,7 @@ class _Finder:
         raise InputError("a document type is declared; delete it first")
 
     def _in_command(self) -> bool:
-        """Whether the element that is just open or closed stands directly in a cyclic command."""
+        """Whether the current element is a direct child of a cyclic command."""
         above = self._stack[-2:]
         return len(above) == 2 and above[1] == "Cmd" and above[0] in ("Cyclic", "Frame")
 
@@ -193,7 +193,7 @@ class _Finder:
 
 
 def renewed_eni(bus: Description, path: str, notes: list[str]) -> bytes:
-    """Return the ENI with the copies of the bus instead of its own; the rest is unchanged.
+    """Return the ENI with the copies of the bus; all other bytes are unchanged.
 
     Args:
         bus: Description of the network.

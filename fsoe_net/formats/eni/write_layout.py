@@ -18,7 +18,7 @@ _COUNTER_BYTES = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """Process data of one sync manager: a window, an FMMU, and where it is in its image."""
+    """Process data of one sync manager: a window, an FMMU, and the position in its image."""
 
     subdevice: int
     layout: SmLayout
@@ -49,7 +49,7 @@ class WrittenCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EniLayout:
-    """All commands, each sync manager's place by SubDevice and number, the size of both images."""
+    """All commands, the place of each sync manager by SubDevice and number, the image sizes."""
 
     commands: tuple[WrittenCommand, ...]
     places: Mapping[tuple[int, int], tuple[Piece, WrittenCommand]]
@@ -57,7 +57,7 @@ class EniLayout:
 
 
 def _outputs_first(sub: DescribedSubDevice) -> list[SmLayout]:
-    """Return the sync managers with data, outputs before inputs; together they fit a datagram."""
+    """Return the sync managers with data, outputs first; together they fit into a datagram."""
     # A sync manager of unknown length must not pass as an empty one; it is rejected below.
     group = [m for m in sub.device.layout.managers if m.bits or not m.complete]
     if not all(m.complete for m in group):
@@ -69,7 +69,7 @@ def _outputs_first(sub: DescribedSubDevice) -> list[SmLayout]:
 
 
 def lay_out(description: Description, header_bytes: int) -> EniLayout:
-    """Give every sync manager a place of its own, outputs before inputs in each SubDevice.
+    """Assign a place to every sync manager, outputs before inputs in each SubDevice.
 
     Raises:
         InputError: A SubDevice has a PDO of unknown length, or more data than a datagram holds.

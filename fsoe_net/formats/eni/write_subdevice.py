@@ -37,10 +37,10 @@ def slave_lines(
     """Write a SubDevice.
 
     Args:
-        sub: It, with a ring position.
+        sub: The SubDevice, with a ring position.
         pieces: Its process data.
         cycle_us: Bus cycle, microseconds.
-        reference: Its clock is the one that others follow.
+        reference: Whether it has the reference clock.
     """
     start = sub.start or StartFacts()
     position = sub.position or 0
@@ -74,7 +74,7 @@ def slave_lines(
 
 
 def _period_ns(sub: DescribedSubDevice, cycle_us: int) -> int | None:
-    """Return the period of SYNC0, ``None`` if unused or not stated."""
+    """Return the period of SYNC0; ``None`` if unused or not stated."""
     clock = sub.start.clock if sub.start is not None else None
     if clock is None or not sub.device.assign_activate & _SYNC0:
         return None
@@ -82,7 +82,7 @@ def _period_ns(sub: DescribedSubDevice, cycle_us: int) -> int | None:
 
 
 def _control(sm: SyncManager, start: StartFacts) -> int | None:
-    """Return the control byte; ``None`` where neither its type nor its watchdog is known."""
+    """Return the control byte; ``None`` if neither type nor watchdog is known."""
     control = start.controls.get(sm.index)
     if sm.watchdog is Watchdog.DEFAULT:
         return control
@@ -148,7 +148,7 @@ def _pdo(pdo: Pdo, kind: str, attribute: str) -> Iterator[str]:
 
 
 def _mailbox(sub: DescribedSubDevice, start: StartFacts) -> Iterator[str]:
-    """Write the windows of the mailbox, and the SDOs: those that set PDOs first."""
+    """Write the windows of the mailbox and the SDOs, beginning with those that set PDOs."""
     commands = [*_pdo_commands(sub, start), *map(download, sub.device.sdos)]
     box = start.mailbox
     if box is None and not commands:

@@ -1,7 +1,7 @@
 """Catalogues of ESI files kept in the user's cache directory, by content.
 
-A cache file is never trusted: it begins with a hash of the rest, and what does not look exactly
-right is treated as absent.
+A cache file is never trusted: it begins with a hash of the rest, and anything unexpected is treated
+as absent.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from typing import Any
 from fsoe_net.formats.esi.catalogue import MAX_ROWS, EsiCatalogue, EsiRow
 from fsoe_net.formats.shared.limits import MAX_CACHED_BYTES
 
-_VERSION = 1  # raise it when the rows or what fills them change
+_VERSION = 1  # increase it when the rows, or the code that fills them, change
 _MAX_FILES = 64
 _ROW_KEYS = {f.name: f.type for f in fields(EsiRow)}
 
 
 def cache_folder() -> Path | None:
-    """Return where catalogues are kept, or ``None`` when the user has no home directory.
+    """Return the folder for catalogues, or ``None`` if the user has no home directory.
 
-    ``$XDG_CACHE_HOME/fsoe-net/esi``, else ``~/.cache/fsoe-net/esi``.
+    ``$XDG_CACHE_HOME/fsoe-net/esi``, otherwise ``~/.cache/fsoe-net/esi``.
     """
     base = os.environ.get("XDG_CACHE_HOME", "")
     if os.path.isabs(base):
@@ -60,7 +60,7 @@ def cached_catalogue(sha256: str, size: int) -> EsiCatalogue | None:
 
 
 def keep_catalogue(sha256: str, catalogue: EsiCatalogue) -> None:
-    """Write a catalogue for the next time; what cannot be written is not kept, silently."""
+    """Store a catalogue for later runs; write errors are ignored."""
     path = _path(sha256)
     if path is None:
         return
@@ -79,7 +79,7 @@ def keep_catalogue(sha256: str, catalogue: EsiCatalogue) -> None:
             body = json.dumps(document).encode()
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
-            os.replace(temporary, path)  # readers see the old file or the whole new one
+            os.replace(temporary, path)  # readers find the old file or the complete new one
         # Also on Ctrl-C, so that the folder does not fill with temporary files.
         except BaseException:
             os.unlink(temporary)
@@ -93,7 +93,7 @@ def _path(sha256: str) -> Path | None:
 
 
 def _prune(folder: Path) -> None:
-    """Keep the newest files only."""
+    """Keep only the newest files."""
     files = sorted(folder.glob("*.json"), key=lambda p: p.stat().st_mtime, reverse=True)
     for old in files[_MAX_FILES:]:
         old.unlink(missing_ok=True)

@@ -1,7 +1,7 @@
-"""Which devices and modules an ESI file holds, and where: one fast pass that builds nothing.
+"""Lists the devices and modules of an ESI file with their positions, in one fast pass.
 
-A file of a vendor has tens of megabytes, most of it object dictionaries. The pass looks at the head
-of each ``Device`` and ``Module`` and jumps over the rest; `esi` then reads only the piece it needs.
+The file of a vendor has tens of megabytes, mostly object dictionaries. The pass reads the head of
+each ``Device`` and ``Module`` and skips the rest; `esi` then reads only the required piece.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from fsoe_net.formats.shared.source import esi_number
 from fsoe_net.formats.shared.xml_tree import MAX_DEPTH, shown_name, xml_hint
 
 MAX_ROWS = 100_000
-_MAX_TEXT = 1000  # characters of a name that are kept
-_MAX_PIECES = 8  # of text, 8 KiB each as expat hands them over
+_MAX_TEXT = 1000  # of a stored name
+_MAX_PIECES = 8  # of text; expat passes up to 8 KiB at once
 _MAX_REFERENCES = 1000
 _ENGLISH = "1033"
 
@@ -40,7 +40,7 @@ _INSIDE = {
     "Modules": frozenset({"Module"}),
     "Module": frozenset({"Type", "Name"}),
 }
-_REFERRED = frozenset({"EtherCATModule", "EtherCATDict"})  # by an ESI with `InfoReference`
+_REFERRED = frozenset({"EtherCATModule", "EtherCATDict"})  # of an ESI with `InfoReference`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,9 +51,9 @@ class EsiRow:
         kind: ``device`` or ``module``.
         vendor: Vendor ID; 0 when not stated.
         product: Product code, or the ident of a module.
-        revision: ``None`` for a module, or when not stated.
+        revision: ``None`` for a module, or if not stated.
         type: Order number such as ``EL1904``.
-        name: English name, else the first.
+        name: English name, or else the first one.
         group: Number of its ``EtherCATInfo``; a list has several.
         offset: First byte of the element.
         end: Byte after its content.
@@ -76,7 +76,7 @@ class EsiRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EsiCatalogue:
-    """Everything a file describes, in its order. ``encoding`` is that of the pieces."""
+    """The content of a file, in its order. ``encoding`` is that of the pieces."""
 
     encoding: str
     is_list: bool
@@ -100,8 +100,8 @@ def scan_esi(data: bytes, path: str | os.PathLike[str], out: Collector) -> EsiCa
     Args:
         data: The bytes of the file, from `plain_xml`.
         path: The file, for places.
-        out: Takes FSN140 for a file of another kind, FSN118 for bad XML, a warning when the text is
-            not in the encoding it claims, FSN110 and FSN111 for a device without an identity.
+        out: Takes FSN140 for a file of another kind, FSN118 for invalid XML, a warning if the text
+            is not in the declared encoding, FSN110 and FSN111 for a device without an identity.
 
     Returns:
         The catalogue, or ``None`` with a finding.
@@ -127,12 +127,12 @@ def scan_esi(data: bytes, path: str | os.PathLike[str], out: Collector) -> EsiCa
 
 
 class _Stop(Exception):
-    """The file is refused; the finding is recorded."""
+    """The file is rejected; the finding has been added."""
 
 
 @dataclass(slots=True)
 class _Open:
-    """A device or module that is open."""
+    """A device or module that is being read."""
 
     kind: str
     offset: int
@@ -145,7 +145,7 @@ class _Open:
 
 
 class _Places:
-    """Turns offsets that rise into lines and columns, without reading anything twice."""
+    """Converts increasing offsets to lines and columns, without reading anything twice."""
 
     def __init__(self, data: bytes, encoding: str) -> None:
         self._data = data
@@ -154,7 +154,7 @@ class _Places:
         self._line, self._column = 1, 1
 
     def of(self, offset: int) -> tuple[int, int]:
-        """Return line and column, from 1, of an offset not below the last one."""
+        """Return line and column, from 1, of an offset not below the previous one."""
         data, low = self._data, self._at
         offset = max(offset, low)
         lines = data.count(b"\n", low, offset)
@@ -169,9 +169,9 @@ class _Places:
 
 
 def _pieces(data: bytes) -> Iterator[tuple[int, int]]:
-    """Yield the ranges that are parsed: all but what stands inside ``Profile``.
+    """Yield the ranges to parse: everything except the content of ``Profile``.
 
-    Nothing is left out where comments or CDATA make it uncertain that these are its tags.
+    Nothing is skipped if comments or CDATA make it uncertain that these are real tags.
     """
     low = 0
     for match in _PROFILE.finditer(data):
@@ -183,7 +183,7 @@ def _pieces(data: bytes) -> Iterator[tuple[int, int]]:
             break
         end = closing.start()
         if not _is_whole(data, begin, end):
-            break  # and not again from here: what is odd once would cost its length each time
+            break  # do not retry from here: the time would be quadratic
         yield low, begin
         low = end
     yield low, len(data)
@@ -202,7 +202,7 @@ def _is_whole(data: bytes, begin: int, end: int) -> bool:
 
 
 class _Scan:
-    """Drives expat with two pairs of handlers: one that looks, one that only counts levels."""
+    """Drives expat with two pairs of handlers: one inspects elements, one only counts levels."""
 
     def __init__(self, file: str, data: bytes, out: Collector, encoding: str | None) -> None:
         self.out = out
@@ -212,7 +212,7 @@ class _Scan:
         self._data = data
         self._forced = encoding is not None
         self._places: _Places | None = None
-        self._left_out = 0  # bytes before the present piece that expat has not seen
+        self._left_out = 0  # bytes before the current piece that expat has not received
         self._path = [""]
         self._lines: list[int] = []
         self._skipped = 0
@@ -223,7 +223,7 @@ class _Scan:
         self._groups = 0
         self._references: list[str] = []
         self._rows: list[EsiRow] = []
-        self._met = 0  # devices and modules, also those that are left out
+        self._met = 0  # devices and modules, including omitted ones
         self._is_list = False
         self._parser = expat.ParserCreate(encoding)
         self._parser.buffer_text = True
@@ -231,7 +231,7 @@ class _Scan:
         self._parser.StartDoctypeDeclHandler = self._doctype
         defer = getattr(self._parser, "SetReparseDeferralEnabled", None)
         if defer is not None:
-            defer(False)  # what ends a piece is reported before the next one begins
+            defer(False)  # the end of a piece is reported before the next one begins
         self._look()
 
     def run(self) -> EsiCatalogue | None:
@@ -303,14 +303,15 @@ class _Scan:
             self.encoding = encoding
 
     def _doctype(self, *_arguments: object) -> None:
-        """Reject the declaration; expat reports it after its name, so search its start."""
+        """Reject the declaration; expat reports it after its name, so search for its start."""
         behind = self._parser.CurrentByteIndex + self._left_out
         span = self._span(max(self._data.rfind(b"<!DOCTYPE", 0, behind), 0))
         hint = "delete <!DOCTYPE …>; entities are not used"
         self.out.add("FSN118", span, "a document type is declared", hint=hint)
         raise _Stop
 
-    # -- the pair that looks ----------------------------------------------------------------------
+    # -- the handlers that inspect
+    # -------------------------------------------------------------------
 
     def _look(self) -> None:
         self._parser.StartElementHandler = self._start
@@ -428,7 +429,8 @@ class _Scan:
         self.out.add("FSN111", row.span, message, hint="write it as #x07703052")
         return None
 
-    # -- the pair that only counts ----------------------------------------------------------------
+    # -- the handlers that only count
+    # ----------------------------------------------------------------
 
     def _skip_start(self, _name: str, _attributes: dict[str, str]) -> None:
         self._skipped += 1

@@ -22,7 +22,7 @@ from fsoe_net.model.description import (
     TypeFacts,
 )
 
-_MOST_SMS = 16  # as an ENI has them
+_MOST_SMS = 16  # as in an ENI
 _PROTOCOLS = ("AoE", "EoE", "CoE", "FoE", "SoE", "VoE")
 _PORTS = frozenset("YKBH ")
 _MAX_NOTES = 100
@@ -32,7 +32,7 @@ _MAX_ENTRIES = 100_000  # of a device with its modules
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Manager:
-    """A sync manager as written. ``direction`` is ``None`` when it is not used."""
+    """A sync manager as written. ``direction`` is ``None`` if it is unused."""
 
     index: int
     direction: Direction | None
@@ -52,7 +52,7 @@ def read_esi_device(
     modules: Sequence[int | None] | None,
     module: Callable[[int, Span], Element | None],
 ) -> DescribedSubDevice | None:
-    """Turn the element of a device into the model.
+    """Convert the element of a device to the model.
 
     Args:
         element: The ``Device``.
@@ -60,11 +60,11 @@ def read_esi_device(
         out: Takes its findings.
         path: The file.
         modules: Idents of the modules by slot, ``None`` for an empty slot; without it the default
-            modules are taken.
-        module: Finds a module by its ident, or records that it is not there.
+            modules are used.
+        module: Finds a module by its ident, or records that it is missing.
 
     Returns:
-        The device, or ``None`` with a finding: a layout that is only partly right is not given.
+        The device, or ``None`` with a finding: a partly correct layout is not returned.
     """
     return _DeviceReader(element, row, out, path).read(modules, module)
 
@@ -157,7 +157,7 @@ class _DeviceReader:
         )
 
     def _has_choice(self) -> bool:
-        """Whether other modules than the default ones may be in the slots."""
+        """Whether the slots may contain modules other than the default ones."""
         slots = self._element.first("Slots")
         for slot in slots.all("Slot") if slots is not None else ():
             idents = slot.all("ModuleIdent")
@@ -231,7 +231,7 @@ class _DeviceReader:
         self._out.add("FSN137", span, message, hint="choose a module for each slot, or none")
 
     def _merge(self, pdos: list[EsiPdo], more: list[EsiPdo]) -> bool:
-        """Put the PDOs of a module in; return whether one was not there before."""
+        """Add the PDOs of a module; return whether one is new."""
         added = False
         for new in more:
             at = self._at.get((new.pdo.index, new.direction))
@@ -447,7 +447,7 @@ def _mailbox(mailbox: Element, managers: list[Element]) -> MailboxFacts | None:
 
 
 def _clock(element: Element) -> ClockFacts | None:
-    """Return the times of the first clock mode, which is the one that is taken."""
+    """Return the times of the first clock mode, which is the one that is used."""
     clock = element.first("Dc")
     mode = clock.first("OpMode") if clock is not None else None
     if mode is None:

@@ -12,7 +12,7 @@ from fsoe_net.model.bus import Direction, Entry, Pdo, Sdo
 
 MAX_PDO_BITS = 8 * 65536
 MAX_SLOTS = 4096
-_MAX_FINDINGS = 50  # of one device; what is wrong throughout is clear by then
+_MAX_FINDINGS = 50  # of one device; a systematic error is clear by then
 _ENGLISH = "1033"
 _SDO_SIZES = (1, 2, 4, 8)
 _OTHER = {Direction.OUTPUT: "RxPdo", Direction.INPUT: "TxPdo"}
@@ -20,7 +20,7 @@ _OTHER = {Direction.OUTPUT: "RxPdo", Direction.INPUT: "TxPdo"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EsiPdo:
-    """A PDO with the ESI data about its assignment. ``sm`` is ``None`` when it is open."""
+    """A PDO with the ESI data about its assignment. ``sm`` is ``None`` if it is unassigned."""
 
     pdo: Pdo
     direction: Direction
@@ -35,7 +35,7 @@ class EsiPdo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotPlace:
-    """A place for a module: its number, the modules that fit, the one built in, the increments."""
+    """A place for a module: its number, the modules that fit, the default one, the increments."""
 
     number: int
     name: str
@@ -53,7 +53,7 @@ def flag(element: Element, key: str) -> bool:
 
 
 def name_of(element: Element) -> str:
-    """Return the English name, else the first one."""
+    """Return the English name, or else the first one."""
     names = element.all("Name")
     english = next((n for n in names if n.attributes.get("LcId") == _ENGLISH), None)
     chosen = english or next((n for n in names if n.text.strip()), None)
@@ -64,7 +64,7 @@ class PartReader:
     """Reads elements of one device or one module at a slot.
 
     Args:
-        out: Takes FSN110, FSN111 and FSN113 at the element that is wrong.
+        out: Takes FSN110, FSN111 and FSN113 at the invalid element.
         pdo_step: Added to the index of PDOs that depend on the slot.
         index_step: Added to the index of objects that depend on the slot.
     """
@@ -162,7 +162,7 @@ class PartReader:
         )
 
     def _index(self, parent: Element, key: str, step: int) -> int | None:
-        """Return an object index, moved by the slot where it depends on it; 0 stays 0."""
+        """Return an object index, shifted if it depends on the slot; 0 stays 0."""
         index = self._number(parent, key, 0, 0xFFFF)
         child = parent.first(key)
         if not index or child is None or not flag(child, "DependOnSlot"):
@@ -199,7 +199,7 @@ class PartReader:
     # -- start-up ---------------------------------------------------------------------------------
 
     def sdos(self, parent: Element) -> list[Sdo]:
-        """Return the start-up SDOs of ``Mailbox/CoE``; what the model cannot hold is a note."""
+        """Return the start-up SDOs of ``Mailbox/CoE``; unsupported ones are notes."""
         mailbox = parent.first("Mailbox")
         coe = mailbox.first("CoE") if mailbox is not None else None
         read = [self._sdo(c) for c in coe.all("InitCmd")] if coe is not None else []
@@ -238,8 +238,8 @@ def slot_places(slots: Element | None, out: Collector, most: int) -> list[SlotPl
     Args:
         slots: The element ``Slots`` of a device.
         out: Takes FSN111 for unreadable numbers.
-        most: Number of places requested; places after the last default module are omitted beyond
-            it.
+        most: Number of places requested. Further places are returned only up to the last default
+            module.
     """
     if slots is None:
         return []
@@ -276,7 +276,7 @@ def slot_places(slots: Element | None, out: Collector, most: int) -> list[SlotPl
 
 
 def _step(slots: Element, slot: Element, key: str, out: Collector) -> int:
-    """Return an increment; that of a slot wins."""
+    """Return an increment; that of a slot has precedence."""
     return _attribute(slot if key in slot.attributes else slots, key, 0, out)
 
 

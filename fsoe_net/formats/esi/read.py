@@ -1,4 +1,4 @@
-"""ESI files: content, and one device of it. Also the lists printed by the ``ethercat`` tool."""
+"""Reads ESI files: their content, and one device. Also the lists of the ``ethercat`` tool."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _SKIP = frozenset({"Profile", "Eeprom", "Image16x14", "ImageData16x14", "ImageFi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EsiChoice:
-    """Which device of a file, and which modules in its slots.
+    """Selects a device of a file, and the modules in its slots.
 
     Attributes:
-        vendor: Vendor ID, or any.
-        product: Product code, or any.
-        revision: Revision number. Without it the newest is taken when the product is given.
-        type: Order number such as ``EL1904``; capitals do not matter.
+        vendor: Vendor ID, or ``None`` for any.
+        product: Product code, or ``None`` for any.
+        revision: Revision number. Without it the newest one is used if the product is given.
+        type: Order number such as ``EL1904``; case is ignored.
         modules: Ident of the module of each slot, ``None`` for an empty one; without it the default
             modules of the file.
     """
@@ -61,7 +61,7 @@ def list_esi(
         source: Path, or the bytes of the file.
         out: Takes its findings.
         name: Name shown when ``source`` is bytes.
-        cache: Whether the list of a large file is kept for the next time, by content.
+        cache: Whether the list of a large file is cached, by content.
     """
     file = _File.open(source, out, name=name, cache=cache)
     return file.catalogue if file is not None else None
@@ -75,15 +75,15 @@ def load_esi(
     name: str = "<esi>",
     cache: bool = True,
 ) -> Description | None:
-    """Read one device of a file, or all of a small file when none is named.
+    """Read one device of a file, or all devices of a small file if none is selected.
 
     Args:
         source: Path, or the bytes of the file.
-        out: Takes FSN135 when the device is not there, FSN136 when another revision is taken,
-            FSN137 for modules, FSN139 for contradictions, and what `scan_esi` finds.
-        choice: The device wanted.
+        out: Takes FSN135 if the device is missing, FSN136 if another revision is used, FSN137 for
+            modules, FSN139 for contradictions, and what `scan_esi` finds.
+        choice: The selected device.
         name: Name shown when ``source`` is bytes.
-        cache: Whether the list of a large file is kept for the next time, by content.
+        cache: Whether the list of a large file is cached, by content.
 
     Returns:
         The devices, or ``None`` with a finding.
@@ -127,7 +127,7 @@ class _File:
         self._data = data
         self._sha256 = sha256
         self._modules: dict[tuple[int, int], EsiRow] = {}
-        self._parsed: dict[int, Element | None] = {}  # modules, by where they begin
+        self._parsed: dict[int, Element | None] = {}  # modules, by their first byte
 
     @classmethod
     def open(
@@ -210,7 +210,7 @@ class _File:
         return None
 
     def _element(self, row: EsiRow, out: Collector) -> Element | None:
-        """Parse the piece of the file that a row of the catalogue names."""
+        """Parse the piece of the file that a row of the catalogue refers to."""
         data, tag = self._data, b"</Device>" if row.kind == "device" else b"</Module>"
         piece = data[row.offset : row.end]
         # The piece ends before its closing tag; an element such as <Device/> has none.
@@ -236,7 +236,7 @@ _Rows = list[tuple[EsiRow, tuple[str, ...]]]
 
 
 def _rows_of(file: _File, choice: EsiChoice, out: Collector) -> _Rows:
-    """Return the rows wanted, each with what had to be assumed; empty with a finding."""
+    """Return the selected rows with the assumptions made; empty with a finding."""
     devices = file.catalogue.devices
     whole = Span(file.path, 1, 1)
     if not devices:
@@ -270,7 +270,7 @@ def _is_wanted(row: EsiRow, choice: EsiChoice) -> bool:
 def _of_revision(
     rows: list[EsiRow], choice: EsiChoice, out: Collector, path: str
 ) -> tuple[EsiRow | None, tuple[str, ...]]:
-    """Return the device of the revision, else of the nearest lower one, which is said."""
+    """Return the device of the revision, or of the nearest lower one, with a remark."""
     if choice.revision is None:
         return _newest(rows)
     exact = next((r for r in rows if r.revision == choice.revision), None)
@@ -301,7 +301,7 @@ def _newest(rows: list[EsiRow]) -> tuple[EsiRow, tuple[str, ...]]:
 
 
 def _nearest_lower(rows: list[EsiRow], revision: int) -> EsiRow | None:
-    """Return the device of the highest lower revision, else one without a revision."""
+    """Return the device of the highest lower revision, or else one without a revision."""
     lower = [r for r in rows if r.revision is not None and r.revision < revision]
     if lower:
         return max(lower, key=lambda r: r.revision or 0)
@@ -318,7 +318,7 @@ def _spoken(choice: EsiChoice) -> str:
 
 
 def _nearest(devices: tuple[EsiRow, ...], choice: EsiChoice) -> str:
-    """Name the probable meaning."""
+    """Return a hint with the probable meaning."""
     others = [r for r in devices if choice.product is not None and r.product == choice.product]
     if others:
         same = dict.fromkeys(f"{r.type} of vendor 0x{r.vendor:08x}" for r in others)

@@ -1,4 +1,4 @@
-"""What the `ethercat` tool of IgH prints, and C headers for its library or any other."""
+"""Output of the `ethercat` tool of IgH, and C headers for its library or any other."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Output of the ``ethercat`` tool of the IgH master into descriptions.
+"""Reads output of the ``ethercat`` tool of the IgH master into descriptions.
 
-``slaves``, ``slaves -v`` and ``sii_read -v`` here; others in modules of their own. Nothing is taken
-from indentation, which pastes lose.
+``slaves``, ``slaves -v`` and ``sii_read -v`` are read here, other commands in separate modules.
+Indentation is ignored, because it is lost when text is pasted.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def load_igh_text(source: Source, out: Collector, *, name: str = "<text>") -> De
 
     Args:
         source: Path, or the bytes.
-        out: Takes findings; a text that is cut off is FSN146, never a shorter map.
+        out: Takes findings; a truncated text is FSN146, never a shorter map.
         name: Name shown when ``source`` is bytes.
     """
     data, shown = source_bytes(source, out, name)
@@ -76,7 +76,7 @@ _MASTER = re.compile(r"(?:=== |/\* )Master (\d{1,3}), Slave |Master ?(\d{1,3})$"
 
 
 def _one_master(text: Pasted) -> None:
-    """Keep the lines of the first master: two of them are two buses."""
+    """Keep the lines of the first master: two masters are two buses."""
     first: str | None = None
     current: str | None = None
     kept: list[Line] = []
@@ -251,26 +251,26 @@ class _Part:
 
     @property
     def is_whole(self) -> bool:
-        """Whether it has as many bytes as it announces."""
+        """Whether it has as many bytes as its header states."""
         return len(self.body) == self.size_bytes
 
 
 @dataclass(slots=True)
 class _Area:
-    """The EEPROM of one SubDevice while its lines come."""
+    """The EEPROM of one SubDevice while its lines are read."""
 
     span: Span
     parts: list[_Part]
 
     def why_cut(self) -> str:
-        """Return the missing part of a text that ends here, or an empty text."""
+        """Return the missing part if the text ends here, otherwise an empty text."""
         part = self.parts[-1]
         if part.is_whole:
             return ""
         return f"{part.shown} has {len(part.body)} of {part.size_bytes} bytes"
 
     def image(self) -> bytes:
-        """Return the image as far as its parts are whole."""
+        """Return the image, as far as its parts are complete."""
         return b"".join(p.kind + p.body for p in self.parts if p.is_whole) + _END
 
 
@@ -297,7 +297,7 @@ def _read_sii(text: Pasted) -> Description:
 
 
 def _take(areas: list[_Area], line: Line, text: Pasted) -> bool:
-    """Take a line; ``False``: it is not one of this output."""
+    """Process a line; ``False`` if it does not belong to this output."""
     shown = line.stripped
     if _AREA.match(shown):
         _end(areas, line, text)
@@ -315,7 +315,7 @@ def _take(areas: list[_Area], line: Line, text: Pasted) -> bool:
 
 
 def _end(areas: list[_Area], line: Line, text: Pasted) -> None:
-    """Name a part that has more or fewer bytes than it announces, where another one follows."""
+    """Report a part whose number of bytes differs from its header, if another part follows."""
     why = areas[-1].why_cut() if areas else ""
     if why:
         text.out.add(

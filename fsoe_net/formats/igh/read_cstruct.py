@@ -20,7 +20,7 @@ _IDENTITY = re.compile(r"(Vendor ID|Product code|Revision number): +0x([0-9a-f]{
 _TABLE = re.compile(
     r"(?:static +)?(?:const +)?(?:ec|fsn)_(pdo_entry|pdo|sync)_info_t +(\w+)\[\d*\] *= *\{"
 )
-# People write such tables by hand, too: decimal sub-indexes, // comments, &table[2], short rows.
+# People also write such tables by hand: decimal subindexes, // comments, &table[2], short rows.
 _HEX = r"(0[xX][0-9a-fA-F]{1,4}|\d{1,5})"
 _NOTE = r" *(?:/\*(.*?)\*/|//(.*))?$"
 _REFERENCE = r"&?(\w+) *(?:(?:\+|\[) *(\d{1,6}) *\]?)?"
@@ -53,7 +53,7 @@ class _Head:
 
     @property
     def is_started(self) -> bool:
-        """Whether a comment about a SubDevice was begun."""
+        """Whether a comment about a SubDevice has begun."""
         return self.seen or bool(self.numbers)
 
 
@@ -105,7 +105,7 @@ def _tables(text: Pasted) -> list[_Table]:
         elif table is not None:
             return _in_table(line, table, text)
         elif not _COMMENT.match(shown):
-            # A bracket is the end of something else in a header.
+            # In a header, a bracket can also end something else.
             return None if shown in ("{", "}", "};") else False
         return True
 
@@ -116,7 +116,7 @@ def _tables(text: Pasted) -> list[_Table]:
 
 
 def _in_table(line: Line, table: _Table, text: Pasted) -> bool | None:
-    """Take a line of a table that is open; ``None`` for one that ends the text."""
+    """Process a line of an open table; ``None`` for a line that ends the text."""
     shown = line.stripped
     if _END.match(shown):
         table.ended = True
@@ -150,7 +150,7 @@ def _subdevices(tables: list[_Table], text: Pasted) -> list[DescribedSubDevice]:
             rows.append(_described(table, pdos, entries, text))
             last = None
     if last is not None:
-        # Only the tables before the cut: the PDOs are known, not their sync managers.
+        # Only the tables before the truncation: the PDOs are known, but not their sync managers.
         found = [_pdo(m, s, entries, text) for m, s in last.rows] if last.kind == "pdo" else []
         rows.append(_row(last, (), text, truncated=True, available=tuple(found)))
     return rows

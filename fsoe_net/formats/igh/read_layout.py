@@ -1,6 +1,6 @@
 """``ethercat pdos``, ``config -v`` and ``domains -v``: the layout of sync managers.
 
-Nothing is taken from indentation, which pastes lose.
+Indentation is ignored, because it is lost when text is pasted.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class _Manager(PrintedManager):
 
 @dataclass(slots=True)
 class _SubDevice:
-    """A SubDevice of ``ethercat pdos`` while its lines come."""
+    """A SubDevice of ``ethercat pdos`` while its lines are read."""
 
     span: Span
     position: int | None = None
@@ -49,7 +49,7 @@ class _SubDevice:
     doubt: str = ""  # about its last sync manager
 
     def described(self, path: str, *, truncated: bool) -> DescribedSubDevice:
-        """Return what was built; mailboxes, which carry no PDOs, are left out."""
+        """Return the description; mailboxes, which carry no PDOs, are omitted."""
         used = [m for m in self.managers if m.pdos or not m.is_mailbox]
         notes = []
         for manager in used:
@@ -129,9 +129,9 @@ def _entry(match: re.Match[str], line: Line, name: str = "") -> Entry:
 
 
 def _why_cut(subs: list[_SubDevice]) -> str:
-    """Return what the end of the text lacks, for certain; a doubt is noted at the SubDevice.
+    """Return what is certainly missing at the end; a doubt is noted at the SubDevice.
 
-    A final PDO without entries, where others have some, was cut off after its name.
+    A final PDO without entries was truncated after its name if other PDOs have entries.
     """
     sub = subs[-1]
     if not sub.managers:
@@ -212,7 +212,7 @@ def read_config(text: Pasted) -> Description:
 
 
 def _take(configs: list[_Config], line: Line) -> bool:
-    """Take one line; false when it is not known."""
+    """Process one line; false if it is unknown."""
     shown = line.stripped
     if match := _ALIAS.match(shown):
         _end_sdo(configs)
@@ -264,7 +264,7 @@ def _take_fact(config: _Config, shown: str, line: Line) -> bool:
 
 
 def _end_sdo(configs: list[_Config]) -> None:
-    """Close an SDO when all its bytes are there."""
+    """Complete an SDO if all its bytes were read."""
     if not configs or configs[-1].open_sdo is None:
         return
     config = configs[-1]
@@ -339,7 +339,7 @@ class _Fmmu:
 def read_domains(text: Pasted) -> Description:
     """Read ``ethercat domains -v``: sync managers with their sizes, no entries."""
     fmmus: list[_Fmmu] = []
-    domain: list[tuple[int, int]] = []  # begin and size, of each
+    domain: list[tuple[int, int]] = []  # start and size of each
 
     def take(line: Line) -> bool:
         shown = line.stripped
@@ -388,7 +388,7 @@ def _grouped(fmmus: list[_Fmmu], text: Pasted) -> list[DescribedSubDevice]:
 
 
 def _opaque(fmmu: _Fmmu) -> PrintedManager:
-    """Bytes of which nothing but their number is known: a PDO of padding."""
+    """Return bytes with unknown content as a PDO of padding."""
     manager = _config_manager(fmmu.match[3], fmmu.match[4], fmmu.span)
     padding = Entry(span=fmmu.span, index=0, subindex=0, bits=8 * fmmu.size)
     manager.pdos.append((0, fmmu.span, [padding] if fmmu.size else []))

@@ -57,7 +57,7 @@ def read_xml(data: bytes, shown: str, out: Collector) -> Description | None:
 
 
 def _cut(data: bytes, shown: str, out: Collector) -> None:
-    """A truncated XML gives no description: its elements are not closed."""
+    """Report a truncated XML: it gives no description, because its elements are not closed."""
     text = pasted(data, shown, out)
     text.read(lambda line: line.stripped.endswith(">") or None, "", ())
     text.cut(text.lines[-1] if text.lines else None, "</EtherCATInfo> is missing")

@@ -1,7 +1,7 @@
 """A description as a C header: tables for the IgH master, or the same tables in plain C.
 
-The tables have the shape that ``ethercat cstruct`` prints, so they can be read back. Nothing in
-them is cast away, and a table that a program does not use gives no warning: a function uses it.
+The tables have the form printed by ``ethercat cstruct``, so they can be read back. They need no
+casts. A table that a program does not use gives no warning, because a function uses it.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def write_c_header(
     """Return one header with the tables of all SubDevices and with the copies.
 
     With IgH: ``ec_sync_info_t`` of each SubDevice, the list of entries to register for the copies,
-    and ``fsn_copy_all`` that does them in the image of the domain. In plain C: the same tables with
-    types of their own, and the copies as bytes of sync managers.
+    and ``fsn_copy_all``, which executes them in the image of the domain. In plain C: the same
+    tables with separate types, and the copies as bytes of sync managers.
 
     Args:
         description: SubDevices, copies.
@@ -294,7 +294,7 @@ class _Header:
 
 
 def _row_by_number(kind: str, count: str, rows: list[str]) -> Iterator[str]:
-    """Yield the body of a function; a comparison with 0 would be a warning of the compiler."""
+    """Yield the body of a function; a comparison with 0 would cause a compiler warning."""
     if rows:
         yield f"    static const {kind} rows[] = {{"
         yield from (f"        [{number}] = {{{row}}}," for number, row in enumerate(rows))
@@ -313,7 +313,7 @@ def _pieces(bits: int) -> Iterator[int]:
 
 
 def _comment(text: str) -> str:
-    """Return a text that neither ends a comment nor begins one, nor continues its line."""
+    """Return a text that cannot end or begin a comment, or continue its line."""
     # `??/` is a trigraph for a backslash, which would continue the line.
     text = plain_text(text).replace("*/", "* /").replace("/*", "/ *").replace("??/", "? ?/")
     return text.replace("\\", "/")
@@ -325,7 +325,7 @@ def _named(name: str) -> str:
 
 
 def _string(text: str) -> str:
-    r"""Return a C string; what is not ASCII is written as its bytes in octal."""
+    r"""Return a C string; non-ASCII characters are written as bytes in octal."""
     shown = "".join(
         # `?` may begin a trigraph; an octal escape ends after three digits whatever follows.
         chr(b) if 0x20 <= b < 0x7F and chr(b) not in '"\\?' else f"\\{b:03o}"

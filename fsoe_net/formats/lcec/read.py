@@ -1,4 +1,4 @@
-"""Configuration of linuxcnc-ethercat: SubDevices, and which of them a logic talks to.
+"""Configuration of linuxcnc-ethercat: SubDevices, and the partners of each logic.
 
 ``<modParam name="fsoeSlaveIdx" value="6"/>`` at a logic names a SubDevice of the same master by its
 ``idx``; the order of these lines is the order of the connections in the logic.
@@ -73,7 +73,7 @@ def load_lcec(
 
 
 def _names_of(element: Element, number: int, out: Collector) -> list[str]:
-    """Return the ``idx`` of a master, and its name where it has one."""
+    """Return the ``idx`` of a master, and its name if it has one."""
     index = _number(element, "idx", out, default=number)
     name = element.attributes.get("name", "").strip()
     return [str(index), *([name] if name else [])]
@@ -87,7 +87,7 @@ def _number(
     hexadecimal: bool = False,
     default: int | None = None,
 ) -> int | None:
-    """Return an attribute as the driver reads it: ids are hexadecimal without a mark."""
+    """Return an attribute as the driver reads it: ids are hexadecimal without a prefix."""
     text = element.attributes.get(key)
     if text is None:
         return default

@@ -1,7 +1,7 @@
 """A description as a configuration of linuxcnc-ethercat, with ``fsoeSlaveIdx`` at each logic.
 
-The driver copies FSoE frames only for types it supports, with built-in PDOs. All others are written
-as ``generic`` with their PDOs.
+The driver copies FSoE frames only for supported types, whose PDOs are built in. All others are
+written as ``generic`` with their PDOs.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def write_lcec(description: Description, *, file: str = "ethercat-conf.xml") -> 
     """Return the configuration of one master.
 
     Args:
-        description: SubDevices with ring positions; connections, or copies that show them.
+        description: SubDevices with ring positions; connections, or copies that imply them.
         file: Name of the file.
 
     Raises:
@@ -88,14 +88,14 @@ class _Configuration:
                 self._notes.append(f"net {group.name}: copies of other data are not in this file")
             if group.main is None or group.main in partners:
                 continue
-            # The slot is where a frame arrives in the logic.
+            # The slot is given by the position of the frame in the logic.
             into = [c for c in frames if c.destination.subdevice == group.main]
             into.sort(key=lambda c: (c.destination.sm_index, c.destination.bit_offset))
             partners[group.main] = list(dict.fromkeys(c.source.subdevice for c in into))
         return partners
 
     def _named_partners(self) -> dict[int, list[int]]:
-        """Return the SubInstances of each logic that connections name."""
+        """Return the SubInstances of each logic, as named by the connections."""
         rows = list(self._description.connections)
         if all(row.slot is not None for row in rows):
             rows.sort(key=lambda row: row.slot or 0)  # only their order shows the slot
@@ -107,7 +107,7 @@ class _Configuration:
         return partners
 
     def _gaps(self, rows: list[DescribedConnection]) -> None:
-        """Note the logics of which a slot is left out."""
+        """Note each logic with an omitted slot."""
         slots: dict[int, list[int]] = {}
         for row in rows:
             if row.main is not None and row.slot is not None:
@@ -121,7 +121,7 @@ class _Configuration:
                 )
 
     def _type(self, number: int) -> str:
-        """Return the type the driver has for this SubDevice; empty for ``generic``."""
+        """Return the type that the driver has for this SubDevice; empty for ``generic``."""
         device = self._description.subdevices[number].device
         key = (device.vendor_id, device.product_code)
         if number in self._partners:
@@ -132,7 +132,7 @@ class _Configuration:
             known = ""
         order = self._description.subdevices[number].order
         if not known and order and not device.sync_managers and not device.vendor_id:
-            known = plain_text(order)  # as linuxcnc-ethercat gave it
+            known = plain_text(order)  # as written by linuxcnc-ethercat
         return known
 
     def _slave(self, number: int) -> Iterator[str]:

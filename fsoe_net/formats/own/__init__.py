@@ -1,4 +1,4 @@
-"""YAML and JSON of fsoe-net itself, with the slave and transfer YAML that it shares with ROS 2."""
+"""YAML and JSON of fsoe-net itself, including slave and transfer YAML, which ROS 2 also uses."""
 
 from __future__ import annotations
 

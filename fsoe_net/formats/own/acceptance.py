@@ -35,7 +35,7 @@ _MANY = 2**31 - 1
 
 
 def is_acceptance(data: bytes) -> bool:
-    """Whether a file is meant to be an acceptance record."""
+    """Whether a file appears to be an acceptance record."""
     return _FIRST_KEY.search(data[:_LOOKED_AT]) is not None
 
 
@@ -47,8 +47,8 @@ def load_acceptance(path: str | os.PathLike[str], out: Collector) -> Acceptance 
         out: Takes FSN101 … FSN116, FSN162 and FSN163 with line and column.
 
     Returns:
-        The record, or ``None`` when it could not be understood. Whether its fingerprint is that of
-        the plan in it is not looked at here, see `fsoe_net.plan.accepted.accepted_plan`.
+        The record, or ``None`` if it is invalid. Whether its fingerprint is that of its plan is
+        checked by `fsoe_net.plan.accepted.accepted_plan`, not here.
     """
     data = read_bytes(path, out, most=MAX_RECORD_BYTES)
     return None if data is None else parse_acceptance(data, os.fspath(path), out)
@@ -124,7 +124,7 @@ def _stated(node: MapNode, key: str, out: Collector) -> str:
 
 
 def _map(node: MapNode, key: str) -> MapNode:
-    return cast(MapNode, node.pairs[key])  # the schema has seen to it
+    return cast(MapNode, node.pairs[key])  # ensured by the schema
 
 
 def _hash(node: MapNode, key: str, out: Collector) -> str:
@@ -182,7 +182,7 @@ def _replaced(node: MapNode, out: Collector) -> Replaced:
 
 
 def _plan(root: MapNode, out: Collector) -> bytes:
-    """Return the plan that is packed in the record (zlib, base64)."""
+    """Return the plan that the record contains (zlib, base64)."""
     unpack = zlib.decompressobj()
     try:
         packed = base64.b64decode("".join(_text(root, "plan").split()), validate=True)

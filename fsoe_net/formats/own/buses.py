@@ -64,7 +64,7 @@ def cycle_from_yaml(node: MapNode, out: Collector) -> int | None:
 
 
 def buses_from_yaml(root: MapNode, out: Collector) -> list[BusRows]:
-    """Return the buses of a network file; nothing where it has one without a name.
+    """Return the buses of a network file; nothing if it has a single, unnamed bus.
 
     Args:
         root: The document.

@@ -22,9 +22,9 @@ class Remarks:
     """Content of comments.
 
     Attributes:
-        head: On top of the network file.
+        head: At the top of the network file.
         subdevices: Above the rows of SubDevices, by number.
-        devices: On top of the slave YAML of SubDevices, by number.
+        devices: At the top of the slave YAML of SubDevices, by number.
         connections: Above each connection.
     """
 
@@ -63,10 +63,10 @@ def comment(texts: Iterable[str], indent: int = 0) -> list[str]:
 def connection_lines(
     row: DescribedConnection, names: Sequence[str], reasons: Sequence[str]
 ) -> Iterator[str]:
-    """Yield a connection with a comment above it and a TODO for each value that is not known.
+    """Yield a connection with a comment above it and a TODO for each unknown value.
 
     Args:
-        row: Both SubDevices are known.
+        row: Connection whose SubDevices are both known.
         names: Names of the SubDevices.
         reasons: The comment.
     """

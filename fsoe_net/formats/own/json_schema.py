@@ -1,7 +1,7 @@
 """Finds violations of a JSON Schema: keys, types, words and lengths of lists.
 
 Only violations reported by `fsoe_net.formats.own.schema` are checked. Patterns, ranges and
-combinations of keys are for editors: the readers report them in more detail.
+combinations of keys are for editors; the readers report these in more detail.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 LEFT_TO_READERS = frozenset(
     {"pattern", "minimum", "maximum", "exclusiveMinimum", "minLength", "uniqueItems"}
     | {"anyOf", "oneOf", "not", "propertyNames"}
-    | {"allOf", "if", "then"}  # of those above
+    | {"allOf", "if", "then"}  # on these keywords
 )
 _TYPES: Mapping[str, tuple[type, ...]] = {
     "object": (dict,),
@@ -38,7 +38,7 @@ class SchemaError:
 
     Attributes:
         keyword: Keyword of the schema.
-        path: Keys and numbers of items that lead to the place.
+        path: Keys and item numbers that lead to the place.
         schema: The part of the schema for that place.
         value: The value found there.
         key: The key that is missing, for ``required``.
@@ -56,11 +56,11 @@ def read_schema(name: str) -> dict[str, Any]:
     """Return one schema, e.g. ``transfers``, from the installed package or the source tree.
 
     Raises:
-        FileNotFoundError: No such schema; the installation is damaged.
+        FileNotFoundError: Unknown schema; the installation is damaged.
     """
     file = f"{name}.schema.json"
     in_source = Path(__file__).parents[3] / "schemas" / file
-    if in_source.is_file():  # a source tree, also when installed editable
+    if in_source.is_file():  # a source tree, also for an editable installation
         text = in_source.read_text("utf-8")
     else:
         text = (resources.files("fsoe_net") / "schemas" / file).read_text("utf-8")
@@ -117,7 +117,7 @@ def _of_object(
 
 
 def _referred(reference: str, name: str) -> tuple[str, Mapping[str, Any]]:
-    """Return the schema a reference leads to, ``transfers.schema.json#/$defs/net`` or without."""
+    """Return the schema for a reference, such as ``transfers.schema.json#/$defs/net``."""
     file, _, place = reference.partition("#")
     name = file.removesuffix(".schema.json") or name
     part: Mapping[str, Any] = read_schema(name)

@@ -65,8 +65,8 @@ def builtin_library(products: frozenset[int] | None = None) -> Library:
     """Return the library of the package.
 
     Args:
-        products: Product codes that matter: files without any of them are not looked into, which
-            leaves nearly nothing to do for most networks. ``None`` for all devices.
+        products: Relevant product codes: files without any of them are not parsed, which saves
+            nearly all the work for most networks. ``None`` for all devices.
 
     Raises:
         EnvironmentFault: A file of the package is damaged.
@@ -96,11 +96,11 @@ def parse_library_device(data: bytes, file: str, out: Collector) -> LibraryDevic
     Args:
         data: The YAML document.
         file: Name shown in findings.
-        out: Takes FSN102 … FSN116 for the structure, FSN141 for entries that cannot be read,
-            FSN139 where the facts contradict each other.
+        out: Takes FSN102 … FSN116 for the structure, FSN141 for entries that cannot be read, FSN139
+            if the facts contradict each other.
 
     Returns:
-        The device, or ``None`` when something is wrong with it.
+        The device, or ``None`` if it has an error.
     """
     mine = Collector()
     device = None

@@ -1,4 +1,4 @@
-"""From the files a user names to one `NetworkConfig`: recognises kinds, follows references."""
+"""Builds one `NetworkConfig` from the files of a user: detects types, follows references."""
 
 from __future__ import annotations
 
@@ -58,10 +58,10 @@ def load_network(
 
     Args:
         paths: One network YAML; or one URDF or xacro, optionally with the transfer YAML it needs;
-            or a transfer YAML or slave YAML on its own, which is checked as far as it goes.
+            or a transfer YAML or slave YAML alone, which is checked as far as possible.
         options: How references are followed.
 
-    Never raises for what is in the files or the file system: every problem is a diagnostic.
+    Never raises for the content of files or for the file system: every problem is a diagnostic.
     """
     assembly = _Assembly(options or LoadOptions())
     for path in dict.fromkeys(os.fspath(p) for p in paths):
@@ -85,7 +85,7 @@ class _Yaml:
 
 
 class _Assembly:
-    """Collects files by kind, then builds the network once."""
+    """Collects files by type, then builds the network once."""
 
     def __init__(self, options: LoadOptions) -> None:
         self.out = Collector()
@@ -134,7 +134,7 @@ class _Assembly:
             self._refuse_second(path, self._urdf)
             return
         self._urdf = path
-        from fsoe_net.formats.ros2.urdf import load_urdf  # with xacro: only where there is a URDF
+        from fsoe_net.formats.ros2.urdf import load_urdf  # imports xacro: only if there is a URDF
 
         result = load_urdf(path, self._options)
         self.out.diagnostics.extend(result.diagnostics)
@@ -144,7 +144,7 @@ class _Assembly:
         self._systems = self._of_master(result.systems, path)
 
     def _of_master(self, systems: tuple[DriverSystem, ...], path: str) -> tuple[DriverSystem, ...]:
-        """Return the systems of the master that was asked for, else all."""
+        """Return the systems of the requested master, or all."""
         master = self._options.master
         if not master:
             return systems
@@ -168,7 +168,7 @@ class _Assembly:
         )
 
     def _kind_of(self, root: MapNode, data: bytes) -> str | None:
-        """Return what a file is by its content, never by its name: the name of its schema."""
+        """Return the type of a file by its content, never by its name: the name of its schema."""
         kinds = ("network", "transfers", "slave")
         scores = {kind: len(schema_keys(kind) & set(root.pairs)) for kind in kinds}
         other = kind_by_keys(root)
@@ -231,7 +231,7 @@ class _Assembly:
             fields=root.places(),
             cycle_ns=buses[0].bus.cycle_ns if buses else cycle_from_yaml(root, self.out),
             subdevices=tuple(subs),
-            # said once, not of each name again
+            # reported once, not again for each name
             partial="subdevices" not in root.pairs and not buses,
             nets=nets,
             safety_functions=safety_functions_from_yaml(root, self.out),
@@ -241,7 +241,7 @@ class _Assembly:
         )
 
     def _on_buses(self, rows: Sequence[Sequence[MapNode]]) -> list[SubDevice]:
-        """Read what stands outside of buses, which are on the first, then on each bus."""
+        """Read SubDevices outside of buses, which are on the first bus, then those of buses."""
         found = (self._subdevice(row, max(0, n - 1)) for n, of in enumerate(rows) for row in of)
         return [sub for sub in found if sub is not None]
 
@@ -272,7 +272,7 @@ class _Assembly:
         )
 
     def _device(self, config: str, named_in: str, named_at: Span) -> Device | None:
-        """Read a slave YAML once, however many SubDevices share it."""
+        """Read a slave YAML once, whatever the number of SubDevices that share it."""
         path = self._located.get((config, named_in))
         if path is None:
             path = self._located[config, named_in] = self._locate(config, named_in)
@@ -281,7 +281,7 @@ class _Assembly:
         return self._devices[path]
 
     def _locate(self, text: str, named_in: str) -> str:
-        """Return the path a reference means: relative ones start at the file that names them."""
+        """Return the path of a reference; relative ones start at the file that names them."""
         if text.startswith("package://"):
             package, _, rest = text.removeprefix("package://").partition("/")
             folder = self._options.packages.get(package)
@@ -290,7 +290,7 @@ class _Assembly:
         folder = os.path.dirname(named_in)
         beside = os.path.normpath(os.path.join(folder, text)) if folder else text
         if not is_there(beside) and is_there(text):
-            return text  # as the driver would find it from here
+            return text  # the driver would find it from here
         return beside
 
     # -- URDF -------------------------------------------------------------------------------------
@@ -342,7 +342,7 @@ class _Assembly:
         return _Yaml(path, root)
 
     def _relative(self, text: str, span: Span) -> None:
-        """FSN126, once per naming file."""
+        """Report FSN126, once per naming file."""
         if span.file in self._relative_named:
             return
         if not os.path.isabs(text) and "://" not in text:
@@ -379,7 +379,7 @@ class _Assembly:
         )
 
     def _with_mode(self, device: Device, mode: int, span: Span) -> Device:
-        """Return the device with the mode its plugin writes; drives of one mode share it."""
+        """Return the device with the mode that its plugin writes; drives of one mode share it."""
         key = (device.path, mode)
         if key not in self._drives:
             self._drives[key] = with_mode(device, mode, span)
@@ -468,7 +468,7 @@ def _fit(network: NetworkConfig, out: Collector) -> bool:
 
 
 def _refuse_known(data: bytes, place: Span, out: Collector) -> bool:
-    from fsoe_net.formats.recognise import refuse_known  # with all formats: only where it is needed
+    from fsoe_net.formats.recognise import refuse_known  # imports all formats: only if needed
 
     return refuse_known(data, place, "a network YAML or a URDF", out)
 

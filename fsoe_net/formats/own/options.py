@@ -8,14 +8,15 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadOptions:
-    """How references are followed.
+    """Options for following references.
 
     Args:
         packages: ROS package name to folder, for ``$(find pkg)`` and ``package://pkg``.
         xacro_args: Values of ``$(arg name)``.
         xacro_env: Names of the environment variables that ``$(env name)`` may read.
-        trust_xacro: Expand xacro without confinement; the file may do all that the user may do.
-        master: Number or name of the EtherCAT master to read of a file that has several.
+        trust_xacro: Expand xacro without confinement; the file can then do everything that the user
+            can do.
+        master: Number or name of the EtherCAT master to read if a file has several.
     """
 
     packages: Mapping[str, str] = field(default_factory=dict)

@@ -23,7 +23,7 @@ def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, fr
     scalar of its key, or when its key is not one of a transfer.
 
     Args:
-        data: The file, as it was when its findings were made.
+        data: The file in the state in which its findings were made.
         file: Its name, as in the places of the edits.
         edits: Edits to apply.
 
@@ -42,7 +42,7 @@ def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, fr
         return mark + starts[span.line - 1] + span.column - 1
 
     def place_of(edit: Edit) -> tuple[int, int] | None:
-        """Return where the text is that an edit replaces; none where it may not be replaced."""
+        """Return the range of the text that an edit replaces; ``None`` if that is not allowed."""
         found = places.get((edit.key, edit.span))
         if found is None or edit.key not in _KEYS:
             return None
@@ -74,7 +74,7 @@ def patch_yaml(data: bytes, file: str, edits: Iterable[Edit]) -> tuple[bytes, fr
 
 
 def _values(root: MapNode) -> Iterator[tuple[str, Span, Node]]:
-    """Yield every value of every map with its key and the place of that; without recursion."""
+    """Yield every value of every map with its key and the place of the key; without recursion."""
     left: list[Node] = [root]
     seen: set[Node] = set()
     while left:

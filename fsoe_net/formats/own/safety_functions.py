@@ -25,7 +25,7 @@ def safety_functions_from_yaml(root: MapNode, out: Collector) -> tuple[SafetyFun
 
     Args:
         root: The network file; its structure has been checked.
-        out: Takes FSN111 for what is not a number, FSN113 for what is outside its range.
+        out: Takes FSN111 for an invalid number, FSN113 for a number outside its range.
     """
     found = (_function(node, out) for node in root.maps("safety_functions"))
     return tuple(f for f in found if f is not None)
@@ -52,7 +52,7 @@ def _function(node: MapNode, out: Collector) -> SafetyFunction | None:
 
 
 def _level(node: Node | None, out: Collector) -> tuple[str, int | None]:
-    """Return PL and SIL of a level that is required or claimed; empty and ``None`` without."""
+    """Return PL and SIL of a required or claimed level; empty and ``None`` if not stated."""
     if not isinstance(node, MapNode):
         return "", None
     level = (node.text("pl") or "").lower()

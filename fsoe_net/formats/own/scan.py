@@ -1,4 +1,4 @@
-"""Scan document of ``fsn-master`` (JSON) into the model, every value with its place."""
+"""Reads a scan document of ``fsn-master`` (JSON) into the model, every value with its place."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def load_scan(path: str | os.PathLike[str]) -> tuple[Scan | None, list[Diagnosti
     """Read a scan document from a file.
 
     Returns:
-        The scan, or ``None`` when it is damaged, and everything that is wrong.
+        The scan, or ``None`` if it is damaged, and all findings.
     """
     out = Collector()
     data = read_bytes(path, out)
@@ -56,8 +56,8 @@ def parse_scan(data: bytes, file: str) -> tuple[Scan | None, list[Diagnostic]]:
         file: Name shown in findings.
 
     Returns:
-        The scan, or ``None`` when it is damaged, and everything that is wrong. Keys that are not
-        known are left alone: later versions add some.
+        The scan, or ``None`` if it is damaged, and all findings. Unknown keys are ignored, because
+        later versions may add some.
     """
     out = Collector()
     root = _parse(data, file, out)
@@ -80,7 +80,7 @@ def _no_number(text: str) -> NoReturn:
 
 
 def _parse(data: bytes, file: str, out: Collector) -> MapNode | None:
-    """Return the document with places. First reject YAML that is not valid JSON."""
+    """Return the document with places. YAML that is not valid JSON is rejected first."""
     try:
         text = data.decode("utf-8")
         found = json.loads(text, parse_constant=_no_number)
@@ -101,10 +101,10 @@ def _parse(data: bytes, file: str, out: Collector) -> MapNode | None:
 
 
 def _as_yaml(text: str) -> str:
-    """Return JSON as YAML: no tabs, no surrogates, and no character that YAML takes for a break.
+    """Return JSON as YAML: no tabs, no surrogates, no characters that YAML treats as line breaks.
 
-    Lines stay as they are, so that places do. In JSON these characters are nowhere but in strings;
-    raw tabs are nowhere but between values.
+    Lines are unchanged, so that places stay valid. In JSON these characters occur only in strings,
+    and raw tabs only between values.
     """
     # JSON escapes a character beyond 0xFFFF as two surrogates, which YAML rejects.
     text = _ESCAPE.sub(_character, text.replace("\t", " "))
@@ -125,7 +125,7 @@ def _scan(root: MapNode, out: Collector) -> Scan:
 
 
 def _printable(row: _Row) -> _Row:
-    """Return a record whose texts, which come from devices, can be printed."""
+    """Return a record with printable texts; the texts come from devices."""
     texts: dict[str, str] = {f.name: getattr(row, f.name) for f in fields(row) if f.type == "str"}
     odd: dict[str, Any] = {
         key: printable(text) for key, text in texts.items() if not text.isprintable()
@@ -134,7 +134,7 @@ def _printable(row: _Row) -> _Row:
 
 
 def _check_positions(scan: Scan, out: Collector) -> None:
-    """Positions count from 0 without a gap: they are places in the ring."""
+    """Check that positions count from 0 without a gap, as they are places in the ring."""
     if not fits_on_bus(scan.subdevices, out):
         return
     for number, sub in enumerate(scan.subdevices):
@@ -225,7 +225,7 @@ def _connections(node: MapNode, key: str, out: Collector) -> tuple[ScannedConnec
 
 
 def _list(node: MapNode, key: str, rows: tuple[_T, ...]) -> tuple[_T, ...] | None:
-    """Return the rows, or ``None`` when the document has no such list."""
+    """Return the rows, or ``None`` if the document has no such list."""
     return rows if isinstance(node.get(key), SeqNode) else None
 
 

@@ -65,7 +65,7 @@ def _is_whole(sm: ScannedSm) -> bool:
 
 
 def described_manager(sm: ScannedSm) -> SyncManager:
-    """Return a sync manager with the PDOs that were read of it."""
+    """Return a sync manager with those of its PDOs that were read."""
     out = sm.kind in ("outputs", "mailbox_out")
     return SyncManager(
         span=sm.span,

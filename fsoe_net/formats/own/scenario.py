@@ -1,4 +1,4 @@
-"""Scenario YAML: steps, expectations and emulated drives, every one with its place."""
+"""Scenario YAML: steps, expectations and emulated drives, each with its place."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ _FIELDS = {
 def with_arguments(
     step: ScenarioStep, node: MapNode, values: dict[str, int], out: Collector
 ) -> ScenarioStep:
-    """Return a step with what its action is given.
+    """Return a step with the arguments of its action.
 
     Args:
         step: Its time and action.
-        node: Where it stands.
-        values: The value of the action as a map of names to numbers, empty when it is not a map.
+        node: Node of the step.
+        values: The value of the action as a map of names to numbers; empty if it is not a map.
         out: Takes FSN111 … FSN114 and FSN106.
     """
     action = step.action
@@ -59,7 +59,7 @@ def with_arguments(
         return replace(step, number=number or 0)
     if action in _FIELDS:
         if not isinstance(inner, MapNode):
-            return step  # the schema has spoken, here and below
+            return step  # already reported by the schema, here and below
         numbers = {
             name: number
             for name, high in _FIELDS[action].items()
@@ -92,7 +92,7 @@ def load_scenario(
     """Read a scenario file.
 
     Returns:
-        The scenario, or ``None`` when it could not be understood, and everything that is wrong.
+        The scenario, or ``None`` if it is invalid, and all findings.
     """
     out = Collector()
     root = load_yaml(path, out)
@@ -125,7 +125,8 @@ def load_scenario(
 def _check_structure(root: MapNode, out: Collector) -> None:
     """Check keys and types. An unknown key is always an error here.
 
-    In a driver's file it may be a remark; here it would be an expectation that is not checked.
+    In a file of the driver it may be a remark; here it would be an expectation that is never
+    checked.
     """
     found = Collector()
     check_structure(root, "scenario", found)
@@ -160,7 +161,7 @@ def _values(node: MapNode, key: str, out: Collector) -> dict[str, int]:
     values: dict[str, int] = {}
     for name, item in inner.pairs.items():
         if not isinstance(item, ScalarNode):
-            continue  # the schema has spoken, here and below
+            continue  # already reported by the schema, here and below
         if item.text.lower() in ("true", "on", "false", "off"):
             values[name] = int(item.text.lower() in ("true", "on"))
             continue
@@ -217,7 +218,7 @@ def _logic(node: Node | None, out: Collector) -> LogicChoice:
 
 
 def _deep_places(node: MapNode, *keys: str) -> dict[str, Span]:
-    """Places of the keys, and of the names inside maps of values."""
+    """Return the places of the keys, including names inside maps of values."""
     places = dict(node.places())
     for key in keys:
         inner = node.get(key)
@@ -254,7 +255,7 @@ def _expectation(node: MapNode, out: Collector) -> Expectation | None:
 
 
 def _window(node: MapNode, out: Collector) -> tuple[int, int] | None:
-    """Return first and last moment, equal for ``at_ms``."""
+    """Return the first and last moment, which are equal for ``at_ms``."""
     if "at_ms" in node.pairs and "during_ms" in node.pairs:
         out.add(
             "FSN106",
@@ -275,7 +276,7 @@ def _window(node: MapNode, out: Collector) -> tuple[int, int] | None:
 
 def _during(during: Node | None, out: Collector) -> tuple[int, int] | None:
     if not isinstance(during, SeqNode) or len(during.items) != 2:
-        return None  # the schema has spoken
+        return None  # already reported by the schema
     first, last = (_time(item, out, what="during_ms") for item in during.items)
     if first is None or last is None:
         return None
@@ -293,7 +294,7 @@ def read_drives(node: Node | None, out: Collector) -> dict[str, DriveSetup]:
         out: Takes FSN111 and FSN113.
     """
     if not isinstance(node, MapNode):
-        return {}  # the schema has spoken, here and below
+        return {}  # already reported by the schema, here and below
     return {
         name: _setup(item, out) for name, item in node.pairs.items() if isinstance(item, MapNode)
     }

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from fsoe_net.formats.shared.files import Collector
 
 MOST_UNKNOWN = 100
-"""Unknown keys of a document that are reported one by one, and guessed at."""
+"""Maximum number of unknown keys of a document that are reported individually, with suggestions."""
 
 _CONFUSED = {
     "sub_index": "subindex",
@@ -51,8 +51,8 @@ _CONFUSED = {
 
 _ASKED_FOR = frozenset(
     {"acceptance", "test-record", "scenario"}
-)  # an option names the expected kind
-_NAMED = {  # by their keys; what it is, and what takes it
+)  # an option names the expected type
+_NAMED = {  # by their keys; the description and the consumer
     "test-record": ("a test record", "`fsoe-net report NETWORK --test-record FILE` takes it"),
     "acceptance": (
         "an acceptance record",
@@ -73,7 +73,7 @@ _TELLTALES = (
 
 
 def kind_by_keys(root: MapNode) -> str | None:
-    """Return the schema of the file of this project that has keys of no other, else ``None``."""
+    """Return the schema of a file of this project, if its keys occur in no other one."""
     keys = set(root.pairs)
     rows = root.maps("subdevices")
     if any("type" in row.pairs for row in rows) and not any("config" in row.pairs for row in rows):
@@ -82,7 +82,7 @@ def kind_by_keys(root: MapNode) -> str | None:
 
 
 def refuse_kind(root: MapNode, kind: str, wanted: str, code: str, out: Collector) -> None:
-    """Report the type of this file, and where it belongs."""
+    """Report the type of this file and where it can be used."""
     what, hint = _NAMED[kind]
     hint = hint.replace("FILE", root.span.file)
     out.add(code, root.span, f"this is {what}, not {_NAMED[wanted][0]}", hint=hint)
@@ -90,7 +90,7 @@ def refuse_kind(root: MapNode, kind: str, wanted: str, code: str, out: Collector
 
 @functools.cache
 def _schemas_of(name: str) -> tuple[dict[str, Any], ...]:
-    """Return a schema and those that it names, each once."""
+    """Return a schema and the schemas that it refers to, each once."""
     found: dict[str, dict[str, Any]] = {}
     pending = [name]
     while pending:
@@ -102,7 +102,7 @@ def _schemas_of(name: str) -> tuple[dict[str, Any], ...]:
 
 
 def schema_keys(name: str) -> frozenset[str]:
-    """Return the top-level keys a schema allows."""
+    """Return the top-level keys that a schema allows."""
     return frozenset(read_schema(name)["properties"])
 
 
@@ -127,7 +127,7 @@ def check_structure(root: MapNode, name: str, out: Collector) -> bool:
         return False
     sample = _Shapes(_worded_keys(name)).sample(root)
     if next(schema_errors(sample, name), None) is None:
-        return True  # the usual case: thousands of transfers of one shape, checked once
+        return True  # the usual case: thousands of transfers of one form, checked once
     unknown = _Unknown(out)
     for error in schema_errors(_plain(root), name):
         _translate(error, root, out, unknown)
@@ -138,7 +138,7 @@ def check_structure(root: MapNode, name: str, out: Collector) -> bool:
 
 @functools.cache
 def _worded_keys(name: str) -> frozenset[str]:
-    """Return the keys whose values, not only their types, the schema looks at."""
+    """Return the keys whose values the schema checks, not only their types."""
     found: set[str] = set()
     pending: list[Any] = list(_schemas_of(name))
     while pending:
@@ -154,7 +154,7 @@ def _worded_keys(name: str) -> frozenset[str]:
 
 
 class _Shapes:
-    """Numbers the shapes of values: two of one shape have the same keys and types throughout."""
+    """Numbers the forms of values; values of one form have the same keys and types throughout."""
 
     def __init__(self, worded: frozenset[str]) -> None:
         self._worded = worded
@@ -162,7 +162,7 @@ class _Shapes:
         self._kinds: dict[tuple[str, bool], int] = {}
 
     def sample(self, node: Node) -> Any:
-        """Return the document as plain values, its lists with one item of each shape."""
+        """Return the document as plain values; its lists contain one item of each form."""
         if isinstance(node, MapNode):
             return {key: self.sample(value) for key, value in node.pairs.items()}
         if isinstance(node, SeqNode):
@@ -268,7 +268,7 @@ def nearest_keys(key: str, allowed: Iterable[str]) -> tuple[str, ...]:
 
 
 class _Unknown:
-    """The unknown keys of a document, until there are too many."""
+    """The unknown keys of a document, up to the maximum."""
 
     def __init__(self, out: Collector) -> None:
         self._out = out
@@ -278,7 +278,7 @@ class _Unknown:
     def keys_of(
         self, node: MapNode, properties: Mapping[str, Any], path: Sequence[str | int]
     ) -> None:
-        """Report those of one map."""
+        """Report the unknown keys of one map."""
         free = [k for k in properties if k not in node.pairs]
         for key in node.pairs:
             if key in properties:
@@ -295,7 +295,7 @@ class _Unknown:
                 "FSN109",
                 node.keys[key],
                 f"unknown key {key!r} {where}",
-                # A word that resembles no key is a remark of the user's, not a mistake.
+                # A word that resembles no key is a remark of the user, not a mistake.
                 severity=None if meant or comma else Severity.INFO,
                 hint=comma or _instead(key, meant) or f"known here: {known}",
             )
@@ -311,7 +311,7 @@ class _Unknown:
 
 
 def _comma_before(node: MapNode, key: str) -> str:
-    """Return the hint where ``factor: 1,5`` in braces has become ``factor: 1`` and a key ``5``."""
+    """Return the hint if ``factor: 1,5`` in braces became ``factor: 1`` and a key ``5``."""
     value = node.pairs[key]
     if not (key.isdigit() and isinstance(value, ScalarNode) and value.is_null):
         return ""
@@ -324,7 +324,7 @@ def _comma_before(node: MapNode, key: str) -> str:
 
 
 def _instead(key: str, meant: Sequence[str]) -> str:
-    """Return the hint for an unknown key that is meant for another; empty when it is for none."""
+    """Return the hint if an unknown key is meant for another one, otherwise an empty string."""
     if key.startswith("-") and meant:
         return f"write {meant[0]!r}; where a list item begins, `- ` with a blank before it"
     return f"write {one_of([repr(m) for m in meant])}" if meant else ""
@@ -335,7 +335,7 @@ def _missing_key(node: MapNode, error: SchemaError, out: Collector) -> None:
     free = [m for m in properties if m not in node.pairs]
     others = (k for k in node.pairs if k not in properties)
     if any(error.key in nearest_keys(k, free) for k in itertools.islice(others, MOST_UNKNOWN)):
-        return  # it exists, but misspelt
+        return  # it is present, but misspelt
     message = f"{_where(error.path)} has no {error.key!r}"
     hint = f"add {error.key}: {_what_to_write(properties.get(error.key, {}))}".rstrip(": ")
     if "channels" in error.path:
@@ -346,7 +346,7 @@ def _missing_key(node: MapNode, error: SchemaError, out: Collector) -> None:
 
 
 def _what_to_write(schema: dict[str, Any]) -> str:
-    """Return the only value there is, else what the value means."""
+    """Return the only valid value, or else the meaning of the value."""
     return str(schema["const"] if "const" in schema else schema.get("description", ""))
 
 
@@ -372,7 +372,7 @@ def _is_read_later(schema: Mapping[str, Any], node: ScalarNode) -> bool:
 
 
 def _spells(text: str, names: Sequence[str]) -> bool:
-    """Whether a text would be a number of one of these types without its quotes."""
+    """Whether a text would be a number of one of these types if it had no quotes."""
     value = _plain_scalar(text) if text else ""
     return ("number" in names and isinstance(value, float)) or (
         not {"integer", "number"}.isdisjoint(names) and type(value) is int
@@ -383,7 +383,7 @@ _KINDS = {"object": "a map", "array": "a list", "string": "a text", "null": "not
 
 
 def _expected(names: Sequence[str]) -> str:
-    """Return in words what the types of a schema ask for."""
+    """Return the types that a schema expects, in words."""
     if names == ["boolean", "string"]:
         return "true or false"
     if "boolean" in names and "string" in names:

@@ -21,7 +21,7 @@ from fsoe_net.formats.shared.numbers import (
 from fsoe_net.formats.shared.yaml_tree import MapNode, Node, SeqNode, load_yaml
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
 
-# What the driver configures when a file lists no sync manager, or none it understands.
+# Configured by the driver if a file lists no sync manager, or none that it supports.
 _DEFAULT_SYNC_MANAGERS = (
     (0, Direction.OUTPUT, None, Watchdog.DISABLE),
     (1, Direction.INPUT, None, Watchdog.DISABLE),
@@ -29,10 +29,10 @@ _DEFAULT_SYNC_MANAGERS = (
     (3, Direction.INPUT, "tpdo", Watchdog.DISABLE),
 )
 
-_LARGEST_SCALE = 1e300  # a plan has finite numbers only, also after a shift
+_LARGEST_SCALE = 1e300  # a plan has finite numbers only, even after a shift
 
 # Driver keys that the core does not use; they are part of the fingerprint.
-_DRIVER_SWITCHES = {"auto_fault_reset": False, "auto_state_transitions": True}  # when absent
+_DRIVER_SWITCHES = {"auto_fault_reset": False, "auto_state_transitions": True}  # if absent
 _DRIVER_LISTS = ("sdo_check",)
 _DRIVER_CHANNEL = ("factor_from_sdo",)
 
@@ -47,10 +47,10 @@ def load_device(
     Args:
         path: The file.
         out: Takes the findings; see FSN1xx and FSN4xx.
-        named_at: Place of the reference when another file names this one.
+        named_at: Place of the reference if another file names this one.
 
     Returns:
-        The device, or ``None`` when nothing sure can be said about its layout.
+        The device, or ``None`` if its layout is uncertain.
     """
     root = load_yaml(path, out, named_at=named_at)
     if root is None:
@@ -68,7 +68,7 @@ def load_device(
 
 
 def device_from_yaml(root: MapNode, path: str, out: Collector) -> Device | None:
-    """Turn a parsed slave YAML into a device; see `load_device`."""
+    """Convert a parsed slave YAML to a device; see `load_device`."""
     if not check_structure(root, "slave", out):
         return None
     vendor = _u32(root, "vendor_id", out)
@@ -93,7 +93,7 @@ def device_from_yaml(root: MapNode, path: str, out: Collector) -> Device | None:
 
 
 def _driver(root: MapNode, pdos: tuple[Pdo, ...], out: Collector) -> str:
-    """Return what only the driver acts on as JSON, equal for what means the same; else empty."""
+    """Return the keys that only the driver uses as JSON, equal for equal meaning; may be empty."""
     rows: dict[str, object] = {}
     for key, absent in _DRIVER_SWITCHES.items():
         if (flag := read_flag(root.get(key), out, what=key, absent=absent)) is not absent:
@@ -115,7 +115,7 @@ def _json(rows: Mapping[str, object]) -> str:
 
 
 def _by_address(key: str, entries: Sequence[Entry], values: Sequence[object]) -> dict[str, object]:
-    """Return the values of entries under a key; a list where an entry is mapped twice."""
+    """Return the values of entries under a key; a list if an entry is mapped twice."""
     found: dict[str, list[object]] = {}
     for entry, value in zip(entries, values, strict=True):
         found.setdefault(entry.address, []).append(value)
@@ -124,7 +124,7 @@ def _by_address(key: str, entries: Sequence[Entry], values: Sequence[object]) ->
 
 
 def _driver_channel(node: MapNode) -> str:
-    """Return what only the driver acts on in a channel, as JSON."""
+    """Return the keys of a channel that only the driver uses, as JSON."""
     rows = {key: _plain(node.get(key)) for key in _DRIVER_CHANNEL}
     return _json({key: value for key, value in rows.items() if value is not None})
 
@@ -152,7 +152,7 @@ def _int(node: MapNode, key: str, high: int, out: Collector, low: int = 0) -> in
 
 
 def _pdos(root: MapNode, key: str, out: Collector) -> tuple[Pdo, ...] | None:
-    """Return the PDOs of a group, or ``None`` when an entry's length is unknown."""
+    """Return the PDOs of a group, or ``None`` if the length of an entry is unknown."""
     pdos: list[Pdo] = []
     sure = True
     for node in root.maps(key):
@@ -205,7 +205,7 @@ def _entry(node: MapNode, pdo: MapNode, out: Collector) -> Entry | None:
 
 
 def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
-    """Return ``factor`` or ``offset``; a factor of 0, or what no plan can hold, scales nothing."""
+    """Return ``factor`` or ``offset``; a factor that is 0 or too large for a plan has no effect."""
     value = read_float(node.get(key), out, what=key)
     if value is None or not abs(value) <= _LARGEST_SCALE or (key == "factor" and value == 0):
         return without
@@ -213,7 +213,7 @@ def _scale(node: MapNode, key: str, without: float, out: Collector) -> float:
 
 
 def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
-    """Read an item of ``data_mapping``; ``None`` when it is not a run of bits in the entry."""
+    """Read an item of ``data_mapping``; ``None`` if it is not a run of bits in the entry."""
     word = node.text("type") or ""
     bits = type_bits(word, node.at("type"), out) if word else None
     first = _int(node, "addr_offset", 0xFFFF, out) or 0
@@ -254,7 +254,7 @@ def _view(node: MapNode, entry_bits: int, out: Collector) -> EntryView | None:
 def _run_of_bits(
     node: MapNode, word: str, bits: int, mask: int | None, out: Collector
 ) -> tuple[int, int] | None:
-    """Return first bit and number of bits that an item takes in its byte, ``None`` with FSN422."""
+    """Return first bit and number of bits of an item in its byte, or ``None`` with FSN422."""
     if word.startswith("bit") and bits > 8:
         out.add(
             "FSN427",
@@ -297,16 +297,16 @@ def _interface(node: MapNode, groups: list[MapNode], key: str, out: Collector) -
 
 
 def _bound(node: MapNode, key: str) -> str | None:
-    """Return the interface that a key names.
+    """Return the interface named by a key.
 
-    The driver reads an empty value as the text `null`, of which no joint has an interface.
+    The driver reads an empty value as the text `null`, and no joint has such an interface.
     """
     name = node.text(key)
     return None if name == "null" else name
 
 
 def _beside_mapping(node: MapNode, key: str, out: Collector) -> None:
-    """FSN423: the driver refuses a command of the whole channel, also an empty one."""
+    """FSN423: the driver rejects a command of the whole channel, even an empty one."""
     if key == "command_interface":
         out.add(
             "FSN423",
@@ -337,7 +337,7 @@ def _sync_managers(root: MapNode, out: Collector) -> tuple[SyncManager, ...]:
         direction = node.text("type")
         if index is None or direction not in ("input", "output"):
             continue
-        carries = (node.text("pdo") or "").lower()  # the schema has spoken about the spelling
+        carries = (node.text("pdo") or "").lower()  # spelling already reported by the schema
         watchdog = node.text("watchdog")
         found.append(
             SyncManager(

@@ -68,7 +68,7 @@ def _missing(machine: AtMachine) -> list[str]:
 
 
 def check_date(what: str, given: str, place: Span, out: Collector) -> None:
-    """Report an invalid day, FSN161; an empty one is allowed."""
+    """Report an invalid day as FSN161; an empty one is allowed."""
     text = given.strip()
     if not text:
         return

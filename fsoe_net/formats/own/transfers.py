@@ -29,12 +29,12 @@ class ModuleRow:
 
 
 def nets_from_yaml(root: MapNode, out: Collector, *, needed: bool = True) -> tuple[Net, ...]:
-    """Return the nets of a document whose structure has been checked; broken parts are left out.
+    """Return the nets of a document with a checked structure; invalid parts are omitted.
 
     Args:
         root: The document.
         out: Takes findings.
-        needed: Whether FSoE frames are known, so that an empty list is a mistake.
+        needed: Whether FSoE frames are known; then an empty list is a mistake.
     """
     nets = [_net(node, out) for node in root.maps("nets")]
     if not nets and isinstance(root.get("nets"), (SeqNode, type(None))):
@@ -71,7 +71,7 @@ def _net(node: MapNode, out: Collector) -> Net:
 
 
 def _master(node: MapNode, out: Collector) -> str | None:
-    """Return the SubDevice with the MainInstance; FSN228 where two keys name two of them."""
+    """Return the SubDevice with the MainInstance; FSN228 if two keys name different ones."""
     old, new = node.text("safety_master"), node.text("transfer_master")
     if old is None or new is None:
         return old if new is None else new
@@ -99,7 +99,7 @@ def _length(node: Node) -> int:
 
 
 def _transfers_missing(node: MapNode, name: str, out: Collector, *, quiet: bool) -> bool:
-    """FSN223; return whether another key was probably meant to be ``transfers``."""
+    """Report FSN223; return whether another key was probably meant to be ``transfers``."""
     rows = node.get("transfers")
     known = {"name", "safety_master", "transfer_master", "transfers", "connections"}
     unknown = [k for k in node.pairs if k not in known]
@@ -172,7 +172,7 @@ def _connection(node: MapNode, out: Collector) -> ConnectionFacts | None:
         return None
     unknown = set(node.pairs) - {"main", "sub", *slots, *_FACTS}
     if any(nearest_keys(k, slots) for k in unknown):
-        return None  # a slot is meant, so which frames is not known
+        return None  # a slot is given, so the frames are unknown
     return ConnectionFacts(
         span=node.span,
         fields=node.places(),
@@ -189,10 +189,10 @@ def _connection(node: MapNode, out: Collector) -> ConnectionFacts | None:
 
 
 def _unconfirmed(node: MapNode) -> str | None:
-    """Return why a connection is unconfirmed, maybe an empty text; ``None`` when it is not."""
+    """Return why a connection is unconfirmed, possibly empty; ``None`` if it is confirmed."""
     text = node.text("unconfirmed")
     if text is None or text.lower() in ("false", "no", "off"):
-        return None  # a list, a map or nothing is an error of its own
+        return None  # a list, a map or nothing is a separate error
     return "" if node.truth("unconfirmed") else text
 
 
@@ -223,7 +223,7 @@ def _parameters(node: MapNode, out: Collector) -> bytes:
 
 
 def modules_from_yaml(root: MapNode, out: Collector) -> tuple[ModuleRow, ...]:
-    """Return the modules a transfer YAML declares, in the order the driver adds them."""
+    """Return the modules declared in a transfer YAML, in the order of the driver."""
     rows: list[ModuleRow] = []
     for origin in ("transfer_modules", "safety_modules"):
         for node in root.maps(origin):
@@ -255,7 +255,7 @@ def _module(node: MapNode, origin: str, out: Collector) -> ModuleRow | None:
 
 
 def _address(node: MapNode, key: str, out: Collector) -> int | None:
-    """Read alias or position, which drivers read with `stoul`, older ones with `stod`."""
+    """Read alias or position; drivers use `stoul`, older ones `stod`."""
     text = node.text(key)
     if text is None:
         return None

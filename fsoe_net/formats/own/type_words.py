@@ -1,4 +1,4 @@
-"""Type words of the slave YAML and how many bits each takes in the PDO."""
+"""Type words of the slave YAML, and the number of bits of each in the PDO."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 def type_bits(word: str, span: Span, out: Collector) -> int | None:
     """Return the length in bits of a type word.
 
-    A word the driver does not know, or counts wrongly, is a finding. The length that was most
-    probably meant is still returned, so that later offsets stay right; ``None`` when nothing, or
-    several lengths, can be guessed.
+    A word that the driver does not support, or measures wrongly, is a finding. The probable length
+    is still returned, so that later offsets stay correct; ``None`` if there is no guess or several.
     """
     exact = TYPE_BITS.get(word)
     if exact is not None:
@@ -67,7 +66,7 @@ _LITTLE_ENDIAN = re.compile(_ORDERED + r"(?:le|little|little[ _-]?endian|lsb|int
 
 
 def _meant(word: str) -> tuple[str, ...]:
-    """Return the type words that one may be meant for; all of them have its number of bits."""
+    """Return the type words that a word may be meant for; all have its number of bits."""
     folded = word.strip().lower()
     if folded in TYPE_BITS:
         return (folded,)

@@ -63,7 +63,7 @@ def write_network(
 
 
 class NetworkFiles:
-    """SubDevices with their slave YAMLs, and nets; both kinds of files have them.
+    """SubDevices with their slave YAMLs, and nets, for both kinds of files.
 
     Attributes:
         notes: Data that the files cannot represent.
@@ -103,7 +103,7 @@ class NetworkFiles:
         for number, sub in enumerate(self._description.subdevices):
             name = self._names[number]
             text = self._slave_yaml(number, name, frozenset(needed.get(number, ())))
-            # Without an identity two types look alike: the order number differs.
+            # Without an identity two types are equal: only the order number differs.
             key = (text, "" if sub.device.product_code else sub.order.casefold())
             if key not in by_text:
                 path = by_text[key] = f"devices/{words[number]}.yaml"
@@ -113,7 +113,7 @@ class NetworkFiles:
             yield sub, name, self._place(sub, name, number), by_text[key]
 
     def _slave_yaml(self, number: int, name: str, needed: frozenset[int]) -> str:
-        """Return a slave YAML, written once for equal SubDevices unless it needs a note."""
+        """Return a slave YAML; equal SubDevices share one, unless it needs a note."""
         key = (self._devices[number], needed)
         text = self._texts.get(key)
         if text is None:
@@ -177,7 +177,7 @@ class NetworkFiles:
                 yield "        kind: standard"
 
     def _without_copies(self) -> tuple[CopyGroup, ...]:
-        """Return a net for each MainInstance whose connections are in no group of copies."""
+        """Return a net for each MainInstance with connections that are in no group of copies."""
         known = {g.main for g in self._groups}
         names = Names(g.name for g in self._groups)
         groups = []
@@ -239,7 +239,7 @@ class NetworkFiles:
             yield from rows
 
     def _slot(self, row: DescribedConnection, group: CopyGroup) -> int | None:
-        """Return the slot of one of several connections of the same two, where it has copies."""
+        """Return the slot if the same two SubDevices have several connections with copies."""
         if row.main is None:
             return None
         slots = self._description.subdevices[row.main].device.layout.slots

@@ -68,7 +68,7 @@ def _file(source: SourceFile) -> dict[str, Any]:
 
 
 def values_of(row: object, *keys: str) -> dict[str, Any]:
-    """Return attributes by name."""
+    """Return the attributes by name."""
     return {key: getattr(row, key) for key in keys}
 
 

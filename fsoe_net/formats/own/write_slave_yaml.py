@@ -11,13 +11,13 @@ from fsoe_net.formats.shared.writers import quoted
 from fsoe_net.model.bus import Device, Direction, Entry, EntryView, Pdo, Sdo, SyncManager, Watchdog
 from fsoe_net.model.type_words import DRIVER_WORD, TYPE_BITS
 
-_LONGEST_BITS = 255  # the driver counts bits of an entry in one byte
-_OF_CHANNELS = ("for", "factor_from_sdo", "mask")  # written there
+_LONGEST_BITS = 255  # the driver stores the bits of an entry in one byte
+_OF_CHANNELS = ("for", "factor_from_sdo", "mask")  # written in channels
 _GROUP = {Direction.OUTPUT: "rpdo", Direction.INPUT: "tpdo"}
 
 
 def type_word(entry: Entry) -> str:
-    """Return the type of an entry as the driver writes it, always of the right length."""
+    """Return the type of an entry as the driver writes it, always with the correct length."""
     if entry.is_gap:
         return f"bit{entry.bits}"
     word = entry.type_name.lower()
@@ -36,9 +36,9 @@ def write_slave_yaml(
 
     Args:
         device: Identity, sync managers, start-up SDOs.
-        name: How notes call it.
-        notes: Takes what this format cannot hold.
-        needed: Sync managers that copies use: they are never left out.
+        name: Name of the device in notes.
+        notes: Takes notes on data that this format cannot represent.
+        needed: Sync managers that copies use; they are never omitted.
 
     Raises:
         InputError: Copies use two sync managers of one direction, or an entry is too long.
@@ -71,14 +71,14 @@ def write_slave_yaml(
 
 
 def _facts(driver: str) -> dict[str, object]:
-    """Return the keys that only the driver acts on, and their values."""
+    """Return the keys that only the driver uses, with their values."""
     return cast("dict[str, object]", json.loads(driver)) if driver else {}
 
 
 def _kept(
     device: Device, name: str, notes: list[str], needed: Collection[int]
 ) -> dict[Direction, SyncManager]:
-    """Return the sync manager whose PDOs the file takes, for each direction."""
+    """Return the sync manager whose PDOs the file contains, for each direction."""
     kept: dict[Direction, SyncManager] = {}
     for direction in Direction:
         rows = [s for s in device.sync_managers if s.direction is direction and device.pdos_of(s)]

@@ -1,4 +1,4 @@
-"""URDF and xacro of ethercat_driver_ros2; its YAML is written here, and read with the own."""
+"""URDF and xacro of ethercat_driver_ros2; its YAML is written here and read in `formats.own`."""
 
 from __future__ import annotations
 

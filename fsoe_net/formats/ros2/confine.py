@@ -1,7 +1,7 @@
 """Confines a process by the kernel before it evaluates a file of unknown origin.
 
-Python cannot confine Python: an expression that reaches a frame reaches the interpreter. The kernel
-therefore limits the process:
+Python cannot confine Python: an expression with access to a frame has access to the interpreter.
+The kernel therefore limits the process:
 
 - Landlock: it can only open files for reading, below a few folders
   (https://docs.kernel.org/userspace-api/landlock.html).
@@ -33,7 +33,7 @@ _SIGKILL = 9
 _SCMP_ACT_ALLOW, _SCMP_ACT_ERRNO = 0x7FFF0000, 0x00050000
 _SCMP_CMP_MASKED_EQ = 7
 _NOT_READING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
-# Names of all architectures; those that an architecture lacks are left out there.
+# Names of all architectures; those missing on an architecture are skipped.
 _CALLS = """
     read readv pread64 write writev close lseek _llseek
     stat lstat fstat stat64 lstat64 fstat64 newfstatat fstatat64 statx access faccessat faccessat2
@@ -60,13 +60,13 @@ class _ArgumentTest(ctypes.Structure):
 
 
 def inside(path: str | os.PathLike[str], folders: Sequence[str]) -> bool:
-    """Whether a path, its links followed, lies in one of these folders."""
+    """Whether a path, with its links followed, is in one of these folders."""
     real = Path(os.path.realpath(path))
     return any(real.is_relative_to(os.path.realpath(folder)) for folder in folders)
 
 
 def python_folders() -> list[str]:
-    """Return the folders of Python's own library, from which modules are imported late."""
+    """Return the folders of Python's own library, which modules are imported from later."""
     paths = sysconfig.get_paths()
     return sorted({paths["stdlib"], paths["platstdlib"]})
 
@@ -77,18 +77,18 @@ def can_confine() -> bool:
 
 
 def end_with_parent() -> None:
-    """Let the kernel end this process when its parent ends."""
+    """Let the kernel kill this process when its parent ends."""
     CDLL(None).prctl(_PR_SET_PDEATHSIG, _SIGKILL, 0, 0, 0)
 
 
 def confine(readable: Sequence[str]) -> None:
-    """Confine this process for good: read files in these folders, compute, write to open files.
+    """Confine this process permanently: read files in these folders, compute, write to open files.
 
     Args:
-        readable: Folders; those that do not exist are left out.
+        readable: Folders; missing ones are skipped.
 
     Raises:
-        OSError: The kernel or libseccomp refused; the process must not go on.
+        OSError: The kernel or libseccomp refused; the process must not continue.
     """
     libc = CDLL(None, use_errno=True)
     seccomp = _libseccomp()
@@ -100,7 +100,7 @@ def confine(readable: Sequence[str]) -> None:
 
 
 def _landlock_version() -> int:
-    """Return the version of Landlock in this kernel, 0 where it is missing or switched off."""
+    """Return the version of Landlock in this kernel, 0 if it is missing or disabled."""
     libc = CDLL(None, use_errno=True)
     found = libc.syscall(_LANDLOCK_CREATE_RULESET, None, 0, _LANDLOCK_VERSION_FLAG)
     return max(int(found), 0)
@@ -147,7 +147,7 @@ def _restrict_calls(library: CDLL) -> None:
 
     for name in _CALLS.split():
         allow(name)
-    # Landlock before version 3 lets a file be cut off by an open that only reads.
+    # Landlock before version 3 lets an open for reading truncate a file.
     allow("open", _ArgumentTest(1, _SCMP_CMP_MASKED_EQ, _NOT_READING, 0))
     allow("openat", _ArgumentTest(2, _SCMP_CMP_MASKED_EQ, _NOT_READING, 0))
     done = library.seccomp_load(rules)

@@ -37,11 +37,11 @@ class UrdfResult:
 
 
 def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) -> UrdfResult:
-    """Read a URDF or xacro file. Never raises for anything in the file or the file system.
+    """Read a URDF or xacro file. Never raises for the content of files or for the file system.
 
     Args:
-        path: The file; expanded only when it uses xacro.
-        options: How references in it are followed.
+        path: The file; expanded only if it uses xacro.
+        options: Options for following references.
     """
     out = Collector()
     systems: list[DriverSystem] = []
@@ -62,7 +62,7 @@ def load_urdf(path: str | os.PathLike[str], options: LoadOptions | None = None) 
 
 
 def _written(path: str, out: Collector) -> Element | None:
-    """Return the document as it is written, before xacro."""
+    """Return the document as written, before xacro."""
     data = read_bytes(path, out)
     root = parse_xml(data, path, out) if data is not None else None
     if data is None or root is None:
@@ -75,7 +75,7 @@ def _written(path: str, out: Collector) -> Element | None:
 
 
 def _without_driver(written: Element, out: Collector) -> None:
-    """FSN125: no block of the driver, maybe since a macro that has it is not called."""
+    """FSN125: no block of the driver, possibly because the macro with it is not called."""
     macros = [e for e in written.walk() if e.name == "xacro:macro"]
     unused = [m for m in macros if any(e.name in _PARTS for e in m.walk())]
     if not unused:
@@ -103,7 +103,7 @@ def _is_ethercat(block: Element) -> bool:
 
 
 def _with_master_numbers(systems: list[DriverSystem]) -> list[DriverSystem]:
-    """Give each master that has a name a number that no other master has."""
+    """Give each named master a number that no other master has."""
     used = {s.master_id for s in systems}
     free = (n for n in itertools.count() if n not in used)
     named = {name: next(free) for name in dict.fromkeys(s.master_name for s in systems) if name}
@@ -111,7 +111,7 @@ def _with_master_numbers(systems: list[DriverSystem]) -> list[DriverSystem]:
 
 
 def _modules_outside(blocks: list[Element], out: Collector) -> None:
-    """FSN168: the driver looks for modules in joints, gpios and sensors only."""
+    """FSN168: the driver searches for modules only in joints, gpios and sensors."""
     for element in (e for block in blocks for e in _outside(block)):
         name = element.attributes.get("name", "")
         out.add(
@@ -129,12 +129,12 @@ def _outside(parent: Element, depth: int = 0) -> Iterator[Element]:
     for child in parent.children:
         if child.name == "ec_module" and not inside:
             yield child
-        if depth or child.name != "safety":  # FSN124 has named those of an old safety block
+        if depth or child.name != "safety":  # FSN124 has reported those of an old safety block
             yield from _outside(child, depth + 1)
 
 
 def _component_names(blocks: list[Element], out: Collector) -> None:
-    """FSN128: the driver looks components up by kind and name, in all blocks of the file."""
+    """FSN128: the driver searches for components by kind and name, in all blocks of the file."""
     seen: dict[tuple[str, str], tuple[Element, Element]] = {}
     for block in blocks:
         for component in (c for c in block.children if c.name in COMPONENTS):

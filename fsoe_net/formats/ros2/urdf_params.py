@@ -1,8 +1,8 @@
 """Plugins and ``param`` tags of a URDF, read the way the driver reads them.
 
-The driver takes texts as they stand, blanks included, and of a param given twice the last one. It
-throws an exception on an empty param. Numbers go through `stod` in drivers of 2024 and through
-`stoul` later; we accept only spellings that both take for the same number.
+The driver uses texts unchanged, including blanks. Of a repeated param it uses the last one. It
+throws an exception on an empty param. Numbers are parsed with `stod` in drivers of 2024 and with
+`stoul` later; only spellings that both read as the same number are accepted here.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _KNOWN_PLUGINS = (
     CIA402_PLUGIN,
     *(f"ethercat_plugins/{name}" for name in _VENDOR_PLUGINS.split()),
 )
-_ALIKE = 0.85  # least similarity of two words, of which one is misspelt
+_ALIKE = 0.85  # minimum similarity of two words of which one is misspelt
 _MAX_ADDRESS = 0xFFFF
 _NUMBER_HINT = "write a whole number from 0 up"
 _NUMBER_HINTS = {
@@ -69,7 +69,7 @@ def known_plugin_findings(plugin: str, span: Span) -> list[Diagnostic]:
 
 
 def driver_plugin_findings(plugin: str, span: Span, out: Collector) -> None:
-    """Add FSN122 or FSN121 when the plugin of a ``ros2_control`` block is not today's driver."""
+    """Add FSN122 or FSN121 if the plugin of a ``ros2_control`` block is not the current driver."""
     if plugin == DRIVER_PLUGIN:
         return
     if plugin == _PROTOTYPE_PLUGIN:
@@ -115,7 +115,7 @@ class Params:
 
 
 def read_params(owner: Element, known: Collection[str], out: Collector) -> Params:
-    """Read the params of an element; FSN106, FSN109 and FSN110 for what is wrong with them."""
+    """Read the params of an element; errors are FSN106, FSN109 and FSN110."""
     params = Params(owner)
     given: dict[str, Element] = {}
     rows = owner.all("param")
@@ -155,10 +155,10 @@ def _misspelt(name: str, row: Element, free: list[str], out: Collector) -> None:
 
 
 def read_address(params: Params, name: str, out: Collector) -> int | None:
-    """Return a ring position, alias or master number; ``None`` when absent or unreadable.
+    """Return a ring position, alias or master number; ``None`` if absent or unreadable.
 
     Args:
-        params: Where the number is given.
+        params: Params that contain the number.
         name: Name of the param.
         out: Takes FSN131 for an ambiguous spelling, FSN113 beyond 0 … 65535.
     """
@@ -224,7 +224,7 @@ def _stoul(text: str) -> str:
 
 
 def read_frequency(params: Params, out: Collector) -> float:
-    """Return ``control_frequency`` in Hz: 100 when absent, 0 with FSN130 when impossible."""
+    """Return ``control_frequency`` in Hz: 100 if absent, 0 with FSN130 if impossible."""
     text = params.text("control_frequency")
     if text is None:
         return 100.0
@@ -244,7 +244,7 @@ def read_frequency(params: Params, out: Collector) -> float:
 
 
 def read_mode(params: Params, out: Collector) -> int | None:
-    """Return ``mode_of_operation`` as the CiA 402 plugin writes it; FSN116 for one it does not."""
+    """Return ``mode_of_operation`` as the CiA 402 plugin writes it; FSN116 if unsupported."""
     text = params.text("mode_of_operation")
     if text is None:
         return None
@@ -260,7 +260,7 @@ def read_mode(params: Params, out: Collector) -> int | None:
 
 
 def read_flag(params: Params, name: str, out: Collector) -> bool:
-    """Return a flag that is true when absent; FSN116 for other words than true and false."""
+    """Return a flag that is true if absent; FSN116 for words other than true and false."""
     text = params.text(name)
     if text is None or text in ("true", "false"):
         return text != "false"

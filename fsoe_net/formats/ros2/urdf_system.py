@@ -31,7 +31,7 @@ _SYSTEM_PARAMS = (
     "master_plugin",
     "readiness_timeout_s",
 )
-_IGH_MASTER = "ethercat_master/EtherlabMaster"  # also the one without master_plugin
+_IGH_MASTER = "ethercat_master/EtherlabMaster"  # also if there is no master_plugin
 _MODULE_PARAMS = ("alias", "position", "slave_config", "mode_of_operation", "required", "plugin")
 
 
@@ -42,13 +42,13 @@ class ModuleDecl(Located):
     Args:
         name: Name used by transfers.
         plugin: As written, or ``None``.
-        alias: 0 when absent or unreadable.
+        alias: 0 if absent or unreadable.
         position: Ring position, or offset from ``alias``. A module whose position is missing or
             unreadable gets a high unused one, to avoid further findings about it.
-        slave_config: As written (after expansion); empty when absent.
-        required: False when the driver may omit the module.
+        slave_config: As written (after expansion); empty if absent.
+        required: False if the driver may omit the module.
         components: The joints, gpios and sensors that have it, in the order of the driver.
-        mode: Mode of operation that the plugin for CiA 402 writes, else ``None``.
+        mode: Mode of operation that the plugin for CiA 402 writes, or ``None``.
         params: Every ``param``, as written.
     """
 
@@ -70,10 +70,10 @@ class DriverSystem(Located):
     Args:
         name: Name of the block.
         plugin: As written, or ``None``.
-        master_id: Number of the EtherCAT master; -1 where it has a name.
-        master_name: Name for a master plugin, such as ``enp2s0``; else empty.
-        control_frequency: In Hz; 100 when absent, 0 when it is not a possible frequency.
-        transfer_file: Text of ``transfer_config``, else of ``fsoe_config``, else ``None``.
+        master_id: Number of the EtherCAT master; -1 if it has a name.
+        master_name: Name for a master plugin, such as ``enp2s0``; otherwise empty.
+        control_frequency: In Hz; 100 if absent, 0 if it is impossible.
+        transfer_file: Text of ``transfer_config``, or else of ``fsoe_config``, or ``None``.
         transfer_key: The key used.
         modules: All joints, then gpios, then sensors, each in document order.
     """
@@ -89,14 +89,14 @@ class DriverSystem(Located):
 
 
 def plugin_of(block: Element) -> Element | None:
-    """Return the plugin tag of a block, unless it is missing or empty."""
+    """Return the plugin tag of a block, or ``None`` if it is missing or empty."""
     hardware = block.first("hardware")
     plugin = hardware.first("plugin") if hardware is not None else None
     return plugin if plugin is not None and plugin.text.strip() else None
 
 
 def read_system(block: Element, out: Collector) -> DriverSystem:
-    """Read a block that belongs to the EtherCAT driver; what is wrong goes to ``out``."""
+    """Read a block that belongs to the EtherCAT driver; findings are added to ``out``."""
     return _System(block, out).read()
 
 
@@ -216,7 +216,7 @@ class _System:
         )
 
     def _module_plugin(self, element: Element, params: Params) -> Element | None:
-        """Return the tag that names the plugin; the driver lets a param of that name win."""
+        """Return the tag that names the plugin; the driver prefers a param of that name."""
         plugin = params.rows.get("plugin", element.first("plugin"))
         if plugin is not None and plugin.text.strip():
             self._out.diagnostics += known_plugin_findings(plugin.text, plugin.value_span)
@@ -249,13 +249,13 @@ def _robot_component(element: Element) -> RobotComponent:
 
 
 def _names_its_master(params: Params) -> bool:
-    """Whether a plugin takes ``master_id`` as a text; that of the IgH master reads a number."""
+    """Whether a plugin reads ``master_id`` as a text; that of the IgH master reads a number."""
     plugin = params.text("master_plugin")
     return plugin is not None and plugin != _IGH_MASTER and params.text("master_id") is not None
 
 
 def _of_several_components(modules: list[ModuleDecl]) -> list[ModuleDecl]:
-    """Join modules of one name, place and file, which the newest driver takes for one SubDevice."""
+    """Join modules of one name, place and file: one SubDevice for the newest driver."""
     groups: dict[object, tuple[ModuleDecl, dict[RobotComponent, None]]] = {}
     for number, decl in enumerate(modules):
         (component,) = decl.components

@@ -1,6 +1,6 @@
 """A description as a ``ros2_control`` block for the package ``fsoe_net_ros``.
 
-Components are the joints of the robot description where the input has them, else SubDevices; and
+Components are the joints of the robot description, or SubDevices if the input has no joints; and
 safety connections. The package finds an interface in the plan as ``SUBDEVICE.INTERFACE``; a
 ``param`` of the component names another SubDevice or another symbol.
 """
@@ -39,8 +39,8 @@ _COMMANDS = {
 class _Interface:
     """One interface of a component.
 
-    ``symbol`` is its name in the plan without the SubDevice; ``initial`` what an output has
-    without a command, 0 where nothing states it.
+    ``symbol`` is its name in the plan without the SubDevice. ``initial`` is the value of an output
+    without a command, 0 if not stated.
     """
 
     is_command: bool
@@ -108,7 +108,7 @@ def write_control(description: Description, *, file: str = "ros2_control.urdf.xa
 
 
 def _links(joints: Sequence[str]) -> Iterator[str]:
-    """Yield joints and links as a URDF needs them; your own description replaces them."""
+    """Yield the joints and links that a URDF requires; your own description replaces them."""
     yield '  <link name="world"/>'
     for name in joints:
         yield f"  <link name={_attribute(name + '_link')}/>"
@@ -140,7 +140,7 @@ def _component_lines(component: _Component) -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """Return a text in which xacro evaluates nothing."""
+    """Return a text that contains nothing for xacro to evaluate."""
     return text.replace("$(", "$$(").replace("${", "$${")
 
 
@@ -173,7 +173,7 @@ def _open_symbols(
 def _components(
     sub: DescribedSubDevice, name: str, symbols: Sequence[DeviceSymbol]
 ) -> Iterator[_Component]:
-    """Yield what a SubDevice serves: components of the description, or one for each axis."""
+    """Yield the components of a SubDevice: those of the description, or one for each axis."""
     axes = max(1, len(drive_axes(sub.device.layout)))
     groups: dict[int | str, list[DeviceSymbol]] = {n: [] for n in range(len(sub.components))}
     for symbol in symbols:
@@ -193,8 +193,8 @@ def _components(
 def _owner(sub: DescribedSubDevice, name: str, symbol: DeviceSymbol, axes: int) -> int | str:
     """Return the number of the component that a symbol belongs to, or the name of another one.
 
-    ``for`` decides. Without it the first axis is of the component that asks for the interface, and
-    of the first where none, or several, ask.
+    ``for`` has precedence. Without it, the first axis belongs to the first component that asks for
+    the interface, or to the first component of all.
     """
     names = [c.name for c in sub.components]
     component = symbol.entry.component
@@ -212,7 +212,7 @@ def _owner(sub: DescribedSubDevice, name: str, symbol: DeviceSymbol, axes: int) 
 
 
 def _axis_of(symbol: DeviceSymbol, axes: int) -> int:
-    """Return the axis that an object is of; 0 for everything else."""
+    """Return the axis that an object belongs to; 0 for other objects."""
     axis = (symbol.entry.index - 0x6000) // AXIS_STEP
     return axis if 0 <= axis < axes else 0
 
@@ -220,7 +220,7 @@ def _axis_of(symbol: DeviceSymbol, axes: int) -> int:
 def _interfaces(subdevice: str, symbols: Sequence[DeviceSymbol], axes: int) -> Iterator[_Interface]:
     """Yield the interfaces of a component.
 
-    A name is that of the slave YAML, else the standard one of an object of an axis, else that of
+    The name is from the slave YAML, or else the standard name of an object of an axis, or else from
     the plan.
     """
     all_stated = {(s.is_output, s.stated) for s in symbols}
@@ -246,7 +246,7 @@ def _interfaces(subdevice: str, symbols: Sequence[DeviceSymbol], axes: int) -> I
 
 
 def _rank(wanted: Sequence[str], name: str) -> int:
-    """Interfaces that the description names come first, in its order."""
+    """Return the sort key: interfaces that the description names come first, in its order."""
     return wanted.index(name) if name in wanted else len(wanted)
 
 

@@ -4,9 +4,10 @@ Reads a JSON request from standard input, writes a JSON answer to standard outpu
 gets its place as DOM user data before xacro sees it. minidom passes user data on when xacro clones
 macro bodies and blocks, so the place of each element survives the expansion.
 
-The file may be hostile, and its expressions reach the whole interpreter. So the kernel confines
-this process before it reads the file (`fsoe_net.formats.ros2.confine`): it reads files in a few
-folders and writes its answer. Processor time, memory and the length of the answer are bounded.
+The file may be hostile, and its expressions have access to the whole interpreter. The kernel
+therefore confines this process before it reads the file (`fsoe_net.formats.ros2.confine`): it reads
+files in a few folders and writes its answer. Processor time, memory and the length of the answer
+are bounded.
 """
 
 from __future__ import annotations
@@ -35,11 +36,11 @@ Place = tuple[str, int, int, int, int]  # file, line, column; line and column of
 
 
 class _TimeUp(BaseException):
-    """The processor time is used up. Not an Exception: xacro swallows those in places."""
+    """The processor time is used up. Not an Exception, because xacro swallows some of those."""
 
 
 class _Refused(Exception):
-    """A finding that is complete as it is."""
+    """A finding that is already complete."""
 
     def __init__(
         self, code: str, message: str, hint: str, place: tuple[str, int, int] | None
@@ -59,7 +60,7 @@ class _Unknown(LookupError):
 
 
 class _Withheld(LookupError):
-    """An environment variable that is set, but not given to the file."""
+    """An environment variable that is set, but not available to the file."""
 
 
 class _Outside(Exception):
@@ -67,7 +68,7 @@ class _Outside(Exception):
 
 
 class _Carry:
-    """DOM user data handler: a clone has the place of its original."""
+    """DOM user data handler: gives a clone the place of its original."""
 
     def handle(self, _operation: int, key: str, data: Place, _source: Any, clone: Any) -> None:
         if clone is not None:
@@ -94,7 +95,7 @@ def _limit(limits: dict[str, Any]) -> None:
 
 
 class _Xacro:
-    """The xacro module, with its file access, package search and expressions replaced."""
+    """The xacro module with replaced file access, package search and expressions."""
 
     def __init__(self, request: dict[str, Any]) -> None:
         import xacro
@@ -118,7 +119,7 @@ class _Xacro:
         return _rows(document.documentElement)
 
     def sources(self) -> list[str]:
-        """Return every file that was read; also YAML that expressions loaded."""
+        """Return every file that was read, including YAML loaded by expressions."""
         return list(dict.fromkeys([*self._read, *self._xacro.all_includes]))
 
     def _parse_file(self, inp: Any, filename: str | None = None) -> Any:
@@ -132,7 +133,7 @@ class _Xacro:
             # As xacro itself does, lest this file is named as the one in work.
             self._xacro.filestack.pop()
             message = out.diagnostics[0].message
-            # xacro lets an optional include fail by this very exception.
+            # xacro ignores exactly this exception for an optional include.
             raise self._xacro.XacroException(message, exc=OSError(""))
         root = parse_xml(data, filename, out)
         if root is None:
@@ -226,7 +227,7 @@ def _where(traceback: TracebackType | None) -> list[tuple[str, int, int, str]]:
 
 
 def _chain(exc: BaseException) -> list[BaseException]:
-    """Return an exception and all it came from."""
+    """Return an exception and all its causes."""
     chain: list[BaseException] = []
     todo: list[BaseException | None] = [exc]
     while todo:
@@ -238,10 +239,10 @@ def _chain(exc: BaseException) -> list[BaseException]:
 
 
 def _path_outside(cause: BaseException, readable: list[str] | None) -> str | None:
-    """Return the path that an error is about when the file may not read it."""
+    """Return the path that an error is about, if the file may not read it."""
     if isinstance(cause, _Outside):
         return str(cause.args[0])
-    # What an expression opens is hidden by the kernel: refused, or as if it did not exist.
+    # The kernel denies files that an expression opens, or makes them appear missing.
     if not isinstance(cause, OSError) or cause.filename is None or readable is None:
         return None
     path = str(cause.filename)

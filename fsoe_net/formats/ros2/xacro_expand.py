@@ -26,15 +26,15 @@ from fsoe_net.formats.shared.xml_tree import Element, shown_attributes
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class XacroLimits:
-    """What an expansion may cost.
+    """Limits of an expansion.
 
     Args:
         cpu_seconds: Processor time; real robots take about one second.
-        wall_seconds: Time by the clock, for what blocks without computing.
+        wall_seconds: Elapsed time, for files that block without computing.
         memory_bytes: Address space of the child process.
         answer_bytes: Length of the answer; 1000 elements have about 0.2 MB. This process parses it,
             in at most 25 times as much memory.
-        source_bytes: Of all files together that the answer names; this process reads them.
+        source_bytes: Total size of the files that the answer names; this process reads them.
     """
 
     cpu_seconds: int = 20
@@ -48,7 +48,7 @@ LIMITS = XacroLimits()
 _MOST_SOURCES = 1000
 _MOST_RELATED = 4
 _MOST_CHARACTERS = 1000  # of a message or hint
-# What an interpreter that lies in an unusual place needs to start.
+# Needed to start an interpreter at an unusual location.
 _PYTHON_NEEDS = ("LD_LIBRARY_PATH", "PYTHONHOME")
 _NO_CONFINEMENT = (
     "install libseccomp2, and boot a kernel with Landlock (Linux 5.13 or newer); or pass "
@@ -77,8 +77,8 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
     Args:
         path: The xacro file.
         out: Takes FSN119, FSN118 for an included file, and the files that were read.
-        options: Packages, arguments and environment variables that the file may use, and whether
-            it is trusted.
+        options: Packages, arguments and environment variables that the file may use, and whether it
+            is trusted.
 
     Returns:
         The expanded document, or ``None`` with a finding.
@@ -99,7 +99,7 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
     with tempfile.TemporaryFile() as answer:
         try:
             subprocess.run(  # noqa: S603 - our own interpreter and code, no shell
-                # -P: modules that lie in the current folder are not the ones meant.
+                # -P: modules in the current folder must not be imported.
                 [sys.executable, "-P", "-c", _CHILD],
                 input=json.dumps(request).encode(),
                 stdout=answer,
@@ -115,16 +115,16 @@ def expand_xacro(path: str, out: Collector, options: LoadOptions) -> Element | N
         except OSError as exc:
             _fail(out, Span(path, 1, 1), f"its process cannot be started: {exc.strerror or exc}")
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
-            # No answer, or one cut off: the kernel ended the child at a limit.
+            # No answer, or a truncated one: the kernel ended the child at a limit.
             _fail(out, Span(path, 1, 1), "it needs more time or memory than is allowed")
     return None
 
 
 def _bounded(answer: IO[bytes]) -> bytes:
-    """Return a whole answer; the limit of the kernel does not hold for a trusted file.
+    """Return a complete answer; for a trusted file the kernel does not enforce the limit.
 
     Raises:
-        ValueError: It is too long.
+        ValueError: The answer is too long.
     """
     data = answer.read(LIMITS.answer_bytes + 1)
     if len(data) > LIMITS.answer_bytes:
@@ -145,7 +145,7 @@ def _request(
     given = os.environ if options.trust_xacro else options.xacro_env
     return {
         "file": path,
-        # xacro would take a relative folder from the file that names the package.
+        # xacro would resolve a relative folder from the file that names the package.
         "packages": {name: os.path.abspath(d) for name, d in options.packages.items()},
         "arguments": dict(options.xacro_args),
         "env": {name: os.environ[name] for name in given if name in os.environ},
@@ -162,12 +162,12 @@ def _read_answer(
     """Return the expansion in an answer.
 
     Raises:
-        ValueError, TypeError, LookupError: It is not an answer that the child gives.
+        ValueError, TypeError, LookupError: The answer does not have the form that the child writes.
     """
     read = Collector()
     left = LIMITS.source_bytes
     for file in _list_of(str, answer["sources"])[:_MOST_SOURCES]:
-        # A path that the child could not read is not a source; its error reports it.
+        # A path that the child could not read is not a source; its error is reported.
         if readable is None or inside(file, readable):
             left -= len(read_bytes(file, read, most=left) or b"")
     out.sources += [row for row in read.sources if row not in out.sources]

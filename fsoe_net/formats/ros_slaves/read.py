@@ -23,7 +23,7 @@ def load_ros_slaves(source: Source, out: Collector, *, name: str = "<yaml>") -> 
         name: Name shown when ``source`` is bytes.
 
     Returns:
-        SubDevices by ring position, without process data: the node itself decides where they lie.
+        SubDevices by ring position, without process data: the node itself decides their layout.
     """
     data, shown = source_bytes(source, out, name)
     if data is None or not is_format(data, "ros-slaves", shown, out):

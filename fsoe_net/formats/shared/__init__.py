@@ -1,1 +1,1 @@
-"""What several formats use: files, text, XML, YAML, numbers, names."""
+"""Shared by several formats: files, text, XML, YAML, numbers, names."""

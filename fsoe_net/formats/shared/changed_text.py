@@ -1,4 +1,4 @@
-"""Applies changes of maps and lists to YAML text: each change is made in place.
+"""Applies changes of maps and lists to YAML text in place.
 
 The parsed text is compared with the current maps and lists. Differences are written into the text;
 all other characters are unchanged.
@@ -24,7 +24,7 @@ class _Now:
     """Change of a row, or a new row.
 
     Attributes:
-        row: The row as read; ``None``: new.
+        row: The row as read, or ``None`` if it is new.
         key: Its key in a map.
         value: Its current value.
         stays: Whether it still exists; otherwise the row is removed.
@@ -66,17 +66,17 @@ def changed_text(read: ReadText, value: Any) -> str | None:
 
 
 class _OddLayoutError(Exception):
-    """A row cannot be taken out of its lines."""
+    """A row cannot be removed from its lines."""
 
 
 # -- which row is which ----------------------------------------------------------------------------
 
 
 def _rows_now(part: Part, value: Any) -> list[_Now]:
-    """Return what becomes of each row of a map or list, and what is new, in the order of both.
+    """Return changed, removed and new rows of a map or list, in the order of both.
 
-    Maps and lists are known again as the same objects. Items that differ in the same place were
-    changed; what is left over was removed or added. An item that moved counts as both.
+    Maps and lists are recognised as the same objects. Items that differ at the same place were
+    changed; the others were removed or added. A moved item counts as both.
     """
     is_map = isinstance(value, dict)
     now = list(value.items()) if is_map else [(None, v) for v in value]
@@ -96,9 +96,10 @@ def _rows_now(part: Part, value: Any) -> list[_Now]:
 
 
 def _known_again(old: list[Any], new: list[Any]) -> list[int | None]:
-    """Return which of the old ones each new one is; those that are equal in the same order.
+    """Return the old item for each new one; equal items keep their order.
 
-    What is alike at the begin and at the end counts first: of equal scalars any might be meant.
+    Equal items at the beginning and at the end are matched first, because equal scalars are
+    ambiguous.
     """
     shorter = min(len(old), len(new))
     begin = next((n for n in range(shorter) if old[n] != new[n]), shorter)
@@ -114,14 +115,14 @@ def _known_again(old: list[Any], new: list[Any]) -> list[int | None]:
 
 
 def _mark(value: Any) -> object:
-    """Return the key by which an item of a list is recognised."""
+    """Return the key that identifies an item of a list."""
     return id(value) if isinstance(value, dict | list) else (type(value).__name__, repr(value))
 
 
 def _longest_rising(numbers: list[int | None]) -> list[int]:
-    """Return the places of the longest run of numbers that rise, with others between them.
+    """Return the places of the longest increasing subsequence.
 
-    By patience sorting: of each length the run with the smallest end is kept.
+    Uses patience sorting: for each length, the subsequence with the smallest last number is kept.
     """
     ends: list[int] = []
     at_ends: list[int] = []
@@ -134,7 +135,7 @@ def _longest_rising(numbers: list[int | None]) -> list[int]:
         at_ends[length : length + 1] = [at]
         if length:
             before[at] = at_ends[length - 1]
-    # Backwards from the end of the longest run, over the place that each one was put after.
+    # Backwards from the end of the longest subsequence, along the predecessors.
     run: list[int] = []
     at_last = at_ends[-1] if at_ends else None
     while at_last is not None:
@@ -144,16 +145,16 @@ def _longest_rising(numbers: list[int | None]) -> list[int]:
 
 
 def _gap(old: list[PartRow], new: list[tuple[Any, Any]], is_map: bool) -> list[_Now]:
-    """Return rows between two that are known: changed ones, what has come, what has gone.
+    """Return the rows between two matched rows: changed, added and removed ones.
 
-    Scalars take places in turn; maps and lists only where as many have gone as have come.
+    Scalars are paired in order; maps and lists only if the numbers of old and new ones are equal.
     """
     is_scalars = not any(isinstance(value, dict | list) for _, value in new) and not any(
         isinstance(row.part.value, dict | list) for row in old
     )
     pairs = min(len(old), len(new)) if not is_map and (is_scalars or len(old) == len(new)) else 0
     rows = [_Now(row, None, v) for row, (_, v) in zip(old[:pairs], new[:pairs], strict=True)]
-    # New rows are written after the preceding one, independent of comments after removed rows.
+    # New rows are written after the preceding row, whatever comments follow removed rows.
     rows += [_Now(None, key, value) for key, value in new[pairs:]]
     return rows + [_Now(row, row.key, stays=False) for row in old[pairs:]]
 
@@ -178,10 +179,9 @@ class _Changes:
     def text(self) -> str:
         """The text with all changes in it."""
         text, parts, at = self._read.text, [], 0
-        # At the same place insertions come before removals; otherwise keep the order of the
-        # changes.
+        # At the same place, insertions come before removals; otherwise changes keep their order.
         for begin, stop, new in sorted(self._changes, key=lambda change: change[:2]):
-            # Blank lines that go may be where something comes.
+            # Blank lines that are removed may be at the place of an insertion.
             parts += [text[at:begin], new]
             at = max(at, stop)
         return "".join([*parts, text[at:]])
@@ -192,9 +192,10 @@ class _Changes:
         if is_same(old, value):
             return
         rows = []
-        # Only the map or list that was read has rows in the text; another one replaces it whole.
+        # Only the map or list that was read has rows in the text; any other one replaces it
+        # completely.
         if value is old.value:
-            if id(old) in self._done:  # an alias shows it in a second place
+            if id(old) in self._done:  # an alias refers to it a second time
                 return
             self._done.add(id(old))
             rows = _rows_now(old, value)
@@ -211,7 +212,7 @@ class _Changes:
         self._put(begin, stop, "".join(f"{line}{self._line_end}" for line in lines))
 
     def _replace(self, holder: Part, row: PartRow, value: Any) -> None:
-        """Put a value in the place of another one."""
+        """Replace a value by another one."""
         read = self._read
         was_brackets = bool(row.part.rows) and row.part.begin == row.at and not row.part.is_block
         if not isinstance(value, dict | list | tuple):
@@ -235,7 +236,7 @@ class _Changes:
             self._put(stop, comment.end(), " " * max(blanks, 2))
 
     def _is_below(self, row: PartRow) -> bool:
-        """Whether a value is lines below its key or dash."""
+        """Whether a value is on the lines below its key or dash."""
         return row.is_lines and self._read.line_of(row.head) != self._read.line_of(row.at)
 
     def _stop_of(self, row: PartRow) -> int:
@@ -244,7 +245,7 @@ class _Changes:
         return row.stop if is_one_line or not row.is_lines else self._read.line_end(row.stop)
 
     def _replace_by_lines(self, holder: Part, row: PartRow, value: Any) -> None:
-        """Put a map or list in lines in the place of another value."""
+        """Replace a value by a map or list on separate lines."""
         old, read = row.part, self._read
         kind = dict if isinstance(value, dict) else list
         is_map, is_below = isinstance(holder.value, dict), self._is_below(row)
@@ -266,7 +267,7 @@ class _Changes:
             self._put_lines(behind, behind, lines[1:])
 
     def _change_lines(self, part: Part, rows: list[_Now]) -> None:
-        """Change a map or list whose rows stand on lines of their own."""
+        """Change a map or list whose rows are on separate lines."""
         first, above = _first_that_stays(rows)
         self._change_first(part, rows[:first], above)
         for number, now in enumerate(rows[first:], first):
@@ -309,7 +310,7 @@ class _Changes:
         self._put(self._begin_of_line(row), row.begin, head + text.removeprefix(pad))
 
     def _begin_of_line(self, row: PartRow) -> int:
-        """Return where the line begins that a row has for itself."""
+        """Return the start of the line of a row that is alone on it."""
         begin = self._read.line_begin(row.begin)
         if self._read.text[begin : row.begin].strip(" "):
             raise _OddLayoutError
@@ -333,9 +334,9 @@ class _Changes:
         return place
 
     def _place_above(self, part: Part, row: PartRow) -> int:
-        """Return where lines above a row begin: above comments that stand right above it.
+        """Return the start of the lines above a row: before the comments directly above it.
 
-        Those at the begin of the text are about all of it.
+        Comments at the beginning of the text belong to the whole text.
         """
         read = self._read
         place = read.line_begin(row.begin)
@@ -345,15 +346,15 @@ class _Changes:
         return top or place
 
     def _is_comment(self, begin: int, column: int) -> bool:
-        """Whether a line is a comment that is at least so far in."""
+        """Whether a line is a comment with at least this indentation."""
         line = self._read.text[begin : self._read.line_behind(begin)]
         text = line.lstrip(" ")
         return text.startswith("#") and len(line) - len(text) >= column
 
     def _cut(self, part: Part, row: PartRow, has_next: bool) -> None:
-        """Take the lines of a row away; comments above and below stay.
+        """Remove the lines of a row; comments above and below stay.
 
-        So do blank lines below, unless there is one above it, or nothing.
+        Blank lines below also stay, unless a blank line or nothing is above the row.
         """
         read = self._read
         begin = self._begin_of_line(row)
@@ -388,7 +389,7 @@ class _Changes:
                 self._cut_item(row)
 
     def _cut_last(self, above: PartRow, gone: list[PartRow]) -> None:
-        """Take the last items in brackets away; comments between them stay."""
+        """Remove the last items in brackets; comments between them stay."""
         if "#" not in self._read.text[above.stop : gone[0].begin]:
             self._put(above.stop, gone[-1].stop, "")
             return
@@ -396,7 +397,7 @@ class _Changes:
             self._cut_item(row)
 
     def _cut_item(self, row: PartRow) -> None:
-        """Remove an item in brackets with the comma after it, or its whole line."""
+        """Remove an item in brackets with the following comma, or its whole line."""
         text = self._read.text
         found = _COMMA_BEHIND.match(text, row.stop)
         begin, stop = row.begin, found.end() if found else row.stop

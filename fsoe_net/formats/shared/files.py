@@ -27,8 +27,8 @@ _REPLACED: ContextVar[Mapping[str, bytes]] = ContextVar("replaced files", defaul
 class Collector(FindingList):
     """Findings, and the files that were read.
 
-    ``decimal_files`` are those that have an FSN115, ``mistyped`` the values that have an FSN111
-    by their schema.
+    ``decimal_files`` are files with an FSN115, ``mistyped`` are values with an FSN111 of their
+    schema.
     """
 
     sources: list[SourceFile] = field(default_factory=list)
@@ -36,7 +36,7 @@ class Collector(FindingList):
     mistyped: set[Span] = field(default_factory=set)
 
     def source(self, path: str, data: bytes) -> None:
-        """Remember a file that was read, once."""
+        """Record a file that was read, once."""
         row = SourceFile(path=path, sha256=hashlib.sha256(data).hexdigest())
         if row not in self.sources:
             self.sources.append(row)
@@ -44,7 +44,7 @@ class Collector(FindingList):
 
 @contextlib.contextmanager
 def replaced_files(contents: Mapping[str, bytes]) -> Iterator[None]:
-    """Let readers find these contents instead of the files with these paths."""
+    """Make readers use these contents instead of the files with these paths."""
     token = _REPLACED.set(contents)
     try:
         yield
@@ -53,7 +53,7 @@ def replaced_files(contents: Mapping[str, bytes]) -> Iterator[None]:
 
 
 def is_there(path: str) -> bool:
-    """Whether readers find something under a path, see `replaced_files`."""
+    """Whether readers find a file or replaced content under a path, see `replaced_files`."""
     return path in _REPLACED.get() or os.path.exists(path)
 
 
@@ -65,7 +65,7 @@ def open_file(path: str | os.PathLike[str], *, regular: bool = True) -> Stream:
         regular: Reject pipes and devices, which could block.
 
     Raises:
-        InputError: It cannot be read; FSN101 gives the reason.
+        InputError: The file cannot be read; FSN101 gives the reason.
     """
     out = Collector()
     stream = _opened(os.fspath(path), out, None, sys.maxsize, regular=regular)
@@ -85,8 +85,8 @@ def read_bytes(
 
     Args:
         path: The file; ``-`` is standard input, unless another file names it.
-        out: Takes FSN101, or FSN133 when another file names this one.
-        named_at: Place of the reference, when another file names this one.
+        out: Takes FSN101, or FSN133 if another file names this one.
+        named_at: Place of the reference, if another file names this one.
         most: Largest size in bytes, 32 MiB by default.
     """
     shown = os.fspath(path)
@@ -107,7 +107,7 @@ def read_source(path: str, *, most: int = MAX_FILE_BYTES) -> tuple[SourceFile, b
     """Return a file with its hash, and its content.
 
     Raises:
-        InputError: It cannot be read, or has more than ``most`` bytes.
+        InputError: The file cannot be read, or has more than ``most`` bytes.
     """
     out = Collector()
     data = read_bytes(path, out, most=most)
@@ -120,7 +120,7 @@ def read_unchanged(path: str, sha256: str, *, next_step: str) -> bytes:
     """Return the content of a file to be written, if it still has this hash.
 
     Raises:
-        InputError: It cannot be read, or has been changed.
+        InputError: The file cannot be read, or has been changed.
     """
     out = Collector()
     data = read_bytes(path, out)
@@ -193,7 +193,7 @@ def _refuse(out: Collector, shown: str, named_at: Span | None, why: str, hint: s
 
 
 def _nearest_file(shown: str) -> str:
-    """Name a file of nearly that name in the same folder, if there is one."""
+    """Return a hint with a file of a similar name in the same folder, if there is one."""
     from fsoe_net.diag.guesses import guesses, one_of
 
     folder, name = os.path.split(shown)

@@ -1,13 +1,13 @@
-"""How many bytes a file may have; a larger one is refused before it is read."""
+"""Maximum sizes of files in bytes; a larger file is rejected before it is read."""
 
 from __future__ import annotations
 
 _MIB = 1024 * 1024
 
-MAX_FILE_BYTES = 32 * _MIB  # where a format has no limit of its own
+MAX_FILE_BYTES = 32 * _MIB  # if a format has no limit of its own
 MAX_LARGE_BYTES = 256 * _MIB  # ESI files, standard input, files to compare with
 MAX_RECORD_BYTES = 128 * _MIB  # an acceptance record, with its plan as text
-MAX_PLAN_BYTES = 64 * _MIB  # as fsn-master takes plans
+MAX_PLAN_BYTES = 64 * _MIB  # the limit of fsn-master
 MAX_PROJECT_BYTES = 64 * _MIB  # all files of a TwinCAT project together
 MAX_PASTED_BYTES = 8 * _MIB
 MAX_ALIAS_BYTES = 4 * _MIB  # an alias device of TwinSAFE

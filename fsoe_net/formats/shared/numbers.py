@@ -2,8 +2,8 @@
 
 Two readers matter. Slave YAML is parsed by yaml-cpp (leading 0 is octal). The endpoints of the
 transfer YAML are parsed by a driver function that supports only a lower-case ``0x`` and otherwise
-reads decimal digits up to the first other character (`stoul`), then truncates to 16 bits. We accept
-only spellings that every reader interprets identically, and report the others.
+reads decimal digits up to the first other character (`stoul`), then truncates to 16 bits. Only
+spellings that every reader interprets identically are accepted; the others are reported.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from fsoe_net.model.bus import Located
 
 
 class Reader(enum.Enum):
-    """Which grammar a number is under."""
+    """The grammar that applies to a number."""
 
     SLAVE = "slave YAML"
     ENDPOINT = "transfer YAML"
     OWN = "network YAML"
 
 
-_MOST_TO_SAY = 0xFFFF  # no user has a limit above it in mind
-_MAX_DIGITS = 40  # Python refuses to convert thousands of them; 64 bits need 20
+_MOST_TO_SAY = 0xFFFF  # a larger limit is of no interest to users
+_MAX_DIGITS = 40  # Python does not convert thousands of digits; 64 bits need 20
 
 _HEX = re.compile(r"0[xX][0-9a-fA-F]+\Z")
 _DECIMAL = re.compile(r"[+-]?(0|[1-9][0-9]*)\Z")
@@ -40,10 +40,10 @@ _LEADING_ZERO = re.compile(r"[+-]?0[0-9]+\Z")
 
 
 def driver_endpoint_number(text: str) -> int | None:
-    """Return what the driver's endpoint parser makes of a spelling, cut to 16 bits.
+    """Return the result of the driver's endpoint parser for a spelling, truncated to 16 bits.
 
     Returns:
-        The number, or ``None`` where the driver throws an exception.
+        The number, or ``None`` if the driver throws an exception.
     """
     trimmed = text.strip(" \t")
     if trimmed.startswith("0x"):
@@ -71,15 +71,15 @@ def read_int(
     high: int,
     reader: Reader,
 ) -> int | None:
-    """Return the number a scalar spells, or ``None`` with a finding.
+    """Return the number in a scalar, or ``None`` with a finding.
 
     Args:
-        node: The value; ``None`` (key missing) gives ``None`` silently, the schema has spoken.
+        node: The value; ``None`` (missing key) returns ``None``, as the schema has reported it.
         out: Takes FSN111 … FSN114.
         what: Name of the value for messages, e.g. ``"index"``.
         low: Smallest allowed value.
         high: Largest allowed value.
-        reader: Grammar the file is under.
+        reader: Grammar of the file.
     """
     if not isinstance(node, ScalarNode) or node.is_null:
         return None
@@ -96,7 +96,7 @@ def read_int(
 
 
 def own_int(node: MapNode, key: str, high: int, out: Collector, *, low: int = 0) -> int | None:
-    """Return the number under a key of a file of our own; see `read_int`."""
+    """Return the number under a key of a file of fsoe-net; see `read_int`."""
     return read_int(node.get(key), out, what=key, low=low, high=high, reader=Reader.OWN)
 
 
@@ -111,15 +111,15 @@ def record_of(
     /,
     **values: Any,
 ) -> _Record:
-    """Return the record of a map of our own file, whose keys are the names of its fields.
+    """Return the record for a map of a file of fsoe-net, whose keys are the names of its fields.
 
     Args:
-        kind: Its class; fields that are texts are empty where there is none.
+        kind: Its class; missing text fields are empty.
         node: The map.
         out: Takes the findings of `own_int`.
-        highs: Largest value of each number; a missing one is ``None``, or 0 where the class has no
-            ``None`` for it.
-        values: Fields of other types, and those whose key or rule is another one.
+        highs: Largest value of each number; a missing number is ``None``, or 0 if the class does
+            not allow ``None``.
+        values: Fields of other types, and those with another key or rule.
     """
     found: dict[str, Any] = {}
     for field in fields(kind):
@@ -141,7 +141,7 @@ def _disputed(
         out.add("FSN113", node.span, f"{what} has {len(text)} digits", hint="correct the number")
     elif _LEADING_ZERO.match(text):
         return _leading_zero(text, node.span, out, what=what, reader=reader)
-    elif _HEX.match(text):  # with 0X: all others are agreed on
+    elif _HEX.match(text):  # with 0X: readers agree on all others
         _misread(text, node.span, out, what=what, meant="0x" + text[2:])
     elif reader is Reader.ENDPOINT:
         _misread(text, node.span, out, what=what, meant=_meant(text))
@@ -158,7 +158,7 @@ def _disputed(
 
 @functools.lru_cache(maxsize=8192)
 def _agreed(text: str, reader: Reader) -> int | None:
-    """Return the number of a spelling that needs no remark, the usual case; else ``None``."""
+    """Return a number whose spelling needs no remark, the usual case; otherwise ``None``."""
     if len(text) > _MAX_DIGITS:
         return None
     if _DECIMAL.match(text):
@@ -208,7 +208,7 @@ def _misread(text: str, span: Span, out: Collector, *, what: str, meant: str) ->
 
 
 def _hint_of(text: str, what: str, low: int, high: int) -> str:
-    """Report how to write a value that is not a number: the probable one, or the allowed ones."""
+    """Return how to write a value that is not a number: the probable one, or the allowed ones."""
     if re.fullmatch(r"[+-]?[0-9]{1,3},[0-9]{3}", text):
         return f"write {text.replace(',', '')} if the comma separates thousands"
     if unit := re.fullmatch(r"([0-9]{1,18})\s*([µa-zA-Z]+)", text):
@@ -227,7 +227,7 @@ _OF_A_SECOND = {"ns": 10**9, "us": 10**6, "µs": 10**6, "ms": 10**3, "s": 1}
 
 
 def _without_unit(number: int, unit: str, what: str) -> str:
-    """Say how to write a number without its unit, the same time where both are times."""
+    """Return how to write a number without its unit, converted if both are times."""
     own = what.rpartition("_")[2]
     if own in _OF_A_SECOND and unit in _OF_A_SECOND:
         value, rest = divmod(number * _OF_A_SECOND[own], _OF_A_SECOND[unit])
@@ -279,7 +279,7 @@ def _out_of_range(
 
 
 def read_float(node: Node | None, out: Collector, *, what: str) -> float | None:
-    """Return a floating point number as yaml-cpp reads it, ``nan`` included, or ``None``."""
+    """Return a floating point number as yaml-cpp reads it, including ``nan``, or ``None``."""
     if not isinstance(node, ScalarNode) or node.is_null:
         return None
     text = node.text
@@ -317,14 +317,14 @@ def decimal_comma(text: str) -> str:
 
 
 def read_flag(node: Node | None, out: Collector, *, what: str, absent: bool = False) -> bool:
-    """Return a boolean as yaml-cpp reads it: 1 and 0 are invalid, other words end the driver.
+    """Return a boolean as yaml-cpp reads it: 1 and 0 are invalid, other words stop the driver.
 
     Args:
-        node: The value; ``None`` (key missing) and an empty one, which the schema reports, give
+        node: The value; ``None`` (missing key) and an empty one, which the schema reports, return
             ``absent``.
         out: Takes FSN111.
         what: Name of the value for messages.
-        absent: The driver's default when the key is missing.
+        absent: The driver's default if the key is missing.
     """
     if not isinstance(node, ScalarNode) or node.is_null:
         return absent

@@ -1,4 +1,4 @@
-"""How many SubDevices a bus can have."""
+"""The maximum number of SubDevices on a bus."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from fsoe_net.formats.shared.files import Collector
 from fsoe_net.model.bus import Located
 
 MOST_SUBDEVICES = 65_535
-"""Of one bus: addresses of EtherCAT have 16 bits, and 0 is none."""
+"""On one bus: EtherCAT addresses have 16 bits, and 0 is not an address."""
 
 
 def fits_on_bus(subdevices: Sequence[Located], out: Collector) -> bool:
-    """Return whether one bus can have so many SubDevices; ``out`` takes FSN103 at the first above.
+    """Return whether the SubDevices fit on one bus; ``out`` takes FSN103 at the first one too many.
 
     Args:
-        subdevices: Those of one bus, in ring order. A reader may stop at the first above.
+        subdevices: SubDevices of one bus, in ring order. A reader may stop at the first one too
+            many.
         out: Takes FSN103.
     """
     if len(subdevices) <= MOST_SUBDEVICES:

@@ -1,4 +1,4 @@
-"""What readers of other tools' files share: where the bytes come from, text, numbers."""
+"""Helpers for readers of other tools' files: content, text, numbers."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def source_bytes(
 
     Args:
         source: A path, or the bytes themselves.
-        out: Takes FSN101 when a path cannot be read.
-        name: Name shown for bytes that came from no file.
+        out: Takes FSN101 if a path cannot be read.
+        name: Name shown for bytes without a file.
         most: Largest size of a file in bytes.
     """
     if isinstance(source, bytes):
@@ -30,7 +30,7 @@ def source_bytes(
 
 
 def text_of(data: bytes) -> str:
-    """Return text that came from a terminal, a mail or an editor; never fails."""
+    """Return text from a terminal, a mail or an editor; never fails."""
     for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
         if data.startswith(mark):
             return data.decode(encoding, "replace")
@@ -62,12 +62,12 @@ def esi_number(text: str) -> int | None:
 def xml_number(
     element: Element | None, out: Collector, *, high: int = 0xFFFFFFFF, low: int = 0
 ) -> int | None:
-    """Return the number an element holds: decimal, ``#x1a00`` or ``0x1a00``.
+    """Return the number in an element: decimal, ``#x1a00`` or ``0x1a00``.
 
     Leading zeros are decimal, as in the tools that write them.
 
     Args:
-        element: The element; ``None`` gives ``None`` silently.
+        element: The element; ``None`` returns ``None``.
         out: Takes FSN141.
         high: Largest allowed value.
         low: Smallest allowed value.

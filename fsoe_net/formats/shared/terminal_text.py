@@ -1,7 +1,8 @@
 """Text pasted from a terminal: prompts, indentation and noise around it, and truncation.
 
 A truncated paste must never look like a complete, shorter map. Two signs show truncation: a last
-line that is only the beginning of a known line, and a structure that announces more than follows.
+line that is only the beginning of a known line, and a structure that declares more items than
+follow.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _FENCE = re.compile(r"^\s*(```|~~~)")
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line without what a terminal or a mail put around it."""
+    """One line without the additions of a terminal or a mail."""
 
     text: str
     span: Span
@@ -38,20 +39,20 @@ class Line:
 
     @property
     def stripped(self) -> str:
-        """The text without blanks at its ends."""
+        """The text without blanks at both ends."""
         return self.text.strip()
 
 
 @dataclass(slots=True)
 class Pasted:
-    """The lines of a paste, and their findings."""
+    """The lines of a paste, and its findings."""
 
     lines: tuple[Line, ...]
     shown: str
     out: Collector
     truncated: bool = False
     last_good: Line | None = None
-    taken: int = 0  # rows that tables of it referred to
+    taken: int = 0  # rows that its tables refer to
     _strange: int = 0
 
     def __iter__(self) -> Iterator[Line]:
@@ -65,16 +66,16 @@ class Pasted:
         *,
         part: re.Pattern[str] | None = None,
     ) -> None:
-        """Take each line; one that is not understood is reported as a cut, or as FSN147.
+        """Process each line; an unknown line is reported as a truncation or as FSN147.
 
-        Lines before the first known one are noise of the shell and no finding; so are lines that
-        are not like any known one.
+        Lines before the first known one are output of the shell, not findings. The same applies to
+        lines that resemble no known one.
 
         Args:
-            take: Whether a line is understood; ``None`` for one without content.
-            what: The command whose output it should be.
+            take: Returns whether a line is known; ``None`` for one without content.
+            what: The expected command.
             starts: How lines of that output begin.
-            part: Matches a truncated line that begins in none of these ways.
+            part: Matches a truncated line with none of these beginnings.
         """
         for line in self.lines:
             is_good = take(line)
@@ -134,7 +135,7 @@ class Pasted:
 
 @dataclass(slots=True)
 class PrintedManager:
-    """A sync manager while its lines come.
+    """A sync manager while its lines are read.
 
     Attributes:
         pdos: Index, place and entries of each PDO.
@@ -159,7 +160,7 @@ class PrintedManager:
         return bool(self.pdos)
 
     def built(self) -> SyncManager:
-        """Return it with the PDOs read so far."""
+        """Return the sync manager with the PDOs read so far."""
         return SyncManager(
             span=self.span,
             index=self.index,
@@ -177,7 +178,7 @@ def pasted(data: bytes, shown: str, out: Collector) -> Pasted:
     """Return the lines of a paste.
 
     Quote marks of mails, colour codes, carriage returns, code fences and prompts with the command
-    itself are taken away; indentation that all lines share is, too.
+    are removed. So is indentation that all lines share.
     """
     if len(data) > MAX_PASTED_BYTES:
         out.add(

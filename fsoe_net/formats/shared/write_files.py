@@ -1,4 +1,4 @@
-"""Files are written whole or not at all; one that exists stays unless it may be replaced."""
+"""Writes files completely or not at all; an existing file is replaced only if allowed."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def write_whole(output: str | os.PathLike[str], data: bytes, *, overwrite: bool)
     programs.
 
     Raises:
-        InputError: It exists and must not be replaced.
-        EnvironmentFault: It cannot be written; the existing content is unchanged.
+        InputError: The file exists and must not be replaced.
+        EnvironmentFault: The file cannot be written; the existing content is unchanged.
     """
     if os.fspath(output) == STDOUT:
         sys.stdout.buffer.write(data)
@@ -34,16 +34,16 @@ def write_whole(output: str | os.PathLike[str], data: bytes, *, overwrite: bool)
 def write_all(
     folder: str | os.PathLike[str], files: Mapping[str, bytes], *, overwrite: bool
 ) -> None:
-    """Write several files, with the folders they need: all or none.
+    """Write several files and the folders that they need: all or none.
 
     Args:
-        folder: Where the names of the files begin.
-        files: Content by name; one that names the others comes first, and is written last.
-        overwrite: Whether files that exist are replaced.
+        folder: Folder that the file names are relative to.
+        files: Content by name; a file that refers to the others comes first and is written last.
+        overwrite: Whether to replace existing files.
 
     Raises:
-        InputError: One exists, and is not to be replaced.
-        EnvironmentFault: One cannot be written; the existing content is unchanged.
+        InputError: A file exists and must not be replaced.
+        EnvironmentFault: A file cannot be written; the existing content is unchanged.
     """
     paths = {Path(folder) / name: data for name, data in reversed(list(files.items()))}
     if not overwrite:
@@ -58,7 +58,7 @@ def write_all(
 
 
 def _write_parts(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
-    """Write each file under another name first, so that a full disk is noticed before."""
+    """Write each file under a temporary name first, so that a full disk is noticed early."""
     partial: dict[Path, Path] = {}
     made: list[Path] = []
     path = Path()
@@ -87,12 +87,12 @@ def _write_parts(files: Mapping[Path, bytes], *, overwrite: bool) -> None:
         raise EnvironmentFault(f"cannot write {path}: {why}") from exc
     finally:
         for left in (*partial.values(), *made):
-            with contextlib.suppress(OSError):  # it has its name by now, or was never made
+            with contextlib.suppress(OSError):  # it already has its name, or was never created
                 left.unlink(missing_ok=True)
 
 
 def _link(part: Path, path: Path) -> None:
-    """Give a file its name unless it exists by now."""
+    """Give a file its name unless that exists by now."""
     try:
         # link() fails if the name exists by now; replace() would not.
         os.link(part, path)
@@ -105,12 +105,12 @@ def _link(part: Path, path: Path) -> None:
 
 
 def refuse_present(path: Path) -> None:
-    """Refuse a file that would be replaced.
+    """Reject a file that would be replaced.
 
     Raises:
-        InputError: It exists.
+        InputError: The file exists.
     """
-    # A link counts too, also one that leads nowhere; a pipe or /dev/null has nothing to lose.
+    # A link also counts, even a dangling one; a pipe or /dev/null has nothing to lose.
     if path.is_symlink() or path.is_file():
         if path.exists() and not path.is_file():
             return
@@ -120,10 +120,10 @@ def refuse_present(path: Path) -> None:
 
 
 def make_folder(path: str | None, what: str) -> None:
-    """Make the folder when it is missing; not those above it, lest a typo makes some.
+    """Create the folder if it is missing, but not its parents, as a typo would create wrong ones.
 
     Raises:
-        EnvironmentFault: It is not there and cannot be made.
+        EnvironmentFault: The folder is missing and cannot be created.
     """
     if path is None or Path(path).is_dir():
         return

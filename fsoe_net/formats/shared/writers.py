@@ -1,4 +1,4 @@
-"""What the writers share: files with notes, names, the entry a copy begins at, who is the logic."""
+"""Helpers for writers: files with notes, names, the entry at the start of a copy, the logic."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Written:
-    """Files by their path inside the folder, and what the format could not hold, in words."""
+    """Files by their path inside the folder, and notes on data that the format cannot represent."""
 
     files: Mapping[str, str]
     notes: tuple[str, ...] = ()
@@ -34,7 +34,7 @@ class Written:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CopyGroup:
-    """The copies of one MainInstance. ``main`` is ``None`` where the copies do not show it."""
+    """The copies of one MainInstance. ``main`` is ``None`` if the copies do not identify it."""
 
     name: str
     main: int | None
@@ -64,12 +64,12 @@ def own_words_lost(description: Description, *, nets: bool) -> list[str]:
 
 
 def plain_text(text: str) -> str:
-    """Return a text of one line without signs that files of text do not hold."""
+    """Return a text on one line, without characters that are invalid in text files."""
     return text.translate(_NOT_TEXT).strip()
 
 
 def quoted(text: str) -> str:
-    """Return a text as YAML reads it back."""
+    """Return a text as a YAML string."""
     text = plain_text(text)
     if _BARE.match(text) and text.lower() not in _WORDS:
         return text
@@ -77,7 +77,7 @@ def quoted(text: str) -> str:
 
 
 def unique_names(description: Description) -> tuple[str, ...]:
-    """Return a name for each SubDevice: its own, else its order number, else its place."""
+    """Return a name for each SubDevice: its own, or its order number, or its position."""
     names, found = Names(), []
     for number, sub in enumerate(description.subdevices):
         place = number if sub.position is None else sub.position
@@ -87,7 +87,7 @@ def unique_names(description: Description) -> tuple[str, ...]:
 
 
 def identifiers(names: Sequence[str]) -> tuple[str, ...]:
-    """Return the names as identifiers of C and names of files: lower case, each only once."""
+    """Return the names as C identifiers and file names: lower case, unique."""
     given, found = Names(), []
     for name in names:
         own = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")[:48]
@@ -103,7 +103,7 @@ def manager_of(description: Description, end: DescribedEnd) -> SmLayout | None:
 
 
 class Endpoints:
-    """The entries that copies may begin at; each device is walked through once."""
+    """The entries at which copies may begin; each device is searched once."""
 
     def __init__(self, description: Description, names: Sequence[str]) -> None:
         self._subs = description.subdevices
@@ -112,10 +112,11 @@ class Endpoints:
         self._tables: dict[int, dict[tuple[int, int], tuple[Entry, bool]]] = {}  # by device
 
     def at(self, end: DescribedEnd) -> Entry:
-        """Return the entry that a copy begins at, which drivers find by index and subindex.
+        """Return the entry at the start of a copy, which drivers find by index and subindex.
 
         Raises:
-            InputError: No entry begins there, it is padding, or an earlier one has its address.
+            InputError: No entry begins there, the entry is padding, or an earlier one has the same
+                address.
         """
         device = self._devices[end.subdevice]
         if device not in self._tables:
@@ -168,7 +169,7 @@ def is_fsoe(description: Description, copy: DescribedCopy) -> bool:
 
 
 def _by_net(description: Description) -> list[tuple[str, list[DescribedCopy]]]:
-    """Return the copies by name; those without one by the SubDevices that copies join."""
+    """Return the copies by name; unnamed ones by the SubDevices that they connect."""
     root = list(range(len(description.subdevices)))
 
     def top(number: int) -> int:
@@ -192,15 +193,15 @@ def _by_net(description: Description) -> list[tuple[str, list[DescribedCopy]]]:
 
 
 def copy_groups(description: Description, notes: list[str]) -> tuple[CopyGroup, ...]:
-    """Return the copies by their MainInstance; which one that is, is never guessed.
+    """Return the copies by their MainInstance, which is never guessed.
 
-    Named copies stay together under their name. Others are together where they share SubDevices.
-    A SubDevice that every FSoE copy of a group begins or ends at is its MainInstance, where there
-    is only one such SubDevice or a connection names it.
+    Named copies are grouped by name. Other copies are grouped if they share SubDevices. A SubDevice
+    at one end of every FSoE copy of a group is its MainInstance, if it is the only one or a
+    connection names it.
 
     Args:
         description: SubDevices, copies, connections.
-        notes: Takes a line for each group whose MainInstance is not known.
+        notes: Takes a line for each group whose MainInstance is unknown.
     """
     rows = _by_net(description)
     mains = {c.main for c in description.connections if c.main is not None}

@@ -25,7 +25,7 @@ _OF_EXPAT = {"utf-8", "utf-16", "iso8859-1", "ascii"}
 
 
 def plain_xml(data: bytes) -> bytes:
-    """Return the document in an encoding that has ASCII inside and that expat reads.
+    """Return the document in an ASCII-compatible encoding that expat supports.
 
     UTF-16, multi-byte encodings and a document after blanks are converted to UTF-8; the declaration
     is then replaced by blanks. Everything else is returned unchanged.
@@ -53,10 +53,10 @@ def _declared(inside: bytes) -> bytes:
 
 
 def _python_name(declared: bytes) -> str:
-    """Return Python's name of an encoding of text; empty when there is none."""
+    """Return Python's name of a text encoding, or an empty string if it has none."""
     try:
         known = codecs.lookup(declared.decode("ascii"))
-        "".encode(known.name)  # not rot13 and its like
+        "".encode(known.name)  # not rot13 and the like
     except (LookupError, UnicodeError):
         return ""
     return known.name
@@ -71,12 +71,12 @@ def _as_utf8(text: str) -> bytes:
 
 
 def readable_xml(data: bytes, shown: str, out: Collector) -> bytes:
-    """Return the document as `plain_xml`; one that is not the UTF-8 it claims is ISO-8859-1.
+    """Return the document like `plain_xml`; if it is not valid in its encoding, read ISO-8859-1.
 
     Args:
         data: The bytes of the file.
         shown: Its name.
-        out: Takes a warning FSN118 when the text is not in the encoding it claims.
+        out: Takes a warning FSN118 if the text is not in the declared encoding.
     """
     data = plain_xml(data)
     match = _DECLARED.match(data[:1000])

@@ -15,7 +15,7 @@ from fsoe_net.formats.shared.files import Collector
 
 MAX_DEPTH = 200
 MAX_ELEMENTS = 500_000
-MAX_TEXT_PIECES = 3_000_000  # expat hands over each line of text on its own
+MAX_TEXT_PIECES = 3_000_000  # expat passes each line of text separately
 
 _BYTE_ORDER_MARKS = (codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _ENCODING_HINT = "save the file as UTF-8 and declare no other encoding"
@@ -41,7 +41,7 @@ _TAG_MISMATCH = expat.errors.codes[expat.errors.XML_ERROR_TAG_MISMATCH]
 
 @dataclass(slots=True, eq=False)
 class Element:
-    """One element. ``text`` is its own character data, ``text_span`` where its first word starts.
+    """One element. ``text`` is its own character data, ``text_span`` the place of its first word.
 
     Not frozen: built while parsing, children before their parent is complete.
     """
@@ -54,20 +54,20 @@ class Element:
     text_span: Span | None = None
 
     def all(self, name: str) -> list[Element]:
-        """Return the direct children of that name."""
+        """Return the direct children with this name."""
         return [c for c in self.children if c.name == name]
 
     def first(self, name: str) -> Element | None:
-        """Return the first direct child of that name, or ``None``."""
+        """Return the first direct child with this name, or ``None``."""
         return next((c for c in self.children if c.name == name), None)
 
     def text_of(self, name: str) -> str:
-        """Return the words of the first child of this name; empty without one."""
+        """Return the words of the first child with this name; empty if there is none."""
         child = self.first(name)
         return "" if child is None else child.words
 
     def walk(self) -> Iterator[Element]:
-        """Yield this element and everything below, in document order."""
+        """Yield this element and all its descendants, in document order."""
         stack = [self]
         while stack:
             element = stack.pop()
@@ -76,22 +76,22 @@ class Element:
 
     @property
     def words(self) -> str:
-        """The text as a name: on one line, fit to be shown."""
+        """The text as a printable name on one line."""
         return shown_name(self.text)
 
     @property
     def value_span(self) -> Span:
-        """Place of the text, else of the element."""
+        """The place of the text, or of the element if it has no text."""
         return self.text_span or self.span
 
 
 def shown_name(text: str) -> str:
-    """Return character data as a name: on one line, fit to be shown."""
+    """Return character data as a printable name on one line."""
     return printable(re.sub(r"\s*[\r\n]\s*", " ", text.strip()))
 
 
 def shown_attributes(attributes: dict[str, str]) -> dict[str, str]:
-    """Return attributes fit to be shown: they hold names and numbers, and no lines."""
+    """Return printable attributes: they contain names and numbers on a single line."""
     return {name: printable(value) for name, value in attributes.items()}
 
 
@@ -99,7 +99,7 @@ Closed = Callable[[Element, Element, int], bool]
 
 
 class _Refused(Exception):
-    """The document was refused; the finding is already recorded."""
+    """The document was rejected; the finding has been added."""
 
 
 def parse_xml(
@@ -118,11 +118,11 @@ def parse_xml(
     Args:
         data: The bytes of the file; UTF-8, or as in its byte order mark or declaration.
         path: The file, for places.
-        out: Takes FSN118 when the document is rejected.
-        what: Expected type of the file, for the hint when it is far too large.
-        encoding: Of an element cut out, which has no declaration.
+        out: Takes FSN118 if the document is rejected.
+        what: Expected type of the file, for the hint if it is far too large.
+        encoding: Encoding of an extracted element, which has no declaration.
         skip: Names of elements to omit with all their content.
-        begin: Start of an element that was cut out.
+        begin: Start of an extracted element.
         closed: Called with each element at its end, its parent and its depth (1 for the children of
             the root). If it returns true, the element is freed, so that a long file needs little
             memory.
@@ -145,7 +145,7 @@ def parse_xml(
 
 
 class _Builder:
-    """Feeds expat and keeps an own stack of open elements with their pieces of text."""
+    """Feeds expat and keeps its own stack of open elements with their text."""
 
     def __init__(
         self,
@@ -163,7 +163,7 @@ class _Builder:
         self._data = data
         self._what = what
         self._skip = skip
-        self._skipped = 0  # open elements of what is left out
+        self._skipped = 0  # open elements inside a skipped one
         self._begin = begin or Span(file, 1, 1)
         # expat counts a byte order mark as a column of the first line; editors do not show it.
         self._mark = int(data.startswith(_BYTE_ORDER_MARKS))
@@ -197,7 +197,7 @@ class _Builder:
         )
 
     def place(self, line: int, offset: int) -> Span:
-        """Return the place for a line and an offset as expat counts them."""
+        """Return the place for a line and an offset as counted by expat."""
         if line > 1:
             return Span(self._file, line + self._begin.line - 1, offset + 1)
         column = offset + self._begin.column - self._mark
@@ -211,7 +211,7 @@ class _Builder:
         raise _Refused
 
     def _doctype(self, *_arguments: object) -> None:
-        """Reject the declaration; expat reports it after its name, so search its start."""
+        """Reject the declaration; expat reports it after its name, so search for its start."""
         before = self._data[: self._parser.CurrentByteIndex]
         start = before.rfind(b"<!DOCTYPE")
         span = None
@@ -272,7 +272,7 @@ def xml_hint(
 
     Args:
         error: The error of expat.
-        data: The bytes it read.
+        data: The bytes that it read.
         at: Byte where it stopped.
         still_open: Name and line of the innermost open element.
     """

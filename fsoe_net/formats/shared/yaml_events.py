@@ -1,6 +1,6 @@
-"""The events of libyaml, with limits; a syntax error as a finding.
+"""The events of libyaml, with limits; a syntax error becomes a finding.
 
-Nesting and alias expansion are bounded with a stack, so that nothing recurses.
+Nesting and alias expansion are bounded by a stack, so there is no recursion.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from fsoe_net.formats.shared.files import Collector
 MAX_DEPTH = 64
 DEEPER = f"nested deeper than {MAX_DEPTH} levels"
 FLATTER = "no file of this kind needs more than a dozen levels"
-# What newer builds of libyaml say of a flow list in more than 1000 others, before it is read.
+# Message of newer builds of libyaml for more than 1000 nested flow lists.
 # Of a key below a key that has a value already, with and without a comment after the value.
 _TOO_DEEP_KEY = ("did not find expected key", "mapping values are not allowed in this context")
 _TOO_DEEP = "exceeded maximum nesting depth"
-MAX_PARTS = 4_000_000  # of about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
+MAX_PARTS = 4_000_000  # about 150 bytes each; 65 535 SubDevices with all facts have 2 500 000
 MAX_ALIASED = 1_000_000
 
 COLUMN_BITS = 26  # a line is no longer than the file
@@ -33,7 +33,7 @@ _LOADER = getattr(yaml, "CLoader", yaml.Loader)
 
 
 def _place(line: int, column: int) -> int:
-    """Return line and column, both from 0, as one number: millions of them are kept."""
+    """Return line and column, both from 0, packed into one number: millions are stored."""
     return line << COLUMN_BITS | column
 
 
@@ -51,16 +51,16 @@ class MarkedNode:
 
     @property
     def span(self) -> Span:
-        """Where it starts."""
+        """The place where it starts."""
         return span_of(self.file, self.place)
 
 
 class RefusedYaml(Exception):
-    """The document was refused as a whole; the finding is already recorded."""
+    """The document was rejected as a whole; the finding has been added."""
 
 
 class OpenNode:
-    """A collection that is still being read, and where counting stood when it began."""
+    """A collection that is still being read, with the counts at its start."""
 
     __slots__ = (
         "aliased",
@@ -83,14 +83,14 @@ class OpenNode:
         self.key: Any = None
         self.key_place: Any = 0
         self.key_plain = True
-        self.continued = False  # whether the keys of its first item come again, without a dash
+        self.continued = False  # whether the keys of its first item are repeated without a dash
 
 
 class EventReader(ABC):
-    """Reads the events of libyaml; a subclass makes the nodes.
+    """Reads the events of libyaml; a subclass creates the nodes.
 
     Direct content is limited by the bytes of the file; content repeated by aliases is counted
-    separately, as if written out, since a few lines can expand to billions of values.
+    separately, as if written in full, because a few lines can expand to billions of values.
     """
 
     def __init__(self, file: str, out: Collector) -> None:
@@ -106,18 +106,18 @@ class EventReader(ABC):
 
     @abstractmethod
     def _scalar(self, event: Any) -> None:
-        """Take a scalar."""
+        """Process a scalar."""
 
     @abstractmethod
     def _node(self, event: Any, *, is_map: bool) -> Any:
-        """Return a map or list that begins."""
+        """Return a new map or list."""
 
     @abstractmethod
     def _attach(self, node: Any, event: Any) -> None:
-        """Put a node into the one that is open; ``event`` ends it, or is the alias."""
+        """Add a node to the open one; ``event`` ends it, or is the alias."""
 
     def build(self, text: str) -> Any:
-        """Return the root; ``None`` where there is none."""
+        """Return the root, or ``None`` if there is none."""
         parser: Any = _LOADER(text)
         events: Iterator[Any] = iter(parser.get_event, None)
         scalar = self._scalar
@@ -223,7 +223,7 @@ def add_syntax_error(exc: yaml.YAMLError, file: str, text: str, out: Collector) 
 
 
 def _syntax_hint(problem: str, lines: list[str]) -> str:
-    """Return what to do about a syntax error in the last of these lines."""
+    """Return the fix for a syntax error in the last of these lines."""
     line = lines[-1] if lines else ""
     if "\t" in line[: _indent(line)]:
         return "replace the tab by spaces; YAML forbids tabs in indentation"

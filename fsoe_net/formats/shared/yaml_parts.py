@@ -32,7 +32,7 @@ _WORDS = {
 
 
 class EditedMap(dict[Any, Any]):
-    """A map of a text that is edited.
+    """A map of a text that is being edited.
 
     Attributes:
         place: Its line and column in the text, from 1, as in `fsoe_net.diag.diagnostic.Span`.
@@ -68,10 +68,10 @@ class PartRow:
     """A pair of a map, or an item of a list.
 
     Attributes:
-        part: Its value; an alias refers to one at another place.
+        part: Its value; for an alias, the value is at another place.
         key: Its key in a map.
-        begin: Start of its key or dash in the text; in a list in brackets, of its value.
-        head: End of those, with a colon, an anchor and a tag.
+        begin: Start of its key or dash in the text; in brackets, of its value.
+        head: End of the key or dash, including a colon, an anchor and a tag.
         at: Start of its value, or of the alias.
         stop: End of its value.
     """
@@ -85,28 +85,28 @@ class PartRow:
 
     @property
     def is_lines(self) -> bool:
-        """Whether its value is a map or list in lines."""
+        """Whether its value is a map or list on separate lines."""
         return self.part.is_block and self.part.begin == self.at
 
     @property
     def space(self) -> str:
-        """What is missing before a value where there was nothing."""
+        """The characters that are missing before a value if there was none."""
         return " " if self.begin < self.head == self.at else ""
 
 
 class ReadText(EventReader):
-    """A text that was read.
+    """The text that was read.
 
     Attributes:
-        text: Itself; its last line has an end.
-        root: All of it.
-        starts: Where its lines begin.
-        under_key: Columns that the first `dict` and the first `list` in lines are indented below
-            their key.
+        text: The text itself; its last line has a line end.
+        root: The whole document.
+        starts: Start of each line.
+        under_key: Indentation below their key of the first `dict` and the first `list` on separate
+            lines.
 
     Raises:
-        ValueError: It is not valid YAML, is more than one document, or has a key that is not a
-            scalar or is duplicate.
+        ValueError: The text is not valid YAML, has more than one document, or has a key that is not
+            a scalar or is duplicated.
     """
 
     def __init__(self, text: str) -> None:
@@ -124,20 +124,20 @@ class ReadText(EventReader):
         self.under_key = {dict: 2, list: 2} | self._columns
 
     def line_of(self, at: int) -> int:
-        """Return the line that a place is in, from 0."""
+        """Return the line of a position, from 0."""
         return bisect_right(self.starts, at) - 1
 
     def line_begin(self, at: int) -> int:
-        """Return the start of the line of a place."""
+        """Return the start of the line that contains a position."""
         return self.starts[self.line_of(at)]
 
     def line_end(self, at: int) -> int:
-        """Return where the line of a place ends, before its line end."""
+        """Return the end of the line that contains a position, before the line break."""
         begin, stop = self.line_begin(at), self.line_behind(at)
         return begin + len(self.text[begin:stop].rstrip("\r\n"))
 
     def line_behind(self, at: int) -> int:
-        """Return the start of the line after that of a place."""
+        """Return the start of the next line after a position."""
         line = self.line_of(at) + 1
         return self.starts[line] if line < len(self.starts) else len(self.text)
 
@@ -147,7 +147,7 @@ class ReadText(EventReader):
     def _scalar(self, event: Any) -> None:
         begin, stop = event.start_mark.index, event.end_mark.index
         if event.style in ("|", ">"):
-            # It ends at the start of the next line: blank lines count where "+" keeps them.
+            # It ends at the start of the next line: blank lines count if "+" keeps them.
             lines = self.text[begin:stop]
             is_kept = "+" in lines.partition("\n")[0].partition("#")[0]
             lines = lines.removesuffix("\n").removesuffix("\r") if is_kept else lines.rstrip()
@@ -166,7 +166,7 @@ class ReadText(EventReader):
         value: Any = EditedMap() if is_map else []
         begin, stop = event.start_mark.index, event.end_mark.index
         if event.anchor is not None or event.tag is not None:
-            # It ends after a bracket or a dash below its key, else before a dash or key.
+            # It ends after a bracket or a dash below its key, otherwise before a dash or key.
             is_behind = event.flow_style or (not is_map and self.text[stop : stop + 1] != "-")
             begin = stop - bool(is_behind)
         column = begin - self.line_begin(begin)
@@ -236,7 +236,7 @@ def is_same(part: Part, value: Any, known: dict[tuple[int, int], bool] | None = 
     """Whether a value equals a part, with its keys in the same order.
 
     Args:
-        part: As it was read.
+        part: Part as it was read.
         value: Value to compare.
         known: Pairs already compared: aliases may refer to the same value very often.
     """
@@ -247,7 +247,7 @@ def is_same(part: Part, value: Any, known: dict[tuple[int, int], bool] | None = 
     known = {} if known is None else known
     pair = (id(part), id(value))
     if pair not in known:
-        known[pair] = True  # until it is shown to differ: a value may hold itself
+        known[pair] = True  # until a difference is found: a value may contain itself
         each = list(value.values()) if isinstance(value, dict) else value
         known[pair] = len(each) == len(part.rows) and (
             (not isinstance(value, dict) or list(value) == [row.key for row in part.rows])
@@ -262,11 +262,11 @@ def _is_same_scalar(old: Any, new: Any) -> bool:
     kinds = (bool, float, str, dict, list)
     if any(isinstance(old, kind) != isinstance(new, kind) for kind in kinds):
         return False
-    return bool(old == new) or (old != old and new != new)  # not a number
+    return bool(old == new) or (old != old and new != new)  # NaN
 
 
 def adopt(part: Part, value: Any, known: set[int] | None = None) -> None:
-    """Take maps and lists that say the same for those of a part and of all in it."""
+    """Use equal maps and lists of a value in place of those of a part and all its descendants."""
     known = set() if known is None else known
     if not isinstance(value, dict | list) or id(part) in known:
         return

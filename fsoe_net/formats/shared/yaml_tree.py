@@ -1,7 +1,7 @@
 """Parses YAML into a tree whose nodes have file, line and column.
 
-Built from libyaml's events with its own stack, so that nesting and alias expansion are bounded and
-nothing recurses. Differences to the driver's parser (yaml-cpp), or content that it silently drops
+Built from libyaml's events with its own stack, so that nesting and alias expansion are bounded
+without recursion. Differences to the driver's parser (yaml-cpp), or content that it silently drops
 (duplicate keys, merge keys, further documents), are findings here.
 """
 
@@ -54,15 +54,15 @@ class SeqNode(MarkedNode):
 
 @dataclass(slots=True, eq=False)
 class MapNode(MarkedNode):
-    """A map. Keys are scalars; of a key given twice the first counts, as in yaml-cpp."""
+    """A map. Keys are scalars; of a repeated key the first one counts, as in yaml-cpp."""
 
     pairs: dict[str, Node] = field(default_factory=dict)
     key_places: list[int] = field(default_factory=list)  # in the order of ``pairs``
-    _spans: dict[str, Span] | None = None  # of the keys, made on the first request
+    _spans: dict[str, Span] | None = None  # of the keys, created on the first request
 
     @property
     def keys(self) -> dict[str, Span]:
-        """The place of every key; keys that were added since the last call are added to it."""
+        """The place of every key, including keys added since the last call."""
         known = self._spans = {} if self._spans is None else self._spans
         count = len(self.pairs) - len(known)
         if count:
@@ -83,7 +83,7 @@ class MapNode(MarkedNode):
         return self.pairs.get(key)
 
     def at(self, key: str) -> Span:
-        """Return the place of a key's value, else of the map."""
+        """Return the place of a key's value, or of the map."""
         node = self.pairs.get(key)
         return node.span if node is not None else self.span
 
@@ -92,14 +92,14 @@ class MapNode(MarkedNode):
         return Places(self.pairs)
 
     def maps(self, key: str) -> list[MapNode]:
-        """Return the maps in the list under a key; empty when it is not a list."""
+        """Return the maps in the list under a key; empty if it is not a list."""
         node = self.pairs.get(key)
         if not isinstance(node, SeqNode):
             return []
         return [item for item in node.items if isinstance(item, MapNode)]
 
     def text(self, key: str) -> str | None:
-        """Return the text of the scalar under a key, or ``None`` when there is none."""
+        """Return the text of the scalar under a key, or ``None`` if there is none."""
         node = self.pairs.get(key)
         return node.text if isinstance(node, ScalarNode) and not node.is_null else None
 
@@ -112,7 +112,7 @@ Node = ScalarNode | SeqNode | MapNode
 
 
 class Places(Mapping[str, Span]):
-    """The place of each value of a map, made on request: most never are."""
+    """The place of each value of a map, created on request: most are never needed."""
 
     __slots__ = ("_pairs",)
 
@@ -135,7 +135,7 @@ class Places(Mapping[str, Span]):
 def load_yaml(
     path: str | os.PathLike[str], out: Collector, *, named_at: Span | None = None
 ) -> MapNode | None:
-    """Read a YAML file whose root is a map. ``None`` when refused; the reason is in ``out``."""
+    """Read a YAML file whose root is a map; if it is rejected, ``out`` contains the reason."""
     data = read_bytes(path, out, named_at=named_at)
     return None if data is None else parse_yaml(data, os.fspath(path), out)
 
@@ -149,7 +149,7 @@ def parse_yaml(
         data: Bytes of the file, UTF-8 with or without byte order mark.
         file: Name shown in findings.
         out: Takes FSN102 … FSN108.
-        of_devices: Its names come from devices, as they are: the caller makes them fit to be shown.
+        of_devices: Its names come unchanged from devices: the caller makes them printable.
     """
     text = _decode(data, file, out)
     if text is None:
@@ -218,7 +218,7 @@ def _place_in(file: str, text: str, offset: int) -> Span:
 
 
 class _Builder(EventReader):
-    """Makes the nodes of a tree."""
+    """Creates the nodes of a tree."""
 
     def __init__(self, file: str, out: Collector, *, of_devices: bool) -> None:
         super().__init__(file, out)
@@ -233,7 +233,7 @@ class _Builder(EventReader):
     def _scalar(self, event: Any) -> None:
         mark = event.start_mark
         place = mark.line << COLUMN_BITS | mark.column
-        # One object per spelling: the same keys, names and numbers come thousands of times.
+        # One object per spelling: the same keys, names and numbers occur thousands of times.
         text = self._texts.get(event.value)
         if text is None:
             text = self._texts[event.value] = event.value
@@ -252,7 +252,7 @@ class _Builder(EventReader):
             self._attach(node, event)
 
     def _check_characters(self, event: Any) -> None:
-        """FSN102: a text that would act on a terminal, or look like two lines."""
+        """FSN102: a text that would control the terminal, or look like two lines."""
         text = event.value
         if self._of_devices or text.isprintable():
             return
@@ -303,7 +303,7 @@ class _Builder(EventReader):
         into.key_places.append(top.key_place)
 
     def _key_twice(self, top: OpenNode, text: str, into: MapNode) -> None:
-        """FSN106; once where an item of a list begins again, which is a forgotten dash."""
+        """FSN106; reported once if an item of a list is repeated because of a forgotten dash."""
         first, here = into.keys[text], span_of(self._file, top.key_place)
         in_list = len(self._stack) > 1 and isinstance(self._stack[-2].node, SeqNode)
         below = here.line > first.line and here.column == first.column
@@ -319,7 +319,7 @@ class _Builder(EventReader):
         )
 
     def _look_at_key(self, top: OpenNode, text: str) -> str | None:
-        """Return the key to use; ``None`` when the pair is left out."""
+        """Return the key to use; ``None`` if the pair is omitted."""
         span = span_of(self._file, top.key_place)
         if text == "<<" and top.key_plain:
             self._out.add(

@@ -1,4 +1,4 @@
-"""Values as words and lines of YAML, which YAML 1.1 and 1.2 read in the same way."""
+"""Values as words and lines of YAML that YAML 1.1 and 1.2 read in the same way."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 class Hex(int):
-    """A number that is written with eight hexadecimal digits, as vendors and revisions are."""
+    """A number written with eight hexadecimal digits, like vendor IDs and revisions."""
 
 
 def scalar(value: Any, *, like: str = "", is_in_brackets: bool = False) -> str:
@@ -27,7 +27,7 @@ def scalar(value: Any, *, like: str = "", is_in_brackets: bool = False) -> str:
         is_in_brackets: Whether it is in a list or map in brackets.
 
     Raises:
-        yaml.YAMLError: It cannot be represented in YAML.
+        yaml.YAMLError: The value cannot be represented in YAML.
     """
     if isinstance(value, Hex):
         return f"0x{value:08x}"
@@ -51,7 +51,7 @@ def scalar(value: Any, *, like: str = "", is_in_brackets: bool = False) -> str:
 
 
 def _is_text(value: str) -> bool:
-    """Whether a reader of YAML 1.2 takes the word for a text, too."""
+    """Whether a reader of YAML 1.2 also takes the word for a text."""
     return isinstance(plain_value(value), str)
 
 
@@ -59,7 +59,7 @@ def in_brackets(value: Any) -> str:
     """Return any value on one line.
 
     Raises:
-        yaml.YAMLError: YAML cannot hold it.
+        yaml.YAMLError: The value cannot be represented in YAML.
     """
     if isinstance(value, dict):
         pairs = (f"{in_brackets(key)}: {in_brackets(each)}" for key, each in value.items())
@@ -72,16 +72,17 @@ def in_brackets(value: Any) -> str:
 def in_lines(
     value: Any, column: int, under_key: Mapping[type, int], *, has_short: bool = True
 ) -> list[str]:
-    """Return a map or list that has something in it, one line for each key and item.
+    """Return a non-empty map or list, one line for each key and item.
 
     Args:
         value: The map or list.
-        column: Of its keys or dashes.
-        under_key: How far to the right those of a `dict` and of a `list` under a key stand.
-        has_short: Whether a short map of scalars, as an item of this list, is one line.
+        column: Column of its keys or dashes.
+        under_key: Indentation of a `dict` and of a `list` under a key.
+        has_short: Whether an item of this list that is a short map of scalars is written on one
+            line.
 
     Raises:
-        yaml.YAMLError: YAML cannot hold it.
+        yaml.YAMLError: The value cannot be represented in YAML.
     """
     pad, lines = " " * column, []
     if isinstance(value, dict):
@@ -110,7 +111,7 @@ def is_empty(value: Any) -> bool:
 
 
 def _is_short_map(value: Any) -> bool:
-    """Whether a value is a map of scalars that has room on one line."""
+    """Whether a value is a map of scalars that fits on one line."""
     if not isinstance(value, dict) or any(
         isinstance(v, dict | list | tuple) for v in value.values()
     ):

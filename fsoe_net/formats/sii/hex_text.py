@@ -1,4 +1,4 @@
-"""Binary files as text: Intel HEX, and what ``hexdump``, ``xxd`` and ``od -A x`` print."""
+"""Binary files as text: Intel HEX, and the output of ``hexdump``, ``xxd`` and ``od -A x``."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from fsoe_net.formats.shared.limits import MAX_EEPROM_BYTES
 _INTEL = rb"\A\s*:[0-9A-Fa-f]{10}"
 _DUMP = rb"\A\s*0{4,8}:? +(?:[0-9a-fA-F]{2} ?){4}"
 HEX_TEXT = (_INTEL, _DUMP, rb"\A\s*(?:(?:0x)?[0-9a-fA-F]{2}[ ,\t\r\n]+){16}")
-"""Patterns of which one fits the beginning of such a text."""
+"""Patterns for the beginning of such a text; one of them matches."""
 _ROW = re.compile(r"([0-9a-fA-F]{4,8})(:?)(?: {1,4}(.*))?$")
 _BYTES = re.compile(r"(?:[0-9a-fA-F]{2}){1,16}")
 
 
 def is_hex_text(head: bytes) -> bool:
-    """Return whether a file that begins like this is a binary one as text."""
+    """Return whether a file with this beginning is a binary file as text."""
     return any(re.match(p, head) for p in HEX_TEXT)
 
 

@@ -62,7 +62,7 @@ class SiiPdo:
         """Return the PDO of the model.
 
         Args:
-            text: Gives a string by its number.
+            text: Returns a string by its number.
             span: The image.
         """
         entries = (
@@ -81,9 +81,9 @@ class SiiPdo:
 
 
 def sii_strings(body: bytes) -> tuple[list[str], str]:
-    """Return the strings, and what is wrong with the table or nothing.
+    """Return the strings, and the error in the table, if any.
 
-    Names are Latin-1 by the books and UTF-8 in some devices; NULs fill them up in others.
+    Names are Latin-1 by the specification and UTF-8 in some devices; others pad them with NULs.
     """
     if not body:
         return [], ""
@@ -111,7 +111,7 @@ def _text(raw: bytes) -> str:
 
 
 def sii_general(body: bytes) -> tuple[int, int] | None:
-    """Return the string numbers of name and order number; ``None``: it is too short for them."""
+    """Return the string numbers of name and order number; ``None`` if the body is too short."""
     return (body[3], body[2]) if len(body) >= 6 else None
 
 

@@ -43,7 +43,7 @@ _crc8 = crcmod.mkCrcFun(0x107, initCrc=0xFF, rev=False, xorOut=0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SiiManager:
-    """A sync manager as the SII sets it up. ``use``: 1, 2 mailbox, 3 outputs, 4 inputs, 0 none."""
+    """A sync manager of the SII. ``use``: 1, 2 mailbox, 3 outputs, 4 inputs, 0 none."""
 
     start: int
     length: int
@@ -53,7 +53,7 @@ class SiiManager:
 
     @property
     def direction(self) -> Direction:
-        """The writer; from the control byte where ``use`` is not stated."""
+        """The writer; from the control byte if ``use`` is not stated."""
         if self.use in (1, _SM_OUTPUTS):
             return Direction.OUTPUT
         if self.use in (2, _SM_INPUTS):
@@ -63,7 +63,7 @@ class SiiManager:
 
 @dataclass(slots=True, kw_only=True)
 class SiiImage:
-    """What an image holds. Not frozen: filled category by category."""
+    """Content of an image. Not frozen: filled category by category."""
 
     vendor: int
     product: int
@@ -84,13 +84,13 @@ class SiiImage:
         return self.strings[number - 1] if 0 < number <= len(self.strings) else ""
 
     def names(self) -> tuple[str, str]:
-        """Return the name and the order number of the device, as far as they are there."""
+        """Return the name and the order number of the device, if present."""
         name, order = self.general or (0, 0)
         return self.text(name), self.text(order)
 
 
 def sii_checksum(data: bytes) -> int:
-    """Return the checksum of the first 14 bytes: CRC-8, polynomial 0x07, begun with 0xFF."""
+    """Return the checksum of the first 14 bytes: CRC-8, polynomial 0x07, initial value 0xFF."""
     crc: int = _crc8(data[:14])
     return crc
 
@@ -153,7 +153,7 @@ def read_sii(data: bytes, span: Span, out: Collector) -> SiiImage | None:
 
 
 def read_sii_categories(data: bytes, span: Span, out: Collector) -> SiiImage:
-    """Read an image of which only the categories are to be trusted, such as one pieced together.
+    """Read an image of which only the categories are reliable, such as a reconstructed one.
 
     Args:
         data: The image, with a header.
@@ -166,7 +166,7 @@ def read_sii_categories(data: bytes, span: Span, out: Collector) -> SiiImage:
 
 
 def _binary(data: bytes, path: str, out: Collector) -> bytes | None:
-    """Return the image when the file holds it as text; refuse what is something else."""
+    """Return the image that a text file contains; reject any other content."""
     if is_hex_text(data[:256]):
         try:
             return binary_of(data)
@@ -203,7 +203,7 @@ def _is_image(data: bytes, span: Span, out: Collector) -> bool:
 
 
 def _shift_hint(data: bytes) -> str:
-    """Name the byte where a whole image begins, if there is one."""
+    """Return a hint with the byte at which a complete image begins, if there is one."""
     for at in range(1, min(len(data) - _IDENTITY_BYTES, 256)):
         piece = data[at : at + _IDENTITY_BYTES]
         likely = piece[15] == 0 and any(piece[:8]) and any(piece[0x10:0x14])
@@ -342,7 +342,7 @@ def _placed_pdos(
     available: list[Pdo] = []
     for pdo in image.pdos:
         model = pdo.model(image.text, span)
-        # Virtual PDOs have their place on a virtual sync manager, such as a register of the clock.
+        # Virtual PDOs are placed on a virtual sync manager, such as a register of the clock.
         elsewhere = pdo.virtual and not _is_virtual(pdo.sm, image)
         if pdo.sm == 0xFF or elsewhere:
             available.append(model)

@@ -1,4 +1,4 @@
-"""What `slaveinfo -map` of SOEM prints."""
+"""Output of `slaveinfo -map` of SOEM."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> D
 
     Args:
         source: Path, or the bytes.
-        out: Takes findings; a text that is cut off is FSN146.
+        out: Takes findings; a truncated text is FSN146.
         name: Name shown when ``source`` is bytes.
     """
     data, shown = source_bytes(source, out, name)
@@ -84,7 +84,7 @@ def load_soem_text(source: Source, out: Collector, *, name: str = "<text>") -> D
 
 
 def _take(slaves: list[_Slave], line: Line) -> bool | None:
-    """Take one line; ``None`` for one without facts, false when it is not known."""
+    """Process one line; ``None`` for one without facts, false if it is unknown."""
     return _take_known(slaves, line) or (None if _OTHER.match(line.stripped) else False)
 
 

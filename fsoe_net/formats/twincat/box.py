@@ -34,7 +34,7 @@ _MOST_FINDINGS = 200
 _FRAME_TYPE = re.compile(r"FSOE_([0-9]{1,3})\Z")
 _ARRAY = re.compile(r"ARRAY *\[([0-9]{1,6})\.\.([0-9]{1,6})\] OF +(\w+)\Z")
 _FIRST_SLOT = {"EL1918": 8}  # its connections begin at 0x6080 and 0x7080, those of others at 0
-_SIGNALS = {0x17F0: 0xF788, 0x1BF0: 0xF688}  # PDO of standard signals to its object
+_SIGNALS = {0x17F0: 0xF788, 0x1BF0: 0xF688}  # PDO of standard signals and its object
 _MESSAGE = re.compile(r"Message_([0-9]{1,5}) [RT]xPDO\Z")
 _BITS = {
     **dict.fromkeys(("BYTE", "USINT", "SINT"), 8),
@@ -52,7 +52,7 @@ _PROTOCOLS = (("CoeType", "CoE"), ("FoeType", "FoE"), ("SoeChannels", "SoE"), ("
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Range:
-    """Bits of a sync manager that a variable names."""
+    """Range of bits of a sync manager that a variable refers to."""
 
     sm_index: int
     bit: int
@@ -62,7 +62,7 @@ class Range:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Message:
-    """A frame of a safety logic: its number in the safety project, and its place in the order."""
+    """A frame of a safety logic: its number in the safety project, and its position."""
 
     number: int
     slot: int
@@ -89,7 +89,7 @@ class Box:
     unread: list[str] = field(default_factory=list)
 
     def find(self, rest: tuple[str, ...]) -> Range | None:
-        """Return where a variable is: ``(PDO, name)``, or with its module before it."""
+        """Return the range of a variable: ``(PDO, name)``, optionally preceded by its module."""
         if len(rest) not in (2, 3):
             return None
         rows = self.variables.get((rest[-2], rest[-1]), [])
@@ -100,7 +100,7 @@ class Box:
 
 
 def type_bits_of(name: str, guid: str, types: Mapping[tuple[str, str], int]) -> int | None:
-    """Return the bits of a type word, ``None`` when unknown.
+    """Return the bits of a type word, or ``None`` if unknown.
 
     Args:
         name: The word.
@@ -135,7 +135,7 @@ def read_box(
     """Read a ``Box`` that is an EtherCAT SubDevice.
 
     Args:
-        element: It.
+        element: The ``Box``.
         path: Names from the master down to it.
         position: Its place in the ring.
         types: Bits of types, see `type_bits_of`.
@@ -257,7 +257,7 @@ class _BoxReader:
             self._out.add(code, span, message, hint=hint)
 
     def box_name(self) -> str:
-        """Return what to call it in a finding."""
+        """Return the name of the box for a finding."""
         return self._own.attributes.get("Desc", "a box")[:60]
 
     def _managers(self) -> list[tuple[int, int, int, int]]:
@@ -411,7 +411,7 @@ class _BoxReader:
 
 
 def _entry(child: Element, bits: int, name: str, word: str, *, own_numbers: bool) -> Entry:
-    """Return an entry; without ``own_numbers`` those of process data are TwinCAT's, and no use."""
+    """Return an entry; without ``own_numbers`` its numbers are TwinCAT's and are not used."""
     index = esi_number(child.attributes.get("Index", "")) or 0
     subindex = esi_number(child.attributes.get("Sub", "")) or 0
     known = 0 < index <= 0xFFFF and 0 <= subindex <= 0xFF

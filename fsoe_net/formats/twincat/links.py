@@ -23,7 +23,7 @@ _SIGNAL = re.compile(r"Standard (In|Out) Var ([0-9]{1,5})\Z")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Links:
-    """What the links of a project join."""
+    """The variables that the links of a project connect."""
 
     copies: tuple[DescribedCopy, ...]
     connections: tuple[DescribedConnection, ...]
@@ -32,7 +32,7 @@ class Links:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _End:
-    """One end of a link: the number of the box, ``None`` when it is not on this ring."""
+    """One end of a link: the number of the box, or ``None`` if it is not on this ring."""
 
     box: int | None
     place: Range | None = None
@@ -49,7 +49,7 @@ def read_links(
         root: The project.
         boxes: SubDevices of one master.
         safety: Alias devices of its safety project.
-        out: Takes FSN145 and FSN148 for links that cannot be taken.
+        out: Takes FSN145 and FSN148 for links that cannot be used.
     """
     return _Links(boxes, safety, out).read(root)
 
@@ -91,7 +91,7 @@ class _Links:
                     yield ends[0], ends[1], link.span
 
     def _standard(self, owners: tuple[str, str], second: Element) -> None:
-        """Note which variables of the standard program are signals of a safety logic."""
+        """Record the variables of the standard program that are signals of a safety logic."""
         for link in second.all("Link"):
             rows = [
                 f"{owner}^{link.attributes.get(key, '')}"
@@ -179,7 +179,7 @@ class _Links:
         )
 
     def _note(self, source: _End, target: _End, span: Span) -> None:
-        """Remember which SubDevice a message is exchanged with."""
+        """Record the SubDevice with which a message is exchanged."""
         for end, other in ((source, target), (target, source)):
             if end.message is not None and end.box is not None and other.box is not None:
                 self._partners.setdefault((end.box, end.message), {}).setdefault(other.box, span)
@@ -226,7 +226,7 @@ class _Links:
                 )
 
     def _safety_is_of(self, logic: int) -> bool:
-        """Whether the safety project is that of this logic, or of the only one with messages."""
+        """Whether the safety project belongs to this logic, or to the only one with messages."""
         if self._safety is not None and self._safety.logic_name:
             return self._boxes[logic].path[-1] == self._safety.logic_name
         return len({box for box, _ in self._partners}) == 1

@@ -32,13 +32,13 @@ _DEEPEST = 40
 _SKIP = frozenset(
     {"ImageDatas", "Plc", "Motion", "System", "Cpp", "Analytics", "Xml", "TmcDesc", "CanOpen"}
 )
-_FILE_NAME = "__FILENAME__"  # what a part of a project has instead of its name
+_FILE_NAME = "__FILENAME__"  # in place of the name of a part of a project
 
 
 def load_twincat(
     source: Source, out: Collector, *, name: str = "<tsproj>", master: str = ""
 ) -> Description | None:
-    """Read the EtherCAT part of a project, with its safety project if it is next to it.
+    """Read the EtherCAT part of a project, with a safety project next to it.
 
     Args:
         source: Path, or the bytes of the file.
@@ -127,7 +127,7 @@ class _Project:
         )
 
     def _choose(self, masters: list[_Master], name: str) -> _Master | None:
-        """Return the master that was asked for, else the first with a safety logic."""
+        """Return the requested master, or the first with a safety logic."""
         names = [m.name[:60] for m in masters]
         if name:
             chosen = next((m for m in masters if m.name == name), None)
@@ -210,7 +210,7 @@ class _Project:
     ) -> tuple[Element | None, str]:
         """Return the element, from a separate file if it names one.
 
-        Other content here gives its connection.
+        Other content at this place describes the connection.
         """
         file = element.attributes.get("File")
         if file is None:
@@ -222,7 +222,7 @@ class _Project:
     def _part(
         self, file: str, element: Element, shown: str, path: tuple[str, ...]
     ) -> Element | None:
-        """Read a part of the project; only from the folders where TwinCAT puts them."""
+        """Read a part of the project, but only from the folders that TwinCAT uses."""
         self._files += 1
         if self._files > _MOST_FILES:
             self._refuse(element, f"more than {_MOST_FILES} files")
@@ -270,7 +270,7 @@ class _Project:
     # -- the rest ---------------------------------------------------------------------------------
 
     def _safety(self, boxes: list[Box]) -> SafetyProject | None:
-        """Return the safety project next to it; ``None`` if missing or not needed."""
+        """Return the safety project of the TwinCAT project; ``None`` if missing or not needed."""
         if not any(b.messages for b in boxes):
             return None
         project = self._root.first("Project")

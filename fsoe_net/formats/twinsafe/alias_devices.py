@@ -1,8 +1,8 @@
 """Safety project of TwinCAT 3: alias devices (``.sds``) with FSoE address, ID and watchdog.
 
-An alias device has a number (``SDSID``) by which groups (``.sal``) and messages of the logic name
-it. Those of other kinds are signals to and from the standard program. Function blocks and
-parameters are not read.
+An alias device has a number (``SDSID``) by which groups (``.sal``) and messages of the logic refer
+to it. Other types are signals to and from the standard program. Function blocks and parameters are
+not read.
 """
 
 from __future__ import annotations
@@ -49,19 +49,19 @@ class Alias:
 
     @property
     def device(self) -> str:
-        """Name of the box that it was made of, if its name contains it."""
+        """Name of the box that it was created from, if its name contains it."""
         return self.name.partition(" - Module")[0]
 
     @property
     def order(self) -> str:
-        """Order number in its name, or nothing."""
+        """Order number in its name, or an empty string."""
         found = _ORDER.search(self.name)
         return "" if found is None else found[1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyProject:
-    """Alias devices by number, and the logic they are for, where the project names it."""
+    """Alias devices by number, and the logic that they belong to, if the project names it."""
 
     path: str
     aliases: Mapping[int, Alias]
@@ -73,13 +73,13 @@ class SafetyProject:
 def read_safety_project(
     text: str, folder: str, named_at: Span, out: Collector
 ) -> SafetyProject | None:
-    """Read the safety project that a TwinCAT project names; only from below its own folder.
+    """Read the safety project that a TwinCAT project names, but only below its own folder.
 
     Args:
         text: Path in the project, with backslashes.
         folder: Folder of the project.
-        named_at: Where it is named.
-        out: Takes FSN147 when it is not there.
+        named_at: Place of the reference.
+        out: Takes FSN147 if it is missing.
     """
     parts = text.replace("\\", "/").split("/")
     plain = os.path.isfile(named_at.file) and all(
@@ -217,7 +217,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
         number=number,
         name=name,
         span=safe.span,
-        # By the names of TwinCAT 2, under which findings look for them.
+        # Uses the names of TwinCAT 2, under which findings look them up.
         fields={
             key: child.value_span
             for key, name in (
@@ -237,7 +237,7 @@ def read_alias(data: bytes, shown: str, out: Collector) -> Alias | None:
 
 
 def describe_project(project: SafetyProject) -> Description:
-    """Return a safety project as one without a ring: the logic, then a type for each connection."""
+    """Return a safety project without a ring: the logic, then a type for each connection."""
     logic = DescribedSubDevice(
         span=Span(project.path, 1, 1),
         name=project.logic_name or "logic",

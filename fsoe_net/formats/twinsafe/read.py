@@ -1,8 +1,8 @@
-"""Safety projects: ``TwinSAFE-Project.xml`` as TwinCAT 2 exported it, and those of TwinCAT 3.
+"""Safety projects: ``TwinSAFE-Project.xml`` as exported by TwinCAT 2, and those of TwinCAT 3.
 
 Root ``Project``: ``SAddress`` is the address of the logic, each ``Connection`` has ``SAddress``,
 ``ConId``, ``SWatchdog`` (milliseconds), ``SafeUserPara`` and ``ModuleIdent``. Names are in the
-language of the editor and mean nothing here. TwinCAT 3 has a folder with a ``.splcproj``, groups
+language of the editor and are not evaluated. TwinCAT 3 has a folder with a ``.splcproj``, groups
 (``.sal``) and alias devices (``.sds``).
 """
 
@@ -45,7 +45,7 @@ def load_twinsafe(source: Source, out: Collector, *, name: str = "<xml>") -> Des
         return None
 
     def closed(element: Element, parent: Element, depth: int) -> bool:
-        # Function blocks and links are many and say nothing about connections.
+        # There are many function blocks and links, which contain nothing about connections.
         return depth == 1 and element.name in ("Groups", "Links")
 
     root = parse_xml(
