@@ -1,4 +1,4 @@
-"""What the two ends of a connection are configured with."""
+"""Configuration of the two ends of a connection."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fsoe_net.fsoe.pdu import SAFE_SIZES
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameters:
-    """Parameters a SubInstance received, for its application to judge (§6 row 20).
+    """Parameters received by a SubInstance, to be judged by its application (§6 row 20).
 
     Attributes:
         watchdog_ms: Watchdog of the connection, 1 … 65535.
@@ -43,8 +43,8 @@ class MainConfig:
         watchdog_ms: 1 … 65535; used here and sent to the SubInstance.
         safe_out_bytes: Safe data bytes from main to sub: 1, 2, 4, 6 … 126.
         safe_in_bytes: Safe data bytes from sub to main: 1, 2, 4, 6 … 126.
-        app_parameters: Application parameters, low byte of each value first. The format ends at
-            65535 bytes; other implementations were seen with at most 256 (§14).
+        app_parameters: Application parameters, low byte of each value first. The format allows
+            65535 bytes; known implementations use at most 256 (§14).
 
     Raises:
         ConfigError: A value is outside its range; the message names field and range.
@@ -74,8 +74,8 @@ class SubConfig:
         safe_out_bytes: Safe data bytes from main to sub, which this end receives.
         safe_in_bytes: Safe data bytes from sub to main, which this end sends.
         app_parameter_bytes: Expected length of the application parameters.
-        verify: Called when the parameters are complete; returns 0 to accept, else the reset code
-            9, 11 or 0x80 … 0xFF; any other value is sent as 11. ``None`` accepts all.
+        verify: Called when the parameters are complete; returns 0 to accept, otherwise the reset
+            code 9, 11 or 0x80 … 0xFF; any other value is sent as 11. ``None`` accepts all.
 
     Raises:
         ConfigError: A value is outside its range; the message names field and range.

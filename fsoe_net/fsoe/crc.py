@@ -21,7 +21,7 @@ _NUMBERS = tuple(struct.pack("<H", n) if n else b"" for n in range(63))
 def block_crc(
     old: int, connection_id: int, sequence: int, command: int, block: int, data: bytes
 ) -> int:
-    """Return the CRC-16 of one block (§2), which is fed these bytes.
+    """Return the CRC-16 of one block (§2), calculated over these bytes.
 
     Byte    0..1    2..3      4..5      6      7..8      9..10     11..13
           +-------+--------+---------+-----+----------+--------+------------+
@@ -31,12 +31,12 @@ def block_crc(
                                              block 0
 
     Args:
-        old: CRC_0 of the frame before, of either direction; 0 after a Reset.
+        old: CRC_0 of the previous frame in either direction; 0 after a Reset.
         connection_id: Value of the frame's own ConnID field.
         sequence: Sequence number, 1 … 65535.
         command: Command byte.
         block: Number of the block, 0 … 62.
-        data: Two safe data bytes, or one when the frame carries only one.
+        data: Two safe data bytes, or one if the frame carries only one.
     """
     head = _HEAD.pack(old, connection_id, sequence, command)
     crc: int = _crc16(head + _NUMBERS[block] + data + _ZEROS)
@@ -54,7 +54,7 @@ _NUMBER = tuple(_crc16(number + bytes(5)) for number in _NUMBERS)
 def frame_crcs(
     old: int, connection_id: int, sequence: int, command: int, data: bytes
 ) -> tuple[int, ...]:
-    """Return the CRCs of all blocks of a frame: `block_crc` of each, only faster."""
+    """Return the CRCs of all blocks of a frame; same as `block_crc` for each, but faster."""
     if len(data) == 1:
         head: int = _crc16(_HEAD_ONE.pack(old, connection_id, sequence, command))
         return (head ^ _HIGH[data[0]],)
@@ -71,11 +71,11 @@ def frame_crcs(
 def solve_sequence(old: int, connection_id: int, command: int, data: bytes, crc: int) -> int:
     """Return the one sequence number with which block 0 has this CRC; 0 is never used by FSoE.
 
-    The number enters the CRC through its two bytes, then the register is only shifted: what the
-    rest of the block leaves over, shifted back, is the number, low byte first.
+    The number enters the CRC through its two bytes; after that the register is only shifted. The
+    remainder without the rest of the block, shifted back, is the number, low byte first.
 
     Args:
-        old: CRC_0 of the frame before.
+        old: CRC_0 of the previous frame.
         connection_id: Value of the frame's own ConnID field.
         command: Command byte.
         data: Safe data of the frame.
@@ -93,7 +93,7 @@ def sra_crc(data: bytes, start: int = 0) -> int:
 
     Args:
         data: Parameter bytes, low byte of each value first.
-        start: Result for the bytes before these, to continue; 0 to begin.
+        start: Result for the preceding bytes, to continue; 0 to begin.
     """
     crc: int = _crc32(data, start)
     return crc

@@ -1,4 +1,4 @@
-"""States of a connection end and the events it reports."""
+"""States of a connection end, and the events that it reports."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class EventKind(enum.Enum):
     """The kind of event, and the end that caused it."""
 
     STATE = "state"
-    """The start-up went one state further."""
+    """The start-up advanced by one state."""
     RESET_LOCAL = "reset_local"
-    """This end sent a Reset on its own account."""
+    """This end sent a Reset on its own initiative."""
     RESET_BY_PEER = "reset_by_peer"
     """The other end sent a Reset; a SubInstance has acknowledged it."""
 
@@ -34,8 +34,8 @@ class Event:
     Attributes:
         now_ns: Time of the step.
         kind: Kind of event.
-        code: Reset code. For kind STATE the code in the frame that ended state Reset of a
-            MainInstance, else 0.
+        code: Reset code. For kind STATE, the code in the frame that ended state Reset of a
+            MainInstance, otherwise 0.
         state_before: State before the step.
         state_after: State after the step.
     """

@@ -1,4 +1,4 @@
-"""What MainInstance and SubInstance share: safe data, watchdog, events, frames in and out."""
+"""Shared by MainInstance and SubInstance: safe data, watchdog, events, frames in and out."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Instance(abc.ABC):
     """One end of a connection; `MainInstance` and `SubInstance` add their state tables.
 
     Attributes:
-        enable: Whether ProcessData may be sent; FailSafeData with zeros else. Give it in state
-            Data only: given earlier it makes the very first data frame ProcessData. Every reset
-            clears it (§9).
-        state: Where the connection is.
-        connection_id: ConnID in use, 0 while there is none.
+        enable: Whether ProcessData may be sent; otherwise FailSafeData with zeros. Set it in state
+            Data only: if set earlier, the very first data frame is ProcessData. Every reset clears
+            it (§9).
+        state: State of the connection.
+        connection_id: ConnID in use, 0 if there is none.
         last_event: Newest event, also after `take_events`.
     """
 
@@ -35,7 +35,7 @@ class Instance(abc.ABC):
         self._rx_bytes = frame_length(receives)
         self._chunk_bytes = min(sends, receives)  # §4: the smaller size, in both directions
         self._session_ids = session_ids
-        # §11.3: first Session frames must not look like a Reset frame or like nothing.
+        # §11.3: first Session frames must not look like a Reset frame or an empty image.
         self._shunned_crcs = frozenset(
             {0} | {decode_pdu(reset_frame(code, sends)).crcs[0] for code in ResetCode}
         )
@@ -67,21 +67,21 @@ class Instance(abc.ABC):
                 frame of a wrong length. ``None`` before the first delivery.
 
         Returns:
-            The frame to put into the output image, ``None`` to leave the image as it is.
+            The frame for the output image, or ``None`` to leave the image unchanged.
         """
 
     @property
     def received_safe_data(self) -> bytes:
-        """Safe data for the application; zeros while not valid."""
+        """Safe data for the application; zeros if they are not valid."""
         return self._rx_safe
 
     @property
     def data_valid(self) -> bool:
-        """Whether the frame accepted last was ProcessData and the state is still Data."""
+        """Whether the last accepted frame was ProcessData and the state is still Data."""
         return self._valid
 
     def set_safe_data(self, data: bytes) -> None:
-        """Set what this end sends while in Data and enabled.
+        """Set the safe data that this end sends while in Data and enabled.
 
         Raises:
             ConfigError: Wrong number of bytes.
@@ -95,18 +95,18 @@ class Instance(abc.ABC):
         self._reset_requested = True
 
     def power_cycle(self) -> None:
-        """Forget everything, as after switching the device off and on."""
+        """Reset all state, as if the device were switched off and on."""
         self._power_up()
 
     def snapshot(self) -> dict[str, Any]:
-        """Return everything this end remembers, for `restore`; later steps do not touch it."""
+        """Return the complete state of this end, for `restore`; later steps do not change it."""
         state = self.__dict__.copy()
         state["_chain"] = self._chain.copy()
         state["_events"] = self._events.copy()
         return state
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Return to a `snapshot` of this end; possible any number of times.
+        """Return to a `snapshot` of this end, any number of times.
 
         The source of session ids belongs to the caller and is not reset.
         """
@@ -121,18 +121,18 @@ class Instance(abc.ABC):
         return events
 
     def watchdog_remaining_ns(self, now_ns: int) -> int | None:
-        """Return the time left until the watchdog expires, ``None`` while it does not run."""
+        """Return the time until the watchdog expires, or ``None`` if it is not running."""
         if self._watchdog_start_ns is None:
             return None
         return max(0, self._watchdog_start_ns + self._watchdog_ns - now_ns)
 
     def _watchdog_expired(self) -> bool:
-        """§8: at exactly T after the start it has expired."""
+        """§8: it has expired at exactly T after the start."""
         start_ns = self._watchdog_start_ns
         return start_ns is not None and self._now_ns - start_ns >= self._watchdog_ns
 
     def _new_frame(self, received: bytes | None) -> Pdu | None:
-        """Return the frame if it is an event: right length (§1), any byte new (§10)."""
+        """Return the frame if it is an event: valid length (§1), any byte new (§10)."""
         if received is None or len(received) != self._rx_bytes or received == self._seen:
             return None
         self._seen = bytes(received)
@@ -149,16 +149,16 @@ class Instance(abc.ABC):
         self._events.append(event)
 
     def _clear_safe_data(self) -> None:
-        """§9: the application sees zeros and must enable again."""
+        """§9: the application receives zeros and must enable again."""
         self._rx_safe, self._valid = bytes(self._receives), False
         self.enable = False
 
     def _reset(self, code: int, *, by_peer: int | None = None) -> bytes:
-        """Return a Reset frame and fall into state Reset.
+        """Return a Reset frame and enter state Reset.
 
         Args:
             code: Code to send.
-            by_peer: Code in the Reset frame which this one acknowledges.
+            by_peer: Code in the Reset frame that this one acknowledges.
         """
         self._chain.clear()
         self._clear_safe_data()
@@ -172,9 +172,8 @@ class Instance(abc.ABC):
     def _draw_session_id(self) -> bytes:
         """Return a new session id, low byte first.
 
-        §11.3, §16: drawn again when CRC_0 of the first Session frame would be 0 or that of a
-        Reset frame, which some receivers refuse. A source that only ever yields such an id is
-        believed in the end.
+        §11.3, §16: drawn again if CRC_0 of the first Session frame would be 0 or that of a Reset
+        frame, which some receivers reject. If a source yields only such ids, one is finally used.
         """
         session_id = b""
         for _ in range(_MAX_DRAWS):
@@ -193,12 +192,12 @@ class Instance(abc.ABC):
         return self._chain.send(command, self._padded(chunk), self.connection_id)
 
     def _send_data(self) -> bytes:
-        """Return ProcessData when enabled, else FailSafeData with zeros (§9, §16)."""
+        """Return ProcessData if enabled, otherwise FailSafeData with zeros (§9, §16)."""
         if self.enable:
             return self._send(Command.PROCESS_DATA, self._tx_safe)
         return self._send(Command.FAIL_SAFE_DATA, b"")
 
     def _take_data(self, pdu: Pdu) -> None:
-        """§9: whatever FailSafeData carries, the application sees zeros (§16)."""
+        """§9: whatever FailSafeData contains, the application receives zeros (§16)."""
         self._valid = pdu.command == Command.PROCESS_DATA
         self._rx_safe = pdu.safe_data if self._valid else bytes(self._receives)

@@ -42,8 +42,8 @@ class MainInstance(Instance):
     def _power_up(self) -> None:
         super()._power_up()
         self._watchdog_ns = self.config.watchdog_ms * 1_000_000
-        self._payload = b""  # what the present state has to send to the SubInstance
-        self._chunk = b""  # its part sent last
+        self._payload = b""  # data that the current state must send to the SubInstance
+        self._chunk = b""  # the part of it that was sent last
         self._sent_bytes = 0
         self._reset_requested = True  # the first call sends a Reset before anything is read
 
@@ -79,7 +79,7 @@ class MainInstance(Instance):
         return self._start_session(EventKind.RESET_BY_PEER, code)  # row 6
 
     def _error(self, pdu: Pdu) -> ResetCode | None:
-        """Rows 7 … 10: their order decides which code a frame with several errors gets."""
+        """Rows 7 … 10: their order decides which code applies to a frame with several errors."""
         if pdu.command not in _KNOWN:
             return ResetCode.UNKNOWN_COMMAND  # row 7
         if pdu.command not in _ALLOWED[self.state]:
@@ -94,8 +94,8 @@ class MainInstance(Instance):
 
     def _on_wrong_crc(self) -> bytes | None:
         if self.state is State.SESSION and self._sent_bytes <= self._chunk_bytes:
-            # Row 11. §11.2, §16: send nothing, leave the chain and the watchdog alone; the reply
-            # to the session before must not spoil this one.
+            # Row 11. §11.2, §16: send nothing, keep the chain and the watchdog unchanged; the reply
+            # to the previous session must not disturb this one.
             return None
         return self._fail(ResetCode.CRC)  # row 12
 

@@ -1,6 +1,6 @@
-"""Observations on a connection: its state, the direction of a frame, the verdict on the CRCs.
+"""Observations of a connection: its state, the direction of a frame, the verdict on the CRCs.
 
-The members of each enum are in the order of the numbers of the C core, from 0.
+The members of each enum have the order of the numbers in the C core, from 0.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ class CrcVerdict(enum.StrEnum):
     SAME = "same"
     """The frame repeats the bytes of the previous one, so it is not an event (§10)."""
     RIGHT = "right"
-    """Every CRC fits the chain."""
+    """Every CRC matches the chain."""
     WRONG = "wrong"
-    """A CRC does not fit."""
+    """A CRC does not match."""
     UNCHECKED = "unchecked"
-    """The chain is not known yet, or frames were missed."""
+    """The chain is not yet known, or frames were missed."""
 
 
 class FrameDirection(enum.IntEnum):
-    """Direction of a frame; also the index of everything that is kept for each direction."""
+    """Direction of a frame; also the index of everything stored per direction."""
 
     TO_SUB = 0
     """From the MainInstance to the SubInstance."""
@@ -53,11 +53,11 @@ class ConnectionState(enum.StrEnum):
     DATA_PROCESS = "data_process"
     """Data, with ProcessData in both directions."""
     UNKNOWN = "unknown"
-    """The commands belong to no state."""
+    """The commands do not belong to a state."""
 
     @classmethod
     def from_event(cls, word: str) -> ConnectionState:
-        """Return the state for a word of ``fsn-master``; `UNKNOWN` for an unknown one."""
+        """Return the state for a word of ``fsn-master``; `UNKNOWN` for an unrecognised word."""
         return _OF_EVENTS.get(word, cls.UNKNOWN)
 
     @property

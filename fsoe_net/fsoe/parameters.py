@@ -1,4 +1,4 @@
-"""Parameters of a connection as its main sends them in Connection and Parameter (§4)."""
+"""Parameters of a connection that its main sends in Connection and Parameter (§4)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Protocol
 
 STATED_PARAMETERS = ("connection_id", "address", "watchdog_ms", "app_parameters")
-"""Those that a plan states; their order is that of the bits in the C core."""
+"""Parameters that a plan states, in the order of the bits in the C core."""
 _TEXTS = {
     "connection_id": "connection ID",
     "address": "FSoE address",
@@ -15,15 +15,15 @@ _TEXTS = {
     "app_parameters": "application parameters",
 }
 MOST_APP_BYTES = 4096
-"""Application parameters that a plan can state; proving a hostile one takes no longer for them."""
+"""Maximum length of application parameters in a plan; bounds the time to check a hostile plan."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeParameters:
-    """What a main has sent in its last start-up; ``None``: not observed.
+    """The parameters that a main sent in its last start-up; ``None`` if not observed.
 
     Attributes:
-        connection_id: In the data of the Connection frames.
+        connection_id: ConnID in the data of the Connection frames.
         address: FSoE address of the sub.
         watchdog_ms: Watchdog of the connection.
         app_bytes: Length of the application parameters.
@@ -37,7 +37,7 @@ class FsoeParameters:
     app_crc: int | None = None
 
     def text(self, name: str) -> str | None:
-        """Return the value of one of `STATED_PARAMETERS` with its unit; ``None``: not known."""
+        """Return one of `STATED_PARAMETERS` with its unit, or ``None`` if unknown."""
         if name == "app_parameters":
             size = self.app_bytes
             return None if size is None else f"{size} bytes, CRC-32 0x{self.app_crc:08x}"
@@ -75,7 +75,7 @@ def differences(
 
 
 class SeenParameters(Protocol):
-    """A connection with the parameters of the plan and those that were observed."""
+    """A connection with the planned and the observed parameters."""
 
     @property
     def configured(self) -> FsoeParameters:

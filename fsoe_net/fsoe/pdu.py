@@ -1,4 +1,4 @@
-"""FSoE frames on the wire (§1, §7): commands, sizes, taking apart and putting together.
+"""FSoE frames on the wire (§1, §7): commands, sizes, decoding and encoding.
 
 Section numbers in this package are those of the protocol notes,
 ``docs/explanation/fsoe-engine.md``: compared with independent implementations, not checked against
@@ -15,7 +15,7 @@ from fsoe_net.diag.words import counted
 from fsoe_net.errors import FsoeError, PduSizeError
 
 SAFE_SIZES: frozenset[int] = frozenset({1, *range(2, 127, 2)})
-"""Numbers of safe data bytes an FSoE frame can carry: 1 or even up to 126."""
+"""Numbers of safe data bytes that an FSoE frame can carry: 1, or even up to 126."""
 
 
 class Command(enum.IntEnum):
@@ -95,7 +95,7 @@ def is_frame_length(n: int) -> bool:
 
 
 def safe_data_length(pdu_bytes: int) -> int:
-    """Return how many safe data bytes an FSoE frame of this length carries.
+    """Return the number of safe data bytes in an FSoE frame of this length.
 
     Byte    0     1..2     3..4      ...     n-2..n-1
           +-----+--------+--------+-------+----------+
@@ -123,12 +123,12 @@ def _no_frame(pdu_bytes: int) -> PduSizeError:
 
 
 class Pdu(NamedTuple):
-    """One frame taken apart; a tuple, since one is made of every frame received.
+    """A decoded frame; a tuple for speed, because one is made for every frame received.
 
     Attributes:
-        command: Command byte; may be a value that no `Command` has.
+        command: Command byte; may be a value outside of `Command`.
         safe_data: 1, 2, 4 … 126 bytes.
-        crcs: CRC_0, CRC_1 … as carried, right or wrong; one per block.
+        crcs: CRC_0, CRC_1 … as received, right or wrong; one per block.
         connection_id: Last two bytes of the frame.
     """
 
@@ -151,7 +151,7 @@ class Pdu(NamedTuple):
 
 
 def _layout(safe_bytes: int) -> struct.Struct:
-    """Return command, then block and CRC in turn, then ConnID; see `safe_data_length`."""
+    """Return the struct: command, then block and CRC alternately, then ConnID."""
     blocks = "1sH" if safe_bytes == 1 else "2sH" * (safe_bytes // 2)
     return struct.Struct(f"<B{blocks}H")
 
@@ -161,7 +161,7 @@ _SAFE_DATA = {size: struct.Struct("1s" if size == 1 else "2s" * (size // 2)) for
 
 
 def assemble(command: int, data: bytes, crcs: tuple[int, ...], connection_id: int) -> bytes:
-    """Return the bytes of a frame; see `safe_data_length` for the drawing."""
+    """Return the bytes of a frame; the layout is shown in `safe_data_length`."""
     layout = _FRAMES[frame_length(len(data))]
     if len(crcs) != (len(data) + 1) // 2:
         raise PduSizeError(f"{counted(len(crcs), 'CRC')} for {len(data)} safe data bytes")
@@ -173,7 +173,7 @@ def assemble(command: int, data: bytes, crcs: tuple[int, ...], connection_id: in
 
 
 def safe_data_of(frame: bytes) -> bytes:
-    """Return the safe data of a frame without taking the rest apart; no length is checked."""
+    """Return the safe data of a frame without decoding the rest; the length is not checked."""
     if len(frame) <= 7:
         return frame[1:-4]
     data = bytearray(len(frame) // 2 - 1)
@@ -182,7 +182,7 @@ def safe_data_of(frame: bytes) -> bytes:
 
 
 def decode_pdu(data: bytes) -> Pdu:
-    """Take a frame apart; CRCs are not checked.
+    """Decode a frame; CRCs are not checked.
 
     Raises:
         PduSizeError: No FSoE frame has this length.
@@ -205,7 +205,7 @@ def describe(pdu: Pdu) -> str:
 
 
 def describe_data(pdu: Pdu) -> str:
-    """Return the same without the CRCs."""
+    """Return the description without the CRCs."""
     name = command_text(pdu.command)
     if pdu.command == Command.RESET:
         name += f"({pdu.safe_data[0]}: {reset_code_text(pdu.safe_data[0])})"

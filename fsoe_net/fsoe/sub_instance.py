@@ -29,7 +29,7 @@ class SubInstance(Instance):
             tests.
 
     Raises:
-        InputError: When a subclass is made that overrides a method of the table of states.
+        InputError: A subclass overrides a method of the state table.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -147,7 +147,7 @@ class SubInstance(Instance):
         if not complete:
             return None if self._chain.receive(pdu) else ResetCode.CRC  # row 15
         connection_id, address = struct.unpack_from("<HH", self._told)
-        if connection_id != self.connection_id:  # row 17: refused one frame late
+        if connection_id != self.connection_id:  # row 17: rejected one frame late
             return ResetCode.CONNECTION_ID
         if address != self.config.address:
             return ResetCode.ADDRESS
@@ -181,7 +181,7 @@ class SubInstance(Instance):
 
     def _verdict(self, watchdog_ms: int) -> int:
         """Return the application's answer to the parameters: 0 or a reset code (§6)."""
-        if watchdog_ms == 0:  # §6, §16: refused here, it need not trouble the application
+        if watchdog_ms == 0:  # §6, §16: rejected here, without asking the application
             return ResetCode.COMM_PARAMETER
         if self.config.verify is None:
             return 0
@@ -204,9 +204,10 @@ class SubInstance(Instance):
         return self._send_data()
 
     def _echo(self, pdu: Pdu) -> bytes:
-        """Return the chunk as it came, wrong or not, padding included (§4).
+        """Return the received chunk, wrong or not, including padding (§4).
 
-        The first Parameter frame is the exception: bytes past the expected length come back as 0.
+        The first Parameter frame is the exception: bytes beyond the expected length are returned as
+        0.
         """
         chunk = pdu.safe_data[: self._chunk_bytes]
         if self.state is State.PARAMETER and not self._told:
