@@ -1,5 +1,5 @@
-"""Looks at the machine for what disturbs a real-time cycle; changes nothing.
+"""Checks the machine for anything that disturbs a real-time cycle; changes nothing.
 
 Add here: a finding about kernel, processors, interface or permissions, read through `seam.py`. Do
-not add: advice that no reading supports, or anything that changes the machine.
+not add: advice without a measured fact, or anything that changes the machine.
 """

@@ -20,7 +20,7 @@ def cpu_list(text: str) -> set[int]:
     for part in text.split(","):
         first, _, last = part.strip().partition("-")
         if first.isdecimal() and (last or first).isdecimal():
-            # Bounded: a damaged file must not make a set of millions.
+            # Bounded: a damaged file must not create a set of millions.
             found |= set(range(int(first), min(int(last or first), int(first) + 8192) + 1))
     return found
 
@@ -50,7 +50,7 @@ def online_cpus(host: Host) -> set[int]:
 
 
 def isolated_cpus(host: Host) -> set[int]:
-    """Return the CPUs that the scheduler puts nothing on by itself."""
+    """Return the CPUs on which the scheduler places nothing by itself."""
     isolcpus = command_line(host).get("isolcpus", "")
     # Flags may come before the list (kernel-parameters.txt).
     flags = ("domain,", "nohz,", "managed_irq,")
@@ -96,7 +96,7 @@ def _isolation(host: Host) -> Iterator[MachineFacts]:
     else:
         yield MachineFacts(level=MachineLevel.GOOD, text=f"CPU {range_text(isolated)} isolated")
     allowed = _allowed(host)
-    # The shell hands its affinity on: `--cpu` can then be refused.
+    # The shell passes its affinity on, so `--cpu` may be denied.
     if isolated and allowed is not None and not isolated & allowed:
         yield MachineFacts(
             level=MachineLevel.NOTE,
@@ -124,7 +124,7 @@ def _frequency(host: Host) -> Iterator[MachineFacts]:
         governor = host.maybe(f"{folder}/cpufreq/scaling_governor")
         if governor:
             by_governor[governor].add(int(folder.rpartition("cpu")[2]))
-    # Without cpufreq the frequency may still change, unseen by the kernel.
+    # Without cpufreq the frequency may still change without the kernel.
     if not by_governor:
         raise Unreadable(
             "no cpufreq in sysfs: the frequency is fixed, or firmware or a hypervisor changes it "
@@ -147,7 +147,7 @@ def _frequency(host: Host) -> Iterator[MachineFacts]:
 
 def _idle(host: Host) -> Iterator[MachineFacts]:
     driver = host.read(f"{_FOLDER}/cpuidle/current_driver")
-    # Without an idle driver a CPU only halts and wakes at once.
+    # Without an idle driver a CPU only halts and wakes immediately.
     if driver in ("none", ""):
         yield MachineFacts(
             level=MachineLevel.GOOD, text="no idle driver: CPUs halt, but sleep no deeper"

@@ -1,4 +1,4 @@
-"""All checks of a host, in the order in which they are read."""
+"""All checks of a host, in the order of the output."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NAME = re.compile(r"[^\s/:]{1,15}", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examination:
-    """What was found on a host. ``interface``: ``None`` when none was named."""
+    """Findings about a host. ``interface`` is ``None`` if none was given."""
 
     release: str
     cpus: int
@@ -28,7 +28,7 @@ class Examination:
 
     @property
     def healthy(self) -> bool:
-        """Whether there is neither a warning nor worse; what is not known does not count."""
+        """Whether there is neither a warning nor an error; unknown facts do not count."""
         return not any(f.level in (MachineLevel.WARNING, MachineLevel.BAD) for f in self.findings)
 
     def to_json(self, version: str) -> dict[str, object]:
@@ -46,7 +46,7 @@ class Examination:
         }
 
     def count(self, level: MachineLevel) -> int:
-        """Return how many findings are of this level."""
+        """Return the number of findings of this level."""
         return sum(f.level is level for f in self.findings)
 
 
@@ -59,7 +59,7 @@ def examine(host: Host, *, interface: str | None = None, program: str | None = N
         program: Path of ``fsn-master``; ``None`` if missing.
 
     Raises:
-        Unreadable: It is not Linux, or /proc is missing.
+        Unreadable: The system is not Linux, or /proc is missing.
     """
     checks = [*KERNEL, *CPU, *permission_checks(program), *MACHINE]
     findings = [f for check in checks for f in examined(host, check)]
@@ -74,7 +74,7 @@ def examine(host: Host, *, interface: str | None = None, program: str | None = N
 
 
 def _of_interface(host: Host, interface: str) -> list[MachineFinding]:
-    # The name becomes a part of a path: only what Linux allows as a name is read.
+    # The name becomes part of a path, so only names that Linux allows are read.
     if not _NAME.fullmatch(interface) or interface in (".", ".."):
         why = "Linux gives interfaces names of 1 to 15 characters without / : and blanks."
         return [
@@ -89,5 +89,5 @@ def _of_interface(host: Host, interface: str) -> list[MachineFinding]:
         ]
     checks = interface_checks(interface)
     if interface not in interface_names(host):
-        checks = checks[:1]  # all else would only say the same again
+        checks = checks[:1]  # all others would only repeat the same finding
     return [f for check in checks for f in examined(host, check)]

@@ -18,7 +18,7 @@ _DRVINFO = struct.Struct("=I32s32s32s32s32s12s5I")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coalescing:
-    """How long a driver gathers frames before it interrupts; times in microseconds."""
+    """How long a driver collects frames before it interrupts; times in microseconds."""
 
     rx_us: int
     rx_frames: int
@@ -27,7 +27,7 @@ class Coalescing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Eee:
-    """Energy Efficient Ethernet: whether it may be used, and is with this partner."""
+    """Energy Efficient Ethernet: whether it is permitted, and active with this link partner."""
 
     enabled: bool
     active: bool
@@ -40,26 +40,26 @@ def _ask(host: Host, interface: str, code: int, form: struct.Struct) -> tuple[in
 
 
 def coalescing(host: Host, interface: str) -> Coalescing:
-    """Return how frames are gathered; raises `OSError` when the driver does not say."""
+    """Return how frames are collected; raises `OSError` if the driver does not report it."""
     row = _ask(host, interface, _GCOALESCE, _COALESCE)
     # struct ethtool_coalesce: words 10 and 11 switch the adaptive modes on.
     return Coalescing(rx_us=row[1], rx_frames=row[2], adaptive=bool(row[10] or row[11]))
 
 
 def eee(host: Host, interface: str) -> Eee:
-    """Return the state of EEE; raises `OSError` when the driver does not say."""
+    """Return the state of EEE; raises `OSError` if the driver does not report it."""
     row = _ask(host, interface, _GEEE, _EEE)
     # struct ethtool_eee: words 1 … 3 are speeds.
     return Eee(active=bool(row[4]), enabled=bool(row[5]))
 
 
 def generic_receive(host: Host, interface: str) -> bool:
-    """Return whether frames are gathered by the kernel (GRO); raises `OSError`."""
+    """Return whether the kernel merges frames (GRO); raises `OSError`."""
     return bool(_ask(host, interface, _GGRO, _WORD)[1])
 
 
 def large_receive(host: Host, interface: str) -> bool:
-    """Return whether frames are gathered by the card (LRO); raises `OSError`."""
+    """Return whether the network card merges frames (LRO); raises `OSError`."""
     return bool(_ask(host, interface, _GFLAGS, _WORD)[1] & _FLAG_LRO)
 
 

@@ -1,4 +1,4 @@
-"""What was found out about a host, and how a check is written."""
+"""Findings about a host, and the form of a check."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fsoe_net.host.seam import Host, Unreadable
 
 
 class MachineLevel(enum.Enum):
-    """How a fact of the host bears on real-time EtherCAT."""
+    """Effect of a fact about the host on real-time EtherCAT."""
 
     GOOD = "good"
     NOTE = "note"
@@ -21,7 +21,7 @@ class MachineLevel(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineFacts:
-    """What one check saw; ``now``: commands that fix it at once, ``keep``: what makes it last."""
+    """Result of one check; ``now``: commands that fix it, ``keep``: how to make that permanent."""
 
     level: MachineLevel
     text: str
@@ -31,10 +31,10 @@ class MachineFacts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineFinding:
-    """One fact of the host with its meaning.
+    """One fact about the host with its meaning.
 
-    ``name``: which check, stable; ``text``: what was found; ``why``: what it does to the cycle and
-    to the watchdogs of FSoE; ``now`` and ``keep``: as `MachineFacts`.
+    ``name``: stable name of the check; ``text``: the fact; ``why``: its effect on the cycle and on
+    the FSoE watchdogs; ``now`` and ``keep``: see `MachineFacts`.
     """
 
     name: str
@@ -45,13 +45,13 @@ class MachineFinding:
     keep: tuple[str, ...]
 
     def to_json(self) -> dict[str, object]:
-        """Return it for the JSON document."""
+        """Return the finding for the JSON document."""
         return asdict(self) | {"level": self.level.value}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One look at the host; ``look`` may raise `Unreadable`, which is a finding of its own."""
+    """One check of the host; ``look`` may raise `Unreadable`, which becomes a separate finding."""
 
     name: str
     why: str

@@ -30,7 +30,7 @@ def _folder(host: Host, name: str) -> str:
     """Return the interface's folder in sysfs.
 
     Raises:
-        Unreadable: sysfs is not there, or shows another network namespace.
+        Unreadable: sysfs is missing, or shows another network namespace.
     """
     folder = f"/sys/class/net/{name}"
     if not host.exists(folder):
@@ -54,7 +54,7 @@ def _exists(host: Host, name: str) -> Iterator[MachineFacts]:
     kind = host.number(f"{folder}/type")
     # Only hardware has a device in sysfs.
     virtual = not host.exists(f"{folder}/device")
-    # From the most obvious reason to the finest one: the first answer must help.
+    # From the most obvious reason to the most specific one: the first answer must help.
     if host.exists(f"{folder}/wireless") or host.exists(f"{folder}/phy80211"):
         yield MachineFacts(
             level=MachineLevel.BAD, text="a wireless interface: EtherCAT needs a cable"
@@ -65,7 +65,7 @@ def _exists(host: Host, name: str) -> Iterator[MachineFacts]:
         yield MachineFacts(
             level=MachineLevel.BAD, text=f"no Ethernet interface (hardware type {kind})"
         )
-    # Frames through a bridge are delayed, and those of others are mixed in.
+    # Frames through a bridge are delayed and mixed with those of others.
     elif host.exists(f"{folder}/bridge") or host.exists(f"{folder}/bonding"):
         yield MachineFacts(
             level=MachineLevel.BAD,
@@ -173,7 +173,8 @@ def _addresses(host: Host, name: str) -> Iterator[MachineFacts]:
         yield MachineFacts(level=MachineLevel.GOOD, text="none")
         return
     yield MachineFacts(
-        # A link-local address sends only a few frames; a real one means a network is connected.
+        # A link-local address sends only a few frames; a real one means that a network is
+        # connected.
         level=MachineLevel.NOTE if local else MachineLevel.WARNING,
         text=", ".join(found),
         now=(f"ip address flush dev {name}", f"sysctl -w net.ipv6.conf.{name}.disable_ipv6=1"),
@@ -267,7 +268,7 @@ def _owners(host: Host, inodes: set[str]) -> dict[tuple[int, str], list[str]]:
 
 
 def _asked(ask: Callable[[], Iterator[MachineFacts]]) -> Iterator[MachineFacts]:
-    """Turn a refusal of a driver into a reason."""
+    """Convert an error of a driver to a reason."""
     try:
         yield from list(ask())
     except OSError as exc:
@@ -277,7 +278,7 @@ def _asked(ask: Callable[[], Iterator[MachineFacts]]) -> Iterator[MachineFacts]:
 def _coalescing(host: Host, name: str) -> Iterator[MachineFacts]:
     def ask() -> Iterator[MachineFacts]:
         found = ethtool.coalescing(host, name)
-        # One frame per interrupt means no delay, whatever the time is.
+        # One frame per interrupt means no delay, whatever the time setting is.
         late = found.rx_us if found.rx_frames != 1 else 0
         if not late and not found.adaptive:
             yield MachineFacts(level=MachineLevel.GOOD, text="each frame is seen at once")
@@ -340,7 +341,7 @@ def _errors(host: Host, name: str) -> Iterator[MachineFacts]:
     if not found:
         yield MachineFacts(level=MachineLevel.GOOD, text="none since it came up")
         return
-    # Physical errors are of cable and plug; dropped frames are of the machine.
+    # Physical errors are caused by cable and connector; dropped frames by the machine.
     physical = any(found.get(k) for k in ("rx_errors", "rx_crc_errors", "collisions"))
     yield MachineFacts(
         level=MachineLevel.WARNING if physical else MachineLevel.NOTE,
@@ -407,7 +408,7 @@ _CHECKS = (
 
 
 def interface_checks(name: str) -> tuple[Check, ...]:
-    """Return the checks of an interface of this name."""
+    """Return the checks of the interface with this name."""
     mine = tuple(
         Check(name=f"interface.{what}", why=why, look=partial(look, name=name))
         for what, why, look in _CHECKS

@@ -1,4 +1,4 @@
-"""Checks of the interrupts of a network interface: where they run, and how urgent."""
+"""Checks of the interrupts of a network interface: their CPUs and priorities."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def _interrupts(host: Host, name: str) -> list[int]:
     """Return the interrupt numbers of an interface.
 
     Raises:
-        Unreadable: None can be read.
+        Unreadable: No number can be read.
     """
     folder = f"/sys/class/net/{name}/device"
     if not host.exists(folder):
@@ -47,7 +47,7 @@ def _affinity(host: Host, name: str) -> Iterator[MachineFacts]:
     cpus: set[int] = set()
     for n in numbers:
         place = f"/proc/irq/{n}"
-        # The effective list is where they do run; the other one is what is permitted.
+        # The effective list contains the CPUs in use; the other one contains the permitted CPUs.
         text = host.maybe(f"{place}/effective_affinity_list") or host.read(
             f"{place}/smp_affinity_list"
         )
@@ -55,7 +55,7 @@ def _affinity(host: Host, name: str) -> Iterator[MachineFacts]:
     text = f"interrupt {range_text(set(numbers))} on CPU {range_text(cpus)}"
     online = online_cpus(host)
     wanted = max(isolated_cpus(host), default=max(online))
-    # One CPU takes all interrupts: replies keep their order and their cache.
+    # One CPU handles all interrupts: replies keep their order and stay in its cache.
     if len(cpus) <= 1 or len(online) == 1:
         yield MachineFacts(level=MachineLevel.GOOD, text=text)
         return

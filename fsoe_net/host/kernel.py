@@ -18,7 +18,7 @@ _GRUB = "add {} to GRUB_CMDLINE_LINUX in /etc/default/grub; update-grub; reboot"
 
 
 def command_line(host: Host) -> dict[str, str]:
-    """Return the words the kernel was started with."""
+    """Return the words of the kernel command line."""
     # Words after -- are for the init process.
     words = (host.maybe("/proc/cmdline") or "").split(" -- ")[0].split()
     return {name: value for name, _, value in (word.partition("=") for word in words)}
@@ -33,7 +33,7 @@ def release(host: Host) -> str:
 
 
 def kernel_option(host: Host, name: str) -> str | None:
-    """Return an option the kernel was built with, ``""`` when it is off, ``None``: not known."""
+    """Return a build option of the kernel; ``""`` if it is off, ``None`` if unknown."""
     text = host.maybe(f"/boot/config-{release(host)}")
     if text is None:
         try:
@@ -79,7 +79,7 @@ def _model(host: Host, version: str) -> str | None:
     if chosen:
         return chosen[1]
     stated = command_line(host).get("preempt", "")
-    # On the command line it counts only if the kernel can change it.
+    # The command line counts only if the kernel supports changing the model.
     if "PREEMPT_DYNAMIC" in version and stated in ("none", "voluntary", "full", "lazy"):
         return stated
     for option, model in (
@@ -112,7 +112,8 @@ def _throttling(host: Host) -> Iterator[MachineFacts]:
             f"real-time threads that use more than {share:.0f} % of {period / 1e6:g} s are stopped "
             f"for the rest of it, up to {(period - runtime) / 1000:g} ms"
         )
-        # A cycle that sleeps never comes near 95 %; one that runs free does at once.
+        # A cycle that sleeps never comes near 95 %; one that runs without sleeping does
+        # immediately.
         level = MachineLevel.NOTE if share >= 90 else MachineLevel.WARNING
     yield MachineFacts(
         level=level,

@@ -20,7 +20,7 @@ def _virtual(host: Host) -> Iterator[MachineFacts]:
     kind = host.maybe("/sys/hypervisor/type") or ""
     names = ("QEMU", "VMware", "innotek", "VirtualBox", "Xen", "Parallels", "Virtual Machine")
     known = [n for n in names if n in vendor or n in product]
-    # Each hypervisor shows itself in another place.
+    # Each hypervisor is visible in another place.
     if not (" hypervisor" in flags or known or kind):
         yield MachineFacts(level=MachineLevel.GOOD, text="no sign of a virtual machine")
         return
@@ -54,7 +54,7 @@ def _steal(host: Host) -> Iterator[MachineFacts]:
 
 def _container(host: Host) -> Iterator[MachineFacts]:
     kind = host.maybe("/run/systemd/container") or ""
-    # Docker and Podman leave files of their own, without the systemd one.
+    # Docker and Podman create their own files, without the systemd one.
     if host.exists("/.dockerenv"):
         kind = kind or "docker"
     if host.exists("/run/.containerenv"):

@@ -1,4 +1,4 @@
-"""Checks of what ``fsn-master`` may do: capabilities, limits, and how a running one runs."""
+"""Checks the permissions of ``fsn-master``: capabilities, limits, and those of a running one."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SETCAP = "setcap cap_net_raw,cap_sys_nice,cap_ipc_lock=ep {}"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Status:
-    """``/proc/PID/status`` in part; capabilities as bits."""
+    """Part of ``/proc/PID/status``; capabilities as bits."""
 
     user: int
     effective: int
@@ -54,10 +54,10 @@ def _lacking(bits: int) -> str:
 
 
 def _file_capabilities(host: Host, program: str) -> int:
-    """Return what a program gets by its file, as bits.
+    """Return the capabilities that a program file grants, as bits.
 
     Raises:
-        Unreadable: The file system does not say.
+        Unreadable: The file system does not report them.
     """
     try:
         data = host.seam.attribute(program, "security.capability")
@@ -86,7 +86,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
     fix = (_SETCAP.format(program),)
     keep = (_UNIT, "setcap again after each build: a new file has none")
     granted = _file_capabilities(host, program)
-    # The kernel ignores capabilities of files on nosuid mounts and after NoNewPrivileges.
+    # The kernel ignores file capabilities on nosuid mounts and after NoNewPrivileges.
     ignored = _ignored(host, program, mine)
     if granted and not _lacking(granted) and not ignored:
         yield MachineFacts(
@@ -96,7 +96,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
         yield MachineFacts(
             level=MachineLevel.BAD, text=f"{program} has them, but {ignored}", keep=(_UNIT,)
         )
-    # Ambient capabilities are inherited by each program that is started from here.
+    # Ambient capabilities are inherited by each program started from here.
     elif mine.ambient & _ALL == _ALL:
         yield MachineFacts(
             level=MachineLevel.GOOD, text="what is started from here inherits them (ambient)"
@@ -120,7 +120,7 @@ def _capabilities(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
 
 
 def _ignored(host: Host, program: str, mine: _Status) -> str:
-    """Return why the kernel ignores capabilities of this file; empty: it does not."""
+    """Return why the kernel ignores the capabilities of this file; empty if it does not."""
     if mine.no_new:
         return "this shell was started with NoNewPrivileges, so the kernel ignores them"
     best, options = "", ""
@@ -149,7 +149,7 @@ def _limits(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
     memory, priority = found["Max locked memory"], found["Max realtime priority"]
     granted = 0 if program is None else _file_capabilities(host, program)
     mine = _status(host, "self")
-    # Root has its capabilities only as far as a container leaves them.
+    # A container may reduce the capabilities of root.
     held = granted | mine.ambient | (mine.effective if mine.user == 0 else 0)
     low = []
     if not held >> CAPABILITIES["CAP_IPC_LOCK"] & 1 and memory != "unlimited":
@@ -176,7 +176,7 @@ def _limits(host: Host, *, program: str | None) -> Iterator[MachineFacts]:
 
 
 def scheduling(host: Host, pid: int, thread: int | None = None) -> tuple[str, int] | None:
-    """Return policy and priority of a process or thread; ``None`` when it is gone."""
+    """Return policy and priority of a process or thread, or ``None`` if it has ended."""
     place = f"/proc/{pid}/stat" if thread is None else f"/proc/{pid}/task/{thread}/stat"
     # The name of a process may contain blanks and parentheses; fields are counted after the last
     # one.
@@ -214,7 +214,7 @@ def _running(host: Host) -> Iterator[MachineFacts]:
 
 
 def permission_checks(program: str | None) -> tuple[Check, ...]:
-    """Return the checks for this ``fsn-master``; ``None``: there is none."""
+    """Return the checks for this ``fsn-master``; ``None`` if there is none."""
     return (
         Check(
             name="master.capabilities",

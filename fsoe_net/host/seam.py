@@ -1,4 +1,4 @@
-"""How the host is reached: files below one root, commands, ioctls and attributes; all injected."""
+"""Access to the host: files below one root, commands, ioctls and attributes; all injected."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Seam(Protocol):
     """Access without files: commands, ioctls, extended attributes."""
 
     def command(self, *words: str) -> str | None:
-        """Return what a command prints; ``None``: it is not there, failed or hung."""
+        """Return the output of a command, or ``None`` if it is missing, failed or hung."""
 
     def ethtool(self, interface: str, request: bytes) -> bytes:
         """Return the answer to a SIOCETHTOOL request; raises `OSError`."""
@@ -35,10 +35,10 @@ class Seam(Protocol):
 
 
 class RealSeam:
-    """The machine this runs on."""
+    """The machine that this program runs on."""
 
     def command(self, *words: str) -> str | None:
-        """Run a command that only reads; see `Seam`."""
+        """Run a read-only command; see `Seam`."""
         # sbin is often missing in the PATH of users.
         program = shutil.which(words[0], path=os.environ.get("PATH", "") + ":/usr/sbin:/sbin")
         if program is None:
@@ -74,7 +74,7 @@ class RealSeam:
 
 
 class Host:
-    """A machine as seen in its files.
+    """A machine, represented by its files.
 
     Args:
         root: Folder used as ``/``, such as a test machine.
@@ -86,14 +86,14 @@ class Host:
         self.seam: Seam = RealSeam() if seam is None else seam
 
     def path(self, path: str) -> Path:
-        """Return the actual path of a machine's path."""
+        """Return the actual path of a path on the machine."""
         return self.root / path.lstrip("/")
 
     def data(self, path: str) -> bytes:
         """Return the bytes of a file.
 
         Raises:
-            Unreadable: It is not there or may not be read.
+            Unreadable: The file is missing or may not be read.
         """
         try:
             with open(self.path(path), "rb", buffering=0) as file:
@@ -106,12 +106,12 @@ class Host:
             raise Unreadable(f"{path}: {exc.strerror or exc}") from exc
 
     def read(self, path: str) -> str:
-        """Return the text of a file without the blanks around it; raises as `data`."""
+        """Return the text of a file without surrounding blanks; raises as in `data`."""
         # Some files of /proc and /sys end with a zero.
         return self.data(path).decode("utf-8", "replace").strip().strip("\0")
 
     def maybe(self, path: str) -> str | None:
-        """Return the text of a file, or ``None`` when it cannot be read."""
+        """Return the text of a file, or ``None`` if it cannot be read."""
         try:
             return self.read(path)
         except Unreadable:
@@ -121,7 +121,7 @@ class Host:
         """Return the number in a file.
 
         Raises:
-            Unreadable: It cannot be read or holds none.
+            Unreadable: The file cannot be read or contains no number.
         """
         text = self.read(path)
         try:
@@ -130,30 +130,30 @@ class Host:
             raise Unreadable(f"{path} holds {text[:40]!r}, no number") from exc
 
     def names(self, path: str) -> list[str]:
-        """Return the sorted names in a folder; none when it cannot be read."""
+        """Return the sorted names in a folder; none if it cannot be read."""
         try:
             return sorted(os.listdir(self.path(path)))
         except OSError:
             return []
 
     def exists(self, path: str) -> bool:
-        """Return whether there is such a file or folder, or a link of that name."""
+        """Return whether a file, a folder or a link with this name exists."""
         return os.path.lexists(self.path(path))
 
     def target(self, path: str) -> str | None:
-        """Return the last part of what a link points to; ``None``: it is not a link."""
+        """Return the last part of the target of a link, or ``None`` if it is not a link."""
         link = self.link(path)
         return None if link is None else link.rstrip("/").rpartition("/")[2]
 
     def link(self, path: str) -> str | None:
-        """Return what a link points to; ``None``: it is not a link or cannot be read."""
+        """Return the target of a link, or ``None`` if it is not a link or cannot be read."""
         try:
             return os.readlink(self.path(path))
         except OSError:
             return None
 
     def pids(self) -> list[int]:
-        """Return the processes that are seen."""
+        """Return the visible processes."""
         return [int(name) for name in self.names("/proc") if name.isdecimal()]
 
     def processes(self, name: str) -> list[int]:
