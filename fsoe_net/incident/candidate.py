@@ -1,4 +1,4 @@
-"""What a rule about causes returns."""
+"""The result of a rule about causes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Candidate:
 def candidate(
     e: IncidentEvidence, key: str, score: int, *evidence: str, device: str = "", other: str = ""
 ) -> Candidate:
-    """Return a candidate with its texts filled in.
+    """Return a candidate with complete texts.
 
     Args:
         e: The evidence.
@@ -58,13 +58,13 @@ def candidate(
 
 
 def any_of(names: Sequence[str]) -> str:
-    """Return names of which one is meant: `a`, `a or b`, `a, b or c`."""
+    """Return names joined with "or": `a`, `a or b`, `a, b or c`."""
     head, last = ", ".join(names[:-1]), names[-1]
     return f"{head} or {last}" if head else last
 
 
 def ms(ns: int | float) -> str:
-    """Return a time in milliseconds for people."""
+    """Return a time in milliseconds as text."""
     value = ns / 1e6
     return f"{value:.0f} ms" if value >= 100 else f"{value:.3g} ms"
 

@@ -1,4 +1,4 @@
-"""Causes on the running bus: devices, cables, frames, the MainDevice's cycle."""
+"""Causes on the running bus: devices, cables, frames, the cycle of the MainDevice."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TENTH_MS = 100_000
 # MAX_ERRNO of Linux; a damaged file may hold any number.
 _MOST_ERRNO = 4095
 _NO_INTERFACE = frozenset({errno.ENETDOWN, errno.ENODEV, errno.ENXIO, errno.ENOLINK})
-_TOGETHER_NS = 250_000_000  # SubDevices are looked at one after the other
+_TOGETHER_NS = 250_000_000  # SubDevices are checked one after another
 _LINK_DOWN_NS = 100_000_000
 
 
@@ -38,7 +38,7 @@ def bus_causes(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _other_main(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Somebody else sends EtherCAT frames: whatever else is seen may come of it."""
+    """Another device sends EtherCAT frames: every other observation may be a consequence."""
     if not e.bus.foreign_frames:
         return
     c = e.head.counters
@@ -54,29 +54,29 @@ def _other_main(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
-    """SubDevices that do not answer any more."""
+    """SubDevices that no longer answer."""
     lost = e.lost_subdevices()
     if not lost or (len(lost) == sum(s.known for s in e.head.subdevices) and _is_late(e)):
-        return  # frames that come back late have been everywhere
+        return  # frames that return late have passed all devices
     first = lost[0]
-    # The first one that is gone on the ring is next to the fault; those after it follow from it.
+    # The first missing one on the ring is next to the fault; the loss of later ones follows.
     gone = [s for s in lost if s.bus == first.bus]
     line, several = e.line(first.bus), len(gone) > 1
-    # A loss that does not concern the devices of this connection explains it only in part.
+    # A loss that does not concern the devices of this connection is only a partial explanation.
     score = 92 if _own(e, [s.name for s in gone]) else 45
     facts = [*_facts_of_gone(e, gone), *_when(e, gone), *_ring(e)]
     facts.append(f"the bus reports for {first.name}: {first.detail}" if first.detail else "")
     before = line[: line.index(first)]
-    # All of a line are gone and the interface is down: the fault is before the first device.
+    # The whole line is missing and the interface is down: the fault is before the first device.
     if len(gone) == len(line) and _interface_down(e):
         yield candidate(e, "main_link_lost", score + 6, *facts, device=first.name)
         return
-    # All from one device to the end: only a cable or a connector takes them together.
+    # All devices from one to the end are missing: only a cable or a connector explains that.
     if _names_a_link(gone) or (several and len(line) - len(before) == len(gone)):
         other = before[-1].name if before else "the MainDevice"
         text = "all devices from there on are gone" if several else ""
         yield candidate(e, "cable_cut", score + 4, text, *facts, device=first.name, other=other)
-        # A device without power also cuts the line after it: this stays possible.
+        # A device without power also cuts off the rest of the line, so this remains possible.
         if several:
             yield candidate(e, "device_lost", score - 20, *facts, device=first.name)
         return
@@ -86,7 +86,7 @@ def _gone(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _ring(e: IncidentEvidence) -> Iterator[str]:
-    """Yield where the ring is open, and what was reported of it last."""
+    """Yield the place where the ring is open, and the last report about it."""
     if e.head.ring_place:
         yield f"the ring is open: {e.head.ring_place}"
     for event in e.events("ring")[-3:]:
@@ -118,12 +118,12 @@ def _ends(e: IncidentEvidence) -> tuple[str, ...]:
 
 
 def _own(e: IncidentEvidence, names: list[str]) -> list[str]:
-    """Return those of some devices that are ends of the connection it is about."""
+    """Return those of the devices that are ends of the connection concerned."""
     return [name for name in names if name in _ends(e)]
 
 
 def _unsent(e: IncidentEvidence) -> str:
-    """Return how many frames the system did not send, and why; an empty text without any."""
+    """Return how many frames the system did not send, and why; empty if there are none."""
     c = e.head.counters
     if c is None or not c.unsent_frames:
         return ""
@@ -163,19 +163,18 @@ def _when(e: IncidentEvidence, gone: list[SubDeviceSnapshot]) -> list[str]:
 
 
 def _back(e: IncidentEvidence) -> Iterator[Candidate]:
-    """SubDevices that were gone for a while: one, all from one on, or all of a bus."""
+    """SubDevices that were missing for a time: one, all after a certain one, or all of a bus."""
     fell: dict[str, IncidentEvent] = {}
-    # A connection that is silent is noticed later than one that is reset.
+    # A silent connection is noticed later than one that is reset.
     gaps = [r.start_ns for r in e.bus.short_between(*e.window_ns)]
     for event in e.events("subdevice", min([e.window_ns[0], *gaps])):
-        # A device that lost its power comes back in INIT; the states after it are steps of the
-        # start.
+        # A device that lost power returns in INIT; the following states are steps of its start.
         if event.keys.get("after", "") in ("none", "INIT", "INIT+ERROR"):
             fell.setdefault(event.keys.get("subdevice", ""), event)
     for bus in sorted({s.bus for s in e.head.subdevices}):
         line = e.line(bus)
         back = [s for s in line if s.name in fell and s.answers]
-        # Other devices explain a reset of this connection only in part.
+        # Other devices are only a partial explanation for a reset of this connection.
         if back and _own(e, [s.name for s in back]):
             yield from _back_on(e, line, back, fell, 88)
         elif back:
@@ -189,10 +188,10 @@ def _back_on(
     fell: dict[str, IncidentEvent],
     score: int,
 ) -> Iterator[Candidate]:
-    """Judge what was gone on one bus.
+    """Judge the devices of one bus that were missing.
 
-    The first device in the ring of those that fell together is next to the fault: a line ends there
-    for all after it, in whatever order their connections drop.
+    Of the devices that dropped together, the first one in the ring is next to the fault: all later
+    devices are cut off there, in whatever order their connections drop.
     """
     begun_ns = min(fell[s.name].now_ns for s in back)
     together = [s for s in back if fell[s.name].now_ns - begun_ns <= _TOGETHER_NS]
@@ -204,7 +203,7 @@ def _back_on(
         f"times it has come back so far: {first.returns}" if first.returns else "",
         *_wkc(e),
     ]
-    # One of several: those after it continued, so that its cable was in order.
+    # Only one device: those after it continued, so its cable was intact.
     if len(together) == 1 and len(line) > 1:
         yield candidate(e, "device_interrupted", score, *facts, device=first.name)
         return
@@ -213,7 +212,7 @@ def _back_on(
     if before:
         yield candidate(e, "cable_interrupted", score, *facts, device=first.name, other=other)
         yield candidate(e, "device_interrupted", score - 20, *facts, device=first.name)
-    # From the first device on, only the interface or its cable is left.
+    # For the first device, only the interface or its cable is left as the cause.
     elif _interface_down(e):
         yield candidate(e, "main_link_lost", 97, *facts, _unsent(e), device=first.name)
     elif len(line) == len(together) and _one_gap(e):
@@ -227,9 +226,9 @@ def _interface_down(e: IncidentEvidence) -> bool:
 
 
 def _one_gap(e: IncidentEvidence) -> bool:
-    """Whether nearly all that is missing is one gap, too long for interference.
+    """Whether nearly all missing cycles are one gap, too long for interference.
 
-    Interference comes in bursts; a link that is down is down.
+    Interference comes in bursts; a lost link stays down.
     """
     bursts = [r for r in e.bus.short if _is_burst(r)]
     longest = max((r.length_ns for r in bursts), default=0)
@@ -264,7 +263,7 @@ def _state(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _late(e: IncidentEvidence) -> tuple[int, int]:
-    """Return the cycles without their frames around the moment, and the replies that came late."""
+    """Return the cycles without their frames around the moment, and the late replies."""
     lost = e.bus.lost_between(*e.window_ns)
     if not lost:
         return 0, 0
@@ -274,7 +273,7 @@ def _late(e: IncidentEvidence) -> tuple[int, int]:
 
 
 def _is_late(e: IncidentEvidence) -> bool:
-    """Whether what counts as lost came back later."""
+    """Whether frames counted as lost returned later."""
     lost, late = _late(e)
     return lost > 0 and 2 * late >= lost
 
@@ -282,14 +281,14 @@ def _is_late(e: IncidentEvidence) -> bool:
 def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
     """Bursts in which no data returned, and which ended."""
     start, end = e.window_ns
-    # A burst that lasts until the end is a loss, not interference.
+    # A burst that lasts to the end is a loss, not interference.
     bursts = [r for r in e.bus.short_between(start, end) if _is_burst(r) and not _goes_on(e, r)]
     lost = e.bus.lost_between(start, end)
     if not bursts and not lost:
         return
     there, _ = _late(e)
     missing = max(there, sum(r.cycles for r in bursts)) * e.bus.cycle_ns
-    # Without a plan, the usual watchdog of the safety logic is the best guess.
+    # Without a plan, the usual watchdog of the safety logic is the best estimate.
     watchdog = e.watchdog_ns or 100_000_000
     facts = [
         f"around the moment {counted(len(bursts) or len(lost), 'burst')}, {ms(missing)} "
@@ -298,11 +297,11 @@ def _lost_frames(e: IncidentEvidence) -> Iterator[Candidate]:
     ]
     if _is_late(e):
         yield _late_replies(e, watchdog, facts)
-        # Frames that return late count as lost before; they need not be explained twice.
+        # Frames that return late were counted as lost before and need no second explanation.
         if 2 * there * e.bus.cycle_ns >= missing:
-            return  # what is missing came back later
-    # The port that follows a disturbed cable counts the errors; the first one on the ring is next
-    # to it.
+            return  # the missing frames returned later
+    # The port after a disturbed cable counts the errors; the first such port on the ring is next to
+    # it.
     errors = {s.name: sum(s.rx_errors) for s in e.head.subdevices if sum(s.rx_errors)}
     first = next(iter(errors), "")
     yield candidate(
@@ -320,7 +319,7 @@ def _late_replies(e: IncidentEvidence, watchdog_ns: int, facts: list[str]) -> Ca
     there, back = _late(e)
     score = 62 if there >= 2 else 32
     if there * e.bus.cycle_ns >= watchdog_ns // 4:
-        score = 94  # a frame that comes back has been everywhere: no cable explains it
+        score = 94  # a returned frame has passed all devices, so a cable does not explain it
     return candidate(
         e,
         "late_replies",
@@ -356,10 +355,10 @@ def _lost_score(missing_ns: int, watchdog_ns: int, cycle_ns: int) -> int:
 
 
 def _cycle(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Cycles that came late."""
+    """Late cycles."""
     start, end = e.window_ns
     slow = [s for s in e.bus.slow_between(start, end) if s.extra_ns >= 2 * _TENTH_MS]
-    # A recording with many gaps makes each cycle after a gap look late.
+    # In a recording with many gaps, each cycle after a gap looks late.
     if not slow or e.bus.missed > e.bus.cycles // 20:
         return
     watchdog = e.watchdog_ns or 100_000_000
@@ -374,7 +373,7 @@ def _cycle(e: IncidentEvidence) -> Iterator[Candidate]:
         f"the watchdog is {ms(watchdog)}",
         *_scheduling(e),
     ]
-    # One long pause is another cause than many short ones.
+    # One long pause has another cause than many short ones.
     if worst.extra_ns >= watchdog // 3 and 2 * worst.extra_ns > total:
         several = e.stopped()
         facts.append(
@@ -388,11 +387,11 @@ def _cycle(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _foreign(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Frames that are not ours."""
+    """Frames of other senders."""
     start, end = e.window_ns
-    # More answers than SubDevices can give: another MainDevice sends on this bus.
+    # More answers than SubDevices: another MainDevice sends on this bus.
     much = [r for r in e.bus.short_between(start, end) if r.least > r.expected > 0]
-    # A frame that is late counts as lost first, and as an old reply when it comes.
+    # A late frame is first counted as lost, and as an old reply when it arrives.
     old = max(0, e.bus.old_replies - e.bus.lost_frames)
     if not much and old < 2:
         return

@@ -1,4 +1,4 @@
-"""Causes that the FSoE ends show: reset codes, answer times, FailSafeData."""
+"""Causes visible at the FSoE ends: reset codes, answer times, FailSafeData."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _PARAMETER_CODES = range(ResetCode.COMM_PARAMETER_LENGTH, ResetCode.APP_PARAMETE
 
 
 def reported_codes(e: IncidentEvidence) -> Counter[tuple[str, int]]:
-    """Return who reset with which code: that of the moment, or all while it never came to Data."""
+    """Return ends and their reset codes: at the moment, or all if it never reached Data."""
     codes: Counter[tuple[str, int]] = Counter()
-    # While it was in Data, earlier resets belong to other incidents.
+    # If it was in Data, earlier resets belong to other incidents.
     if e.left_data:
         if e.code is not None and e.by:
             codes[e.by, e.code] = 1
         return codes
     for reset in e.link.resets if e.link else ():
-        # The Reset with which a main begins, and the answer to a Reset, say nothing.
+        # The initial Reset of a main and the answer to a Reset are not evidence.
         if reset.code != ResetCode.LOCAL:
             codes[reset.by, reset.code] += 1
     return codes
@@ -52,12 +52,12 @@ def end_causes(e: IncidentEvidence) -> Iterator[Candidate]:
 
 def _parameters(e: IncidentEvidence, codes: Counter[tuple[str, int]]) -> Iterator[Candidate]:
     for (by, code), times in codes.items():
-        # Codes of the parameters come from the SubInstance, which receives them.
+        # Codes about parameters come from the SubInstance, which receives them.
         if by != "sub" or not (code in _PARAMETER_CODES or code >= 0x80):
             continue
         link, plan = e.link, e.plan
         sent = link.sent_watchdog_ms if link else None
-        # The watchdog on the wire against the planned one: the safety project may be another
+        # The watchdog on the wire compared with the plan: the safety project may be another
         # version.
         planned = plan.watchdog_ms if plan else None
         differs = sent is not None and planned is not None and sent != planned
@@ -82,10 +82,10 @@ def _silence(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
         return
     main, sub = link.sides
     device = e.subdevice(plan.main)
-    # A device that does not answer at all is the subject of the bus.
+    # A device that does not answer at all is handled by the causes on the bus.
     if not main.not_zero and not (device and not device.answers):
         own = e.links_of(plan.main)
-        # All connections of a MainInstance without a frame: its safety program does not run.
+        # All connections of a MainInstance without a frame: its safety program is not running.
         is_alone = len(own) < 2 or any(other.sides[_MAIN].not_zero for other in own)
         all_of = f"so it is for all {counted(len(own), 'connection')} of {plan.main}"
         yield candidate(
@@ -108,11 +108,11 @@ def _silence(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
 
 
 def _local(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Reset with code 0 out of Data."""
+    """Reset with code 0 in Data."""
     plan = e.plan
     if plan is None or e.code != ResetCode.LOCAL:
         return
-    # At least 50 ms: several connections of one device do not reset in the same cycle.
+    # At least 50 ms: several connections of one device are not reset in the same cycle.
     near = max(e.watchdog_ns or 0, 50_000_000)
     own = e.links_of(plan.main)
     resets = [link.reset_at(e.moment_ns, near) for link in own]
@@ -136,11 +136,11 @@ def _local(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _forgot(e: IncidentEvidence) -> Iterator[Candidate]:
-    """An end in Data that refuses a data frame has forgotten the session."""
+    """An end that rejects a data frame in Data has lost the session."""
     reset, plan = e.reset, e.plan
     if reset is None or plan is None or e.code != ResetCode.COMMAND:
         return
-    # A correct data frame is refused only by an end that has lost the session.
+    # Only an end that has lost the session rejects a correct data frame.
     if reset.last_right and reset.last_command in _DATA_COMMANDS:
         device = plan.sub if reset.by == "sub" else plan.main
         yield candidate(
@@ -154,7 +154,7 @@ def _forgot(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _crc(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
-    """Wrong CRC, or frames that make no sense, while in Data."""
+    """Wrong CRC, or invalid frames, while in Data."""
     reset, plan = e.reset, e.plan
     codes = (ResetCode.CRC, ResetCode.UNKNOWN_COMMAND, ResetCode.CONNECTION_ID, ResetCode.COMMAND)
     if reset is None or plan is None or e.code not in codes:
@@ -174,7 +174,7 @@ def _crc(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
             f"{side.wrong} frames of {sender} with a wrong CRC in this file, {side.right} right",
             device=sender,
         )
-    # The frame was correct in the image and copied whole: it was altered after that.
+    # The frame was correct in the image and copied completely: it was altered afterwards.
     elif reset.last_right and not _was_restart(reset, e.code):
         yield candidate(
             e,
@@ -192,7 +192,7 @@ def _was_restart(reset: ResetSeen, code: int | None) -> bool:
 def _watchdog(
     e: IncidentEvidence, link: LinkFacts, codes: Counter[tuple[str, int]]
 ) -> Iterator[Candidate]:
-    """Watchdog expired: which part was slow?"""
+    """The watchdog expired: find the slow part."""
     watchdog, plan = e.watchdog_ns, e.plan
     times = sum(n for (_, code), n in codes.items() if code == ResetCode.WATCHDOG)
     if not times or watchdog is None or plan is None:
@@ -200,7 +200,7 @@ def _watchdog(
     main, sub = link.sides
     means = [main.waits_mean_ns, sub.waits_mean_ns]
     most = [s.waits_most_ns for s in (main, sub)]
-    # The cycle of the way decides, as the buses of both ends may differ.
+    # The cycle of the path decides, as the buses of both ends may differ.
     cycle = _way_cycle_ns(e, plan)
     round_trip = sum(means)
     facts = [
@@ -211,7 +211,7 @@ def _watchdog(
         else "",
     ]
     yield from _slow(e, plan, watchdog, means, most, facts)
-    # Even without a slow device, such a watchdog expires now and then.
+    # Even without a slow device, such a watchdog expires occasionally.
     if watchdog <= 4 * cycle or (round_trip and watchdog <= 2 * round_trip):
         yield _tight(e, link, facts, is_quick=max(means) <= 4 * cycle)
     elif e.left_data and e.reset is not None:
@@ -224,7 +224,7 @@ def _way_cycle_ns(e: IncidentEvidence, plan: PlannedConnection) -> int:
 
 
 def _tight(e: IncidentEvidence, link: LinkFacts, facts: list[str], *, is_quick: bool) -> Candidate:
-    """The watchdog leaves no room; all the more the cause when both ends were quick."""
+    """The watchdog is too short; this is more likely if both ends were fast."""
     if not is_quick:
         return candidate(e, "watchdog_tight", 50, *facts)
     if not all(side.linked for side in link.sides):
@@ -244,7 +244,7 @@ def _slow(
     calm = not (e.bus.short or e.bus.lost or e.bus.late_cycles)
     for end, device in ((_MAIN, plan.main), (_SUB, plan.sub)):
         mean, other = means[end], means[1 - end]
-        # Slow on average, compared with the other end: a single delay is not enough.
+        # Slow on average, compared with the other end: a single delay is not sufficient.
         slow = mean > 4 * cycle and mean >= watchdog * 0.2 and mean >= 2 * other
         # A single long answer counts only on a quiet bus; otherwise frames were lost.
         uneven = calm and most[end] >= watchdog * 0.6 and most[end] >= 3 * most[1 - end]
@@ -255,12 +255,12 @@ def _slow(
 def _fell_silent(
     e: IncidentEvidence, plan: PlannedConnection, reset: ResetSeen, facts: list[str]
 ) -> Iterator[Candidate]:
-    """The end that had to answer stopped, although its bus side continued."""
+    """The end that had to answer stopped, although its bus interface continued."""
     device = plan.sub if reset.waiting_for == "sub" else plan.main
     seen = e.subdevice(device)
     start, end = e.window_ns
     quiet_bus = not e.bus.short_between(start, end) and not e.bus.lost_between(start, end)
-    # A bus with losses explains the silence already.
+    # Losses on the bus already explain the silence.
     if not quiet_bus or (seen and not seen.answers):
         return
     silent = ms(max(reset.silent_ns))
@@ -276,7 +276,7 @@ def _fell_silent(
 
 
 def _failsafe(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
-    """In Data, but one end sends FailSafeData only."""
+    """In Data, but one end sends only FailSafeData."""
     plan = e.plan
     if plan is None or link.state is not ConnectionState.DATA_FAILSAFE or e.left_data:
         return
@@ -287,7 +287,7 @@ def _failsafe(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
         # FailSafeData for a moment is normal at the start of Data.
         if spent < length // 20:
             continue
-        # If both send it, neither shows which one is the cause.
+        # If both send it, neither is identified as the cause.
         both = all(link.time_in_failsafe_ns[n] >= length // 20 for n, _ in ends)
         yield candidate(
             e,

@@ -20,21 +20,21 @@ _MOST_COMPARED = 200
 
 
 def place_causes(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Yield the matching causes in places, addresses and IDs."""
+    """Yield the matching causes in positions, addresses and IDs."""
     link, plan = e.link, e.plan
     if link is None or plan is None or e.head.trigger.kind is TriggerKind.BUS_FAILED:
         return
     yield from _torn(e, link)
     yield from _duplicates(e)
     yield from _roles(e, link)
-    # Crossed copies also look like wrong addresses and IDs, so that these are judged only without
-    # them.
+    # Crossed copies also look like wrong addresses and IDs, so these are judged only without
+    # crossed copies.
     crossed = list(_crossed(e, plan, link)) if e.never or e.left_data else []
     yield from crossed
     if not crossed:
         yield from swapped(e)
         yield from _refused_both(e, plan)
-    # An incident on request shows a running connection: addresses cannot be wrong then.
+    # An incident on request shows a running connection, so its addresses cannot be wrong.
     if not e.never and not e.left_data:
         return
     yield from _address(e, plan, link)
@@ -63,7 +63,7 @@ def _torn(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
 
 
 def _duplicates(e: IncidentEvidence) -> Iterator[Candidate]:
-    """The same connection ID in two connections: on the wire, or in the devices."""
+    """Two connections have the same connection ID, on the wire or in the devices."""
     names = list(e.planned)[:_MOST_COMPARED]
     ids = {name: _ids(e, name) for name in names}
     for number, one in enumerate(names):
@@ -76,10 +76,10 @@ def _duplicates(e: IncidentEvidence) -> Iterator[Candidate]:
 def _duplicate(e: IncidentEvidence, one: str, two: str, number: int) -> Candidate:
     reported = any(code == ResetCode.CONNECTION_ID for _, code in reported_codes(e))
     about = e.name in (one, two)
-    # Two crossed connections carry the ID of each other, which is not a duplicate.
+    # Two crossed connections carry each other's ID, which is not a duplicate.
     crossed = about and not e.crossed.keys().isdisjoint({one, two})
     bad = (reported or e.never) and about
-    # While it runs, a duplicate is a risk and not the cause of this incident.
+    # In a running connection, a duplicate is a risk and not the cause of this incident.
     score = 95 if bad else 88 if not (e.left_data or e.never) else 40
     on_wire = _wire_ids(e, one) & _wire_ids(e, two)
     return candidate(
@@ -102,7 +102,7 @@ def _ids(e: IncidentEvidence, name: str) -> set[int]:
 
 
 def _wire_ids(e: IncidentEvidence, name: str) -> set[int]:
-    """Return the ConnIDs the main of a connection has sent more than once or twice."""
+    """Return the ConnIDs that the main of a connection sent more than a few times."""
     link = e.links.get(name)
     return _sent_ids(link.sides[_MAIN]) if link else set()
 
@@ -112,7 +112,7 @@ def _sent_ids(side: WireSide) -> set[int]:
 
 
 def _crossed(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
-    """Frames of one connection answer those of another, or its ConnID is that of another."""
+    """Frames of one connection answer those of another, or it uses the ConnID of another."""
     own = link.sides[_SUB].linked
     ids = _wire_ids(e, e.name)
     for other in e.planned.values():
@@ -120,7 +120,7 @@ def _crossed(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
             continue
         fits = e.crossed.get(other.name, 0)
         theirs = _wire_ids(e, other.name)
-        # A few frames fit by chance: the CRC has 16 bits.
+        # A few frames match by chance: the CRC has 16 bits.
         if fits > _FEW and fits > own:
             yield candidate(
                 e,
@@ -146,7 +146,7 @@ def _crossed(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
 def _are_exchanged(
     plan: PlannedConnection, ids: set[int], other: PlannedConnection, theirs: set[int]
 ) -> bool:
-    """Whether one carries the planned ConnID of the other, and the other does not contradict."""
+    """Whether one carries the planned ConnID of the other, which does not contradict this."""
     if not plan.connection_id or not other.connection_id:
         return False
     # An equal ID on both is a duplicate, not an exchange.
@@ -162,7 +162,7 @@ def _list(numbers: set[int]) -> str:
 def _expected_address(
     e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts | None
 ) -> int | None:
-    """Return the address the main asks for: as sent, as set in it, or as planned."""
+    """Return the address that the main requests: as sent, as configured in it, or as planned."""
     if link is not None and link.sent_address is not None:
         return link.sent_address
     setting = e.setting(plan.name)
@@ -172,10 +172,10 @@ def _expected_address(
 
 
 def swapped_key(e: IncidentEvidence, one: str, *others: str) -> str:
-    """Return the cause when devices have exchanged FSoE addresses.
+    """Return the cause if devices have exchanged FSoE addresses.
 
-    If each is at its position, by its type or because it never left the bus, only their addresses
-    were exchanged. Otherwise only the person at the machine can find out.
+    If each device is at its position, as shown by its type or because it never left the bus, only
+    the addresses were exchanged. Otherwise only the person at the machine can find out.
     """
     names = [one, *others]
     # Of different types, the devices cannot have been exchanged: each is at its position.
@@ -188,12 +188,12 @@ def swapped_key(e: IncidentEvidence, one: str, *others: str) -> str:
 
 
 def swapped(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Yield which devices have each other's address; those of this connection first."""
+    """Yield the devices with each other's address, those of this connection first."""
     sub = e.plan.sub if e.plan else ""
     has = {p.sub: e.address_of(p.sub) for p in e.planned.values()}
     wanted = {p.sub: _expected_address(e, p, e.links.get(p.name)) for p in e.planned.values()}
     owner = {number: sub for sub, number in wanted.items()}
-    # The connection of this incident first: its cycle is what a person looks for.
+    # The connection of this incident first, because a person looks for its devices.
     for first in sorted(has, key=lambda name: name != sub):
         round_ = _round(first, has, owner)
         if not round_:
@@ -210,7 +210,7 @@ def swapped(e: IncidentEvidence) -> Iterator[Candidate]:
 
 
 def _refused_both(e: IncidentEvidence, plan: PlannedConnection) -> Iterator[Candidate]:
-    """Devices of one type refuse their address, and their actual addresses are unknown."""
+    """Devices of one type reject their address, and their actual addresses are unknown."""
     partners = [o.sub for o in e.planned.values() if _both_refuse(e, plan, o)]
     if partners and all(e.address_of(sub) is None for sub in (plan.sub, *partners)):
         other = any_of(partners)
@@ -252,14 +252,14 @@ def _both_refuse(e: IncidentEvidence, one: PlannedConnection, two: PlannedConnec
 
 
 def _address(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
-    """The device refuses the address, or reports another one."""
+    """The device rejects the address, or reports another one."""
     refused = sum(n for (by, c), n in reported_codes(e).items() if c == ResetCode.ADDRESS)
     reported = e.address_of(plan.sub)
     expected = _expected_address(e, plan, link)
     differs = reported is not None and expected is not None and reported != expected
     if not refused and not (differs and e.never):
         return
-    # The plan and the MainInstance may differ: then both numbers are worth showing.
+    # The plan and the MainInstance may differ: then both numbers are shown.
     planned = plan.address is not None and expected is not None and plan.address != expected
     yield candidate(
         e,
@@ -278,7 +278,7 @@ def _connection_id(
     """Reset code 3, or another ConnID on the wire than planned."""
     refused = sum(n for (_, c), n in reported_codes(e).items() if c == ResetCode.CONNECTION_ID)
     ids = _wire_ids(e, e.name)
-    # Another ID on the wire than planned is the parameters of another safety project.
+    # Another ID on the wire than planned means the parameters of another safety project.
     other = bool(ids and plan.connection_id and plan.connection_id not in ids)
     answers = _sent_ids(link.sides[_SUB])
     if not refused and not (other and e.never):
@@ -326,7 +326,7 @@ def _shifted(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
 def _roles(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
     """The end that should wait begins sessions."""
     main, sub = link.begun
-    # One session may start by accident after a disturbance; a quarter of all does not.
+    # A single session may start by accident after a disturbance; a quarter of all cannot.
     if sub > main or (sub >= 2 and sub >= main // 4):
         yield candidate(
             e,
@@ -338,7 +338,7 @@ def _roles(e: IncidentEvidence, link: LinkFacts) -> Iterator[Candidate]:
 
 
 def _altered(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> Iterator[Candidate]:
-    """Frames are right in the image, and yet an end refuses them on the way to Data."""
+    """Frames are correct in the image, but an end rejects them on the way to Data."""
     # A shifted mapping already explains why frames are refused.
     if any(link.shifts):
         return
@@ -364,7 +364,7 @@ def _altered(e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts) -> I
 def _not_taken(
     e: IncidentEvidence, plan: PlannedConnection, link: LinkFacts
 ) -> Iterator[Candidate]:
-    """The sub answers correctly, and the main still waits: the answer is at a wrong place."""
+    """The sub answers correctly, but the main still waits: the answer is at a wrong place."""
     if not _waits_in_vain(link):
         return
     said = (
@@ -401,7 +401,7 @@ def _waits_in_vain(link: LinkFacts) -> bool:
 
 
 def _slots_disagree(e: IncidentEvidence, one: str, two: str) -> bool:
-    """Whether two connections lie the other way round in what their main sends and receives."""
+    """Whether the main sends two connections in another order than it receives them."""
     places = {p.name: p for p in e.head.layout.connections}
     a, b = places[one], places[two]
     sends = a.to_sub.source_byte < b.to_sub.source_byte

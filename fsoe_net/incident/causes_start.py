@@ -33,7 +33,7 @@ _BY_FOUND = {
 
 
 def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
-    """Yield matching causes for a bus that did not open, or SubDevices that are not as planned."""
+    """Yield causes for a bus that did not open, or for SubDevices that differ from the plan."""
     trigger = e.head.trigger
     failed = trigger.kind is TriggerKind.BUS_FAILED
     text = f"the bus reports: {trigger.text}" if failed else ""
@@ -43,23 +43,23 @@ def start_causes(e: IncidentEvidence) -> Iterator[Candidate]:
             stopped_at = trigger.fault.subdevice
             yield from _by_status(e, trigger.fault, text)
         yield from swapped(e)
-    # A SubDevice that was not read gives no fact about the device.
+    # A SubDevice that was not read provides no facts about the device.
     wrong = [s for s in e.head.subdevices if s.known and s.found in _BY_FOUND]
     yield from _exchanged(e, wrong, text)
     for number, seen in enumerate(wrong[:8]):
         if failed:
-            # The first one is what the bus stopped at; the others may follow from it.
+            # The bus stopped at the first one; the others may be a consequence.
             named = seen.name == stopped_at
-            # In ring order: a missing device shifts all after it, which then look wrong too.
+            # In ring order: a missing device shifts all following ones, which then also look wrong.
             yield _one(e, seen, 92 - 5 * number + 4 * named, text if named else "")
-        elif seen.found is not Found.NOTHING:  # who is lost while the bus runs: `bus_causes`
+        elif seen.found is not Found.NOTHING:  # a loss on a running bus: `bus_causes`
             yield _one(e, seen, _while_running(e, seen))
 
 
 def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
-    """Return the score for a SubDevice that is not as planned, while the bus runs.
+    """Return the score for a SubDevice that differs from the plan while the bus runs.
 
-    The device found at its position is a fact; those after it may be missing with it.
+    The device found at its position is a fact; the following ones may be missing with it.
     """
     if seen.found is Found.IDENTITY:
         return 97
@@ -67,15 +67,15 @@ def _while_running(e: IncidentEvidence, seen: SubDeviceSnapshot) -> int:
         return 96
     score = 80 if seen.found is Found.STATE else 93
     if e.plan is None or seen.name not in (e.plan.main, e.plan.sub):
-        # A device of another connection explains this incident only in part.
+        # A device of another connection is only a partial explanation of this incident.
         score -= 40
     return score
 
 
 def _by_status(e: IncidentEvidence, fault: BusFault, text: str) -> Iterator[Candidate]:
-    """What the status of the fault and its SubDevice say."""
+    """Yield causes from the status of the fault and its SubDevice."""
     key, device = _BY_STATUS.get(fault.status, ""), fault.subdevice
-    # Without a link nothing else can be known.
+    # Without a link, no other fact can be known.
     if fault.link_down:
         yield candidate(e, "no_link", 95, text)
         return
@@ -95,16 +95,16 @@ def _by_status(e: IncidentEvidence, fault: BusFault, text: str) -> Iterator[Cand
 
 
 def _identity(e: IncidentEvidence, device: str) -> tuple[str, str]:
-    """Return which kind of another device it is, and whose identity it has."""
+    """Return the type of difference, and the SubDevice that has this identity."""
     seen = e.subdevice(device)
     if seen is None or not seen.vendor_id:
         return "wrong_device", ""
-    # Same type, so that only the revision can differ.
+    # Same type: only the revision can differ.
     if e.type_of(device) == seen.identity:
         return "wrong_revision", ""
     others = [s for s in e.head.subdevices if e.type_of(s.name) == seen.identity]
     if all(s.known for s in e.head.subdevices):
-        # Of several of one type it is that in whose place another device was found, too.
+        # If several have the type, it is the one at whose position another device was also found.
         others = [s for s in others if s.found is Found.IDENTITY]
     if not others:
         return "wrong_device", ""
@@ -112,7 +112,7 @@ def _identity(e: IncidentEvidence, device: str) -> tuple[str, str]:
 
 
 def _owner(e: IncidentEvidence, device: str) -> str:
-    """Return the SubDevice that should have the FSoE address that another one has."""
+    """Return the SubDevice whose planned FSoE address another one has."""
     address = e.address_of(device)
     names = [p.sub for p in e.planned.values() if p.address == address and p.sub != device]
     return names[0] if names and address is not None else ""
@@ -130,7 +130,7 @@ def _one(e: IncidentEvidence, seen: SubDeviceSnapshot, score: int, fault: str = 
 def _exchanged(
     e: IncidentEvidence, wrong: list[SubDeviceSnapshot], fault: str
 ) -> Iterator[Candidate]:
-    """Two SubDevices that have exchanged positions."""
+    """Two SubDevices have exchanged positions."""
     for one in wrong:
         partners = [
             two.name

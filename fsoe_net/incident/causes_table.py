@@ -1,4 +1,4 @@
-"""The causes that an incident page can name, in words for a person at the machine.
+"""The causes that an incident page can name, worded for a person at the machine.
 
 None of them is a safety statement. They match the evidence; the manuals of the devices and the
 person who may change the machine decide.
@@ -12,12 +12,12 @@ SECURE = (
     "Secure the machine before anybody reaches into it: outputs can come on again as soon as a "
     "connection is back in Data."
 )
-"""Begins each step in which a person touches cables, plugs or devices."""
+"""Begins each step in which a person touches cables, connectors or devices."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cause:
-    """One cause. Texts may hold ``{sub}`` ``{main}`` ``{name}`` ``{device}`` and ``{other}``.
+    """One cause. Texts may contain ``{sub}`` ``{main}`` ``{name}`` ``{device}`` and ``{other}``.
 
     Attributes:
         key: Name for programs; never changes.

@@ -39,9 +39,9 @@ _NEAR_CYCLES = 8
 class IncidentEvidence:
     """The evidence.
 
-    ``name``: the connection concerned: that of the trigger, else the first that is not in Data,
-    else empty. ``cut``: why the file ends early. ``crossed``: number of frames that match between
-    the connection of the trigger and another, by the name of that.
+    ``name``: the connection concerned, which is that of the trigger, or else the first that is not
+    in Data; may be empty. ``cut``: why the file ends early. ``crossed``: number of matching frames
+    between the connection of the trigger and another one, by the name of the latter.
     """
 
     head: IncidentHead
@@ -59,7 +59,7 @@ class IncidentEvidence:
 
     @property
     def plan(self) -> PlannedConnection | None:
-        """The connection it is about, as planned."""
+        """The connection concerned, as planned."""
         return self.planned.get(self.name)
 
     def links_of(self, main: str) -> list[LinkFacts]:
@@ -69,7 +69,7 @@ class IncidentEvidence:
 
     @property
     def link(self) -> LinkFacts | None:
-        """The frames of the connection concerned; ``None`` without cycles."""
+        """The frames of the connection concerned, or ``None`` if there are no cycles."""
         return self.links.get(self.name)
 
     @property
@@ -81,7 +81,7 @@ class IncidentEvidence:
 
     @property
     def code(self) -> int | None:
-        """Reset code of the moment: as reported, else as found in the frames."""
+        """Reset code of the moment: as reported, or else from the frames."""
         reported = self.head.trigger.reset_code
         return reported if reported is not None or self.reset is None else self.reset.code
 
@@ -98,7 +98,7 @@ class IncidentEvidence:
 
     @property
     def never(self) -> bool:
-        """Whether the connection did not come to Data in what is seen here."""
+        """Whether the connection never reached Data in this file."""
         if self.head.trigger.kind is TriggerKind.NOT_CONNECTED:
             return True
         if self.head.trigger.kind is not TriggerKind.REQUEST or self.link is None:
@@ -107,7 +107,7 @@ class IncidentEvidence:
 
     @property
     def watchdog_ns(self) -> int | None:
-        """Watchdog of the connection: as the main sent it to the sub, else as planned."""
+        """Watchdog of the connection: as sent by the main to the sub, or else as planned."""
         reported = self.link.sent_watchdog_ms if self.link else None
         plan = self.plan.watchdog_ms if self.plan else None
         value = reported or plan
@@ -115,7 +115,7 @@ class IncidentEvidence:
 
     @property
     def window_ns(self) -> tuple[int, int]:
-        """Time before the moment in which a cause of a watchdog must lie."""
+        """Period before the moment that can contain the cause of an expired watchdog."""
         length = max(3 * (self.watchdog_ns or 100_000_000) // 2, 20_000_000)
         return self.moment_ns - length, self.moment_ns
 
@@ -136,7 +136,7 @@ class IncidentEvidence:
         return next((f for f in self.head.fsoe if f.subdevice == subdevice), None)
 
     def address_of(self, subdevice: str) -> int | None:
-        """Return the FSoE address that a SubDevice reports, also when it was refused for it."""
+        """Return the FSoE address that a SubDevice reports, even if it was rejected for it."""
         facts = self.facts(subdevice)
         if facts is not None and facts.address is not None:
             return facts.address
@@ -144,7 +144,7 @@ class IncidentEvidence:
         return (seen.fsoe_address or None) if seen else None
 
     def type_of(self, subdevice: str) -> tuple[int, int] | None:
-        """Return vendor and product of a SubDevice as planned; ``None`` without a plan."""
+        """Return the planned vendor and product of a SubDevice, or ``None`` without a plan."""
         rows = self.head.plan.subdevices if self.head.plan else ()
         found = next((s for s in rows if clean(s.name) == subdevice), None)
         return None if found is None else (found.vendor_id, found.product_code)
@@ -152,13 +152,13 @@ class IncidentEvidence:
     def setting(self, name: str) -> FsoeSetting | None:
         """Return the settings of a connection's MainInstance, as reported by its device.
 
-        Its connections are reported in the order of the plan, when there are as many.
+        Its connections are reported in the order of the plan if their number is equal.
         """
         plan = self.planned.get(name)
         found = self.facts(plan.main) if plan else None
         if plan is None or found is None:
             return None
-        # Devices report their connections in plan order; with another number the order proves
+        # Devices report their connections in plan order; if their number differs, the order proves
         # nothing.
         own = [p.name for p in self.planned.values() if p.main == plan.main]
         if len(own) != len(found.connections):
@@ -168,7 +168,7 @@ class IncidentEvidence:
     def events(
         self, event: str, start_ns: int = 0, end_ns: int | None = None
     ) -> list[IncidentEvent]:
-        """Return the events of a kind in a time."""
+        """Return the events of a kind in a period."""
         return [
             e
             for e in self.head.events
@@ -178,7 +178,7 @@ class IncidentEvidence:
     def lost_subdevices(self) -> list[SubDeviceSnapshot]:
         """Return the SubDevices that did not answer when the file was written, in bus order.
 
-        Where another device was found there is one.
+        A position with another device counts as answering.
         """
         return [
             s
@@ -190,13 +190,13 @@ class IncidentEvidence:
     def line(self, bus: int) -> list[SubDeviceSnapshot]:
         """Return the SubDevices of a bus in ring order, if the bus reports their state.
 
-        If some have an alias, a position may count from it: then it is the order of the plan.
+        If some have an alias, positions may be relative to it; then the order is that of the plan.
         """
         own = [s for s in self.head.subdevices if s.known and s.bus == bus]
         return own if any(s.alias for s in own) else sorted(own, key=lambda s: s.position)
 
     def stopped(self) -> list[str]:
-        """Return all connections that had a Reset close to the moment or are not in Data."""
+        """Return all connections with a Reset close to the moment or that are not in Data."""
         near = max(self.watchdog_ns or 0, 100_000_000)
         return [
             name
@@ -219,7 +219,7 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
     name = head.trigger.connection or _of_subdevice(planned, head.trigger.subdevice)
     bus = BusWatch(head.cycle_ns or (head.plan.cycle_ns if head.plan else 0))
     frames = head.layout.connections
-    # Places of other frames: a whole frame found there is not a shifted one.
+    # Places of other frames: a complete frame found there is not a shifted one.
     taken = frozenset(
         (copy.source_byte, copy.size_bytes) for c in frames for copy in (c.to_sub, c.to_main)
     )
@@ -255,7 +255,7 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
         bus=bus.facts(),
         planned=planned,
         links=links,
-        crossed=+crossed,  # without those of which none fits
+        crossed=+crossed,  # without those that have no match
         # Without a name in the trigger, the first connection that is not in Data is shown.
         name=name or _first_bad(links),
         cut=reader.cut,
@@ -263,7 +263,7 @@ def gather(reader: IncidentReader) -> IncidentEvidence:
 
 
 def _at_moment(head: IncidentHead) -> IncidentHead:
-    """Return the head with the SubDevice of the trigger as it was found at the moment.
+    """Return the head with the SubDevice of the trigger in its state at the moment.
 
     A refused state is requested again each second: at the end of the file it may be between
     two refusals.
@@ -296,7 +296,7 @@ def _number(text: str) -> int:
 
 
 def _bounds(head: IncidentHead, frame: LayoutCopy) -> tuple[int, int]:
-    """Return the source sync manager of a frame: first byte and the one after the last."""
+    """Return the range of the source sync manager of a frame: first byte and end."""
     for sm in head.layout.sms:
         end = sm.offset_bytes + sm.size_bytes
         if sm.offset_bytes <= frame.source_byte < end:
@@ -311,7 +311,7 @@ def _of_subdevice(planned: dict[str, PlannedConnection], subdevice: str) -> str:
 
 
 def _first_bad(links: dict[str, LinkFacts]) -> str:
-    """Return a connection that is not in Data, else one with FailSafeData, else the first."""
+    """Return a connection that is not in Data, or one with FailSafeData, or the first."""
     for name, link in links.items():
         if not link.state.in_data:
             return name
@@ -324,7 +324,7 @@ def _first_bad(links: dict[str, LinkFacts]) -> str:
 def _pairs(
     places: tuple[PlannedConnection, ...], watches: dict[str, LinkWatch], name: str
 ) -> list[PairWatch]:
-    """Pair the ends of the connection of the trigger with those of others."""
+    """Pair the ends of the connection of the trigger with those of other connections."""
     pairs: list[PairWatch] = []
     mine = watches.get(name)
     for other in places[: 4 * _MOST_PAIRED]:

@@ -15,7 +15,7 @@ _TIMELINE = 240
 
 @dataclass(slots=True, kw_only=True)
 class BadCycles:
-    """Successive cycles with something wrong; ``least`` is the smallest working counter."""
+    """Consecutive cycles with an error; ``least`` is the smallest working counter."""
 
     start_ns: int
     end_ns: int
@@ -25,13 +25,13 @@ class BadCycles:
 
     @property
     def length_ns(self) -> int:
-        """From the first of them to the first good one after them."""
+        """Time from the first of them to the next good cycle."""
         return self.end_ns - self.start_ns
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
 class SlowCycle:
-    """A cycle that came late: ``extra_ns`` more than its period after the one before."""
+    """A late cycle: ``extra_ns`` more than its period after the previous one."""
 
     extra_ns: int
     now_ns: int
@@ -43,7 +43,7 @@ class SlowCycle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusFacts:
-    """What the cycles say. Runs are in the order of time and bounded; the counts are not.
+    """Facts about the cycles. Runs are in order of time and bounded; the counts are not.
 
     ``short``: incomplete working counters; ``lost``: lost frames. ``open_short``: the working
     counter was incomplete to the end of the file. ``missed``: cycles between those of the file.
@@ -70,19 +70,19 @@ class BusFacts:
     timeline: tuple[tuple[int, int, int, int, int], ...]
 
     def short_between(self, start_ns: int, end_ns: int) -> list[BadCycles]:
-        """Return the runs of incomplete working counters that touch a time."""
+        """Return the runs of incomplete working counters that overlap a period."""
         return [r for r in self.short if r.end_ns >= start_ns and r.start_ns <= end_ns]
 
     def lost_between(self, start_ns: int, end_ns: int) -> list[BadCycles]:
-        """Return the runs of lost frames that touch a time."""
+        """Return the runs of lost frames that overlap a period."""
         return [r for r in self.lost if r.end_ns >= start_ns and r.start_ns <= end_ns]
 
     def old_between(self, start_ns: int, end_ns: int) -> int:
-        """Return how many replies of a time before came in a time."""
+        """Return how many replies to earlier cycles arrived in a period."""
         return sum(number for now_ns, number in self.old if start_ns <= now_ns <= end_ns)
 
     def slow_between(self, start_ns: int, end_ns: int) -> list[SlowCycle]:
-        """Return the cycles that came late in a time."""
+        """Return the late cycles of a period."""
         return [s for s in self.slow if start_ns <= s.now_ns <= end_ns]
 
 
@@ -91,8 +91,8 @@ class BusWatch:
     """Collects `BusFacts` cycle by cycle.
 
     Args:
-        cycle_ns: Bus cycle, 0 when not known: then nothing is called late.
-        span_ns: Length of the window that a timeline shall cover.
+        cycle_ns: Bus cycle; 0 if unknown, then no cycle counts as late.
+        span_ns: Length of the timeline.
     """
 
     cycle_ns: int
@@ -114,7 +114,7 @@ class BusWatch:
     _slices: list[list[int]] = field(default_factory=list)
 
     def cycle(self, record: CycleRecord) -> None:
-        """Take one cycle."""
+        """Process one cycle."""
         last = self._last
         if last is None:
             self._first_ns = record.now_ns
@@ -134,7 +134,7 @@ class BusWatch:
         self._last = record
 
     def _timing(self, record: CycleRecord, last: CycleRecord | None) -> int:
-        """Return by how much the cycle came later than its period after the one before."""
+        """Return the delay of the cycle, relative to its period after the previous one."""
         if last is None or not self.cycle_ns:
             return 0
         passed = record.now_ns - last.now_ns
@@ -154,7 +154,7 @@ class BusWatch:
             # Bounded: a recording of hours may have millions of late cycles.
             if len(self._slow) < _MOST_RUNS:
                 self._slow.append(slow)
-        # The worst ones are kept even when the list is full.
+        # The worst ones are kept even if the list is full.
         if len(self._worst) < _WORST:
             heapq.heappush(self._worst, slow)
         elif slow > self._worst[0]:

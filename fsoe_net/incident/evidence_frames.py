@@ -26,7 +26,7 @@ _LONGEST_SEARCHED = 63
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameSeen:
-    """A new frame of a connection. ``changed`` are the bytes that differ from the frame before."""
+    """A new frame of a connection. ``changed``: bytes that differ from the previous frame."""
 
     cycle: int
     now_ns: int
@@ -39,9 +39,9 @@ class FrameSeen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResetSeen:
-    """A Reset that began: who sent it, and how things stood just before.
+    """A Reset that began: its sender, and the state just before.
 
-    ``silent_ns``: how long since the last new frame of main and of sub. ``waiting_for`` is the end
+    ``silent_ns``: time since the last new frame of main and of sub. ``waiting_for`` is the end
     whose turn it was: ``main`` or ``sub``. ``last_verdict`` and ``last_command`` are those of the
     newest frame of the other end.
     """
@@ -60,7 +60,7 @@ class ResetSeen:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shift:
-    """Whole frames were found next to the planned place, or with another length."""
+    """Complete frames were found next to the planned place, or with another length."""
 
     offset_bytes: int
     size_bytes: int
@@ -69,12 +69,12 @@ class Shift:
 
 @dataclass(slots=True)
 class WireSide:
-    """One direction, as it lay in the image; index 0 is main to sub.
+    """One direction, as in the image; index 0 is main to sub.
 
     ``right`` and ``wrong`` count new frames by their CRCs, ``illegal`` those whose first byte is no
-    FSoE command. ``linked`` are right frames other than Reset: they fit what the other end said.
-    ``torn`` are cycles in which the destination did not hold what the source held.
-    ``waits_ns`` are the times the other end waited for an answer in Data: count, sum, most.
+    FSoE command. ``linked`` are right frames other than Reset that match the frames of the other
+    end. ``torn`` are cycles in which the destination differed from the source. ``waits_ns``
+    describes how long the other end waited for an answer in Data: count, sum, maximum.
     """
 
     frames: int = 0
@@ -95,17 +95,17 @@ class WireSide:
 
     @property
     def waits_mean_ns(self) -> float:
-        """The mean of its waits, 0 without any."""
+        """The mean of its waits; 0 if there are none."""
         return self.waits_sum_ns / self.waits if self.waits else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkFacts:
-    """What the frames of one connection say.
+    """Facts about the frames of one connection.
 
-    ``frames`` are those around the moment. ``sent_…`` is what the main sent to the sub in the last
-    Connection and Parameter frames. ``state`` is the last state, ``states`` are all it was in.
-    ``begun`` counts the sessions each side has begun, which only a main does.
+    ``frames`` are those around the moment. ``sent_…`` are values from the last Connection and
+    Parameter frames of the main. ``state`` is the last state, ``states`` are all states that
+    occurred. ``begun`` counts the sessions that each side has begun, which only a main should do.
     ``time_in_failsafe_ns``: how long each direction carried FailSafeData in Data.
     """
 
@@ -124,7 +124,7 @@ class LinkFacts:
     time_in_failsafe_ns: tuple[int, int]
 
     def reset_at(self, now_ns: int, within_ns: int) -> ResetSeen | None:
-        """Return the Reset nearest to a time."""
+        """Return the Reset closest to a time."""
         near = [r for r in self.resets if abs(r.now_ns - now_ns) <= within_ns]
         return min(near, key=lambda r: abs(r.now_ns - now_ns)) if near else None
 
@@ -135,8 +135,8 @@ class LinkWatch:
     Args:
         places: Places of its frames.
         moment_ns: Time of the trigger; frames around it are kept.
-        bounds: Where to search for frames missing at their place, by direction: first byte and the
-            one after the last.
+        bounds: Range to search for frames that are missing at their place, by direction: first byte
+            and end.
         taken: Places of other frames, ``(first byte, length)``; excluded from the search.
     """
 
@@ -181,8 +181,8 @@ class LinkWatch:
         return safe_data_length(self._areas[direction].size_bytes)
 
     def cycle(self, cycle: int, now_ns: int, image: bytes) -> None:
-        """Take the image of one cycle."""
-        # The state before the frame of this moment: the frame itself is what happened.
+        """Process the image of one cycle."""
+        # The state before the frame of this moment, because the frame itself is the event.
         if self._at_moment is None and now_ns >= self._moment_ns:
             self._at_moment = self._monitor.state
         self._count_failsafe(now_ns)
@@ -192,7 +192,7 @@ class LinkWatch:
             data = image[area.source_byte : area.source_byte + area.size_bytes]
             copied = image[area.destination_byte : area.destination_byte + area.size_bytes]
             side = self.sides[direction]
-            # Source and destination differ: the copy was torn, or something else has written.
+            # Source and destination differ: the copy was torn, or there is another writer.
             if copied != data:
                 side.torn += 1
                 side.torn_cycle = side.torn_cycle or cycle
@@ -205,7 +205,7 @@ class LinkWatch:
         self._states.add(self._monitor.state)
 
     def idle(self, now_ns: int) -> None:
-        """Take a cycle whose image is that of the one before."""
+        """Process a cycle with an unchanged image."""
         if self._at_moment is None and now_ns >= self._moment_ns:
             self._at_moment = self._monitor.state
         self._count_failsafe(now_ns)
@@ -225,14 +225,14 @@ class LinkWatch:
         verdict = self._monitor.frame(direction, data, now_ns)
         pdu = decode_pdu(data)
         legal = pdu.command in _LEGAL
-        # The answer to a Session frame hangs on the chain; only a main begins one.
+        # The answer to a Session frame depends on the chain; only a main begins a session.
         self._begun[direction] += pdu.command == Command.SESSION and fits_start(pdu)
-        # Counted even if wrong: what a wrong frame contains shows where it came from.
+        # Counted even if wrong: the content of a wrong frame shows its origin.
         self._count(side, pdu.command, pdu.connection_id, verdict, legal=legal)
         side.not_zero |= any(data)
         if verdict is CrcVerdict.WRONG and before.in_data:
             side.wrong_in_data += 1
-        # Only answers in Data count: the start-up has times of its own.
+        # Only answers in Data count: the times of the start-up differ.
         answers = pdu.command in _DATA_COMMANDS and other.last_ns > side.last_ns >= 0
         if before.in_data and answers:
             wait = now_ns - other.last_ns
@@ -243,8 +243,8 @@ class LinkWatch:
         if pdu.command == Command.RESET and old[0] != Command.RESET:
             self._reset(direction, pdu.safe_data[0], before, cycle, now_ns)
         if direction == 0 and pdu.command in _START_COMMANDS:
-            self._sent = self._monitor.parameters  # kept: the next session forgets them
-        # A frame that makes no sense may be in another place: a shifted mapping.
+            self._sent = self._monitor.parameters  # kept, because the next session clears them
+        # An invalid frame may be in another place because the mapping is shifted.
         if not legal or verdict is CrcVerdict.WRONG:
             self._search(direction, image)
         side.last_ns = now_ns
@@ -285,7 +285,7 @@ class LinkWatch:
     def _reset(
         self, direction: int, code: int, before: ConnectionState, cycle: int, now_ns: int
     ) -> None:
-        # Resets that repeat for hours say the same; the first ones are enough.
+        # Resets that repeat for hours give no new facts; the first ones are sufficient.
         if len(self._resets) >= _MOST_RESETS:
             return
         main, sub = self.sides
@@ -308,8 +308,8 @@ class LinkWatch:
         )
 
     def _search(self, direction: int, image: bytes) -> None:
-        """Search whole frames next to the planned place."""
-        # The search is slow and its result stable after some frames.
+        """Search for complete frames next to the planned place."""
+        # The search is slow, and its result is stable after some frames.
         if self._searched[direction] >= _SEARCHES:
             return
         self._searched[direction] += 1
@@ -317,7 +317,7 @@ class LinkWatch:
         first, end = self._bounds[direction]
         for offset in range(-_SEARCH, _SEARCH + 1):
             start = area.source_byte + offset
-            # A frame outside of the process data of this device belongs to another one.
+            # A frame outside of the process data of this device belongs to another device.
             if not first <= start < end or image[start] not in _BEGINS:
                 continue
             for size in _sizes(area):
@@ -351,12 +351,12 @@ class LinkWatch:
 class PairWatch:
     """Follows the main of one connection and the sub of another.
 
-    ``linked`` counts the frames of one that answer those of the other: right ones, no Resets.
+    ``linked`` counts right frames of one, except Resets, that answer those of the other.
 
     Args:
         other: Name of the connection that is not that of the trigger.
-        main: The watch of the one.
-        sub: The watch of the other.
+        main: The watch of one connection.
+        sub: The watch of the other connection.
     """
 
     def __init__(self, other: str, main: LinkWatch, sub: LinkWatch) -> None:
@@ -367,7 +367,7 @@ class PairWatch:
         self.other, self.linked = other, 0
 
     def cycle(self, now_ns: int) -> None:
-        """Look at the new frames the two watches have found in this cycle."""
+        """Process the new frames that the two watches found in this cycle."""
         main, sub = self._ends
         for direction, data in ((1, sub.new[1]), (0, main.new[0])):
             if data is not None:
@@ -382,7 +382,7 @@ def _links(monitor: Monitor, direction: int, data: bytes, now_ns: int) -> bool:
 
 
 def _sizes(area: LayoutCopy) -> list[int]:
-    """Lengths a frame may have, the planned one first."""
+    """Return the possible lengths of a frame, the planned one first."""
     others = (n for n in range(6, _LONGEST_SEARCHED + 1) if is_frame_length(n))
     return [area.size_bytes, *(n for n in others if n != area.size_bytes)]
 

@@ -17,14 +17,14 @@ from fsoe_net.plan.model import Plan
 
 
 class TriggerKind(enum.Enum):
-    """Why the file was written."""
+    """Reason why the file was written."""
 
     LEFT_DATA = "left_data"
-    """A connection was in Data and no longer is."""
+    """A connection has left Data."""
     NOT_CONNECTED = "not_connected"
-    """A connection did not come to Data though every SubDevice was in OP."""
+    """A connection did not reach Data although every SubDevice was in OP."""
     REFUSED = "refused"
-    """A SubDevice is not as planned, or refuses a state or an object, while the bus runs."""
+    """A SubDevice differs from the plan, or rejects a state or an object, while the bus runs."""
     BUS_FAILED = "bus_failed"
     """The bus did not open; the file has no cycles."""
     REQUEST = "request"
@@ -33,10 +33,10 @@ class TriggerKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusFault:
-    """Why the bus did not open.
+    """Reason why the bus did not open.
 
-    ``status``: name of an ``fsn_status``; ``subdevice``: the first that is not as planned, may be
-    empty; ``link_down``: an interface has no link.
+    ``status``: name of an ``fsn_status``; ``subdevice``: the first that differs from the plan; may
+    be empty; ``link_down``: an interface has no link.
     """
 
     status: str
@@ -46,10 +46,10 @@ class BusFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trigger:
-    """The moment. ``before`` and ``after`` are ``None`` where no connection is the cause.
+    """The moment. ``before`` and ``after`` are ``None`` if no connection is the cause.
 
-    ``reset_by`` is ``main`` or ``sub``. ``subdevice`` is the one that refuses; empty with every
-    other kind. ``fault`` is that of `TriggerKind.BUS_FAILED`, ``None`` with every other kind.
+    ``reset_by`` is ``main`` or ``sub``. ``subdevice`` is set for `TriggerKind.REFUSED` only,
+    otherwise empty. ``fault`` is set for `TriggerKind.BUS_FAILED` only, otherwise ``None``.
     """
 
     kind: TriggerKind
@@ -67,7 +67,7 @@ class Trigger:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IncidentEvent:
-    """One event as subscribers get it; ``keys`` are its further values as text."""
+    """One event as received by subscribers; ``keys`` are its further values as text."""
 
     event: str
     now_ns: int
@@ -78,7 +78,7 @@ class IncidentEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeSetting:
-    """One connection as a device itself holds it; ``None`` is not read."""
+    """One connection as stored in the device itself; ``None`` if not read."""
 
     address: int | None
     connection_id: int | None
@@ -87,7 +87,7 @@ class FsoeSetting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeFacts:
-    """Report of a SubDevice about its FSoE ends."""
+    """The report of a SubDevice about its FSoE ends."""
 
     subdevice: str
     address: int | None
@@ -98,8 +98,8 @@ class FsoeFacts:
 class CycleRecord:
     """One cycle of the window.
 
-    ``wkc`` is expected and actual working counter, ``None`` when complete. ``image`` is the process
-    data at the end of the cycle: inputs as received, outputs as sent; ``None`` when not known.
+    ``wkc`` is expected and actual working counter, ``None`` if complete. ``image`` is the process
+    data at the end of the cycle: inputs as received, outputs as sent; ``None`` if unknown.
     """
 
     cycle: int
@@ -116,10 +116,10 @@ class CycleRecord:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IncidentHead:
-    """First line of the file. ``plan`` is ``None`` when its bytes cannot be used: see ``remarks``.
+    """First line of the file. ``plan`` is ``None`` if its bytes are invalid: see ``remarks``.
 
-    ``counters`` are ``None`` and the layout is empty when the bus did not open. ``ring_place``:
-    where the ring was open when the file was written; empty when it was closed, or no ring.
+    ``counters`` is ``None`` and the layout is empty if the bus did not open. ``ring_place``: where
+    the ring was open when the file was written; empty if it was closed, or there is no ring.
     """
 
     utc: str

@@ -30,7 +30,7 @@ _VERDICTS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkRow:
-    """One connection; ``mark`` when it is the one the page is about."""
+    """One connection; ``mark`` if the page is about it."""
 
     name: str
     main: str
@@ -46,7 +46,7 @@ class LinkRow:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """What is shown in a table: its name first."""
+        """The cells of a table; the name is first."""
         return (
             self.name,
             self.connection_id,
@@ -69,13 +69,13 @@ class TimeRow:
 
     @property
     def is_warning(self) -> bool:
-        """Whether it is more than a note."""
+        """Whether it is a warning or worse."""
         return self.level in ("warning", "error")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameRow:
-    """One frame; ``changed``: bytes that differ from the frame before; ``wrong``: its CRC."""
+    """One frame; ``changed``: bytes that differ from the previous frame; ``wrong``: its CRC."""
 
     offset_ms: float
     cycle: int
@@ -89,7 +89,7 @@ class FrameRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IncidentFacts:
-    """Content of a page. ``nothing``: why no cause is named; else empty."""
+    """Content of a page. ``nothing``: why no cause is named; otherwise empty."""
 
     title: str
     sentence: str
@@ -144,7 +144,7 @@ def _when(e: IncidentEvidence) -> str:
 
 
 def _sentence(e: IncidentEvidence) -> str:
-    """Describe the incident in one sentence, without any cause."""
+    """Return one sentence that describes the incident without its cause."""
     trigger = e.head.trigger
     if trigger.kind is TriggerKind.BUS_FAILED:
         reason = trigger.text or "no reason was reported"
@@ -211,7 +211,7 @@ def _facts(e: IncidentEvidence) -> tuple[str, ...]:
 
 def _remarks(e: IncidentEvidence) -> tuple[str, ...]:
     rows = list(e.head.remarks)
-    # A cut file is still worth reading, but its counts are minimums.
+    # A truncated file is still useful, but its counts are minimums.
     if e.cut:
         rows.append(f"the file ends early ({e.cut}); what is before is shown")
     if e.bus.missed:
@@ -285,7 +285,7 @@ def _resets(e: IncidentEvidence, name: str) -> str:
 
 
 def _answers(e: IncidentEvidence, name: str) -> str:
-    """Return mean and most answer time in Data of main and sub, in milliseconds."""
+    """Return mean and maximum answer time in Data of main and sub, in milliseconds."""
     link = e.links.get(name)
     if link is None or not any(s.waits for s in link.sides):
         return "-"
@@ -297,7 +297,7 @@ def _answers(e: IncidentEvidence, name: str) -> str:
 
 
 def _events(e: IncidentEvidence) -> tuple[tuple[TimeRow, ...], int]:
-    """Return the events that matter most: warnings and those close to the moment."""
+    """Return the most relevant events: warnings and those close to the moment."""
     # A bus that did not open has no cycles, so all its events count.
     rows = [
         v for v in e.head.events if e.bus.first_ns <= v.now_ns <= e.bus.last_ns or not e.bus.cycles
@@ -339,7 +339,7 @@ def _frame(e: IncidentEvidence, seen: FrameSeen) -> FrameRow:
 
 
 def _worst(e: IncidentEvidence) -> tuple[tuple[str, ...], ...]:
-    """Return the latest cycles: number, time, how late, wake-up, work and round trip."""
+    """Return the latest cycles: number, time, lateness, wake-up, work and round trip."""
     return tuple(
         (
             str(s.cycle),

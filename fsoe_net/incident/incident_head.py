@@ -1,4 +1,4 @@
-"""The head of an incident file: JSON to plain values."""
+"""The head of an incident file, from JSON to plain values."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def head_of(values: JsonObject) -> IncidentHead:
     """Return the head.
 
     Raises:
-        IncidentError: A key is missing or has a value it cannot have.
+        IncidentError: A key is missing or has an invalid value.
     """
     version = values.whole("incident", missing=0)
-    # Any JSON object could be here: the version key is what makes it an incident file.
+    # This can be any JSON object: the version key identifies an incident file.
     if version == 0:
         raise values.bad("incident", "is missing: this is not an incident file")
     if version > _VERSION:
@@ -66,7 +66,7 @@ def head_of(values: JsonObject) -> IncidentHead:
 
 
 def _plan(values: JsonObject, remarks: list[str]) -> Plan | None:
-    """Return the plan; one that is damaged costs names and facts, not the file."""
+    """Return the plan; if it is damaged, names and facts are missing, but the file is readable."""
     text = values.text("plan")
     if not text:
         remarks.append("the file holds no plan: addresses and watchdogs are not known")
@@ -102,7 +102,7 @@ def _trigger(row: JsonObject) -> Trigger:
         subdevice=row.label("subdevice"),
         before=_state(row.label("before")),
         after=_state(row.label("after")),
-        # A code without an end that sent it cannot be assigned.
+        # A code without the end that sent it cannot be assigned.
         reset_by=by if by in ("main", "sub") else "",
         reset_code=code if by in ("main", "sub") else None,
         cycle=row.whole("cycle", missing=0),

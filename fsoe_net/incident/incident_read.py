@@ -28,12 +28,12 @@ class IncidentReader:
 
     Args:
         name: Name of the file, for messages.
-        stream: Its bytes; must have no other reader.
+        stream: Content of the file; must have no other reader.
 
     Attributes:
         head: First line.
-        cut: Why the file ends early, with the line; empty while it is whole.
-        cycles: Cycles given so far.
+        cut: Why the file ends early, with the line; empty if it is complete.
+        cycles: Cycles yielded so far.
 
     Raises:
         IncidentError: The first line is not a valid head of an incident file.
@@ -45,7 +45,7 @@ class IncidentReader:
         self.cut = ""
         self.cycles = 0
         line = stream.readline(_HEAD_BYTES + 1)
-        # The head holds the plan; its length is bounded before any of it is parsed.
+        # The head contains the plan; its length is limited before any of it is parsed.
         if len(line) > _HEAD_BYTES:
             raise IncidentError(f"longer than {_HEAD_BYTES >> 20} MiB", name, 1)
         if not line.strip():
@@ -53,21 +53,21 @@ class IncidentReader:
         document = _object(line)
         if isinstance(document, str):
             reason = f"this is not an incident file: {document} in its first line"
-            # A disk that was full cuts the head; a file of another tool is something else.
+            # A full disk truncates the head; a file of another tool is a different error.
             if line.startswith(b"{") and not line.endswith(b"\n"):
                 reason = f"the head is cut off: {document}"
             raise IncidentError(reason, name, 1)
         self.head: IncidentHead = head_of(JsonObject(document, name, 1))
 
     def __iter__(self) -> Iterator[CycleRecord]:
-        """Yield the cycles in file order; `cut` is right once this has ended."""
+        """Yield the cycles in file order; `cut` is valid after the last one."""
         image: bytes | None = None
         last = -1
         number = 1
         while True:
             number += 1
             line = self._stream.readline(_LINE_BYTES + 1)
-            # A whole file ends with a line of its own; without it, the writer did not finish.
+            # A complete file ends with a separate line; without it, the writer did not finish.
             if not line:
                 self._cut(
                     number, "the file ends without its last line; the disk may have been full"
@@ -80,11 +80,11 @@ class IncidentReader:
                 return
             if record is None:
                 return
-            # Cycle numbers only rise: anything else is a damaged or joined file.
+            # Cycle numbers only increase: anything else is a damaged or joined file.
             if record.cycle <= last:
                 self._cut(number, f"cycle {record.cycle} comes after cycle {last}")
                 return
-            # A file without end must not run for ever.
+            # Reading of an endless file must stop.
             if self.cycles >= _MOST_CYCLES:
                 self._cut(number, f"more than {_MOST_CYCLES} cycles")
                 return
@@ -142,9 +142,9 @@ class IncidentReader:
 
 
 def _object(line: bytes) -> Mapping[str, Any] | str:
-    """Return the JSON object of a line, or why there is none."""
+    """Return the JSON object of a line, or the reason why there is none."""
     try:
-        # NaN and infinity are not JSON, although Python reads them.
+        # NaN and infinity are not valid JSON, although Python reads them.
         found = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
     except UnicodeDecodeError:
         return "no UTF-8"

@@ -1,4 +1,4 @@
-"""The window of an incident in slices: errors in each, for drawing as page and text."""
+"""The window of an incident in slices, with the errors in each, to be drawn or printed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fsoe_net.incident.evidence import IncidentEvidence
 
 
 class Wrong(IntEnum):
-    """What was wrong in a slice; the worst has the highest number."""
+    """Type of error in a slice; the worst has the highest number."""
 
     NOTHING = 0
     LATE = 1
@@ -19,7 +19,7 @@ class Wrong(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slice:
-    """A part of the window; ``begin`` is where in it, from 0 to 1."""
+    """A part of the window; ``begin`` is its position from 0 to 1."""
 
     begin: float
     wrong: Wrong
@@ -27,14 +27,14 @@ class Slice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IncidentWindow:
-    """All slices; ``moment`` is where in the window it is, from 0 to 1."""
+    """All slices; ``moment`` is the position of the trigger from 0 to 1."""
 
     slices: tuple[Slice, ...]
     moment: float
 
 
 def window_of(e: IncidentEvidence) -> IncidentWindow | None:
-    """Return the window in slices; ``None`` when there is none."""
+    """Return the window in slices, or ``None`` if there is none."""
     bus = e.bus
     span_ns = bus.last_ns - bus.first_ns
     if not bus.timeline or span_ns <= 0:

@@ -1,4 +1,4 @@
-"""Writes incident files: whole under their name, or as far as a full disk let them."""
+"""Writes incident files: complete under their name, or as far as a full disk allows."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SUFFIX = ".fsnincident"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenIncident:
-    """Outcome of a write. ``path`` is ``None`` when no file was written; ``fault``: the reason."""
+    """Outcome of a write. ``path`` is ``None`` if no file was written; ``fault`` is the reason."""
 
     path: Path | None
     fault: str = ""
@@ -28,7 +28,7 @@ def incident_name(utc: str, what: str) -> str:
 
     Args:
         utc: Time as ``2026-11-21T15:46:12.123Z``.
-        what: Connection, or another word; what a file name should not hold becomes ``_``.
+        what: Connection, or another word; characters unsuitable for file names become ``_``.
     """
     stamp = utc.replace("-", "").replace(":", "")
     word = re.sub(r"[^A-Za-z0-9._-]", "_", what)[:80] or "incident"
@@ -36,7 +36,7 @@ def incident_name(utc: str, what: str) -> str:
 
 
 def incident_lines(head: Mapping[str, Any], cycles: Iterable[CycleRecord]) -> Iterator[str]:
-    """Yield the lines of a file, each with its newline; what equals the line before is left out."""
+    """Yield the lines of a file, each with its newline; unchanged values are omitted."""
     yield _line({"incident": 1} | dict(head))
     image: bytes | None = None
     count = 0
@@ -50,11 +50,11 @@ def incident_lines(head: Mapping[str, Any], cycles: Iterable[CycleRecord]) -> It
             "old": record.old,
             "foreign": record.foreign,
         }
-        # Zeros are left out: most cycles have none of them, and files grow by the cycle.
+        # Zeros are omitted: most cycles have only zeros, and every cycle adds to the file.
         row |= {key: value for key, value in numbers.items() if value}
         if record.wkc is not None:
             row["wkc"] = list(record.wkc)
-        # The image is written only when it changes; the reader keeps the last one.
+        # The image is written only if it changes; the reader keeps the last one.
         if record.image is not None and record.image != image:
             image = record.image
             row["image"] = image.hex()
@@ -66,10 +66,10 @@ def incident_lines(head: Mapping[str, Any], cycles: Iterable[CycleRecord]) -> It
 def write_incident(
     folder: Path, name: str, head: Mapping[str, Any], cycles: Iterable[CycleRecord]
 ) -> WrittenIncident:
-    """Write a file under a temporary name, then give it its own; never raises for the disk.
+    """Write a file under a temporary name, then rename it; never raises for disk errors.
 
-    A file that the disk had no room for keeps its name when its head is whole, so that it can be
-    read as far as it goes. A name that is taken gets a number.
+    A file truncated by a full disk keeps its name if its head is complete, so that the rest can be
+    read. If the name exists, a number is added.
     """
     temporary = folder / f".{name}.part"
     whole_head = False
@@ -79,7 +79,7 @@ def write_incident(
             for number, line in enumerate(incident_lines(head, cycles)):
                 file.write(line)
                 if number == 0:
-                    # From here on the file can be read as far as it goes.
+                    # From here on the file is readable, even if it is truncated.
                     file.flush()
                     whole_head = True
             file.flush()
