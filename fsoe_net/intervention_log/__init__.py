@@ -1,5 +1,5 @@
-"""The log of interventions: entries chained by hashes, read, checked and selected.
+"""The intervention log: entries chained by hashes; reading, checking and selecting them.
 
 Add here: a kind of entry, a check of the chain. The writer is ``fsn-master`` in C (`app/log`). Do
-not add: who may intervene (the control socket decides).
+not add: permissions (the control socket decides who may intervene).
 """

@@ -17,16 +17,16 @@ from typing import Any, Protocol
 
 from fsoe_net.core.json_object import clean
 
-_LINE_BYTES = 1 << 20  # as fsn-master writes them
+_LINE_BYTES = 1 << 20  # the limit of fsn-master
 _VERSION = 1
 _MOST_NUMBER = (1 << 64) - 1
 _MOST_ID = (1 << 32) - 1
 _MOST_FINDINGS = 50
 _MOST_DEPTH = 16
-_BACK_S = 1.0  # clocks are set by less all the time
+_BACK_S = 1.0  # clocks are often set back by less
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _UTC = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,6})?Z")
-_ABOUT_THE_LOG = ("file", "torn")  # what may stand between torn bytes and the entry about them
+_ABOUT_THE_LOG = ("file", "torn")  # may precede the entry about torn bytes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class LogLine:
 
     Attributes:
         at: Number in the file, from 1.
-        data: Without its newline; ``None`` for one that is too long for an entry.
+        data: Without its newline; ``None`` if it is too long for an entry.
         size_bytes: With its newline.
         sha256: Of the line without its newline.
         ends: Whether it ends with a newline.
@@ -57,7 +57,7 @@ class LogEntry:
         event: Kind of event.
         utc: Time as written; empty if it is invalid.
         level: info, warning, error or detail.
-        text: For people.
+        text: Text for people.
         who: User and program, if the entry names them.
         file: Name of its file.
         line: Line in it, from 1.
@@ -81,7 +81,7 @@ class LogEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainFinding:
-    """What is wrong with a chain, and where; ``line`` 0: the file as a whole."""
+    """An error in a chain, and its place; ``line`` 0: the file as a whole."""
 
     file: str
     line: int
@@ -90,7 +90,7 @@ class ChainFinding:
 
 @dataclass(slots=True)
 class LogFile:
-    """One file of a log: its name, length, SHA-256, and the numbers of its entries (0: none)."""
+    """One file of a log: its name, length, SHA-256, and the numbers of its entries (0 for none)."""
 
     name: str
     size_bytes: int = 0
@@ -104,7 +104,7 @@ class LogCheck:
     """Result of checking the chain.
 
     Attributes:
-        files: Files in the order they were read.
+        files: Files in the order in which they were read.
         entries: Number of entries.
         first: Number of the first one; 0 if there are none.
         last: The last entry.
@@ -126,27 +126,27 @@ class LogCheck:
 
     @property
     def holds(self) -> bool:
-        """Whether nothing was found."""
+        """Whether there are no findings."""
         return not self.findings
 
 
 class Readable(Protocol):
-    """What lines are read from."""
+    """A source of lines."""
 
     def readline(self, most: int, /) -> bytes:
-        """Return bytes up to a newline, at most so many."""
+        """Return bytes up to a newline, at most the given number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFilter:
-    """Which entries are wanted: of a time, of some events, of a user or program; the newest.
+    """Selects entries by time, events, and user or program; and how many of the newest.
 
     Attributes:
-        since: Not before; an entry without a time fits no time.
-        until: Before.
-        events: Names; empty: all.
-        who: Part of what `LogEntry.who` is; empty: anybody.
-        most: So many of them, the newest.
+        since: Earliest time; entries without a time never match.
+        until: Time before which entries match.
+        events: Names of events; empty for all.
+        who: Part of `LogEntry.who`; empty for any.
+        most: Maximum number of entries, the newest ones.
     """
 
     since: datetime | None = None
@@ -156,7 +156,7 @@ class LogFilter:
     most: int = 200
 
     def fits(self, entry: LogEntry) -> bool:
-        """Whether an entry is wanted."""
+        """Whether an entry matches."""
         at = utc_of(entry.utc)
         return (
             (self.since is None or (at is not None and at >= self.since))
@@ -168,7 +168,7 @@ class LogFilter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogSelection:
-    """Entries that were wanted, what the chain is like, and how many earlier ones are left out."""
+    """Selected entries, the result of the chain check, and the number of omitted entries."""
 
     check: LogCheck
     entries: tuple[LogEntry, ...]
@@ -176,7 +176,7 @@ class LogSelection:
 
 
 def log_lines(stream: Readable) -> Iterator[LogLine]:
-    """Yield the lines of a file; of one that is too long only its length and hash."""
+    """Yield the lines of a file; for one that is too long, only its length and hash."""
     at = 0
     # One byte more than an entry may have: its newline.
     while data := stream.readline(_LINE_BYTES + 1):
@@ -195,7 +195,7 @@ def log_lines(stream: Readable) -> Iterator[LogLine]:
 
 
 def utc_of(text: str) -> datetime | None:
-    """Return the time of an entry; ``None`` where the text is not one."""
+    """Return the time of an entry, or ``None`` if the text is not a time."""
     try:
         return datetime.fromisoformat(text) if _UTC.fullmatch(text) else None
     except ValueError:
@@ -206,9 +206,9 @@ class LogChain:
     """Follows the chain over the lines of all files.
 
     Args:
-        after: SHA-256 of the entry before the first one, kept elsewhere; empty: the log begins at
+        after: SHA-256 of the entry before the first one, kept elsewhere; empty if the log begins at
             entry 1.
-        last: SHA-256 that some entry had when it was the last one, kept elsewhere; empty: unknown.
+        last: SHA-256 of an entry that was once the last one, kept elsewhere; empty if unknown.
     """
 
     def __init__(self, *, after: str = "", last: str = "") -> None:
@@ -229,12 +229,12 @@ class LogChain:
         self._torn = _Torn()
 
     def begin(self, name: str) -> LogFile:
-        """Begin a file; its length and hash are for the caller to fill in."""
+        """Begin a file; the caller sets its length and hash."""
         self._files.append(LogFile(name))
         return self._files[-1]
 
     def take(self, line: LogLine) -> LogEntry | None:
-        """Take the next line of the file; return its entry, ``None`` where it holds none."""
+        """Process the next line of the file; return its entry, or ``None`` if it has none."""
         file = self._files[-1]
         entry = _entry_of(line, file.name)
         if entry is None:
@@ -257,7 +257,7 @@ class LogChain:
         return entry
 
     def end(self) -> LogCheck:
-        """Return the result, after all lines were taken."""
+        """Return the result after the last line."""
         torn = self._torn
         # Only the end of the last file may be incomplete: fsn-master may be writing it.
         if torn.size_bytes and not torn.ends and torn.file == self._files[-1].name:
@@ -308,7 +308,7 @@ class LogChain:
             self._findings.append(ChainFinding(file=file, line=line, text=text))
 
     def _compare(self, entry: LogEntry) -> None:
-        """Compare number and hash with those of the entry before."""
+        """Compare number and hash with those of the previous entry."""
         before, stated = self._entry, entry.row["previous"]
         if before is None:
             text = self._wrong_begin(entry.number, stated)
@@ -330,7 +330,7 @@ class LogChain:
             self._add(entry.file, entry.line, text)
 
     def _wrong_begin(self, number: int, stated: str | None) -> str:
-        """Return the error of the first entry; empty if none."""
+        """Return the error of the first entry; empty if there is none."""
         if self._after:
             return "" if stated == self._after else f"entry {number} does not follow --after"
         if number == 1:
@@ -381,7 +381,7 @@ class _Torn:
         if line.data is not None:
             self._hash.update(line.data + b"\n" * line.ends)
         else:
-            self._hash.update(line.sha256.encode())  # no entry describes one that is so long
+            self._hash.update(line.sha256.encode())  # no entry describes a line of this length
 
     @property
     def sha256(self) -> str:
@@ -400,7 +400,7 @@ def _numbers(first: int, last: int) -> str:
 
 
 def _entry_of(line: LogLine, file: str) -> LogEntry | None:
-    """Return the entry of a line; ``None`` if it is not one."""
+    """Return the entry of a line, or ``None`` if it is not an entry."""
     row = _object(line.data) if line.data is not None and line.ends else None
     if row is None:
         return None
@@ -450,7 +450,7 @@ def _is_id(value: object) -> bool:
 
 
 def _object(data: bytes) -> dict[str, Any] | None:
-    """Return the JSON object of a line, whose keys are there once; ``None``: it is not one."""
+    """Return the JSON object of a line with unique keys, or ``None`` if it is not one."""
     try:
         # fsn-master writes no NaN, no 1e999 and no key twice; readers of JSON differ on all three.
         row = json.loads(
@@ -465,7 +465,7 @@ def _object(data: bytes) -> dict[str, Any] | None:
 
 
 def _is_flat(value: object, depth: int) -> bool:
-    """Whether objects and lists in each other are at most so many."""
+    """Whether the nesting of objects and lists is limited to this depth."""
     if not isinstance(value, dict | list):
         return True
     inner = value.values() if isinstance(value, dict) else value

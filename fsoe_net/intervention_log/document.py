@@ -50,7 +50,7 @@ def log_check_document(check: LogCheck, version: str) -> Document:
     """Return the result of `fsoe-net log verify`.
 
     Args:
-        check: The walk along the chain.
+        check: Result of the chain check.
         version: Version of fsoe-net.
     """
     return Document(
@@ -63,7 +63,7 @@ def log_check_document(check: LogCheck, version: str) -> Document:
 
 
 def log_document(found: LogSelection, version: str) -> Document:
-    """Return entries as a table, with what the walk along the chain has found.
+    """Return entries as a table, with the result of the chain check.
 
     Args:
         found: The entries to show.

@@ -1,4 +1,4 @@
-"""The intervention log of ``fsn-master``: read, verified, and packed to be handed in."""
+"""The intervention log of ``fsn-master``: reading, verification, and export as an archive."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ _MOST_KEPT_BYTES = 64 << 20
 
 
 def log_files(paths: Sequence[str]) -> list[str]:
-    """Return the files of a log: those named, and of a folder all that it holds, in order.
+    """Return the files of a log in order: the given ones, and all files of a given folder.
 
     Raises:
-        InputError: A folder holds none.
+        InputError: A folder contains none.
     """
     files: list[str] = []
     for path in paths:
@@ -59,13 +59,13 @@ def read_log(
     each: Callable[[LogEntry], None] = lambda entry: None,
     archive: zipfile.ZipFile | None = None,
 ) -> LogCheck:
-    """Follow the chain over files, in their order.
+    """Follow the chain across files, in their order.
 
     Args:
-        files: Their names.
-        chain: A chain that has taken nothing.
+        files: Names of the files.
+        chain: A new chain.
         each: Called with each entry.
-        archive: Gets a copy of each file, byte for byte, numbered where two share a name.
+        archive: Receives an exact copy of each file, numbered if two share a name.
 
     Raises:
         InputError: A file cannot be read.
@@ -89,7 +89,7 @@ def read_log(
 
 
 def select_entries(files: Sequence[str], wanted: LogFilter) -> LogSelection:
-    """Return the entries of a log that are wanted; at most 64 MiB of them are kept in memory.
+    """Return the matching entries of a log; at most 64 MiB of them are kept in memory.
 
     Raises:
         InputError: A file cannot be read.
@@ -118,16 +118,16 @@ def export_log(
     *,
     overwrite: bool,
 ) -> LogCheck:
-    """Pack files of a log into a ZIP file with their SHA-256, and what was found as text and JSON.
+    """Pack files of a log into a ZIP file with their SHA-256, and the findings as text and JSON.
 
     Args:
-        files: Their names.
-        chain: A chain that has taken nothing.
+        files: Names of the files.
+        chain: A new chain.
         target: The file to write.
-        overwrite: Whether it is replaced.
+        overwrite: Whether to replace an existing file.
 
     Raises:
-        InputError: A file cannot be read, or the target is there.
+        InputError: A file cannot be read, or the target exists.
         EnvironmentFault: The target cannot be written; the existing content is unchanged.
     """
     path = Path(target)
@@ -157,7 +157,7 @@ def export_log(
 
 
 class _Copying:
-    """A stream of bytes that is hashed, and copied, as it is read."""
+    """A stream of bytes that is hashed and copied while it is read."""
 
     def __init__(self, stream: IO[bytes]) -> None:
         self._stream = stream
@@ -173,7 +173,7 @@ class _Copying:
 
 
 def _packed_names(files: Sequence[str]) -> list[str]:
-    """Return a name for each file in an archive; of those that share one, with a number before."""
+    """Return a name for each file in an archive; equal names get a number in front."""
     names = [Path(name).name for name in files]
     return [
         name if names.count(name) == 1 and name != "-" else f"{n}-{name}"
