@@ -1,4 +1,4 @@
-"""Follows a running ``fsn-master`` as one more client, over its stops and restarts."""
+"""Follows a running ``fsn-master`` as an additional client, across stops and restarts."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class WatchedConnection:
     """A connection as `ConnectionResult`, with the values that only a monitor reports.
 
     Attributes:
-        result: As in the result of a run.
-        resets_to_sub: Resets sent by the main, including answers and those at start.
+        result: The connection as in the result of a run.
+        resets_to_sub: Resets sent by the main, including answers and those at the start.
         resets_to_main: Resets sent by the sub.
-        cause: Cause of the last Reset in words, with the end that sent it first if observed.
+        cause: Cause of the last Reset in words, with the end that began it, if observed.
         watchdog_share: Longest FSoE cycle as a share of the watchdog; ``None`` if unknown.
         held_main: Cycles in which the inputs of the main's SubDevice were old.
-        held_sub: The same for the sub's SubDevice.
+        held_sub: Same for the SubDevice of the sub.
         silent_to_sub_ms: Time since the main's last new frame.
         silent_to_main_ms: Time since the sub's last new frame.
     """
@@ -56,7 +56,7 @@ class WatchedConnection:
     silent_to_main_ms: float | None
 
     def to_json(self) -> dict[str, object]:
-        """Return the keys of the connection and of the monitor in one."""
+        """Return the keys of the connection and of the monitor in one object."""
         row = asdict(self)
         result: dict[str, object] = row.pop("result")
         return result | row
@@ -64,12 +64,12 @@ class WatchedConnection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusView:
-    """What is known now.
+    """The current state of the bus.
 
-    ``away``: why ``fsn-master`` does not answer; empty while it does. ``refused``: why it gives no
-    snapshot of a bus that runs. ``snapshot`` is the last one, ``current`` whether it is of now.
-    ``changes`` are counters that rose a moment ago. Times of ``events`` count from the begin of the
-    monitor.
+    ``away``: why ``fsn-master`` does not answer; empty if it does. ``refused``: why it returns no
+    snapshot of a running bus. ``snapshot`` is the last one, ``current`` whether it is up to date.
+    ``changes`` are counters that increased recently. Times of ``events`` count from the start of
+    the monitor.
     """
 
     away: str
@@ -110,7 +110,7 @@ class BusView:
 
     @property
     def good(self) -> bool:
-        """Whether now every connection is in Data and every SubDevice in OP, or may be absent."""
+        """Whether every connection is in Data and every SubDevice in OP, or may be absent."""
         rows = self.health
         return self.current and in_operation((*rows.subdevices, *rows.connections))
 
@@ -141,7 +141,7 @@ class Attachment:
         details: Keep every Reset of a connection that resets again and again.
 
     Raises:
-        EnvironmentFault: Nobody answers there; later it is waited for.
+        EnvironmentFault: No process answers; after the first connection, this is not an error.
     """
 
     def __init__(self, path: str | Path, *, details: bool = False) -> None:
@@ -170,11 +170,11 @@ class Attachment:
 
     @property
     def start_ns(self) -> int:
-        """Monotonic time from which the times of events count, nanoseconds."""
+        """Monotonic time in nanoseconds from which the times of events count."""
         return self._events.start_ns
 
     def take_events(self) -> list[RunEvent]:
-        """Return the stored events and discard them; for programs that watch for a long time."""
+        """Return and discard the stored events; for programs that watch for a long time."""
         taken = self._events.events
         self._events.events = []
         return taken
@@ -219,13 +219,13 @@ class Attachment:
         if not self._away:
             self._away = str(fault)
             self._events.log("monitor", f"fsn-master is gone, waiting for it: {fault}")
-            self._events.events_lost += 1  # its last words were perhaps not read
+            self._events.events_lost += 1  # its last messages may not have been read
 
     def _ask(self, client: Client, wait_s: float, stop: threading.Event | None) -> bool:
         until = time.monotonic() + wait_s
         while True:
-            # Pauses of 0.1 s at most: `stop` must be able to end a long wait, and events arrive any
-            # time.
+            # Pauses of at most 0.1 s: `stop` must be able to end a long wait, and events can arrive
+            # any time.
             for event in client.events(min(0.1, max(0.0, until - time.monotonic()))):
                 self._events.take(event)
             if time.monotonic() >= until or (stop is not None and stop.is_set()):
@@ -235,15 +235,14 @@ class Attachment:
         if self._status.state not in (BusState.RUNNING, BusState.STARTING):
             return False
         try:
-            # The facts come from the plan. They are read once and again after each new connection
-            # only.
+            # The facts come from the plan. They are read once, and again after each new connection.
             if not self._facts:
                 self._facts = _facts(client)
             self._snapshot = client.snapshot()
         except ControlRefused as refused:
             if not (refused.bus_stopped or refused.busy):
                 self._refused = str(refused)
-            # Between two states, or a cycle that leaves no time for a snapshot.
+            # Between two states, or the cycle leaves no time for a snapshot.
             return refused.busy and self._snapshot is not None
         return True
 
@@ -305,7 +304,7 @@ def _facts(client: Client) -> tuple[PlannedConnection, ...]:
     names = client.connections()
     try:
         stated = {c.name: c for c in client.layout().connections}
-    except ControlRefused:  # an fsn-master that has no such request
+    except ControlRefused:  # an fsn-master without this request
         stated = {}
     unknown = PlannedConnection(name="")
     return tuple(
@@ -321,7 +320,7 @@ def _cause(name: str, wire: ConnectionSnapshot, events: BusEvents) -> str:
         return f"{events.last_reset_by.get(name, 'one end')}: {text}"
     rows = ((ENDS["main"], wire.to_sub), (ENDS["sub"], wire.to_main))
     sent = [(end, d.reset_code) for end, d in rows if d.resets]
-    # Reset code 0 is the plain reset of a start; the end that gives a reason is the one to blame.
+    # Reset code 0 is the plain reset of a start; the end that gives a reason is the cause.
     reported = [row for row in sent if row[1]] or sent
     if len(reported) == 2 and reported[0][1] == reported[1][1]:
         return f"both ends sent: {reset_code_text(reported[0][1])}"

@@ -1,6 +1,6 @@
 """A CiA 402 axis in the cycle of ``fsn-master``: see ``docs/howto/program.md``.
 
-The state machine is that of the C library (``fsn/axis.h``), not repeated here.
+The state machine is in the C library (``fsn/axis.h``), not repeated here.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from fsoe_net.errors import ControlRefused
 
 
 class AxisMode(IntEnum):
-    """Modes of operation, as object 0x6060 has them."""
+    """Modes of operation, with the values of object 0x6060."""
 
     PP = 1
     PV = 3
@@ -24,7 +24,7 @@ class AxisMode(IntEnum):
 
 
 class AxisState(Enum):
-    """States of the drive by CiA 402; ``NO_STATE``: the bits of its statusword are not a state."""
+    """States of the drive by CiA 402; ``NO_STATE``: the bits of its statusword are invalid."""
 
     NOT_READY = 0
     SWITCH_ON_DISABLED = 1
@@ -38,10 +38,10 @@ class AxisState(Enum):
 
 
 class AxisPhase(Enum):
-    """Where the axis is between its program and its drive.
+    """State of the axis between its program and its drive.
 
-    ``STOPPED_BY_DRIVE`` and ``TORQUE_OFF`` are expected with SS1, SS2 and STO, and no fault. Out of
-    each of them, and of ``NO_ANSWER`` and ``BAD_STATUSWORD``, only `Axis.enable` leads.
+    ``STOPPED_BY_DRIVE`` and ``TORQUE_OFF`` are expected with SS1, SS2 and STO and are not faults.
+    These two, ``NO_ANSWER`` and ``BAD_STATUSWORD`` can only be left with `Axis.enable`.
     """
 
     OFF = 0
@@ -57,7 +57,7 @@ class AxisPhase(Enum):
 
 
 class AxisJob(Enum):
-    """What became of the last set-point or homing."""
+    """Progress of the last set-point or homing."""
 
     NONE = 0
     WAITING = 1
@@ -67,13 +67,13 @@ class AxisJob(Enum):
 
 
 class Axis:
-    """One axis; `RealTime.axis` makes it, and it lives as long as that.
+    """One axis, created by `RealTime.axis` and valid as long as that object.
 
     Call `step` in each cycle, between ``wait`` and ``send``. All values are those of the last step,
-    and whole numbers of the drive: factor and offset of the network file do not apply.
+    as integers of the drive: factor and offset of the network file do not apply.
 
-    Until the axis is `enabled`, and again after each loss of that, its targets are the actual
-    position, velocity 0 and torque 0. After a stop of any kind the program has to enable it again.
+    While the axis is not `enabled`, its targets are the actual position, velocity 0 and torque 0.
+    After a stop of any kind the program must enable it again.
     """
 
     def __init__(self, realtime: Any, cycle: Any, options: Any) -> None:
@@ -91,7 +91,7 @@ class Axis:
         return str(self._ffi.string(self._lib.fsn_status_name(status)).decode())
 
     def _check(self, status: int, what: str, limit: str = "") -> None:
-        """Raise the exception for a refusal: value outside a limit, or not possible now."""
+        """Raise the exception for a refusal: the value is outside a limit, or not possible now."""
         if not status:
             return
         if status == self._lib.FSN_E_ARG:
@@ -113,12 +113,12 @@ class Axis:
         return str(self._ffi.string(self._lib.fsn_axis_state_name(self._axis.state)).decode())
 
     def step(self) -> None:
-        """Take the inputs of the cycle that was waited for, and note the outputs for ``send``."""
+        """Read the inputs of the current cycle, and set the outputs for ``send``."""
         self._lib.fsn_realtime_axis_step(self._pointer, self._realtime(), self._cycle)
 
     @property
     def phase(self) -> AxisPhase:
-        """Where the axis is between program and drive."""
+        """State of the axis between program and drive."""
         return AxisPhase(self._axis.phase)
 
     @property
@@ -128,12 +128,12 @@ class Axis:
 
     @property
     def enabled(self) -> bool:
-        """Whether targets of the program count: Operation enabled, and the mode is confirmed."""
+        """Whether targets of the program apply: Operation enabled, and the mode is confirmed."""
         return bool(self._axis.enabled)
 
     @property
     def halted(self) -> bool:
-        """Whether `halt` holds it."""
+        """Whether the axis is halted by `halt`."""
         return bool(self._axis.halted)
 
     @property
@@ -148,12 +148,12 @@ class Axis:
 
     @property
     def job(self) -> AxisJob:
-        """What became of the last `move` or `home`."""
+        """Progress of the last `move` or `home`."""
         return AxisJob(self._axis.job)
 
     @property
     def statusword(self) -> int:
-        """Statusword, whole."""
+        """Complete statusword."""
         return int(self._axis.inputs.statusword)
 
     @property
@@ -163,12 +163,12 @@ class Axis:
 
     @property
     def velocity(self) -> int:
-        """Actual velocity; 0 where 0x606C is not mapped."""
+        """Actual velocity; 0 if 0x606C is not mapped."""
         return int(self._axis.inputs.velocity)
 
     @property
     def torque(self) -> int:
-        """Actual torque; 0 where 0x6077 is not mapped."""
+        """Actual torque; 0 if 0x6077 is not mapped."""
         return int(self._axis.inputs.torque)
 
     @property
@@ -193,10 +193,11 @@ class Axis:
 
     @property
     def mode(self) -> AxisMode:
-        """Requested mode; assigning requests another, which the drive has to confirm.
+        """Requested mode; assigning requests another one, which the drive must confirm.
 
         Raises:
-            ValueError: The drive does not have it, its objects are not mapped, or its limit is 0.
+            ValueError: The drive does not support the mode, its objects are not mapped, or its
+                limit is 0.
         """
         return AxisMode(self._axis.outputs.mode)
 
@@ -210,16 +211,16 @@ class Axis:
 
         Raises:
             ControlRefused: A fault (`reset` first), Quick stop active (`disable` first), the drive
-                reports STO, still stops by itself, or is in no state.
+                reports STO, is still stopping by itself, or is in an invalid state.
         """
         self._check(self._lib.fsn_axis_enable(self._axis), "enable")
 
     def disable(self) -> None:
-        """Request that the drive slows down and takes the torque off."""
+        """Request that the drive slows down and switches the torque off."""
         self._lib.fsn_axis_disable(self._axis)
 
     def quick_stop(self) -> None:
-        """Request Quick stop, by the ramp of the drive; no emergency stop."""
+        """Request Quick stop, with the ramp of the drive; not an emergency stop."""
         self._lib.fsn_axis_quick_stop(self._axis)
 
     def reset(self) -> None:
@@ -235,10 +236,11 @@ class Axis:
         self._lib.fsn_axis_halt(self._axis, halts)
 
     def set_position(self, position: int) -> None:
-        """CSP: target of the next step, and of all later ones until there is another.
+        """CSP: target of the next step and of all later ones until it is set again.
 
         Raises:
-            ValueError: The step from the target before is larger than ``max_step``; it stays.
+            ValueError: The step from the previous target is larger than ``max_step``; the target is
+                unchanged.
             ControlRefused: Not enabled in CSP, or halted.
         """
         limit = f"{self.target_position} and a step of {self._axis.config.max_step} at most"
@@ -252,7 +254,7 @@ class Axis:
         """CSV, PV: target from the next step on.
 
         Raises:
-            ValueError: It is beyond ``max_velocity``; the target stays.
+            ValueError: The value is beyond ``max_velocity``; the target is unchanged.
             ControlRefused: Not enabled in CSV or PV, or halted.
         """
         self._check(
@@ -265,7 +267,7 @@ class Axis:
         """CST: target from the next step on.
 
         Raises:
-            ValueError: It is beyond ``max_torque``; the target stays.
+            ValueError: The value is beyond ``max_torque``; the target is unchanged.
             ControlRefused: Not enabled in CST, or halted.
         """
         self._check(
@@ -275,11 +277,11 @@ class Axis:
         )
 
     def move(self, position: int, *, at_once: bool = False) -> None:
-        """PP: offer an absolute set-point; `job` reports its progress.
+        """PP: send an absolute set-point; `job` reports its progress.
 
         Args:
             position: Target position.
-            at_once: The drive drops its current set-point.
+            at_once: Whether the drive drops its current set-point.
 
         Raises:
             ControlRefused: Not enabled in PP, halted, or the previous set-point is not yet
@@ -288,7 +290,7 @@ class Axis:
         self._check(self._lib.fsn_axis_move(self._axis, position, at_once), f"move to {position}")
 
     def home(self) -> None:
-        """HM: start homing by the drive's method; `job` reports its progress.
+        """HM: start homing with the method of the drive; `job` reports its progress.
 
         Raises:
             ControlRefused: Not enabled in HM, halted, or already homing.

@@ -1,4 +1,4 @@
-"""Builds ``fsn-master`` with SOEM, from the C source that comes with this package."""
+"""Builds ``fsn-master`` with SOEM, from the C source included in this package."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def build_master(
     """Build ``fsn-master`` and install it.
 
     Args:
-        target: The program; replaces an old one, running instances continue.
+        target: Path of the program; replaces an old one, while running instances continue.
         soem: Source of SOEM 1.4; downloaded by default.
         with_soem: ``False``: only buses whose libraries are installed here (IgH).
         build: Build folder to keep, for faster rebuilds; default: a temporary folder.
@@ -91,7 +91,8 @@ def build_master(
         cmake, env = _cmake(work)
         options = ["-DFSN_BUILD_TESTS=OFF", "-DFSN_INSTALL=OFF"]
         if with_soem:
-            # The source is checked first: an SOEM 2 fails late, with errors of the compiler only.
+            # The source is checked first: with SOEM 2 the build fails late, with compiler errors
+            # only.
             given = None if soem is None else _is_soem_1(soem)
             soem = given or fetch_soem(build.parent / "soem" if build else work / "soem")
             options += ["-DFSN_SOEM=ON", f"-DSOEM_SOURCE_DIR={soem.resolve()}"]
@@ -110,12 +111,12 @@ def build_master(
             raise EnvironmentFault(
                 f"{target}: {exc.strerror}; --output FILE names a place"
             ) from exc
-    # Runs the result once, so that a library that is missing shows here and not at the bus.
+    # Runs the result once, so that a missing library is reported here and not at the bus.
     return _run([str(target), "--version"], str(target), {})
 
 
 def _is_soem_1(folder: Path) -> Path:
-    """Return the folder; refuse one that is not the source of SOEM 1.4."""
+    """Return the folder; reject one that is not the source of SOEM 1.4."""
     if (folder / "soem" / "ethercatmain.h").is_file():
         return folder
     if (folder / "include" / "soem").is_dir():
@@ -136,7 +137,7 @@ def _source() -> Path:
 
 
 def _cmake(work: Path) -> tuple[list[str], dict[str, str]]:
-    """Return how CMake is called, and its environment; it is fetched where it is missing."""
+    """Return the command for CMake and its environment; CMake is fetched if it is missing."""
     # This environment need not be active, so that its folder may be missing in PATH.
     beside = Path(sys.executable).parent / "cmake"
     found = str(beside) if beside.is_file() else shutil.which("cmake")
@@ -163,7 +164,7 @@ def _run(command: Sequence[str], what: str, env: dict[str, str]) -> str:
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        env=os.environ | {"NO_COLOR": "1"} | env,  # below make, at a terminal, CMake colours
+        env=os.environ | {"NO_COLOR": "1"} | env,  # under make on a terminal, CMake uses colours
         check=False,
     )
     text = done.stdout.decode("utf-8", "replace")

@@ -1,4 +1,4 @@
-"""What the events of ``fsn-master`` report, and a connection as its wire shows it."""
+"""Interprets the events of ``fsn-master``, and the state of a connection on the wire."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ _MAX_EVENTS = 20_000
 
 @dataclass(slots=True)
 class BusEvents:
-    """What the events have shown so far, by connection. Times from the start in nanoseconds.
+    """Results of the events so far, by connection. Times from the start in nanoseconds.
 
-    ``details``: keep each Reset of a connection that resets again and again, not one now and then.
+    ``details``: keep every Reset of a connection that resets repeatedly, instead of one at
+    intervals.
     """
 
     start_ns: int
@@ -33,7 +34,7 @@ class BusEvents:
     last_reset_by: dict[str, str] = field(default_factory=dict)
 
     def log(self, source: str, text: str, *, at_ns: int | None = None, **facts: Any) -> None:
-        """Add an event; beyond a bound only counted. ``facts``: further fields of `RunEvent`."""
+        """Add an event; above a limit it is only counted. ``facts``: more fields of `RunEvent`."""
         if len(self.events) >= _MAX_EVENTS:
             self.events_lost += 1
             return
@@ -41,7 +42,7 @@ class BusEvents:
         self.events.append(RunEvent(time_ms=now_ns / 1e6, source=source, text=text, **facts))
 
     def take(self, event: Mapping[str, Any]) -> None:
-        """Add an event of ``fsn-master``."""
+        """Process an event of ``fsn-master``."""
         kind, at_ns = event.get("event"), int(event.get("now_ns", 0))
         if kind == "connection":
             self._connection(event, at_ns)
@@ -53,12 +54,12 @@ class BusEvents:
         elif kind == "group":
             self.log(str(event["group"]), str(event.get("text", "")), at_ns=at_ns)
         elif kind == "bus":
-            pass  # its SubDevices report the same, with the state of each
+            pass  # its SubDevices report the same, with their states
         elif kind == "lost":
             self.events_lost += 1
             self.log("fsn-master", str(event.get("text", "")), at_ns=at_ns)
         else:
-            # These three kinds are facts of the bus; all others are about fsn-master itself.
+            # These three kinds are facts of the bus; all others concern fsn-master itself.
             source = "bus" if kind in ("wkc", "ring", "clocks") else "fsn-master"
             what = RunEventKind.WORKING_COUNTER if kind == "wkc" else RunEventKind.OTHER
             self.log(source, str(event.get("text", "")), at_ns=at_ns, kind=what)
@@ -76,10 +77,10 @@ class BusEvents:
             return
         code = int(event["reset_code"])
         end = ENDS.get(str(event["reset_by"]), "one end")
-        if event["before"] != "silent":  # else it was on the wire before this run
+        if event["before"] != "silent":  # otherwise it was on the wire before this run
             self.last_reset[name] = code
             self.last_reset_by[name] = end
-        # One that resets again and again is reported now and then.
+        # Repeated Resets are reported at intervals.
         if self.details or event.get("level") != "detail":
             self.log(
                 name,
@@ -105,7 +106,7 @@ def _subdevice_text(event: Mapping[str, Any]) -> str:
 def connection_result(
     facts: PlannedConnection, wire: ConnectionSnapshot, events: BusEvents
 ) -> ConnectionResult:
-    """Return a connection as the wire shows it now."""
+    """Return the current state of a connection on the wire."""
     name = facts.name
     down, up = wire.to_sub, wire.to_main
     code = events.last_reset.get(name)

@@ -63,11 +63,11 @@ class Client(ControlLink):
       `alias_write`.
     - Control: `start`, `stop`, `restart`, `shutdown`, `hold`, `resume`, `incident`.
 
-    Every method raises `ControlRefused` when the request is refused, with the reason and the next
-    step, and `EnvironmentFault` when the connection breaks or no reply arrives.
+    Every method raises `ControlRefused` if the request is refused, with the reason and the next
+    step, and `EnvironmentFault` if the connection breaks or no reply arrives.
 
     Args:
-        path: Its control socket.
+        path: Control socket of ``fsn-master``.
         timeout_s: Timeout of a connection attempt or a reply.
 
     Raises:
@@ -81,7 +81,7 @@ class Client(ControlLink):
         return self._read(self.request("status"), read_status)
 
     def snapshot(self) -> BusSnapshot:
-        """Return counters, connections and SubDevices; of a large bus each page is of one cycle.
+        """Return counters, connections and SubDevices; each page of a large bus is one cycle.
 
         Raises:
             ControlRefused: The bus is stopped.
@@ -89,7 +89,7 @@ class Client(ControlLink):
         return self._document("snapshot", read_snapshot)
 
     def connections(self) -> tuple[ConnectionSnapshot, ...]:
-        """Return the FSoE connections with their names; raises as `snapshot`."""
+        """Return the FSoE connections with their names; errors as in `snapshot`."""
         return self._document("snapshot", read_connections)
 
     def subdevices(self) -> tuple[SubDeviceSnapshot, ...]:
@@ -120,15 +120,15 @@ class Client(ControlLink):
         return self._read(self.request("get", *_typed(typed), *names), read_values)
 
     def set(self, values: Mapping[str, Value | str], *, typed: bool = False) -> int:
-        """Write outputs, all in one cycle or none; return how many.
+        """Write outputs, all in one cycle or none; return their number.
 
-        They are this client's until its lease ends: see `renew`.
+        This client owns them until its lease ends: see `renew`.
         """
         words = [f"{name}={value_text(value)}" for name, value in values.items()]
         return self._read(self.request("set", *_typed(typed), *words), lambda r: int(r["set"]))
 
     def arm(self, name: str) -> int:
-        """Allow one change of an output that can restart a machine; return for how many ms."""
+        """Allow one change of an output that can restart a machine; return the time limit in ms."""
         return self._read(self.request("arm", name), lambda r: int(r["for_ms"]))
 
     def lease(self, lease_ms: int) -> int:
@@ -140,17 +140,18 @@ class Client(ControlLink):
         self.request("hello")
 
     def realtime(self, *outputs: str, misses: int = 3, plan_sha256: str = "") -> RealTime:
-        """Enter the cycle over a connection of its own: every cycle's inputs, and own outputs.
+        """Enter the cycle with a separate connection: read all inputs, write own outputs.
 
         Args:
-            outputs: Names of the outputs it writes; a name may end in ``*``. None: it only reads.
-            misses: Cycles in a row that may pass without new outputs; after one more they take
-                their stop values, and the client has to enter again.
-            plan_sha256: The plan it was made for, as in `Status.plan_sha256`; empty for any.
+            outputs: Names of the outputs to write; a name may end in ``*``. Without names, the
+                client only reads.
+            misses: Permitted number of consecutive cycles without new outputs. After one more, the
+                outputs take their stop values and the client must enter again.
+            plan_sha256: The expected plan, as in `Status.plan_sha256`; empty for any.
 
         Raises:
-            ControlRefused: An output is not free, another plan is loaded, or the bus is stopped.
-            CoreMissing: The compiled part is not there.
+            ControlRefused: An output is in use, another plan is loaded, or the bus is stopped.
+            CoreMissing: The compiled part is missing.
         """
         return RealTime(
             self.path,
@@ -170,9 +171,9 @@ class Client(ControlLink):
         image: bool = False,
         duration_s: float | None = None,
     ) -> Iterator[WatchedCycle]:
-        """Yield every N-th cycle; arguments as `watch_on`. Ends after ``duration_s``, else never.
+        """Yield every N-th cycle; arguments as in `watch_on`. Ends after ``duration_s``, if given.
 
-        The time counts from the subscription. Received cycles are read at least once.
+        The time counts from the subscription. Cycles are read at least once.
 
         ``skipped`` of a cycle is the number of missing cycles before it. Reading does not renew the
         lease; use `renew`.
@@ -185,10 +186,10 @@ class Client(ControlLink):
         until = time.monotonic() + left_s
         try:
             while True:
-                # At least one read even for a duration of 0: cycles that have arrived must not be
+                # At least one read even if the duration is 0: cycles that have arrived must not be
                 # lost.
                 found = self.watched(min(_SILENT_S, max(0.0, left_s)))
-                # Only a whole silent interval is a fault: a read that ends early does so at the end
+                # Only a complete silent interval is an error: a read may also end early at the end
                 # of the time.
                 if not found and left_s >= _SILENT_S:
                     raise EnvironmentFault(
@@ -200,8 +201,7 @@ class Client(ControlLink):
                 if left_s <= 0:
                     return
         finally:
-            # A connection that is broken has no subscription left; `watch_off` would hide the first
-            # error.
+            # A broken connection has no subscription left; `watch_off` would hide the first error.
             if not self.closed:
                 self.watch_off()
 
@@ -212,15 +212,15 @@ class Client(ControlLink):
 
         Args:
             names: Symbols to watch; a name may end in ``*``.
-            every: N.
-            typed: With factor and offset.
-            image: The whole image instead of values.
+            every: The number N.
+            typed: Whether factor and offset are applied.
+            image: Whether to return the whole image instead of values.
         """
         form = ["--image"] if image else _typed(typed)
         self.request("watch", str(every), *form, *names)
 
     def watched(self, wait_s: float = 0.0) -> list[WatchedCycle]:
-        """Return the watched cycles that have come, after waiting at most ``wait_s`` for one."""
+        """Return the watched cycles received; wait at most ``wait_s`` for the first one."""
         rows, lost = self._wait_cycles(wait_s)
         found = []
         for row in rows:
@@ -260,17 +260,17 @@ class Client(ControlLink):
         return self._read(reply, lambda r: bytes.fromhex(r["data"]))
 
     def alias_write(self, subdevice: str, alias: int) -> None:
-        """Write the station alias to the SII; it counts after a power cycle."""
+        """Write the station alias to the SII; it takes effect after a power cycle."""
         self.request("alias-write", subdevice, str(alias), timeout_s=ACYCLIC_S)
 
     # -- control ----------------------------------------------------------------------------------
 
     def start(self) -> BusState:
-        """Start to open the bus; `status` and ``state`` events report the progress."""
+        """Begin to open the bus; `status` and ``state`` events report the progress."""
         return self._read(self.request("start"), read_state)
 
     def stop(self) -> BusState:
-        """Begin to stop the bus; no emergency stop."""
+        """Begin to stop the bus; not an emergency stop."""
         return self._read(self.request("stop"), read_state)
 
     def restart(self) -> BusState:
@@ -282,11 +282,11 @@ class Client(ControlLink):
         return self._read(self.request("shutdown"), read_state)
 
     def hold(self) -> BusState:
-        """Begin a maintenance: no standby takes over until `resume`."""
+        """Begin maintenance: no standby takes over until `resume`."""
         return self._read(self.request("hold"), read_state)
 
     def resume(self) -> BusState:
-        """End a maintenance."""
+        """End maintenance."""
         return self._read(self.request("resume"), read_state)
 
     def incident(self, text: str = "") -> str:
@@ -296,7 +296,7 @@ class Client(ControlLink):
 
 
 def value_text(value: Value | str) -> str:
-    """Return a value as a request holds it."""
+    """Return a value in the notation of a request."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value) if isinstance(value, float) else str(value)

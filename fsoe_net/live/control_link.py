@@ -1,6 +1,7 @@
 """One connection to the control socket of ``fsn-master``: lines, replies, events.
 
-One line per request, one of JSON per reply, in order; events come as lines between them.
+Each request is one line, each reply is one line of JSON, in the same order; events are lines
+between them.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from fsoe_net.errors import ControlRefused, EnvironmentFault
 
 PROTOCOL = 1
 _MAX_LINE = 16 << 20
-_MOST_PAGES = 1000  # of 128 KiB
+_MOST_PAGES = 1000  # of 128 KiB each
 _MAX_EVENTS = 10_000
 _CYCLE_EVENTS = ("values", "image")
 _T = TypeVar("_T")
@@ -27,7 +28,7 @@ class ControlLink:
     """A connection to one ``fsn-master``; a context manager. One thread at a time.
 
     Args:
-        path: Its control socket.
+        path: Control socket of ``fsn-master``.
         timeout_s: Timeout of a connection attempt or a reply.
 
     Attributes:
@@ -37,7 +38,7 @@ class ControlLink:
 
     Raises:
         EnvironmentFault: No answer, no permission to connect, or the peer uses another protocol.
-            Every call raises it when the connection breaks or a reply is late.
+            Every call raises it if the connection breaks or a reply is late.
     """
 
     def __init__(self, path: str | Path, *, timeout_s: float = 5.0) -> None:
@@ -96,7 +97,7 @@ class ControlLink:
         """
         line = " ".join(quoted(word) for word in words) + "\n"
         wait_s = self._timeout_s if timeout_s is None else timeout_s
-        # One limit for the whole reply: events in between must not extend it.
+        # One time limit for the whole reply: events in between must not extend it.
         until = time.monotonic() + wait_s
         try:
             self._socket.settimeout(wait_s)
@@ -106,7 +107,7 @@ class ControlLink:
         while True:
             reply = self._line(until)
             if reply is None:
-                self.close()  # a reply that came later would answer the wrong request
+                self.close()  # a later reply would answer the wrong request
                 raise EnvironmentFault(
                     f"fsn-master has not answered {words[0]} within {wait_s:g} s on "
                     f"{self.path}; is it stopped?"
@@ -124,11 +125,11 @@ class ControlLink:
     def request_all(self, word: str) -> dict[str, Any]:
         """Return a report with the rows of all its pages.
 
-        What is not a row, such as statistics, is that of the first page; each page is of one cycle.
+        Other values, such as statistics, are from the first page; each page is from one cycle.
 
         Raises:
             ControlRefused: A page was refused.
-            EnvironmentFault: The pages have no end.
+            EnvironmentFault: There are too many pages.
         """
         reply = self.request(word)
         for _ in range(_MOST_PAGES):
@@ -149,20 +150,20 @@ class ControlLink:
         self.request("events", "on")
 
     def events(self, wait_s: float = 0.0) -> list[dict[str, Any]]:
-        """Return the events that have come, after waiting for the first one at most ``wait_s``."""
+        """Return the events received, after waiting at most ``wait_s`` for the first one."""
         return self._arrived(self._events, wait_s)
 
     def _wait_cycles(self, wait_s: float) -> tuple[list[dict[str, Any]], int]:
-        """Return the watched cycles that have come, and how many this side has dropped."""
+        """Return the watched cycles received, and how many were dropped on this side."""
         found = self._arrived(self._cycles, wait_s)
         lost, self._cycles_lost = self._cycles_lost, 0
         return found, lost
 
     def _arrived(self, kept: deque[dict[str, Any]], wait_s: float) -> list[dict[str, Any]]:
-        # With kept events there is nothing to wait for; the socket is only emptied.
+        # With stored events there is no need to wait; the socket is only emptied.
         until = time.monotonic() + (0.0 if kept else wait_s)
         try:
-            for _ in range(_MAX_EVENTS):  # a flood must not keep the caller
+            for _ in range(_MAX_EVENTS):  # a flood must not block the caller
                 if (line := self._line(until)) is None:
                     break
                 self._keep(line)
@@ -189,9 +190,8 @@ class ControlLink:
         self._events.append(event)
 
     def _line(self, until: float) -> dict[str, Any] | None:
-        """Return the next line; ``None`` when it has not come until then."""
-        # Bytes that were searched contain no line end: a long line must not be searched again and
-        # again.
+        """Return the next line, or ``None`` if it has not arrived by then."""
+        # Already searched bytes contain no line end: a long line must not be searched repeatedly.
         searched = 0
         while (end := self._received.find(b"\n", searched)) < 0:
             searched = len(self._received)
@@ -237,10 +237,10 @@ class ControlLink:
 
 
 def quoted(word: str) -> str:
-    """Return a word as the socket takes it.
+    """Return a word in the notation of the socket.
 
     Raises:
-        ValueError: No request can hold it.
+        ValueError: No request can contain it.
     """
     # A line end in a word would begin a second request.
     if any(ord(c) < 0x20 or ord(c) == 0x7F for c in word):

@@ -1,7 +1,7 @@
-"""What ``fsn-master`` answers, as plain values; made from the replies of its socket.
+"""Replies of ``fsn-master`` as plain values.
 
-Each ``read_…`` function takes a reply and raises KeyError, TypeError, ValueError or
-AttributeError when it has not the form it should have; `Client` makes one message of that.
+Each ``read_…`` function converts a reply and raises KeyError, TypeError, ValueError or
+AttributeError if its form is invalid; `Client` converts these to one message.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fsoe_net.errors import PlanFormatError
 from fsoe_net.plan.fingerprint import Fingerprint, fingerprint_from_json
 
 Value = bool | int | float | None
-"""A value of the process image; ``None`` for a real that is not a number."""
+"""A value of the process image; ``None`` for a real that is NaN."""
 
 
 class BusState(enum.StrEnum):
@@ -33,9 +33,9 @@ class BusState(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogStatus:
-    """The intervention log: its last ``entry`` with the SHA-256 of the line.
+    """The intervention log: its last ``entry``, with the SHA-256 of the line.
 
-    ``fault``: why it is not written; empty while it is written.
+    ``fault``: why it cannot be written; empty if it can.
     """
 
     entry: int
@@ -45,7 +45,7 @@ class LogStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandbyStatus:
-    """The process that takes the bus over when the cycle stops, but not while it is ``held``."""
+    """The process that takes over the bus when the cycle stops, except while it is ``held``."""
 
     pid: int
     held: bool
@@ -55,9 +55,9 @@ class StandbyStatus:
 class RingStatus:
     """A bus between two interfaces: ``state`` is ``closed``, ``open``, ``one way`` or ``unknown``.
 
-    ``ways``: whether frames that enter at the first, at the second interface leave at the other.
-    ``breaks``: times it was found open since the bus opened. ``place``: where it is open, empty
-    while it is closed.
+    ``ways``: for each interface, whether frames that enter there leave at the other one.
+    ``breaks``: how often it was found open since the bus opened. ``place``: where it is open; empty
+    if it is closed.
     """
 
     state: str
@@ -67,7 +67,7 @@ class RingStatus:
 
     @property
     def text(self) -> str:
-        """A line for people."""
+        """The status as one line of text."""
         return f"ring {self.state}" + f": {self.place}" * bool(self.place)
 
 
@@ -75,8 +75,8 @@ class RingStatus:
 class ClocksStatus:
     """Distributed clocks.
 
-    ``state``: ``synchronous``; ``apart``; ``no reference`` while no frame carries the time of the
-        reference clock; ``unknown`` while there is nothing to compare. ``set_by``: ``bus`` if the
+    ``state``: ``synchronous``; ``apart``; ``no reference`` if no frame carries the time of the
+    reference clock; ``unknown`` if there is nothing to compare. ``set_by``: ``bus`` if the
         cycle follows the clock of ``reference``, ``host`` if this machine sets it. ``subdevices``:
         number of compared clocks; ``outside`` of them are outside the window. ``place``: the
         furthest one, or the lost reference. ``leaves``: how often clocks left the window since the
@@ -98,7 +98,7 @@ class ClocksStatus:
 
     @property
     def text(self) -> str:
-        """A line for people."""
+        """The status as one line of text."""
         within = f"all within {self.worst_ns} ns of {self.reference}" * bool(self.subdevices)
         detail = self.place or within
         return f"distributed clocks {self.state}" + f": {detail}" * bool(detail)
@@ -106,7 +106,7 @@ class ClocksStatus:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusStatus:
-    """One of several buses. Its cycle in nanoseconds; counts since the bus was opened."""
+    """One of several buses. Its cycle is in nanoseconds; counts are since the bus was opened."""
 
     name: str
     interface: str
@@ -141,7 +141,7 @@ class CycleClient:
 
     @property
     def text(self) -> str:
-        """In words, a line."""
+        """The client as one line of text."""
         if not self.outputs:
             return f"client {self.client} reads in the cycle"
         return (
@@ -153,7 +153,7 @@ class CycleClient:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupStatus:
-    """SubDevices that may be absent. ``place``: of the alternatives, empty without any.
+    """SubDevices that may be absent. ``place``: that of the alternatives; empty without any.
 
     ``state``: ``absent``, ``wrong`` (an unexpected device is attached), ``coming`` (not yet
         completely in OP), ``there``; empty while the bus is not open. ``detail``: the error.
@@ -169,14 +169,13 @@ class GroupStatus:
 class Status:
     """State of program and bus; ``planned``, ``in_op`` and ``missing`` count SubDevices.
 
-    ``fault``: why the bus did not open; empty when it did. ``fingerprint``: that of the plan as
-    loaded by the core, ``None`` from a program that reports none; ``version``: that of the engine.
-    ``ring`` is ``None`` with one interface, ``clocks`` if none are in use, ``standby`` without a
-    standby process, ``interventions`` without an intervention log, ``cpu`` when the cyclic thread
-    may run on any CPU.
-    ``buses`` is empty with a single bus; with several, counts outside it are totals, in cycles of
-    the first bus. ``in_cycle``: real-time clients. ``absent`` SubDevices belong to ``groups`` and
-    are not ``missing``.
+    ``fault``: why the bus did not open; empty if it did. ``fingerprint``: that of the plan as
+    loaded by the core, ``None`` if the program does not report it; ``version``: that of the engine.
+    ``None``: ``ring`` with one interface, ``clocks`` if none are in use, ``standby`` without a
+    standby process, ``interventions`` without an intervention log, ``cpu`` if the cyclic thread may
+    run on any CPU. ``buses`` is empty with a single bus; with several, counts outside it are
+    totals, in cycles of the first bus. ``in_cycle``: real-time clients. ``absent`` SubDevices
+    belong to ``groups`` and are not ``missing``.
     """
 
     state: BusState
@@ -222,8 +221,8 @@ class Symbol:
 
     ``name`` is unique among the inputs or among the outputs. ``index`` and ``subindex`` are those
     of its object; 0 for a part of one. ``kind`` is ``bool``, ``signed``, ``unsigned``, ``bits`` or
-    ``real``. ``open``: an output that clients may write. ``client``: number of the one that writes
-    it, ``None`` without one. ``factor`` and ``offset``: a typed value is ``factor * raw + offset``.
+    ``real``. ``open``: an output that clients may write. ``client``: number of the client that
+    writes it, or ``None``. ``factor`` and ``offset``: a typed value is ``factor * raw + offset``.
     """
 
     name: str
@@ -276,7 +275,7 @@ class WatchedCycle(Values):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SdoValue:
-    """An object that was read; ``value`` is ``None`` when no type was given."""
+    """An object that was read; ``value`` is ``None`` if no type was given."""
 
     data: bytes
     value: Value | str
@@ -297,7 +296,7 @@ class HistoryMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanReply:
-    """Result of a scan; ``document`` is the whole of it, see control-protocol.md."""
+    """Result of a scan; ``document`` is the complete scan, see control-protocol.md."""
 
     utc: str
     interface: str
@@ -400,7 +399,7 @@ def read_values(reply: Mapping[str, Any]) -> Values:
 
 
 def read_watched(event: Mapping[str, Any], dropped: int = 0) -> WatchedCycle:
-    """Return one event of ``watch``; ``dropped`` more were left out on this side."""
+    """Return one event of ``watch``; ``dropped`` more were dropped on this side."""
     image = event.get("image")
     return WatchedCycle(
         cycle=int(event["cycle"]),

@@ -1,7 +1,7 @@
-"""The health of a bus, decided once: reasons with a level for the bus, SubDevices and connections.
+"""The health of a bus in one place: reasons with a level for bus, SubDevices and connections.
 
-Every program that shows a bus takes level and reasons from here. A new reason is a member of
-`HealthReason`, a line in a rule and a line in `TEXTS`, all in this module.
+Every program that shows a bus uses the levels and reasons of this module. A new reason is a member
+of `HealthReason`, a line in a rule and a line in `TEXTS`, all in this module.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fsoe_net.live.control_values import BusState, Status
 from fsoe_net.timing.formulas import RESERVE
 
 HOLD_S = 5.0
-"""How long a Reset or a counted fault stays a reason: longer than people and programs look away."""
+"""How long a Reset or a counted fault stays a reason: longer than the interval of two views."""
 
 WATCHDOG_SHARE_LIMIT = 1 / RESERVE
 """Share of the watchdog (83 %) above which an FSoE cycle uses the reserve over the round trip."""
@@ -35,13 +35,13 @@ class HealthLevel(enum.IntEnum):
 
 
 class HealthReason(enum.Enum):
-    """Why a subject has its level: a stable key, and the level of the reason."""
+    """Reasons for a level: each has a stable key and its level."""
 
     def __init__(self, key: str, level: HealthLevel) -> None:
         self.key = key
         self.level = level
 
-    # Of a SubDevice or a connection: the values are those of an earlier moment.
+    # Of a SubDevice or a connection: the values are outdated.
     NOT_CURRENT = "not_current", HealthLevel.UNKNOWN
 
     # Of a connection.
@@ -80,7 +80,7 @@ class HealthReason(enum.Enum):
 
 
 Changes = frozenset[tuple[str, HealthReason]]
-"""Counters that rose a moment ago: the name of the subject (empty: the bus), and the reason."""
+"""Counters that increased recently: the name of the subject (empty for the bus), and the reason."""
 
 NO_CHANGES: Changes = frozenset()
 
@@ -116,8 +116,8 @@ class Health:
     """The health of one subject.
 
     Attributes:
-        name: Of the subject; empty for the bus.
-        reasons: All that apply.
+        name: Name of the subject; empty for the bus.
+        reasons: All reasons that apply.
     """
 
     name: str
@@ -125,7 +125,7 @@ class Health:
 
     @property
     def level(self) -> HealthLevel:
-        """The worst level of the reasons; of values that are not current it is not known."""
+        """The worst level of the reasons; unknown if the values are not current."""
         if HealthReason.NOT_CURRENT in self.reasons:
             return HealthLevel.UNKNOWN
         return max((r.level for r in self.reasons), default=HealthLevel.GOOD)
@@ -133,7 +133,7 @@ class Health:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeHealth(Health):
-    """The health of a connection: ``share`` of its watchdog that the longest FSoE cycle took."""
+    """The health of a connection; ``share`` of the watchdog used by the longest FSoE cycle."""
 
     seen: _SeenOnBus
     share: float | None
@@ -188,7 +188,7 @@ def connection_health(
         subdevices: SubDevices of the bus; empty if the bus does not read their state.
         share: See `watchdog_share`.
         changes: See `RecentChanges`.
-        current: Whether the values are of now.
+        current: Whether the values are current.
     """
     ends = [s for s in subdevices if s.name in (seen.main, seen.sub)]
     reasons = [] if current else [HealthReason.NOT_CURRENT]
@@ -206,7 +206,7 @@ def _of_connection(
     share: float | None,
     changes: Changes,
 ) -> Iterator[HealthReason]:
-    # All that holds is reported, not only the worst: a reset is often the reason of the other ones.
+    # All reasons are reported, not only the worst: a reset is often the cause of the others.
     if not seen.state.in_data:
         yield HealthReason.NOT_IN_DATA
     if seen.state is ConnectionState.DATA_FAILSAFE:
@@ -225,7 +225,7 @@ def _of_connection(
 def snapshot_health(
     seen: ConnectionSnapshot, subdevices: Iterable[SubDeviceSnapshot]
 ) -> FsoeHealth:
-    """Return the health of a connection that was asked for once."""
+    """Return the health of a connection from a single snapshot."""
     longest_ns = max(seen.to_sub.interval_max_ns, seen.to_main.interval_max_ns)
     share = watchdog_share(longest_ns / 1e6, seen.configured.watchdog_ms)
     return connection_health(seen, subdevices, share=share)
@@ -234,7 +234,7 @@ def snapshot_health(
 def subdevice_health(
     seen: SubDeviceSnapshot, *, changes: Changes = NO_CHANGES, current: bool = True
 ) -> SubDeviceHealth:
-    """Return the health of a SubDevice; arguments as of `connection_health`."""
+    """Return the health of a SubDevice; arguments as in `connection_health`."""
     reasons = [] if current else [HealthReason.NOT_CURRENT]
     reasons += _of_subdevice(seen, changes)
     return SubDeviceHealth(name=seen.name, reasons=tuple(reasons), seen=seen)
@@ -248,7 +248,7 @@ def _of_subdevice(seen: SubDeviceSnapshot, changes: Changes) -> Iterator[HealthR
         yield HealthReason.ABSENT
     elif not seen.in_op:
         yield HealthReason.NOT_IN_OP
-    # A SubDevice on its way to OP also has a detail; then it is progress, not a defect.
+    # A SubDevice on its way to OP also has a detail; then it is progress, not a fault.
     if seen.detail and (seen.in_op or seen.is_absent):
         yield HealthReason.DEFECT
     yield from (r for r in _SUBDEVICE_COUNTERS if (seen.name, r) in changes)
@@ -277,7 +277,7 @@ def bus_health(
     reasons: list[HealthReason] = []
     if away:
         reasons.append(HealthReason.MASTER_GONE)
-    # Before the cycle: counters of a bus that has failed or stopped are old and would mislead.
+    # Before the cycle: counters of a failed or stopped bus are outdated and would mislead.
     elif status is not None:
         reasons += _of_master(status, current=current, refused=refused)
     elif statistics is None:
@@ -285,7 +285,8 @@ def bus_health(
     if not reasons and statistics is not None:
         reasons += _of_cycle(statistics, changes)
         reasons += _of_parts(status) if status is not None else ()
-    # Independent of the state of the bus: an intervention that is not logged must always show.
+    # Independent of the state of the bus: an intervention that is not logged must always be
+    # visible.
     if not away and status is not None and status.interventions and status.interventions.fault:
         reasons.append(HealthReason.LOG_NOT_WRITTEN)
     return BusHealth(
@@ -333,14 +334,14 @@ def in_operation(rows: Iterable[Health]) -> bool:
 
 
 class RecentChanges:
-    """Remembers counters, so that a short fault is seen by a program that looks now and then."""
+    """Remembers counters, so that a program with long intervals still detects a short fault."""
 
     def __init__(self) -> None:
         self._last: dict[tuple[str, HealthReason], int] = {}
         self._until: dict[tuple[str, HealthReason], float] = {}
 
     def take(self, snapshot: BusSnapshot, now_s: float) -> Changes:
-        """Return the counters that rose in the last `HOLD_S`; a lower value means a new start.
+        """Return the counters that increased in the last `HOLD_S`; a lower value means a restart.
 
         Args:
             snapshot: Current counters.

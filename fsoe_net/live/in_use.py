@@ -15,8 +15,8 @@ _NO_CARDS = frozenset({"veth", "tun", "dummy", "netdevsim"})
 def fingerprint_in_use(status: Status) -> Fingerprint | None:
     """Return the fingerprint of the running plan, with the bus cycle actually in use.
 
-    ``None`` from a program that reports none. A cycle that differs from the plan counts as another
-    section.
+    ``None`` if the program does not report it. A cycle that differs from the plan counts as a
+    differing section.
     """
     reported = status.fingerprint
     if reported is None:
@@ -32,9 +32,9 @@ def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -
     """Check that the running plan matches the files.
 
     Args:
-        status: Of the running ``fsn-master``.
+        status: Status of the running ``fsn-master``.
         wanted: Fingerprint of the files; if either side has none, the plans are compared.
-        plan_sha256: Of the plan of the files.
+        plan_sha256: Hash of the plan of the files.
 
     Raises:
         InputError: The running plan differs; the message names the sections that differ.
@@ -56,9 +56,9 @@ def check_in_use(status: Status, wanted: Fingerprint | None, plan_sha256: str) -
 
 
 def emulated_bus(status: Status) -> str:
-    """Return why the bus is a rig rather than a machine; empty without evidence.
+    """Return why the bus is a test rig and not a machine; empty without evidence.
 
-    A network card is not evidence: the devices connected to it cannot be identified.
+    A network card is not evidence, because the devices connected to it cannot be identified.
     """
     if status.backend == "emulated":
         return "the bus of fsn-master is emulated"

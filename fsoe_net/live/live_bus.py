@@ -18,12 +18,12 @@ from fsoe_net.live.result import BusResult, ConnectionResult, Run, RunUpdate, re
 from fsoe_net.model.resolve import Connection, Resolution
 
 _UPDATE_S = 0.1
-_GRACE_S = 10  # fsn-master outlives the given duration by this much unless it is stopped
+_GRACE_S = 10  # unless stopped, fsn-master continues this long after the given duration
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusOptions:
-    """How ``fsn-master`` drives the bus; ``None``: its own default.
+    """How ``fsn-master`` drives the bus; ``None`` for its own default.
 
     ``buses``: name and interface of each of several; ``interface`` is the first. ``wait_s``: how
         long to retry while SubDevices are missing. ``incidents``: folder for the files of
@@ -47,7 +47,7 @@ class BusOptions:
 
     @property
     def where(self) -> str:
-        """Its interfaces, for people."""
+        """Its interfaces as text."""
         return ", ".join(self._interfaces)
 
     def arguments(self, duration_ns: int | None) -> list[str]:
@@ -71,8 +71,8 @@ class BusOptions:
         if self.intervention_log is not None:
             words += ["--intervention-log", self.intervention_log]
         if duration_ns is not None:
-            # fsn-master ends later than the client, so that the last snapshot is read from a
-            # running bus.
+            # fsn-master ends later than the client, so that the last snapshot is from a running
+            # bus.
             words += ["--duration", f"{duration_ns // 1_000_000 + _GRACE_S * 1000}ms"]
         return words
 
@@ -106,7 +106,7 @@ class _LiveRun:
             self._look(_UPDATE_S)
             if on_update is not None and self._last is not None:
                 on_update(self._update(self._last))
-        # Before the last look: its events belong to the run.
+        # Before the last read: these events belong to the run.
         if stop.is_set():
             self._events.log("run", "interrupted by the user")
         self._end_ns = time.monotonic_ns()
@@ -117,7 +117,7 @@ class _LiveRun:
         return self._result(self._last, current)
 
     def close(self) -> None:
-        """Leave ``fsn-master``."""
+        """Disconnect from ``fsn-master``."""
         if self._client is not None:
             self._client.close()
 
@@ -135,13 +135,13 @@ class _LiveRun:
         except ControlRefused:
             raise
         except EnvironmentFault:
-            if self._master.ended(2.0):  # it has refused the bus in this moment
+            if self._master.ended(2.0):  # it has just rejected the bus
                 self._master.explain()
             raise
         return client
 
     def _look(self, wait_s: float) -> bool:
-        """Take events and a snapshot; return whether the bus runs."""
+        """Read events and a snapshot; return whether the bus is running."""
         try:
             return self._ask(wait_s)
         except ControlRefused:
@@ -149,7 +149,7 @@ class _LiveRun:
         except EnvironmentFault as fault:
             if self._master.ended(2.0):
                 self._master.explain()
-            # It lives: it drops a client that did not read for a while.
+            # It is alive: it drops a client that did not read for some time.
             self._events.log("run", f"{fault}; connected again, events may be missing")
             self._events.events_lost += 1
             self._connect()
@@ -166,12 +166,12 @@ class _LiveRun:
         try:
             self._last = client.snapshot()
         except ControlRefused as refused:
-            # Busy or between two states is normal; any other refusal is a fault of the request.
+            # Busy or between two states is normal; any other refusal is an error.
             if not (refused.bus_stopped or refused.busy):
                 raise
             return refused.busy and self._last is not None
-        # The run begins with the first snapshot, not with the connection: the bus starts in
-        # between.
+        # The run begins with the first snapshot, not with the connection, because the bus is
+        # started in between.
         if self._begin_ns is None:
             self._begin_ns = time.monotonic_ns()
         return True
@@ -239,19 +239,19 @@ def run_on_bus(
     """Start ``fsn-master``, watch it, and stop it in an orderly way.
 
     Args:
-        resolution: The network the plan was compiled from.
-        plan: Its plan.
+        resolution: The network that the plan was compiled from.
+        plan: The plan.
         options: Bus and options.
-        duration_ns: Duration from the first cycle; ``None``: until ``stop`` is set.
+        duration_ns: Duration from the first cycle; ``None`` to run until ``stop`` is set.
         on_start: Called once ``fsn-master`` has started.
         on_update: Called about ten times a second.
-        stop: Setting it ends the run; the result is still returned.
+        stop: Event that ends the run; the result is still returned.
 
     If this process is killed, ``fsn-master`` continues; with a duration it ends some seconds after
     that time.
 
     Raises:
-        InputError: Plan or bus was refused: no SubDevice answers, or others than planned.
+        InputError: Plan or bus was rejected: no SubDevice answers, or others than planned.
         EnvironmentFault: ``fsn-master`` is missing, lacks a permission or was ended from outside.
         KeyboardInterrupt: ``stop`` was set before the bus was open.
     """

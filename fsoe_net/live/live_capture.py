@@ -1,4 +1,4 @@
-"""Captures a live bus: from the wire where that is permitted, else rebuilt from process images."""
+"""Captures a live bus: from the wire if permitted, otherwise rebuilt from process images."""
 
 from __future__ import annotations
 
@@ -60,8 +60,8 @@ class LiveCapture:
         elif interface is None:
             self.rebuilt = "no network interface to listen on"
         else:
-            # Needs CAP_NET_RAW. Without it, frames are rebuilt from process images that fsn-master
-            # gives to clients.
+            # Needs CAP_NET_RAW. Without it, frames are rebuilt from the process images of
+            # fsn-master.
             try:
                 self._wire = PacketSocket(interface)
             except OSError as exc:
@@ -76,7 +76,7 @@ class LiveCapture:
         try:
             self._writer = CaptureWriter(path, comment=text, interface=interface or "")
         except OSError:
-            # The socket is open already; a file that cannot be written must not leave it open.
+            # The socket is already open; it must not stay open if the file cannot be written.
             self._close_sources()
             raise
         self._thread = threading.Thread(target=self._run, name="capture", daemon=True)
@@ -86,7 +86,7 @@ class LiveCapture:
         """Subscribe to every image.
 
         Raises:
-            EnvironmentFault: It cannot be had.
+            EnvironmentFault: The images are not available.
         """
         client = Client(self._control)
         try:
@@ -115,7 +115,7 @@ class LiveCapture:
             self._close_sources()
             try:
                 self._writer.close()
-            except OSError as exc:  # a full disk shows when the last bytes go out
+            except OSError as exc:  # a full disk is noticed when the last bytes are written
                 self.fault = self.fault or exc.strerror or str(exc)
 
     def _take(self, wait_s: float) -> None:
@@ -133,7 +133,7 @@ class LiveCapture:
                 self._client = None
         # Slower than reading: each attempt is a connection.
         elif not self._stop.wait(5 * wait_s):
-            with contextlib.suppress(EnvironmentFault):  # it stopped; the next one is waited for
+            with contextlib.suppress(EnvironmentFault):  # it stopped; wait for the next one
                 self._attach()
 
     def _images(self, client: Client, wait_s: float) -> None:
@@ -153,7 +153,7 @@ class LiveCapture:
             self._client.close()
 
     def to_json(self) -> dict[str, object]:
-        """Return how it went (``docs/reference/json-output.md``)."""
+        """Return the outcome (``docs/reference/json-output.md``)."""
         return {
             "rebuilt": self.rebuilt or None,
             "frames": self.packets,
@@ -162,7 +162,7 @@ class LiveCapture:
         }
 
     def stop(self) -> None:
-        """End it and finish the file. Idempotent."""
+        """End the capture and complete the file. Idempotent."""
         self._stop.set()
         self._thread.join()
 

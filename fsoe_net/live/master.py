@@ -25,11 +25,11 @@ from fsoe_net.live.client import Client
 
 _PROGRAM = "fsn-master"
 _CONNECT_S = 20.0
-_STOP_S = 15.0  # fsn-master bounds its own end at 10 s
+_STOP_S = 15.0  # fsn-master limits its own shutdown to 10 s
 _MOST_TEXT = 2000
 REFUSED, USAGE = 1, 2
 LOG = ("--log", "json")
-"""The options with which `read_log` can read what it logs."""
+"""Options for a log that `read_log` can read."""
 
 
 def find_master() -> str:
@@ -40,7 +40,7 @@ def find_master() -> str:
     """
     stated = os.environ.get("FSN_MASTER")
     if stated:
-        # A variable that is set and wrong is an error: falling back would run another program than
+        # A wrong value of the variable is an error: falling back would run another program than
         # requested.
         if os.access(stated, os.X_OK) and os.path.isfile(stated):
             return stated
@@ -61,15 +61,15 @@ def find_master() -> str:
 class Master:
     """A running ``fsn-master`` in its own session; a context manager that stops it.
 
-    Only `stop` or an error in this process ends it. If this process is killed, it continues, its
-    socket stays usable and its log is no longer read.
+    Only `stop` or an error in this process ends it. If this process is killed, ``fsn-master``
+    continues; its socket stays usable and its log is no longer read.
 
     Args:
-        plan: The plan it loads.
+        plan: The plan to load.
         options: Its options, without the plan and the socket.
 
     Raises:
-        EnvironmentFault: It is missing or cannot be started.
+        EnvironmentFault: ``fsn-master`` is missing or cannot be started.
     """
 
     def __init__(self, plan: bytes, options: Sequence[str]) -> None:
@@ -107,7 +107,7 @@ class Master:
 
     @property
     def log(self) -> MasterLog:
-        """What it has logged so far about its end."""
+        """Its log messages so far about its end."""
         return read_log(self._lines)
 
     @property
@@ -116,22 +116,22 @@ class Master:
         return self._process.pid
 
     def connect(self) -> Client:
-        """Return a client, as soon as its socket exists.
+        """Return a client as soon as its socket exists.
 
         Raises:
-            InputError: It refused plan or bus.
+            InputError: It rejected the plan or the bus.
             EnvironmentFault: It ended for another reason, or does not open its socket.
         """
         until = time.monotonic() + _CONNECT_S
         while True:
             if self.ended(0.01):
                 self.explain()
-            # The file exists before the server listens: a refused connection is tried again.
+            # The file exists before the server listens, so a refused connection is retried.
             if self.socket.exists():
                 try:
                     return Client(self.socket)
                 except EnvironmentFault:
-                    # It may have ended just now; the next round then gives its reason instead of
+                    # It may have ended just now; the next round then reports its reason instead of
                     # "cannot connect".
                     if not self.ended(0.5) and time.monotonic() > until:
                         raise
@@ -139,7 +139,7 @@ class Master:
                 raise EnvironmentFault(f"{self.program} has not opened {self.socket}")
 
     def ended(self, wait_s: float = 0.0) -> bool:
-        """Return whether it has ended, after waiting for that at most so long."""
+        """Return whether it has ended, after waiting for at most this time."""
         try:
             self._process.wait(wait_s)
         except subprocess.TimeoutExpired:
@@ -150,14 +150,14 @@ class Master:
         """Raise the exception with the reason why it ended.
 
         Raises:
-            InputError: It refused plan or bus.
+            InputError: It rejected the plan or the bus.
             EnvironmentFault: Any other reason.
         """
         # The reason is in the last lines of the log: wait until the reader has them all.
         self._reader.join(1.0)
         code = self._process.returncode
         log = self.log
-        # A negative code is a signal: the program had no chance to log a reason.
+        # A negative code is a signal: the program could not log a reason.
         if code is not None and code < 0:
             name = _signal_name(-code)
             raise EnvironmentFault(
@@ -179,7 +179,7 @@ class Master:
         )
 
     def stop(self) -> None:
-        """Stop: stop values, SubDevices leave OP while copying continues. Idempotent."""
+        """Stop: set the stop values, leave OP while copying continues. Idempotent."""
         if not self.ended():
             self._process.send_signal(signal.SIGTERM)
         if not self.ended(_STOP_S):
@@ -203,7 +203,7 @@ class MasterLog:
     """Log messages of ``fsn-master`` about its end.
 
     Attributes:
-        error: Its last error, printable; empty without one.
+        error: Its last error, printable; empty if there is none.
         findings: Its findings about single SubDevices, printable.
         subdevices: Their names, one for each finding.
     """
@@ -214,23 +214,23 @@ class MasterLog:
 
 
 def read_log(lines: Iterable[str]) -> MasterLog:
-    """Read a log in JSON; other lines, as of wrong options, count where it has no error."""
+    """Read a log in JSON; other lines, such as about wrong options, count if it has no error."""
     errors, others, findings = [], [], {}
     for line in lines:
         try:
             row = json.loads(line)
             level, text = row["level"], clean(row["text"], _MOST_TEXT)
-        # Lines of the loader, of a sanitizer or of a wrong option are not JSON.
+        # Messages of the loader, of a sanitizer or about a wrong option are not JSON.
         except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
             others.append(clean(line.removeprefix(f"{_PROGRAM}: "), _MOST_TEXT))
             continue
         if level == "error":
             errors.append(text)
-        # A dictionary, because one finding can be logged at each attempt to start.
+        # A dictionary, because the same finding can be logged at each attempt to start.
         elif row["event"] == "log" and "subdevice" in row:
             findings[text] = str(row["subdevice"])
     return MasterLog(
-        # The last error is the reason; earlier ones were attempts that were repeated.
+        # The last error is the reason; earlier ones are from attempts that were repeated.
         error=next(reversed(errors or others), ""),
         findings=tuple(findings),
         subdevices=tuple(findings.values()),
@@ -238,7 +238,7 @@ def read_log(lines: Iterable[str]) -> MasterLog:
 
 
 def _runtime_directory() -> str | None:
-    """Return the user's runtime directory, or ``None`` for the one of temporary files."""
+    """Return the user's runtime directory, or ``None`` to use the one for temporary files."""
     found = os.environ.get("XDG_RUNTIME_DIR")
     # The path of a socket has at most 107 bytes.
     usable = found and len(found) < 60 and os.path.isdir(found) and os.access(found, os.W_OK)

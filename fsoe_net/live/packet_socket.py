@@ -1,4 +1,4 @@
-"""Listens to EtherCAT frames on a network interface, with the times of the kernel."""
+"""Receives EtherCAT frames on a network interface, with kernel timestamps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _OUTGOING = 4
 _BUFFER_BYTES = 8 << 20
 _MOST_BYTES = 1600
 _TIME = struct.Struct("@ll")
-# Load the EtherType, compare, take the frame whole or leave it.
+# Load the EtherType, compare, accept the whole frame or drop it.
 _PROGRAM = (
     (0x28, 0, 0, 12),
     (0x15, 0, 1, _ETHERCAT),
@@ -41,10 +41,10 @@ class PacketSocket:
     of ``fsn-master`` does.
 
     Args:
-        interface: Its name.
+        interface: Name of the interface.
 
     Raises:
-        OSError: It cannot be opened, or the interface does not exist.
+        OSError: The socket cannot be opened, or the interface does not exist.
     """
 
     def __init__(self, interface: str) -> None:
@@ -72,10 +72,10 @@ class PacketSocket:
         s.bind((interface, _ALL))
 
     def packets(self, wait_s: float) -> list[Packet]:
-        """Return the frames that have come, after waiting for the first at most so long.
+        """Return the frames received, after waiting at most this time for the first one.
 
         Raises:
-            OSError: The interface went down or away.
+            OSError: The interface went down or was removed.
         """
         found: list[Packet] = []
         self._socket.settimeout(wait_s)
@@ -91,13 +91,13 @@ class PacketSocket:
 
     @property
     def dropped(self) -> int:
-        """Number of frames lost so far because they came too fast."""
+        """Number of frames lost so far because they arrived too fast."""
         row = self._socket.getsockopt(_SOL_PACKET, _STATISTICS, 8)
-        self._dropped += struct.unpack("@II", row)[1]  # reading sets it back
+        self._dropped += struct.unpack("@II", row)[1]  # reading resets the counter
         return self._dropped
 
     def close(self) -> None:
-        """Listen no longer."""
+        """Close the socket."""
         self._socket.close()
 
 

@@ -1,4 +1,4 @@
-"""A client in the cycle of ``fsn-master``: inputs of every cycle, outputs in the next frame.
+"""A real-time client of ``fsn-master``: inputs of every cycle, outputs in the next frame.
 
 The memory is shared through the C library; see ``docs/howto/program.md``.
 """
@@ -21,8 +21,8 @@ _CODES = {"signed": "i", "real": "f"}
 class CycleTimes:
     """One cycle: its number, start and planned next start (monotonic), DC time, all in ns.
 
-    ``skipped``: cycles that were not seen since the one before. ``overruns``: cycles that the
-    master has left out so far. With unequal working counters some inputs are of an earlier cycle.
+    ``skipped``: cycles missed since the previous one. ``overruns``: cycles that the master has
+    omitted so far. If the working counters differ, some inputs are from an earlier cycle.
     """
 
     cycle: int
@@ -37,7 +37,7 @@ class CycleTimes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CycleCounts:
-    """What the master has counted of the outputs; see `CycleClient`."""
+    """Counters of the master for the outputs; see `CycleClient`."""
 
     on_time: int
     late: int
@@ -65,21 +65,21 @@ class CycleSymbol:
 class RealTime:
     """Memory shared with the cycle; a context manager. One thread at a time.
 
-    ``realtime["name"]`` is an input of the cycle that was waited for, with factor and offset;
-    assigning notes an output for `send`, which sends all outputs together. An input and an output
-    may share a name, as the actual and the target position of an axis do; `sent` reads an output.
+    ``realtime["name"]`` reads an input of the current cycle, with factor and offset. Assigning
+    stores an output for `send`, which sends all outputs together. An input and an output may share
+    a name, such as the actual and the target position of an axis; `sent` reads an output.
 
     Args:
         path: Control socket of ``fsn-master``.
-        outputs: Names of the outputs it writes; a name may end in ``*``.
-        misses: Cycles in a row that may pass without new outputs.
-        plan_sha256: The plan it was made for; empty for any.
-        timeout_s: How long to wait for the answer, in seconds.
+        outputs: Names of the outputs to write; a name may end in ``*``.
+        misses: Permitted number of consecutive cycles without new outputs.
+        plan_sha256: Hash of the expected plan; empty for any.
+        timeout_s: Timeout for the answer, in seconds.
 
     Raises:
         ControlRefused: The request was refused, with the reason and the next step.
-        EnvironmentFault: Nobody answers there, or the memory cannot be mapped.
-        CoreMissing: The compiled part is not there.
+        EnvironmentFault: No process answers, or the memory cannot be mapped.
+        CoreMissing: The compiled part is missing.
     """
 
     def __init__(
@@ -125,12 +125,12 @@ class RealTime:
         if status:
             text = ffi.string(fault.text).decode("utf-8", "replace")
             name = ffi.string(lib.fsn_status_name(status)).decode()
-            # A fault of the system has another remedy than a refusal by fsn-master.
+            # A system error has another remedy than a refusal by fsn-master.
             if name in ("FSN_E_SYS", "FSN_E_NOMEM"):
                 raise EnvironmentFault(f"{text}; is fsn-master running, and as which user?")
             raise ControlRefused(f"realtime: {text}", name)
-        # The collector closes a forgotten client; else its outputs would stay leased until the
-        # process ends.
+        # The garbage collector closes a forgotten client; otherwise its outputs would stay leased
+        # until the process ends.
         return ffi.gc(slot[0], lib.fsn_realtime_close)
 
     def _read_symbols(self) -> Iterator[tuple[str, CycleSymbol]]:
@@ -160,7 +160,7 @@ class RealTime:
         self.close()
 
     def close(self) -> None:
-        """Leave the cycle: the outputs take their stop values."""
+        """Leave the cycle; the outputs take their stop values."""
         if self._pointer is not None:
             self._ffi.release(self._pointer)
             self._pointer = None
@@ -171,14 +171,15 @@ class RealTime:
         return self._pointer
 
     def wait(self, timeout_s: float = 1.0) -> CycleTimes:
-        """Wait for the next cycle, and take its inputs.
+        """Wait for the next cycle and read its inputs.
 
         Args:
-            timeout_s: How long to wait for it, in seconds.
+            timeout_s: Timeout, in seconds.
 
         Raises:
-            EnvironmentFault: No cycle has come, the bus was stopped, or ``fsn-master`` has ended.
-            ControlRefused: The outputs were taken back; `realtime` enters the cycle again.
+            EnvironmentFault: No cycle arrived, the bus was stopped, or ``fsn-master`` has ended.
+            ControlRefused: The outputs were withdrawn; call `Client.realtime` to enter the cycle
+                again.
         """
         lib, pointer = self._lib, self._here()
         status = lib.fsn_realtime_wait(pointer, max(0, int(timeout_s * 1e9)), self._cycle)
@@ -212,24 +213,24 @@ class RealTime:
         torque_off_mask: int = 0,
         torque_off_low: bool = False,
     ) -> Axis:
-        """Return an axis of a drive by CiA 402; its outputs are among those of this client.
+        """Return an axis of a drive by CiA 402; its outputs must belong to this client.
 
         Args:
             subdevice: Name of the SubDevice.
-            number: Axis n has its objects 0x800 * n higher.
-            mode: Mode that it begins with. A limit of 0 closes the modes that it belongs to:
+            number: Number n of the axis; its objects are 0x800 * n higher.
+            mode: Initial mode. A limit of 0 disables the modes that it belongs to:
             max_step: CSP: largest change of the target in one step, in units of the drive.
-            max_velocity: CSV, PV: largest target, either way.
-            max_torque: CST: largest target, either way.
-            answer_s: For a change of state, a mode or a set-point, in seconds; longer than the
-                ramps of the drive.
-            torque_off: Value with a bit by which the drive reports STO; empty: it has none.
-            torque_off_mask: That bit.
-            torque_off_low: It reports by 0.
+            max_velocity: CSV, PV: largest target in either direction.
+            max_torque: CST: largest target in either direction.
+            answer_s: Timeout for a change of state, a mode or a set-point, in seconds; longer than
+                the ramps of the drive.
+            torque_off: Value with a bit that reports STO; empty if the drive has none.
+            torque_off_mask: Mask of that bit.
+            torque_off_low: Whether the bit is 0 for STO.
 
         Raises:
-            ControlRefused: An object is missing or has another size, or an output of the axis is
-                not this client's.
+            ControlRefused: An object is missing or has another size, or an output of the axis does
+                not belong to this client.
             ValueError: A limit is out of range.
         """
         options = self._ffi.new("struct fsn_axis_options *")
@@ -251,7 +252,7 @@ class RealTime:
         return Axis(self._here, self._cycle, options)
 
     def send(self) -> None:
-        """Send all outputs together, as they were assigned last, before that their stop values."""
+        """Send all outputs together with their last assigned values; initially, stop values."""
         self._lib.fsn_realtime_send(self._here())
 
     def counts(self) -> CycleCounts:
@@ -260,18 +261,18 @@ class RealTime:
         return CycleCounts(**{f.name: int(getattr(found, f.name)) for f in fields(CycleCounts)})
 
     def __getitem__(self, name: str) -> bool | int | float:
-        """Return an input of the cycle that was waited for, with factor and offset.
+        """Return an input of the current cycle, with factor and offset.
 
         Raises:
-            KeyError: The plan has no such input.
+            KeyError: Unknown input.
         """
         return self._value(self.inputs[name])
 
     def sent(self, name: str) -> bool | int | float:
-        """Return an output of that cycle as it was sent, whichever client wrote it.
+        """Return an output of the current cycle as it was sent, whichever client wrote it.
 
         Raises:
-            KeyError: The plan has no such output.
+            KeyError: Unknown output.
         """
         return self._value(self.outputs[name])
 
@@ -285,18 +286,18 @@ class RealTime:
         return raw - (raw >> symbol.bits - 1 << symbol.bits) if symbol.kind == "signed" else raw
 
     def __setitem__(self, name: str, value: float) -> None:
-        """Note an output for `send`.
+        """Store an output for `send`.
 
         Raises:
-            KeyError: The plan has no such output.
-            ControlRefused: It is not an output of this client.
+            KeyError: Unknown output.
+            ControlRefused: The output does not belong to this client.
             ValueError: The value is outside the range of its type.
         """
         symbol, lib, pointer = self.outputs[name], self._lib, self._here()
-        # Integers take the exact path: a float cannot hold every 64-bit value.
+        # Integers take the exact path: a float cannot represent every 64-bit value.
         whole = isinstance(value, int) and not symbol.scaled and symbol.kind != "real"
         if whole:
-            # C masks the value; a range that is not checked here would be sent as another number.
+            # C masks the value: without this range check, another number would be sent.
             least = -1 << symbol.bits - 1 if symbol.kind == "signed" else 0
             if not least <= value < least + (1 << symbol.bits):
                 raise ValueError(f"{name} has {symbol.bits} bits {symbol.kind}: {value}")
@@ -310,17 +311,17 @@ class RealTime:
 
     @property
     def image(self) -> memoryview:
-        """The process image of the cycle that was waited for; it changes with the next one."""
+        """The process image of the current cycle; it changes with the next one."""
         return memoryview(self._image).toreadonly()
 
     def view(self, *, outputs: bool = False) -> Any:
         """Return a numpy record over `image`: raw inputs of whole bytes by name, no copy.
 
         Args:
-            outputs: The outputs instead, as they were sent.
+            outputs: Whether to return the outputs, as sent, instead.
 
-        A value that is shifted or has an odd number of bits is left out; ``self[name]`` or `sent`
-        reads it.
+        Values that are shifted or have an odd number of bits are omitted; read them with
+        ``self[name]`` or `sent`.
 
         Raises:
             ImportError: numpy is not installed.

@@ -1,4 +1,4 @@
-"""What a run has shown: connections, statistics, events, verdicts; and its JSON form."""
+"""Result of a run: connections, statistics, events, verdicts; and its JSON form."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from fsoe_net.live.health import (
 
 
 class RunEventKind(enum.StrEnum):
-    """What an event is about."""
+    """The subject of an event."""
 
     STATE = "state"
     """A new state of an end, or of the wire."""
@@ -30,7 +30,7 @@ class RunEventKind(enum.StrEnum):
     """An end resets its connection."""
     WORKING_COUNTER = "wkc"
     LINKS = "links"
-    """Ports of a SubDevice have or lost their link; its AL state is the same."""
+    """Ports of a SubDevice gained or lost their link; its AL state is unchanged."""
     OTHER = "other"
 
 
@@ -38,9 +38,9 @@ class RunEventKind(enum.StrEnum):
 class RunEvent:
     """An event; ``text`` is for people and carries no decisions.
 
-    ``code``: reset code of reset events, else ``None``. ``end``: ``main``, ``sub`` or ``wire`` of a
-    state or reset; ``state``: the new state for people; ``in_data``: whether it is Data. Empty and
-    false for other events.
+    ``code``: reset code of reset events, otherwise ``None``. ``end``: ``main``, ``sub`` or ``wire``
+    of a state or reset; ``state``: the new state for people; ``in_data``: whether it is Data. Empty
+    and false for other events.
     """
 
     time_ms: float
@@ -60,10 +60,10 @@ def state_fields(end: str, state: str, *, in_data: bool) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionResult:
-    """One connection at the end of a run, or now. Times in milliseconds.
+    """One connection at the end of a run, or currently. Times in milliseconds.
 
-    ``state`` is that of the end that lags, ``wire_state`` the state that the core saw in the copied
-    frames, ``wrong_…`` the number of those with a wrong CRC; ``gaps`` counts missed frames.
+    ``state`` is that of the end that lags, ``wire_state`` the state derived by the core from the
+    copied frames, ``wrong_…`` the number of frames with a wrong CRC; ``gaps`` counts missed frames.
     ``chosen`` lists facts that no file states. ``data_to_sub`` and ``data_to_main``: what each end
     receives: ``process``, ``failsafe`` or ``none``.
 
@@ -104,7 +104,7 @@ class ConnectionResult:
 
     @property
     def differences(self) -> tuple[str, ...]:
-        """What differs from the plan, such as ``watchdog 4000 ms, 400 ms in the plan``."""
+        """Differences from the plan, such as ``watchdog 4000 ms, 400 ms in the plan``."""
         return differences(self.differs, self.configured, self.observed)
 
 
@@ -116,9 +116,9 @@ def result_health(
     changes: Changes = NO_CHANGES,
     current: bool = True,
 ) -> FsoeHealth:
-    """Return the health of a connection as `connection_health`.
+    """Return the health of a connection like `connection_health`.
 
-    Without ``share`` it is that of the FSoE cycle of the result.
+    Without ``share``, that of the FSoE cycle in the result is used.
     """
     if share is None:
         share = watchdog_share(result.fsoe_cycle_ms["max"], result.watchdog_ms)
@@ -127,7 +127,7 @@ def result_health(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectationResult:
-    """An expectation of the scenario and whether it held."""
+    """An expectation of the scenario and whether it was met."""
 
     place: str
     text: str
@@ -145,7 +145,7 @@ class BusResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """A whole run. ``passed``: every expectation was met or, without any, all reached Data.
+    """A complete run. ``passed``: every expectation was met or, without any, all reached Data.
 
     ``subdevices``: only on a live bus. ``stalled_ms``: longest time in which the bus or the
     emulated devices stopped because this machine did; 0 in virtual time.
@@ -166,7 +166,7 @@ class Run:
     stalled_ms: float = 0.0
 
     def __repr__(self) -> str:
-        """Return one line: the network, how long it was and whether it passed."""
+        """Return one line: the network, the duration and whether it passed."""
         verdict = "passed" if self.passed else "failed"
         connections = counted(len(self.connections), "connection")
         facts = f"{self.mode}, {self.duration_ms:g} ms, {connections}, {verdict}"
@@ -201,7 +201,7 @@ class RunUpdate:
         connections: Current state of all connections.
         statistics: Statistics of the bus cycle.
         now_s: Seconds since the start.
-        subdevices: Those of a live bus; empty for an emulated one.
+        subdevices: SubDevices of a live bus; empty for an emulated bus.
     """
 
     connections: tuple[ConnectionResult, ...]

@@ -1,4 +1,4 @@
-"""A scan of a live bus: by the ``fsn-master`` that drives it, else by one started for it."""
+"""A scan of a live bus, by the ``fsn-master`` that drives it or by one started for the scan."""
 
 from __future__ import annotations
 

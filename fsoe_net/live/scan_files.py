@@ -40,12 +40,12 @@ class _NotExpressible(Exception):
 
 
 def compact_json(value: Any) -> str:
-    """Return JSON with everything on one line that fits there."""
+    """Return JSON in which everything that fits on one line is on one line."""
     return _json(value, 0, 0)
 
 
 def _json(value: Any, indent: int, used: int) -> str:
-    """Return a value that begins in column ``used`` of a line that is indented by ``indent``."""
+    """Return a value that begins in column ``used`` of a line with this indentation."""
     line = json.dumps(value, ensure_ascii=False)
     # Short values stay on one line, so that a SubDevice is one readable row of the file.
     if used + len(line) <= _WIDTH or not isinstance(value, (dict, list)) or not value:
@@ -68,7 +68,7 @@ def scan_files(taken: TakenScan) -> ScanFiles:
         InputError: The content read back differs from the bus.
     """
     scan = taken.scan
-    paths: dict[str, str] = {}  # by the text of the slave YAML; SubDevices of one type share it
+    paths: dict[str, str] = {}  # by the text of the slave YAML, which SubDevices of one type share
     files = Names()
     left_out: list[str] = []
     rows: list[str] = []
@@ -94,7 +94,7 @@ def scan_files(taken: TakenScan) -> ScanFiles:
     head = _head(taken, rows)
     texts = {"scan.json": compact_json(taken.document) + "\n", "network.yaml": head + "nets: []\n"}
     texts |= {path: text for text, path in paths.items()}
-    # Read again before anything is written: a user must not get files that do not match the bus.
+    # Read back before anything is written: a user must not get files that do not match the bus.
     resolution = _read_again(texts, taken)
     if resolution is not None:
         texts["network.yaml"] += proposed_net(resolution, scan)
@@ -103,14 +103,14 @@ def scan_files(taken: TakenScan) -> ScanFiles:
 
 
 def _names(subdevices: tuple[ScannedSubDevice, ...]) -> dict[int, str]:
-    """Return a name for each position: as planned, else as the device calls itself."""
+    """Return a name for each position: as planned, or else as reported by the device."""
     served = [s for s in subdevices if s.process_data]
     names = numbered([s.planned or _slug(s.name) for s in served])
     return {s.position: name for s, name in zip(served, names, strict=True)}
 
 
 def _slug(name: str) -> str:
-    """``el1904`` of ``EL1904 4Ch. Safety Input``."""
+    """Return ``el1904`` for ``EL1904 4Ch. Safety Input``."""
     return re.sub(r"[^a-z0-9]+", "_", name.split(" ")[0].lower()).strip("_") or "subdevice"
 
 
@@ -163,7 +163,7 @@ def _device(sub: ScannedSubDevice) -> str:
             raise _NotExpressible(f"{kind} on {len(managers)} sync managers; the format allows one")
         if not managers:
             continue
-        # A PDO that is missing here would shift all entries after it.
+        # A PDO that is missing here would shift all following entries.
         if not managers[0].complete:
             raise _NotExpressible(f"SM{managers[0].index} was not read completely")
         lines += ["", f"{key}:", *_pdos(managers[0])]
@@ -177,11 +177,11 @@ def _sm(sm: ScannedSm) -> str:
     way = "output" if sm.kind in ("outputs", "mailbox_out") else "input"
     if not sm.is_process_data:
         return f"  - {{index: {sm.index}, type: {way}, watchdog: disable}}"
-    # A sync manager without PDOs must not be bound to the list of the other one.
+    # A sync manager without PDOs must not be assigned the list of the other one.
     pdo = " pdo: rpdo," if way == "output" else " pdo: tpdo,"
     if not sm.size_bytes and not sm.pdos:
         pdo = ""
-    # Only outputs have a watchdog in EtherCAT: it makes them safe when frames stop.
+    # Only outputs have a watchdog in EtherCAT: it makes them safe if frames stop.
     watchdog = "enable" if way == "output" and pdo else "disable"
     return f"  - {{index: {sm.index}, type: {way},{pdo} watchdog: {watchdog}}}"
 
@@ -207,8 +207,8 @@ def _channels(pdo: ScannedPdo) -> list[str]:
 
 def _channel(pdo: ScannedPdo, entry: ScannedEntry) -> list[str]:
     bits = entry.bits
-    # Index 0 is a gap of ETG.1000; the format has types up to a limited width, so that long gaps
-    # are split.
+    # Index 0 is a gap of ETG.1000; the width of types in the format is limited, so long gaps are
+    # split.
     if not entry.index:
         parts = [_PADDING_BITS] * ((bits - 1) // _PADDING_BITS)
         parts.append(bits - sum(parts))
@@ -228,7 +228,7 @@ def _read_again(texts: Mapping[str, str], taken: TakenScan) -> Resolution | None
     """Load the files as a user would and compare them with the scan.
 
     Raises:
-        InputError: They differ.
+        InputError: The files and the scan differ.
     """
     with tempfile.TemporaryDirectory(prefix="fsoe-net-scan-") as folder:
         _write(Path(folder), texts)
@@ -236,8 +236,8 @@ def _read_again(texts: Mapping[str, str], taken: TakenScan) -> Resolution | None
         if network is None:
             raise InputError("the network of this scan cannot be read again; nothing was written")
         resolution = resolve(network)
-    # Only codes of order and layout. FSN502 is expected: a SubDevice without process data is left
-    # out.
+    # Only codes about order and layout. FSN502 is expected: a SubDevice without process data is
+    # omitted.
     wrong = [d for d in check_scan(resolution, taken.scan) if d.code in _COMPARED]
     if wrong:
         raise InputError(

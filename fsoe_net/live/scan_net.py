@@ -1,4 +1,4 @@
-"""A net proposed for a scanned bus, as a comment; the user decides what is connected."""
+"""A net proposed for a scanned bus, as a comment; the user decides about the connections."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _Pair = tuple[FsoeBlock, FsoeBlock]
 def proposed_net(resolution: Resolution, scan: Scan) -> str:
     """Return YAML comments: a net for each MainInstance that reports its connections.
 
-    A connection is proposed when its FSoE address is that of exactly one SubDevice, and the frames
-    of both ends have the same sizes.
+    A connection is proposed if exactly one SubDevice has its FSoE address, and the frames of both
+    ends have the same sizes.
     """
     subs = resolution.network.subdevices
     by_address: dict[int | None, list[SubDevice]] = {}
@@ -29,8 +29,8 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
     lines: list[str] = []
     for sub in subs:
         layout, fsoe = sub.layout, scan.subdevices[sub.position].fsoe
-        # Only a device that reports its connections is a MainInstance here; nothing is guessed from
-        # sizes.
+        # Here, only a device that reports its connections is a MainInstance; sizes are not used for
+        # guessing.
         if fsoe is None or not fsoe.connections or layout is None:
             continue
         slots = _pairs(layout)
@@ -59,7 +59,7 @@ def proposed_net(resolution: Resolution, scan: Scan) -> str:
 
 
 def _pairs(layout: DeviceLayout) -> list[_Pair]:
-    """Return the frames of each connection of a device: to it, from it."""
+    """Return the frames of each connection of a device: received and sent."""
     blocks = {b.key: b for sm in layout.managers for b in sm.blocks}
     pairs = [(blocks[out], blocks[into]) for out, into in sorted(layout.partners.items())]
     return sorted(pairs, key=lambda p: p[0].command.index)
@@ -71,7 +71,7 @@ def _partner(
     main: SubDevice,
     subs: Sequence[SubDevice],
 ) -> tuple[SubDevice, _Pair] | None:
-    """Return the one frame pair that fits among those of ``subs``, which have the address."""
+    """Return the only matching frame pair of those ``subs`` that have the address."""
     found: list[tuple[SubDevice, _Pair]] = []
     for sub in subs:
         layout = sub.layout
@@ -81,13 +81,12 @@ def _partner(
         fitting = [
             pair
             for pair in _pairs(layout)
-            # The frame that one end sends is the one that the other end receives, in both
-            # directions.
+            # The frame sent by one end is received by the other end, in both directions.
             if pair[0].frame_bytes == slot[1].frame_bytes
             and pair[1].frame_bytes == slot[0].frame_bytes
         ]
         found += [(sub, pair) for pair in fitting]
-    # Two that fit are a choice that only the safety project can make.
+    # If two match, only the safety project can decide.
     return found[0] if len(found) == 1 else None
 
 
@@ -115,7 +114,7 @@ def _net(
 
 
 def yaml_word(name: str) -> str:
-    """Return a name as YAML takes it for text."""
+    """Return a name in a form that YAML reads as text."""
     # Only names that YAML cannot take for something else, as it does with `on` or `1e3`, go bare.
     return (
         name

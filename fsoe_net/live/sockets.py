@@ -1,4 +1,4 @@
-"""Where the ``fsn-master`` that drives an interface has its control socket."""
+"""Location of the control socket of the ``fsn-master`` that drives an interface."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _SERVICE = "/run/fsn-master"  # of the example unit
 
 
 def control_socket(interface: str) -> str:
-    """Return the socket of the ``fsn-master`` that drives an interface, else where it would be.
+    """Return the socket of the ``fsn-master`` that drives an interface, or its default location.
 
     Raises:
-        EnvironmentFault: There is one, but this user may not connect.
+        EnvironmentFault: There is one, but this user has no permission to connect.
     """
     found = find_socket(interface)
     if found is not None:
@@ -33,12 +33,12 @@ def find_socket(interface: str) -> str | None:
     """Return the control socket of the ``fsn-master`` that drives an interface, if one answers.
 
     Raises:
-        EnvironmentFault: There is one, but this user may not connect.
+        EnvironmentFault: There is one, but this user has no permission to connect.
     """
     for path in _sockets(interface):
         if not os.access(path, os.W_OK):
-            # The default name is that of any interface: only a socket named after this one is
-            # surely in the way.
+            # The default name is used for any interface: only a socket named after this one
+            # certainly belongs to it.
             if os.path.basename(path) != "control.sock":
                 raise EnvironmentFault(
                     f"{path}: an fsn-master may drive {interface}, but you may not connect; "
@@ -47,7 +47,7 @@ def find_socket(interface: str) -> str | None:
             continue
         try:
             # A socket in a shared folder may belong to another network namespace with an interface
-            # of this name.
+            # of the same name.
             if _same_network(path) and interface_of(path) == interface:
                 return path
         except EnvironmentFault:
@@ -68,7 +68,7 @@ def _own_choices(interface: str) -> list[str]:
 
 
 def _sockets(interface: str) -> Iterator[str]:
-    """Yield the places of `fsn-master`'s own choice, and those of `fsoe-net run`."""
+    """Yield the default sockets of `fsn-master`, and those of `fsoe-net run`."""
     for path in _own_choices(interface):
         if os.path.exists(path):
             yield path
@@ -95,7 +95,7 @@ def _same_network(path: str) -> bool:
             probe.connect(path)
             peer = probe.getsockopt(socketlib.SOL_SOCKET, socketlib.SO_PEERCRED, 12)
             pid, _, _ = struct.unpack("3i", peer)
-            if pid == 0:  # out of our sight: in another container
+            if pid == 0:  # not visible: in another container
                 return False
             return os.readlink(f"/proc/{pid}/ns/net") == os.readlink("/proc/self/ns/net")
         except OSError:

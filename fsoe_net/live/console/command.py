@@ -14,7 +14,7 @@ from fsoe_net.live.console.names import SymbolNames
 
 
 class CommandContext(Protocol):
-    """What commands may use of the console."""
+    """Services of the console for commands."""
 
     link: LeasedClient
     mine: set[str]
@@ -30,7 +30,7 @@ class CommandContext(Protocol):
         """Return the symbols of the plan."""
 
     def forget(self) -> None:
-        """Ask for the symbols again when they are next needed."""
+        """Discard the symbols; they are requested again when needed."""
 
     def events(self) -> list[dict[str, Any]]:
         """Return the events since the last call."""

@@ -43,7 +43,7 @@ def _for(name: str, words: Sequence[str], default: float | None) -> float | None
 
 
 def _change(context: CommandContext, name: str, words: Sequence[str]) -> None:
-    """Ask for start, stop or restart, and wait until the bus is where it should be."""
+    """Request start, stop or restart, and wait until the bus is in the target state."""
     limit = _for(name, words, _CHANGE_S) or 0.0
     before = context.link.call(lambda client: client.status().state)
     if name == "start" and before is BusState.RUNNING:
@@ -62,16 +62,16 @@ def _change(context: CommandContext, name: str, words: Sequence[str]) -> None:
 
 
 def _changed(client: Client, name: str, before: BusState, limit_s: float) -> tuple[BusState, str]:
-    """Send the request; return the state it led to, or the one it hangs in, and its fault."""
+    """Send the request; return the state it led to, or the one it is stuck in, and its fault."""
     until = time.monotonic() + limit_s
     ends = _DOWN if name == "stop" else _UP
     # Subscribe before the request: the event of a fast change would otherwise be missed.
     client.subscribe()
     coming = {"start": (BusState.OPENING, BusState.STARTING), "stop": (BusState.STOPPING,)}
-    # A bus that is on its way there needs no second request; fsn-master would refuse it.
+    # If the bus is already changing, no second request is needed; fsn-master would refuse it.
     if before not in coming.get(name, ()):
         client.request(name)
-    # It may have arrived between the first status and the subscription: no event follows then.
+    # It may have arrived between the first status and the subscription; then no event follows.
     elif client.status().state in ends:
         return _where(client)
     moved = False
@@ -226,7 +226,7 @@ def _events(context: CommandContext, words: Sequence[str]) -> None:
         return
     limit = _for("events", words, 0.0) or 0.0
     until = time.monotonic() + limit
-    # Look once even without `for`: events that have arrived are shown in any case.
+    # Check once even without `for`: events that have arrived are always shown.
     while True:
         for event in context.events():
             context.out(event_line(event))

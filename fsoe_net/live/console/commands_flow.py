@@ -1,4 +1,4 @@
-"""Commands of the console about the console: waiting, scripts, the lease, help."""
+"""Commands for the console itself: waiting, scripts, the lease, help."""
 
 from __future__ import annotations
 

@@ -53,10 +53,10 @@ def _row(symbol: Symbol, value: str, me: int) -> tuple[str, ...]:
 def _values(
     context: CommandContext, symbols: Sequence[Symbol], *, typed: bool, may_fail: bool = False
 ) -> dict[Symbol, str]:
-    """Return values for people; those of a request are of one cycle."""
+    """Return values as text; those of one request are from one cycle."""
     inputs: dict[str, Value] = {}
     outputs: dict[str, Value] = {}
-    # A request has a limit of names and bytes; each portion is of one cycle.
+    # A request is limited in names and bytes; each batch is from one cycle.
     for portion in batches(dict.fromkeys(s.name for s in symbols)):
 
         def job(client: Client, names: list[str] = portion) -> Values:
@@ -108,7 +108,8 @@ def _pairs(names: SymbolNames, words: Sequence[str]) -> dict[str, str]:
         word = rest.pop(0)
         if word == "all" or word in names.subdevices:
             scope = word
-            # The scope stays until the next one: `set drive_1 a 1 b 2` sets two entries of drive_1.
+            # The scope applies until the next one: `set drive_1 a 1 b 2` sets two entries of
+            # drive_1.
             continue
         name, equals, value = word.partition("=")
         if not equals:
@@ -149,11 +150,12 @@ def _watch(context: CommandContext, words: Sequence[str]) -> None:
         context.link.call(lambda client: client.watch_on(*names, every=every, typed=typed))
         while until is None or time.monotonic() < until:
             left = _POLL_S if until is None else min(_POLL_S, until - time.monotonic())
-            # Short waits: Ctrl-C must be able to end the command between two of them.
+            # Short waits, so that Ctrl-C can end the command between two of them.
             for seen in context.link.call(lambda client, s=left: client.watched(max(0.0, s))):  # type: ignore[misc]
                 _print_cycle(context, seen, {known.label(s): s for s in symbols})
     finally:
-        # In `finally` and without an answer: the server stops sending even if the user cancelled.
+        # In `finally` and without waiting for an answer: the server stops sending even after a
+        # cancellation.
         context.link.post(lambda client: client.watch_off())
 
 
@@ -173,7 +175,7 @@ def _watch_words(
                 for_s = seconds(value)
         else:
             rest.append(word)
-    # A person reads one row in some tenths of a second; each cycle would flood the terminal.
+    # A person needs some tenths of a second to read a row; each cycle would flood the terminal.
     if every == 0:
         cycle_ns = context.link.call(lambda client: client.status().cycle_ns)
         every = max(1, round(_WATCH_S * 1e9 / max(1, cycle_ns)))

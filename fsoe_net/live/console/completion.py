@@ -52,7 +52,7 @@ def _behind(words: list[str], names: SymbolNames, commands: Sequence[str]) -> Se
 
 
 def _set(words: list[str], names: SymbolNames) -> list[str]:
-    # The nearest scope counts, as in `set` itself.
+    # The nearest scope applies, as in `set` itself.
     scope = next((w for w in reversed(words[1:]) if w == "all" or w in names.subdevices), "")
     outputs = [s for s in names.symbols if s.is_output]
     # Without a scope, whole names are possible; with one, only the entries of its SubDevices.

@@ -30,7 +30,7 @@ _MOST_SCRIPT_BYTES = 4 << 20
 
 
 class _Located(ConsoleError):
-    """A failure that already contains its location."""
+    """A failure whose message already contains its location."""
 
 
 class Console:
@@ -80,7 +80,7 @@ class Console:
         return self._names
 
     def forget(self) -> None:
-        """Ask for the symbols again when they are next needed."""
+        """Discard the symbols; they are requested again when needed."""
         self._names = None
 
     def commands(self) -> Mapping[str, CommandForm]:
@@ -100,15 +100,15 @@ class Console:
             self._client_number = self.link.client_number
             self.mine.clear()
         while self.link.notices:
-            self.forget()  # another plan may be loaded now
+            self.forget()  # another plan may be loaded by now
             self.note(self.link.notices.popleft())
         for event in self.link.events():
             self._events.append(event)
             kind = event.get("event")
-            # Arm events and edges are answers to commands of this user, who sees them anyway.
+            # Arm events and edges are answers to commands of this user and are shown anyway.
             loud = event.get("level") in ("warning", "error") and kind not in ("arm", "edge")
             if kind == "fallback" and (mine := self.mine & set(event.get("outputs", ()))):
-                # Reported once: they are no longer outputs of this console.
+                # Reported once, because they are no longer outputs of this console.
                 self.mine -= mine
                 self.note(f"{event_line(event)}: {' '.join(sorted(mine))}")
             elif loud and self._notes_level == "warning":
@@ -127,7 +127,7 @@ class Console:
         self.tell()
 
     def owned(self) -> list[str]:
-        """Return the outputs of this console; those it has set if the server does not answer."""
+        """Return the outputs of this console; if the server does not answer, those it has set."""
         me = self.link.client_number
         try:
             symbols = self.link.call(lambda client: client.symbols(), wait_s=_END_S)
@@ -148,7 +148,7 @@ class Console:
     def run_script(self, text: str, name: str, *, first_line: int = 1) -> None:
         """Run a script, or a part of it that starts at a given line.
 
-        If any command is unknown, none is run.
+        If any command is unknown, none is executed.
 
         Raises:
             ConsoleError: A command failed; the message begins with name, line and column.
@@ -156,8 +156,8 @@ class Console:
         """
         try:
             commands = parse(text)
-            # All commands are checked before the first runs: a typing error in line 40 must not
-            # leave a bus half set.
+            # All commands are checked before the first one runs: a typing error in line 40 must not
+            # leave a bus partly set.
             self._check(commands)
         except ScriptError as exc:
             raise self._at(name, exc.line + first_line - 1, exc.column, exc) from exc
@@ -171,8 +171,7 @@ class Console:
                 self._failed(self._at(name, line, exc.column, exc))
             except (ConsoleError, ControlRefused) as exc:
                 self._failed(self._at(name, line, command.column, exc))
-            # The server no longer answers: the remaining commands cannot run, whatever the error
-            # setting.
+            # The server no longer answers, so the remaining commands cannot run.
             except EnvironmentFault as exc:
                 raise EnvironmentFault(f"{name}:{line}:{command.column}: {exc}") from exc
 
@@ -180,7 +179,7 @@ class Console:
         """Run a script of a file; a path in a script is relative to that script.
 
         Raises:
-            ConsoleError: It cannot be read, or as `run_script`.
+            ConsoleError: The file cannot be read, or as in `run_script`.
         """
         found = self._directories[-1] / path
         try:
@@ -213,10 +212,10 @@ class Console:
         return _Located(f"{name}:{line}:{column}: {error}", is_usage=is_usage)
 
     def _check(self, commands: Sequence[ConsoleCommand]) -> None:
-        """Refuse a script with a command that is not known.
+        """Reject a script with an unknown command.
 
         Raises:
-            ScriptError: At the first one.
+            ScriptError: At the first unknown command.
         """
         for command in commands:
             if command.name not in COMMANDS:

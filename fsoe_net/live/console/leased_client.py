@@ -1,7 +1,8 @@
 """Holds one connection to ``fsn-master`` and renews its lease while idle.
 
-A separate thread owns the connection. A Ctrl-C in the main thread therefore never cuts a reply in
-two, outputs stay leased at a prompt and in a waiting script, and a dead server blocks no caller.
+A separate thread owns the connection. Therefore, Ctrl-C in the main thread never interrupts a
+reply, outputs stay leased at a prompt and in a waiting script, and a dead server does not block a
+caller.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ _END_S = 1.0
 
 
 class LeasedClient:
-    """A connection that stays; every call may come from one thread, the main one.
+    """A persistent connection; all calls must come from one thread, the main thread.
 
     Args:
         path: The control socket.
-        lease_ms: Requested lease; ``None`` for that of the server, 0 for one without an end.
+        lease_ms: Requested lease; ``None`` for that of the server, 0 for an unlimited one.
         reconnect: Whether a call connects again after the connection broke.
-        timeout_s: How long to wait for a reply.
+        timeout_s: Timeout for a reply.
 
     Raises:
-        EnvironmentFault: Nobody answers there. Every call raises it when the connection breaks.
+        EnvironmentFault: No process answers. Every call raises it if the connection breaks.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class LeasedClient:
     def call(self, job: Callable[[Client], _T], *, wait_s: float | None = None) -> _T:
         """Call a function with the connection and return its result.
 
-        A Ctrl-C returns at once; the thread still completes the request.
+        Ctrl-C returns immediately; the thread still completes the request.
 
         Raises:
             EnvironmentFault: No result within ``wait_s``, or the connection broke.
@@ -92,26 +93,26 @@ class LeasedClient:
         return future
 
     def aside(self, job: Callable[[Client], _T]) -> _T:
-        """Do something slow with a connection of its own, while this one keeps its lease."""
+        """Run a slow operation with a separate connection, while this one keeps its lease."""
         future: Future[_T] = Future()
 
         def work() -> None:
             try:
                 with Client(self.path, timeout_s=self._timeout_s) as client:
                     future.set_result(job(client))
-            except BaseException as exc:  # handed to the caller
+            except BaseException as exc:  # passed to the caller
                 future.set_exception(exc)
 
         threading.Thread(target=work, daemon=True).start()
         return future.result()
 
     def subscribe(self, on: bool) -> None:
-        """Have events collected from now on, or no longer."""
+        """Start or stop collecting events."""
         self._subscribed = on
         self.call(lambda client: client.request("events", "on" if on else "off"))
 
     def events(self) -> list[dict[str, Any]]:
-        """Return the events that have come since the last call; the last 1000 at most."""
+        """Return the events received since the last call, at most the last 1000."""
         found = []
         while self._events:
             found.append(self._events.popleft())
@@ -136,10 +137,10 @@ class LeasedClient:
             try:
                 item = self._jobs.get(timeout=max(0.0, left))
             except queue.Empty:
-                # The queue was empty for a whole period: renew now, as no request did it.
+                # The queue was empty for a whole period: renew now, because no request did.
                 item = (_renew, Future())
                 self._renewed = time.monotonic()
-                # Without a connection there is no lease; a renewal must not be what opens one.
+                # Without a connection there is no lease; a renewal must not open one.
                 if self._client is None:
                     continue
             if item is None:
@@ -154,7 +155,7 @@ class LeasedClient:
         return time.monotonic() - self._renewed >= self._renew_s
 
     def _do(self, job: Callable[[Client], _T], future: Future[_T]) -> None:
-        """Do a job; its end, good or bad, is the future's."""
+        """Run a job; its result or exception is passed to the future."""
         is_renewal = job is _renew
         if is_renewal:
             self._renewed = time.monotonic()
@@ -168,7 +169,7 @@ class LeasedClient:
         except EnvironmentFault as exc:
             self._break(str(exc), tell=is_renewal)
             future.set_exception(exc)
-        except BaseException as exc:  # handed to the caller
+        except BaseException as exc:  # passed to the caller
             future.set_exception(exc)
 
     def _connected(self) -> Client:
@@ -180,12 +181,12 @@ class LeasedClient:
         client = Client(self.path, timeout_s=self._timeout_s)
         try:
             given = int(client.hello.get("lease_ms", 1000))
-            # The server may limit the lease; the pace of renewals follows what it granted.
+            # The server may limit the lease; the renewal interval follows the granted one.
             if self._lease_ms is not None:
                 given = client.lease(self._lease_ms)
             if self._subscribed:
                 client.subscribe()
-        # Even on Ctrl-C: a client that is half open would hold outputs until its lease expires.
+        # Even on Ctrl-C: a half-open client would hold outputs until its lease expires.
         except BaseException:
             client.close()
             raise

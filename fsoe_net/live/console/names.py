@@ -15,7 +15,7 @@ from fsoe_net.model.times import time_ns
 _MOST_S = 7 * 24 * 3600.0
 _WORDS = {"true": True, "on": True, "false": False, "off": False}
 _MOST_TO_TELL = 12
-_MOST_NAMES = 200  # of 256 words and 8192 bytes of a request
+_MOST_NAMES = 200  # a request is limited to 256 words and 8192 bytes
 _MOST_BYTES = 7_000
 
 
@@ -35,18 +35,18 @@ class SymbolNames:
 
     @property
     def labels(self) -> list[str]:
-        """A name for each symbol that no other one has."""
+        """A unique name for each symbol."""
         return list(self._labels.values())
 
     def label(self, symbol: Symbol) -> str:
-        """Return the name of a symbol, with ``in:`` or ``out:`` where two symbols have it."""
+        """Return the name of a symbol, with ``in:`` or ``out:`` if two symbols share it."""
         return self._labels[symbol.is_output, symbol.name]
 
     def some(self, text: str) -> list[Symbol]:
         """Return the symbols that a word selects, in plan order.
 
         Raises:
-            ConsoleError: It selects nothing.
+            ConsoleError: The word selects nothing.
         """
         side, word = _split(text)
         symbols = [s for s in self.symbols if side is None or s.is_output is side]
@@ -55,7 +55,7 @@ class SymbolNames:
         if word in self.subdevices:
             return [s for s in symbols if s.subdevice == word]
         pattern = "*." + word.removeprefix("all.") if word.startswith("all.") else word
-        # Patterns are compared in lower case, as exact names are.
+        # Patterns are compared in lower case, as are exact names.
         if any(c in pattern for c in "*?["):
             found = _like(pattern.lower(), symbols)
             if not found:
@@ -67,14 +67,14 @@ class SymbolNames:
         return found
 
     def outputs(self, text: str) -> list[str]:
-        """Return the names of the outputs that a word selects; raises as `some`."""
+        """Return the names of the outputs that a word selects; errors as in `some`."""
         outputs = [s.name for s in self.some(text) if s.is_output]
         if not outputs:
             raise ConsoleError(f"{text} selects inputs only; list shows the outputs")
         return outputs
 
     def outputs_of(self, scope: str, entry: str) -> list[str]:
-        """Return the outputs ``SUBDEVICE.ENTRY``; for ``all``, of each SubDevice that has it."""
+        """Return the outputs ``SUBDEVICE.ENTRY``; for ``all``, of each SubDevice with it."""
         scopes = self.subdevices if scope == "all" else (scope,)
         outputs = [s for s in self.symbols if s.is_output]
         names = [s.name for one in scopes for s in _match(f"{one}.{entry}", outputs)]
@@ -93,7 +93,7 @@ class SymbolNames:
         if not of_owner or not entry:
             known = [*(s.name for s in symbols), *self.subdevices]
             return _nearest(text, known) or "; list shows the names"
-        # an entry with a name is not known by its index: another index would be a wrong guess
+        # a named entry has no known index, and another index would be a wrong guess
         by_index = entry.lower().startswith("0x") and any("0x" not in s.entry for s in of_owner)
         names = list(dict.fromkeys(s.entry for s in of_owner))
         near = "" if by_index else _nearest(entry, names, before=f"{owner}.")
@@ -102,7 +102,7 @@ class SymbolNames:
 
 
 def _split(text: str) -> tuple[bool | None, str]:
-    """Return whether a word names outputs (``out:``) or inputs (``in:``), and the rest of it."""
+    """Return whether a word selects outputs (``out:``) or inputs (``in:``), and the rest."""
     side = {"in": False, "out": True}.get(text.partition(":")[0])
     return side, text if side is None else text.partition(":")[2]
 
@@ -112,9 +112,9 @@ def _noun(side: bool | None) -> str:
 
 
 def _match(text: str, symbols: Sequence[Symbol]) -> list[Symbol]:
-    """Return the symbols of this name, or of this index where each side has only one."""
+    """Return the symbols with this name, or with this index if each side has only one."""
     low = text.lower()
-    # From strict to tolerant: an exact name must never be hidden by one that differs in case only.
+    # From strict to tolerant: an exact name must never be hidden by one that differs only in case.
     for matches in (
         [s for s in symbols if s.name == text],
         [s for s in symbols if s.name.lower() == low],
@@ -122,13 +122,13 @@ def _match(text: str, symbols: Sequence[Symbol]) -> list[Symbol]:
     ):
         sides = [s.is_output for s in matches]
         if matches:
-            # Two matches on one side are ambiguous: a value must never go to a guess.
+            # Two matches on one side are ambiguous: a value must never be written on a guess.
             return matches if len(set(sides)) == len(sides) else []
     return []
 
 
 def _like(pattern: str, symbols: Sequence[Symbol]) -> list[Symbol]:
-    """Return the symbols of a pattern; without a subindex in it, those of the index."""
+    """Return the symbols that match a pattern; without a subindex, those of the index."""
     names = [(s, s.name.lower()) for s in symbols]
     whole = [s for s, name in names if fnmatch.fnmatchcase(name, pattern)]
     return whole or [s for s, n in names if fnmatch.fnmatchcase(n.rpartition(":")[0], pattern)]
@@ -140,7 +140,7 @@ def _nearest(text: str, names: Sequence[str], before: str = "") -> str:
 
 
 def batches(names: Iterable[str]) -> Iterator[list[str]]:
-    """Yield names in portions that one request can hold."""
+    """Yield names in batches that fit into one request."""
     portion: list[str] = []
     size = 0
     for name in names:
@@ -155,10 +155,10 @@ def batches(names: Iterable[str]) -> Iterator[list[str]]:
 
 
 def number(text: str, what: str, most: int | None = None) -> int:
-    """Return a whole number, decimal or ``0x`` ``0o`` ``0b``.
+    """Return a non-negative integer, decimal or with ``0x``, ``0o`` or ``0b``.
 
     Raises:
-        ConsoleError: It is not a number, or is negative or more than ``most``.
+        ConsoleError: The text is not a number, or the number is negative or more than ``most``.
     """
     try:
         # `int` needs quadratic time for long texts; 64 bits and a prefix fit in 66 characters.
@@ -175,7 +175,7 @@ def seconds(text: str) -> float:
     """Return a time in seconds.
 
     Raises:
-        ConsoleError: It is not a time, or more than a week.
+        ConsoleError: The text is not a time, or the time is more than a week.
     """
     ns = time_ns(text)
     if ns is None:
@@ -204,7 +204,7 @@ def object_address(text: str) -> tuple[int, int]:
 
 
 def shown(value: Value, symbol: Symbol | None = None) -> str:
-    """Return a value for people; unsigned values and bits also in hexadecimal."""
+    """Return a value as text; unsigned values and bits also in hexadecimal."""
     if value is None:
         return "no number"
     # Before the test for float and int: in Python a `bool` is an `int`.

@@ -33,7 +33,7 @@ class ScriptError(ConsoleError):
 
 @dataclass(frozen=True, slots=True)
 class ConsoleCommand:
-    """The words of one command, at least one, and where it begins; line and column from 1."""
+    """The words of one command, at least one, and its start; line and column from 1."""
 
     words: tuple[str, ...]
     line: int
@@ -46,7 +46,7 @@ class ConsoleCommand:
 
 
 def parse(text: str) -> list[ConsoleCommand]:
-    """Return the commands of a text of one line or more.
+    """Return the commands of a text with one or more lines.
 
     Raises:
         ScriptError: A quote without an end, or a control character.
@@ -80,7 +80,7 @@ def _line(text: str, number: int) -> list[ConsoleCommand]:
 
 
 def _word(text: str, start: int, line: int) -> tuple[str, int]:
-    """Return the word that begins there, and where it ends."""
+    """Return the word that begins there, and its end."""
     parts: list[str] = []
     at = start
     while at < len(text) and text[at] not in _BLANK + ";":
@@ -95,7 +95,7 @@ def _word(text: str, start: int, line: int) -> tuple[str, int]:
             parts.append(text[at])
         at = end + 1
     word = "".join(parts)
-    # A control character would reach the log and the terminal of other users.
+    # A control character would reach the log and the terminals of other users.
     if not word.isprintable():
         raise ScriptError("a control character", line, start + 1)
     return word, at
