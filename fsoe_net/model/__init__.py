@@ -1,5 +1,5 @@
-"""The network as the user's files describe it: frozen dataclasses, no I/O.
+"""The network as described in the user's files: frozen dataclasses, no I/O.
 
-Add here: a part of a network, and what follows from its parts alone (layout, resolution). Do not
-add: files (`formats`), judgement (`rules`), anything that asks the clock.
+Add here: a part of a network, and results derived from its parts alone (layout, resolution). Do not
+add: files (`formats`), judgement (`rules`), anything that reads a clock.
 """

@@ -1,4 +1,4 @@
-"""An acceptance record: who accepted which configuration, and accepted warnings."""
+"""An acceptance record: the accepted configuration, the persons, and accepted warnings."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class SignedBy(Located):
     """A person, and the day (ISO 8601) on which that person signed.
 
     The name may end with a principal: the name of the person in a file of allowed signers, as in
-    ``A. Meier <a.meier@example.org>``. ``competence``: what qualifies the person for this, in
-    words; records of older versions have none.
+    ``A. Meier <a.meier@example.org>``. ``competence``: the qualification of the person, in words;
+    missing in records of older versions.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Intervention(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replaced(Located):
-    """The record that this one replaces; ``whole`` is the fingerprint that it accepted."""
+    """The record replaced by this one; ``whole`` is the fingerprint that it accepted."""
 
     source: SourceFile
     whole: str
@@ -101,9 +101,9 @@ class Acceptance(Located):
         plan: The accepted plan, bytes of a ``.fsnplan``.
         safety_functions: The accepted safety functions.
         inputs: Files of the network.
-        reports: Files of the report that was signed.
-        open_points: How many open points it lists, and
-        assumptions: how many assumptions.
+        reports: Files of the signed report.
+        open_points: Number of open points in the report, and
+        assumptions: number of assumptions.
         test_record: File of the test record.
         steps: Number of its steps done at the machine.
         author: Author of the configuration.
@@ -111,7 +111,7 @@ class Acceptance(Located):
         findings: Accepted warnings.
         steps_left_out: Steps not done at the machine, or with an implausible time or day; device
             data not read, and missing bus evidence.
-        equipment: Test equipment in words, one each.
+        equipment: Test equipment in words, one item each.
         environment: Place and conditions of the tests, in words.
         attachments: Photos and other files of the record, by their path from its folder.
         interventions: All changes since the first record, oldest first.

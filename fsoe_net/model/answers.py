@@ -1,4 +1,4 @@
-"""What a user answers when files do not state: the ring, roles, doubtful frames, connections."""
+"""Answers of a user to questions that files leave open: ring, roles, frames, connections."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fsoe_net.model.network import ConnectionFacts
 
 
 class Ask(enum.Enum):
-    """What a question is about; the values are the keys of an answers file."""
+    """The subject of a question; the values are the keys of an answers file."""
 
     SUBDEVICES = "subdevices"
     PROCESS_DATA = "process_data"
@@ -23,7 +23,7 @@ class Ask(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnsweredDevice(Located):
-    """``count`` consecutive SubDevices of a type; ``position``: of the first one."""
+    """``count`` consecutive SubDevices of a type; ``position`` is that of the first one."""
 
     type: str
     name: str = ""
@@ -34,7 +34,7 @@ class AnsweredDevice(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnsweredWord(Located):
-    """A word with its place: the name of a SubDevice, of process data, or yes and no."""
+    """A word with its place: the name of a SubDevice or of process data, or yes and no."""
 
     text: str
 
@@ -47,9 +47,9 @@ class Answers(Located):
         name: Name of the network.
         cycle_us: Bus cycle in microseconds.
         subdevices: SubDevices in ring order; only if no file lists them.
-        main: The SubDevices that are FSoE MainInstances; ``None``: not answered.
+        main: The SubDevices that are FSoE MainInstances; ``None`` if not answered.
         process_data: Mapping of the device library to use, by SubDevice.
-        frames: Whether the likely frames of a SubDevice are FSoE frames.
+        frames: Whether the probable frames of a SubDevice are FSoE frames.
         connections: Connections and known facts about them.
         passed: Questions that a person has left open.
     """
@@ -70,12 +70,12 @@ class Question:
 
     Attributes:
         ask: Kind of question.
-        subject: Name of the SubDevice, or empty.
+        subject: Name of the SubDevice; may be empty.
         sub_slot: Its frame, if it has several.
         text: The question.
         facts: Known facts, one line each.
-        choices: Possible answers with their meaning; empty: any text.
-        span: The file that leaves it open.
+        choices: Possible answers with their meaning; empty for any text.
+        span: The file that leaves the question open.
     """
 
     ask: Ask
@@ -88,5 +88,5 @@ class Question:
 
     @property
     def key(self) -> tuple[Ask, str, int | None]:
-        """What distinguishes questions."""
+        """The key that distinguishes questions."""
         return (self.ask, self.subject, self.sub_slot)

@@ -1,4 +1,4 @@
-"""What hangs on the bus: SubDevices with sync managers, PDOs and entries."""
+"""Content of the bus: SubDevices with sync managers, PDOs and entries."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Located:
-    """Base of everything that came from a file: its place, and the place of each of its keys."""
+    """Base of everything read from a file: its place, and the place of each of its keys."""
 
     span: Span = field(default=Span(""), compare=False, repr=False)
     fields: Mapping[str, Span] = field(default_factory=dict, compare=False, repr=False)
 
     def at(self, key: str) -> Span:
-        """Return the place of a key's value, or of the object when the key was not written."""
+        """Return the place of a key's value, or of the object if the key is absent."""
         return self.fields.get(key, self.span)
 
 
@@ -34,7 +34,7 @@ class Direction(enum.Enum):
 
 
 class Watchdog(enum.Enum):
-    """Sync manager watchdog as the MainDevice sets it; DEFAULT leaves the SII setting."""
+    """Sync manager watchdog as set by the MainDevice; DEFAULT leaves the SII setting."""
 
     DEFAULT = "default"
     ENABLE = "enable"
@@ -43,10 +43,11 @@ class Watchdog(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EntryView(Located):
-    """An item of ``data_mapping``: some bits of a PDO entry as a value of their own.
+    """An item of ``data_mapping``: some bits of a PDO entry as a separate value.
 
-    ``bit`` counts from the begin of the entry. ``shift`` is how many bits the mask leaves out
-    below: the driver does not move a masked value down, so its values are ``1 << shift`` as large.
+    ``bit`` counts from the beginning of the entry. ``shift`` is the number of low bits that the
+    mask excludes: the driver does not shift a masked value, so its values are larger by ``1 <<
+    shift``.
     """
 
     bit: int
@@ -65,11 +66,11 @@ class Entry(Located):
     """One PDO entry (a *channel* in driver YAML).
 
     ``index`` 0 is padding. ``bits`` is the length in the PDO. ``type_name`` is the spelling in the
-    file. ``written_by`` names what makes the driver write the entry each cycle, e.g.
-    ``default`` or ``command_interface``; ``None`` when it never does. An input is
-    ``factor * raw + offset`` to its users, an output ``factor * value + offset`` on the wire.
-    ``component`` is the joint, gpio or sensor that its interfaces belong to, empty where none is
-    stated; ``driver`` is JSON of what only ethercat_driver_ros2 acts on.
+    file. ``written_by`` names the key that makes the driver write the entry each cycle, e.g.
+    ``default`` or ``command_interface``; ``None`` if it never does. An input is ``factor * raw +
+    offset`` to its users, an output ``factor * value + offset`` on the wire. ``component`` is the
+    joint, gpio or sensor that its interfaces belong to, empty if not stated; ``driver`` is JSON
+    with the keys used only by ethercat_driver_ros2.
     """
 
     index: int
@@ -101,12 +102,12 @@ class Entry(Located):
 
     @property
     def address(self) -> str:
-        """``0x6000:01``."""
+        """The address, such as ``0x6000:01``."""
         return f"0x{self.index:04x}:{self.subindex:02x}"
 
     @property
     def written_by(self) -> str | None:
-        """Key that lets the driver write this output itself, or ``None``."""
+        """The key that makes the driver write this output itself, or ``None``."""
         if self.command_interface is not None:
             return "command_interface"
         return "default" if self.default is not None else None
@@ -114,7 +115,7 @@ class Entry(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pdo(Located):
-    """One PDO with its entries in wire order. No entries: the device's own mapping is used."""
+    """One PDO with its entries in wire order. Without entries, the device's own mapping is used."""
 
     index: int
     entries: tuple[Entry, ...]
@@ -122,7 +123,7 @@ class Pdo(Located):
 
     @property
     def bits(self) -> int:
-        """Sum of the entry lengths, padding included."""
+        """Sum of the entry lengths, including padding."""
         return sum(e.bits for e in self.entries)
 
 
@@ -130,9 +131,9 @@ class Pdo(Located):
 class SyncManager(Located):
     """One sync manager. ``carries`` is ``"rpdo"``, ``"tpdo"`` or ``None`` (nothing assigned).
 
-    ``declared`` is false for the four that the driver invents when a file lists none. Sources that
-    assign PDOs to each sync manager, as ESI and ENI do, give them as ``pdos``; ``carries`` is then
-    not looked at. ``start_byte`` is its place in the memory of the SubDevice, where known.
+    ``declared`` is false for the four that the driver adds if a file lists none. Sources that
+    assign PDOs to each sync manager, such as ESI and ENI, set ``pdos``; ``carries`` is then
+    ignored. ``start_byte`` is its address in the memory of the SubDevice, if known.
     """
 
     index: int
@@ -154,7 +155,7 @@ class Sdo(Located):
     value: int
 
 
-@dataclass(frozen=True, kw_only=True)  # no slots: `layout` is kept
+@dataclass(frozen=True, kw_only=True)  # no slots, as `layout` is cached
 class Device(Located):
     """Content of a slave-config file about a device type.
 
@@ -172,7 +173,7 @@ class Device(Located):
     driver: str = ""
 
     def pdos_of(self, sm: SyncManager) -> tuple[Pdo, ...]:
-        """Return the PDOs a sync manager carries, in assignment order."""
+        """Return the PDOs that a sync manager carries, in assignment order."""
         if sm.pdos is not None:
             return sm.pdos
         if sm.carries == "rpdo":
@@ -181,7 +182,7 @@ class Device(Located):
 
     @cached_property
     def layout(self) -> DeviceLayout:
-        """Every entry with its place, and the FSoE frames; worked out once for equal terminals."""
+        """Every entry with its place, and the FSoE frames; computed once for equal terminals."""
         from fsoe_net.model.layout import place_device
 
         return place_device(self)
@@ -189,10 +190,11 @@ class Device(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotComponent:
-    """A joint, gpio or sensor of a robot description that a SubDevice serves.
+    """A joint, gpio or sensor of a robot description that uses a SubDevice.
 
     ``kind`` is ``joint``, ``gpio`` or ``sensor``; ``states`` and ``commands`` are the names of its
-    interfaces in the order of the description, ``places`` where they are written, the states first.
+    interfaces in the order of the description, ``places`` are their places in the file, the states
+    first.
     """
 
     kind: str
@@ -206,12 +208,13 @@ class RobotComponent:
 class SubDevice(Located):
     """One SubDevice on the bus: a name, an address and its device description.
 
-    ``alias`` 0: ``position`` is the ring position; else ``position`` counts from the SubDevice with
-    that alias. ``device`` is ``None`` when its file could not be read: the loader has reported it,
-    and rules skip its content. ``revision`` is ``None`` where any is accepted. ``components`` are
-    the joints, gpios and sensors of a URDF that it serves. ``origin`` is where it was declared:
-    ``network``, ``joint``, ``gpio``, ``sensor``, ``transfer_modules`` or ``safety_modules``.
-    ``master_id``: number of the EtherCAT master, or of the bus if the network file has several.
+    ``alias`` 0: ``position`` is the ring position; otherwise ``position`` counts from the SubDevice
+    with that alias. ``device`` is ``None`` if its file could not be read: the loader has reported
+    it, and rules skip its content. ``revision`` is ``None`` if any is accepted. ``components`` are
+    the joints, gpios and sensors of a URDF that use it. ``origin`` is the section of its
+    declaration: ``network``, ``joint``, ``gpio``, ``sensor``, ``transfer_modules`` or
+    ``safety_modules``. ``master_id``: number of the EtherCAT master, or of the bus if the network
+    file has several.
     """
 
     name: str
@@ -228,14 +231,14 @@ class SubDevice(Located):
 
     @property
     def layout(self) -> DeviceLayout | None:
-        """The layout of its device, where that could be read."""
+        """The layout of its device, if that could be read."""
         return None if self.device is None else self.device.layout
 
 
 def same_devices(devices: Iterable[Device | None]) -> tuple[int, ...]:
-    """Return for each device the number of the first that is the very same.
+    """Return for each device the number of the first one that is the same object.
 
-    By identity: two files may say the same, and a finding has to name the file it is about.
+    Compares objects, not content: two files may be equal, and a finding must name its file.
     """
     first: dict[int, int] = {}
     return tuple(first.setdefault(id(device), n) for n, device in enumerate(devices))

@@ -1,4 +1,4 @@
-"""A network as a description, the input of the writers."""
+"""Converts a network to a description, the input of the writers."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ def describe(network: NetworkConfig) -> Description:
     """Return the description of a network, with a copy for each of its transfers.
 
     Raises:
-        InputError: It has several buses, masters or groups, a SubDevice has no device description,
-            a transfer does not resolve, or a connection is unconfirmed or means no frames.
+        InputError: The network has several buses, masters or groups; a SubDevice has no device
+            description; a transfer does not resolve; or a connection is unconfirmed or has no
+            frames.
     """
-    # Refused, not left out: a file without the groups would look complete.
+    # Rejected instead of omitted: a file without the groups would look complete.
     if network.groups:
         raise InputError(
             f"{network.at('groups')}: this network has groups that may be absent, and no other "
@@ -45,7 +46,7 @@ def describe(network: NetworkConfig) -> Description:
             DescribedSubDevice(
                 span=sub.span,
                 name=sub.name,
-                # A position that counts from an alias has no meaning in other formats.
+                # A position relative to an alias has no meaning in other formats.
                 position=sub.position if not sub.alias else None,
                 alias=sub.alias,
                 device=sub.device,
@@ -53,7 +54,7 @@ def describe(network: NetworkConfig) -> Description:
             )
         )
     resolution = resolve(network)
-    # A connection that was not expanded has no transfers, which the written file would then lack.
+    # A connection that was not expanded has no transfers, so they would be missing in the file.
     for trouble in resolution.troubles:
         place = trouble.facts.span
         raise InputError(f"{place}: {trouble.obstacle.value}; run fsoe-net check first")
@@ -92,7 +93,7 @@ def describe(network: NetworkConfig) -> Description:
 
 
 def _refuse_several_masters(network: NetworkConfig) -> None:
-    """Each master has its own ring."""
+    """Reject several masters, because each master has its own ring."""
     names: dict[int, list[str]] = {}
     for sub in network.subdevices:
         row = names.setdefault(sub.master_id, [str(sub.master_id)])
@@ -107,7 +108,7 @@ def _refuse_several_masters(network: NetworkConfig) -> None:
 
 
 def described_connections(resolution: Resolution) -> tuple[DescribedConnection, ...]:
-    """Return the connections of a network with what its files state of them."""
+    """Return the connections of a network with the facts stated in its files."""
     return tuple(
         replace(
             described_facts(c.stated, c.name),
@@ -120,7 +121,7 @@ def described_connections(resolution: Resolution) -> tuple[DescribedConnection, 
 
 
 def described_facts(facts: ConnectionFacts, name: str) -> DescribedConnection:
-    """Return stated facts under a name; which SubDevices they are about is not in it."""
+    """Return stated facts under a name, without the SubDevices that they are about."""
     return DescribedConnection(
         name=name,
         slot=facts.slot,

@@ -1,7 +1,7 @@
 """Bus description from files of other tools: output of every reader, input of every writer.
 
 A description is not yet a network: names may be missing, FSoE blocks are not paired, a device may
-be a mere type without a place in the ring.
+be only a type without a place in the ring.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ class PdoFacts:
     Attributes:
         index: Its number.
         direction: Whether it is an RxPDO or a TxPDO.
-        sm: Sync manager it belongs to; ``None``: open.
-        fixed: Its entries cannot be changed.
-        mandatory: It has to be assigned.
+        sm: Sync manager that it belongs to; ``None`` if open.
+        fixed: Whether its entries cannot be changed.
+        mandatory: Whether it must be assigned.
         excludes: PDOs that cannot be assigned together with it.
     """
 
@@ -39,8 +39,8 @@ class TypeFacts:
 
     Attributes:
         pdos: Facts about PDOs.
-        assignable: Whether a MainDevice may assign other PDOs; ``None``: not stated.
-        modular: Its PDOs depend on the modules in its slots.
+        assignable: Whether a MainDevice may assign other PDOs; ``None`` if not stated.
+        modular: Whether its PDOs depend on the modules in its slots.
         default_bytes: ``DefaultSize`` of sync managers by number, those that are not 0.
     """
 
@@ -55,8 +55,9 @@ class MailboxFacts:
     """The mailbox of a SubDevice.
 
     Attributes:
-        to_sub: First byte in the memory of the SubDevice and length in bytes, towards it.
-        from_sub: The same for the way back.
+        to_sub: Address in the memory of the SubDevice and length in bytes, for data to the
+            SubDevice.
+        from_sub: The same for data from the SubDevice.
         protocols: ``CoE``, ``FoE`` and so on, in the order of the source.
     """
 
@@ -70,7 +71,7 @@ class ClockFacts:
     """Times of the distributed clock.
 
     Attributes:
-        cycle_ns: Period of SYNC0; 0: the bus cycle, changed by ``factor``.
+        cycle_ns: Period of SYNC0; 0 for the bus cycle, multiplied by ``factor``.
         factor: Multiplies the bus cycle; a negative one divides it.
         shift_ns: Shift of SYNC0.
     """
@@ -92,13 +93,13 @@ class StartFacts:
     """What a MainDevice needs to start a SubDevice, beyond its process data.
 
     Attributes:
-        revision: Revision these facts are of; ``None`` where the source has none.
+        revision: Revision that these facts apply to; ``None`` if not stated.
         physics: Media of its ports in the letters of ESI and ENI, such as ``YY`` or ``YKY``.
-        mailbox: ``None`` when it has none.
-        clock: ``None`` when the source has none.
-        starts: First byte of sync managers by number.
+        mailbox: The mailbox; ``None`` if there is none.
+        clock: The distributed clock; ``None`` if not stated.
+        starts: Start address of sync managers by number.
         controls: Control byte of sync managers by number.
-        assigns: Its PDOs are assigned by start-up SDOs.
+        assigns: Whether its PDOs are assigned by start-up SDOs.
         maps: PDOs whose entries are written by start-up SDOs.
     """
 
@@ -122,15 +123,14 @@ class DescribedSubDevice(Located):
         position: Ring position from 0; ``None`` for a device type, or if not stated.
         alias: Configured station alias, 0 for none.
         device: Identity, sync managers with their assigned PDOs (`pdos` of each), start-up SDOs.
-        available: PDOs the device offers and the source does not assign.
+        available: PDOs that the device offers but the source does not assign.
         revision: Revision number; a device type may leave it open.
         serial: Serial number.
         module_ident: Modules chosen for the slots, in order, for modular devices.
         fsoe_address: FSoE address that the device itself reports.
-        truncated: The source ends in the middle of this SubDevice.
-        notes: Assumptions of the reader, in words, for people.
-        components: The joints, gpios and sensors of a robot description that it serves; not
-            compared.
+        truncated: Whether the source ends in the middle of this SubDevice.
+        notes: Assumptions of the reader, in words.
+        components: The joints, gpios and sensors of a robot description that use it; not compared.
         facts: Facts besides the process data; not compared.
         start: Data that a MainDevice needs to start it; ``None`` if not stated; not compared.
     """
@@ -163,7 +163,7 @@ class DescribedEnd(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DescribedCopy(Located):
-    """A copy that the source asks its MainDevice for, such as a ``CopyInfo`` of an ENI.
+    """A copy in the source, to be done by the MainDevice, such as a ``CopyInfo`` of an ENI.
 
     ``fsoe``: whether it is FSoE according to the source; ``None`` if not stated.
     """
@@ -205,9 +205,9 @@ class Description(Located):
     Attributes:
         format: ``esi``, ``eni``, ``sii``, ``ethercat-pdos``, ``lcec`` and so on.
         path: Path of the source.
-        subdevices: In ring order where the source has one.
+        subdevices: In ring order, if the source has one.
         cycle_us: Bus cycle, microseconds.
-        truncated: The text ends too early; its content is correct but incomplete.
+        truncated: Whether the text ends too early; its content is correct but incomplete.
     """
 
     format: str
@@ -220,13 +220,13 @@ class Description(Located):
 
     @property
     def placeless(self) -> bool:
-        """Whether nothing here names a place in a ring: only device types count.
+        """Whether there are no ring positions: then the SubDevices are only device types.
 
-        So are texts of one device, as ``ethercat xml -p 3`` prints them.
+        This includes texts about one device, such as the output of ``ethercat xml -p 3``.
         """
         placed = any(s.alias or s.position is not None for s in self.subdevices)
         return not placed and not self.copies and not self.connections
 
     def without_positions(self) -> Description:
-        """Return it with SubDevices without a position, as those of a partial network."""
+        """Return the description without positions, like that of a partial network."""
         return replace(self, subdevices=tuple(replace(s, position=None) for s in self.subdevices))

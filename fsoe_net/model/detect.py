@@ -1,17 +1,17 @@
-"""How sure it is that a piece of process data is an FSoE frame, in numbers and in words.
+"""Rates how certain it is that process data are an FSoE frame, as a number and in words.
 
-`find_blocks` decides by the layout of the objects alone, as plans require. Files of
-other tools also have names and half-finished mappings, and a person has to decide about the
-doubtful ones. So the same structure is weighed here:
+`find_blocks` decides by the layout of the objects alone, as plans require. Files of other tools
+also have names and unfinished mappings, and a person must decide about the doubtful ones. This
+module therefore rates the same structure:
 
-    place of the CRCs and the connection ID     40
-    command, CRCs and connection ID on one index 30   (15 when one CRC is on a neighbour)
-    index where frames of the profiles are       15   (0x6xxx, 0x7xxx, 0xE6xx, 0xE7xx)
-    safe data on objects of their own             5
-    names that speak of FSoE                     10   (-40 when there are names and none does)
+    place of the CRCs and the connection ID     40 command, CRCs and connection ID on one index 30
+    (15 if one CRC is on a neighbour) index where frames of the profiles are       15   (0x6xxx,
+    0x7xxx, 0xE6xx, 0xE7xx) safe data on objects of their own             5 names that speak of FSoE
+    10   (-40 when there are names and none does)
 
-From `SURE` on a frame may be taken without asking. A length alone is never enough: ordinary process
-data of six bytes are common. Names alone are not either: they are empty, translated or swapped.
+From `SURE` on, a frame may be used without asking. A length alone is never sufficient, because
+ordinary process data of six bytes are common. Names alone are not sufficient either: they may be
+empty, translated or swapped.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class FsoeGuess:
     """A frame with the evidence for and against it.
 
     Attributes:
-        block: Place, length and command.
-        score: 0 … 100, see the module.
+        block: Position, length and command.
+        score: 0 … 100, see the module docstring.
         reasons: Observations, in words.
         doubts: Deviations, in words.
     """
@@ -57,35 +57,35 @@ class FsoeGuess:
 
     @property
     def sure(self) -> bool:
-        """Whether it may be taken without asking."""
+        """Whether it may be used without asking."""
         return self.score >= SURE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FsoeNearMiss:
-    """Process data named like a frame that are not one, and the reasons, in words."""
+    """Process data that are named like a frame but are not one, and the reasons, in words."""
 
     pdo: Pdo
     why: str
 
 
 def guess_pdo(pdo: Pdo, direction: Direction) -> tuple[FsoeGuess, ...]:
-    """Score a PDO alone, such as one that a device offers but that is not assigned."""
+    """Score a single PDO, such as one that a device offers but that is not assigned."""
     manager = SyncManager(index=2 if direction is Direction.OUTPUT else 3, direction=direction)
     return detect_fsoe(place_entries((pdo,)), manager)
 
 
 def detect_fsoe(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeGuess, ...]:
-    """Find and weigh the frames of a sync manager.
+    """Find and score the frames of a sync manager.
 
     Args:
         placed: Its entries, see `place_entries` and `SmLayout.placed`.
         sm: The sync manager.
 
     Returns:
-        Frames by rising offset; they do not overlap.
+        Frames by ascending offset; they do not overlap.
     """
-    # Files of unknown origin: the search grows with the square of the entries.
+    # Files of unknown origin: the search time grows with the square of the entries.
     if len(placed) > _MAX_ENTRIES:
         return ()
     starts = {p.bit_offset: n for n, p in enumerate(placed)}
@@ -103,13 +103,13 @@ def detect_fsoe(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeGuess,
         if guess is not None:
             guesses.append(guess)
             taken.append((8 * guess.block.byte_offset, 8 * guess.block.end_byte))
-    # A weak guess that structure supports stays, so that a person decides.
+    # A weak guess with a supporting structure is kept, so that a person decides.
     found = (g for g in guesses if g.score >= _LEAST or not g.block.likely)
     return tuple(sorted(found, key=lambda g: g.block.byte_offset))
 
 
 def near_misses(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeNearMiss, ...]:
-    """Name the PDOs that mention CRC and connection ID without a frame, and the error.
+    """Report PDOs that mention CRC and connection ID but contain no frame, with the error.
 
     Args:
         placed: The entries of a sync manager.
@@ -117,7 +117,7 @@ def near_misses(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeNearMi
     """
     held = [(8 * g.block.byte_offset, 8 * g.block.end_byte) for g in detect_fsoe(placed, sm)]
     found: list[FsoeNearMiss] = []
-    # Names without structure: a half-finished mapping that a person has to complete.
+    # Names without structure: an unfinished mapping that a person must complete.
     for pdo, rows in _by_pdo(placed):
         inside = any(low <= r.bit_offset < high for r in rows for low, high in held)
         has_crc = any(_CRC.search(r.entry.name) for r in rows)
@@ -137,9 +137,9 @@ def _by_pdo(placed: tuple[Placed, ...]) -> list[tuple[Pdo, list[Placed]]]:
 
 
 def _why_not(rows: list[Placed]) -> str:
-    """Walk along the frame that the names promise to the first thing that does not fit.
+    """Return the first deviation from the frame that the names suggest.
 
-    Some of them are named as CRCs.
+    Some of the entries are named as CRCs.
     """
     base = next((r for r in rows if r.entry.bits == 8 and not r.entry.is_gap), None)
     if base is None:
@@ -148,7 +148,7 @@ def _why_not(rows: list[Placed]) -> str:
         return f"its command {base.entry.address} starts at bit {base.bit_offset}, inside a byte"
     crcs = [r for r in rows if _CRC.search(r.entry.name)]
     for number, row in enumerate(crcs):
-        # A single CRC follows one byte of safe data, or two bytes as all others do.
+        # A single CRC follows one byte of safe data, or two bytes like all others.
         wanted = [24 + 32 * number] if len(crcs) > 1 else [16, 24]
         wrong = _wrong_crc(row, number, row.bit_offset - base.bit_offset, wanted)
         if wrong:
@@ -178,7 +178,7 @@ def _weigh(
 ) -> FsoeGuess:
     command = placed[starts[8 * block.byte_offset]]
     end_bit = 8 * block.end_byte
-    # The longest reading of the frame: a shorter one would count CRCs as data.
+    # The longest interpretation of the frame: a shorter one would count CRCs as data.
     words = max(frames_at(placed, starts, command, end_bit), key=len)
     index = command.entry.index
     score, most = 40, 100
@@ -188,7 +188,7 @@ def _weigh(
     ]
     doubts: list[str] = []
     others = [w.entry for w in words if w.entry.index != index]
-    # One index for all is the mark of the profile; neighbours occur in some maps.
+    # One index for all is typical of the profile; neighbours occur in some mappings.
     if one_index:
         score += 30
         reasons.append(f"command, CRC and connection ID are on object 0x{index:04x}")
@@ -203,7 +203,7 @@ def _weigh(
     else:
         doubts.append(f"object 0x{index:04x} is outside 0x6000 … 0x7fff and 0xe600 … 0xe7ff")
     inside = _inside(placed, command, words, block)
-    # Padding only is what a tool writes before a safety project exists.
+    # Padding alone is written by a tool before a safety project exists.
     if any(not e.is_gap for e in inside):
         score += 5
         reasons.append("the safe data are on objects of their own")
@@ -239,7 +239,7 @@ def _names(command: Placed, words: list[Entry], inside: list[Entry]) -> tuple[in
     if not named:
         return 0, []
     every = [command.pdo.name, *named, *(e.name for e in inside)]
-    # Names are written by people, so that they support but do not decide.
+    # Names are written by people, so they support a decision but do not make it.
     speaking = [n for n in checks if _CRC.search(n) or _CONNECTION.search(n)]
     speaking += [n for n in every if _FSOE.search(n)]
     # A lone name "command" is usual for FSoE.
@@ -247,7 +247,7 @@ def _names(command: Placed, words: list[Entry], inside: list[Entry]) -> tuple[in
         speaking.append(named[0])
     if speaking:
         return 10, [f"names mention FSoE, such as {speaking[0][:40]!r}"]
-    # Names that speak of something else are strong evidence against it.
+    # Names about other subjects are strong evidence against a frame.
     return -40, [f"no name mentions FSoE, CRC or connection: {', '.join(named[:3])[:80]}"]
 
 
@@ -258,7 +258,7 @@ def _by_names(
     sm: SyncManager,
     end_bit: int,
 ) -> FsoeGuess | None:
-    """Return a frame by its places whose indices do not agree, when names speak for it."""
+    """Return a frame by its positions if its indices differ but its names support it."""
     entry = command.entry
     # Objects below 0x2000 are data types and communication (ETG.1000.6), never process data.
     if entry.bits != 8 or entry.is_gap or command.bit_offset % 8 or entry.index < 0x2000:

@@ -1,7 +1,7 @@
 """Drives by CiA 402 (IEC 61800-7-201, ETG.6010): their axes in process data, and their plant.
 
-A drive is a device that takes a controlword. Axis n of a device has its objects 0x800 * n higher,
-without gaps from axis 0.
+A drive is a device with a controlword. The objects of axis n are 0x800 * n higher; axes are
+numbered from 0 without gaps.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ class DriveAxis:
 
     @property
     def base(self) -> int:
-        """What is added to the objects of axis 0."""
+        """The offset added to the objects of axis 0."""
         return self.number * AXIS_STEP
 
 
 def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
-    """Return the axes of a device; none when it takes no controlword."""
+    """Return the axes of a device; none if it has no controlword."""
     sides: dict[Direction, dict[int, tuple[int, Placed]]] = {side: {} for side in Direction}
     for sm in layout.managers:
         for placed in sm.placed:
@@ -62,7 +62,7 @@ def drive_axes(layout: DeviceLayout) -> tuple[DriveAxis, ...]:
 
 
 def with_mode(device: Device, mode: int, span: Span) -> Device:
-    """Return a device whose axis 0 gets this mode of operation in every cycle, as its default.
+    """Return a device whose axis 0 gets this mode of operation as default in every cycle.
 
     Args:
         device: Content of the slave YAML.
@@ -84,18 +84,19 @@ def _of(entries: Mapping[int, tuple[int, Placed]], base: int) -> dict[int, tuple
 
 
 def axis_name(subdevice: str, number: int) -> str:
-    """Return ``drive`` for axis 0 and ``drive.2`` for axis 2: how people name an axis."""
+    """Return ``drive`` for axis 0 and ``drive.2`` for axis 2, the names used by people."""
     return f"{subdevice}.{number}" if number else subdevice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSetup(Located):
-    """An emulated axis: motor, load, limits, and which safe outputs act on it.
+    """An emulated axis: motor, load, limits, and the safe outputs that act on it.
 
     Lengths are revolutions of the motor. ``limits_rev`` are position limits; ``home_switch_rev`` is
-    where the switch is on. ``sto``, ``ss1`` and ``sls`` name safe outputs whose 0 demands the
-    function; ``None``: the objects of the drive profile in the frame of the same device.
-    ``sls_rpm`` belongs to the outputs of ``sls`` in their order; the last applies to all others.
+    the range in which the switch is on. ``sto``, ``ss1`` and ``sls`` name safe outputs whose value
+    0 requests the function; ``None`` for the objects of the drive profile in the frame of the same
+    device. ``sls_rpm`` belongs to the outputs of ``sls`` in their order; the last applies to all
+    others.
     """
 
     counts_per_rev: float = 65536

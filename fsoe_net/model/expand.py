@@ -1,9 +1,9 @@
-"""Shorthand connections to ordinary transfers: the one place where that happens.
+"""Converts shorthand connections to ordinary transfers; no other module does this.
 
-A connection names two SubDevices and, where several frames could be meant, slots. When its net
-moves nothing between these frames, the two transfers are made here, from the layout of their frames
-alone (`DeviceLayout.frame_pairs`). Pure; what cannot be made is a trouble with its cause, for the
-rules.
+A connection names two SubDevices and, if there are several frames, slots. If its net has no
+transfers between these frames, the two transfers are created here, from the layout of the frames
+alone (`DeviceLayout.frame_pairs`). Pure; a connection without a result is reported to the rules
+with its cause.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from fsoe_net.model.transfer_ends import ResolvedTransfer, find_end
 
 
 class Obstacle(enum.Enum):
-    """Why no transfers can be made from a connection."""
+    """Reason why no transfers can be created from a connection."""
 
     MODULE = "no SubDevice has this name"
     SAME = "main and sub are one SubDevice"
@@ -44,14 +44,14 @@ class Obstacle(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NotExpanded:
-    """A connection for which no transfers were made.
+    """A connection for which no transfers were created.
 
     Attributes:
         net: The net, as `Resolution.network` has it.
         facts: The connection.
         obstacle: The reason.
         key: Key of the connection that causes it, e.g. ``sub_slot``.
-        pairs: Frame pairs to name: those of this device, or the candidates.
+        pairs: Frame pairs to report: those of this device, or the candidates.
         partners: With LENGTHS, the pairs of the SubInstance.
         name: SubDevice of these frames; with NOT_MAIN the MainInstance of the net.
         other: The user of the frame, or the key that states the MainInstance.
@@ -71,8 +71,8 @@ class NotExpanded:
 class Expansion:
     """A network with the transfers of its connections, placed after those of their net.
 
-    ``left_out``: each connection without transfers, because of a trouble or an earlier error, as
-    number of the net and number in the net.
+    ``left_out``: each connection without transfers because of an error, as number of the net and
+    number in the net.
     """
 
     network: NetworkConfig
@@ -87,7 +87,7 @@ _Couple = tuple[FramePair, FramePair]
 
 
 class _Refusal(Exception):
-    """Why a connection cannot be made."""
+    """Reason why a connection cannot be expanded."""
 
     def __init__(
         self,
@@ -104,7 +104,7 @@ class _Refusal(Exception):
         self.pairs, self.partners = pairs, partners
 
     def trouble(self, net: Net, facts: ConnectionFacts) -> NotExpanded:
-        """Return it as a trouble of this connection."""
+        """Return the reason as a finding for this connection."""
         return NotExpanded(
             net=net,
             facts=facts,
@@ -119,7 +119,7 @@ class _Refusal(Exception):
 
 @dataclass(slots=True, kw_only=True)
 class _Request:
-    """A connection to make transfers of, with the frames it may mean."""
+    """A connection to expand, with its possible frames."""
 
     facts: ConnectionFacts
     main: SubDevice
@@ -137,13 +137,13 @@ class _Request:
 
 @dataclass(slots=True, kw_only=True)
 class _Case:
-    """A connection and what becomes of it; nothing, when its net has its transfers."""
+    """A connection and its result; empty if its net already has the transfers."""
 
     facts: ConnectionFacts
     request: _Request | None = None
     made: tuple[Transfer, ...] = ()
     refusal: _Refusal | None = None
-    silent: bool = False  # something else is wrong before
+    silent: bool = False  # another error was found before
 
     @property
     def left_out(self) -> bool:
@@ -155,7 +155,7 @@ class _Case:
 class _NetCases:
     """A net with its FSoE transfers and its connections.
 
-    ``main`` is the MainInstance that the connections say, where the net does not state it.
+    ``main`` is the MainInstance according to the connections, if the net does not state it.
     """
 
     net: Net
@@ -170,11 +170,11 @@ class _NetCases:
 
     @property
     def is_changed(self) -> bool:
-        """Whether it is another net than it was."""
+        """Whether the net differs from the original one."""
         return any(case.made or case.left_out for case in self.cases)
 
     def troubles(self, net: Net) -> list[NotExpanded]:
-        """Return those of its connections; `net` is what it has become."""
+        """Return the errors of its connections; `net` is the resulting net."""
         return [c.refusal.trouble(net, c.facts) for c in self.cases if c.refusal is not None]
 
     def done(self) -> Net:
@@ -185,7 +185,7 @@ class _NetCases:
         made = tuple(transfer for case in self.cases for transfer in case.made)
         return replace(
             net,
-            # The main is written down, so that later readers need not derive it once more.
+            # The main is stored, so that later readers need not derive it again.
             safety_master=net.safety_master or self.main,
             transfers=net.transfers + made,
             connections=tuple(case.facts for case in self.cases),
@@ -198,7 +198,7 @@ def expand(
     rows: tuple[ResolvedTransfer, ...],
     by_name: dict[str, SubDevice],
 ) -> Expansion:
-    """Make the transfers for the connections of a network. Never raises.
+    """Create the transfers for the connections of a network. Never raises.
 
     Args:
         network: The network as read.
@@ -230,11 +230,11 @@ class _Expander:
                     self._used.setdefault((end.endpoint.module, end.block.key), row.transfer)
 
     def expand(self) -> Expansion:
-        """Make what can be made, net by net, in the order of the file."""
+        """Expand the connections, net by net, in the order of the file."""
         for group in self._nets:
             group.cases = [self._case(group, facts) for facts in group.net.connections]
         requests = [(c, c.request) for g in self._nets for c in g.cases if c.request is not None]
-        # All requests are known before one is made: two of them may compete for one frame.
+        # All requests are collected before one is expanded: two of them may compete for one frame.
         reserved = self._reserved([request for _, request in requests])
         for case, request in requests:
             self._make(case, request, reserved)
@@ -259,7 +259,7 @@ class _Expander:
         case = _Case(facts=facts)
         if self._is_stated(group, facts):
             return case
-        if group.net.incomplete:  # what could not be read may be its transfers, or have its frames
+        if group.net.incomplete:  # the missing parts may be its transfers, or use its frames
             case.silent = True
             return case
         try:
@@ -280,19 +280,19 @@ class _Expander:
         if not between:
             return False
         wanted = self._stated_frames(facts)
-        # Slots decide where a SubDevice has several frames; without them, any transfer is meant.
+        # Slots decide if a SubDevice has several frames; without slots, any transfer matches.
         if wanted is None:
             return True
         for row in between:
             for end in (row.source, row.destination):
-                # A transfer that does not resolve has no frame: it is taken as the stated one, to
+                # A transfer that does not resolve has no frame: it counts as the stated one, to
                 # avoid a second error.
                 if end.block is None or (end.endpoint.module, end.block.key) in wanted:
                     return True
         return False
 
     def _stated_frames(self, facts: ConnectionFacts) -> set[_Frame] | None:
-        """Return the frames that the slots of a connection name; ``None`` when it names none."""
+        """Return the frames that the slots of a connection name; ``None`` if it names none."""
         if facts.slot is None and facts.sub_slot is None:
             return None
         found: set[_Frame] = set()
@@ -303,10 +303,10 @@ class _Expander:
         return found
 
     def _request(self, group: _NetCases, facts: ConnectionFacts) -> _Request | None:
-        """Return what a connection may mean; ``None`` when something else has gone wrong before.
+        """Return the possible frames of a connection; ``None`` after an earlier error.
 
         Raises:
-            _Refusal: It cannot mean anything.
+            _Refusal: The connection has no possible frames.
         """
         for key, name in (("main", facts.main), ("sub", facts.sub)):
             # A partial network lacks SubDevices on purpose; their absence is not an error of the
@@ -323,7 +323,7 @@ class _Expander:
         if main_name != facts.main:
             raise _Refusal(Obstacle.NOT_MAIN, "main", name=main_name, other=said)
         main, sub = self._by_name[facts.main], self._by_name[facts.sub]
-        # Without a device file there is already a finding; a second one would only distract.
+        # A missing device file is already reported; a second finding would only distract.
         if main.device is None or sub.device is None:
             return None
         # Copies across separate buses are not possible.
@@ -332,7 +332,7 @@ class _Expander:
         request = _Request(facts=facts, main=main, sub=sub)
         ours = self._eligible(main, facts.slot, "main", "slot")
         theirs = self._eligible(sub, facts.sub_slot, "sub", "sub_slot")
-        # Equal lengths in both directions are all that the layout can show.
+        # Equal lengths in both directions are the only evidence in the layout.
         request.couples = [(one, two) for one, two in product(ours, theirs) if one.fits(two)]
         if not request.couples:
             raise _Refusal(
@@ -344,7 +344,7 @@ class _Expander:
         return request
 
     def _main_of(self, group: _NetCases) -> tuple[str | None, Located]:
-        """Return the MainInstance of a net and its source; no name if that is wrong itself."""
+        """Return the MainInstance of a net and its source; an empty name if it is invalid."""
         net = group.net
         if net.safety_master is not None:
             # A MainInstance that does not exist is reported for the net.
@@ -354,7 +354,7 @@ class _Expander:
         ends = [{row.transfer.source.module, row.transfer.destination.module} for row in group.rows]
         shared = set.intersection(*ends) if ends else set()
         known = [c for c in net.connections if c.main in self._by_name]
-        # A connection that fits the transfers is a better source than the first one.
+        # A connection that matches the transfers is a better source than the first one.
         first = next((c for c in known if not ends or c.main in shared), known[0])
         if group.main is None:
             group.main = shared.pop() if len(shared) == 1 else first.main
@@ -363,7 +363,7 @@ class _Expander:
     def _eligible(
         self, sub: SubDevice, slot: int | None, key: str, slot_key: str
     ) -> list[FramePair]:
-        """Return the pairs a connection may mean on one device.
+        """Return the possible frame pairs of a connection on one device.
 
         Raises:
             _Refusal: There is none.
@@ -374,7 +374,7 @@ class _Expander:
         if slot is not None:
             if slot >= len(pairs):
                 raise _Refusal(Obstacle.NO_SLOT, slot_key, pairs=pairs, name=sub.name)
-            # Two frames of a slot that do not belong together cannot make a connection.
+            # Two frames of a slot that do not belong together cannot form a connection.
             if not pairs[slot].matched:
                 raise _Refusal(Obstacle.UNMATCHED, slot_key, pairs=(pairs[slot],), name=sub.name)
             return [pairs[slot]]
@@ -394,7 +394,7 @@ class _Expander:
         return reserved
 
     def _choose(self, request: _Request, reserved: dict[_Frame, list[ConnectionFacts]]) -> _Couple:
-        """Return the one pair of frame pairs that a connection can mean.
+        """Return the only pair of frame pairs that a connection can refer to.
 
         Raises:
             _Refusal: There is none, or there are several.
@@ -403,7 +403,7 @@ class _Expander:
         def user(frame: _Frame, *, early: bool) -> Located | None:
             """Return the user of the frame; ``early``: also consider earlier connections."""
             used = self._used.get(frame)
-            # Transfers are stated, connections are made here: at first only stated use counts.
+            # Transfers are stated, connections are expanded here: at first only stated use counts.
             if used is not None and (early or isinstance(used, Transfer)):
                 return used
             others = [f for f in reserved.get(frame, ()) if f is not request.facts]
@@ -412,11 +412,11 @@ class _Expander:
         unused = (
             c for c in request.couples if not any(user(f, early=False) for f in request.frames(c))
         )
-        # Enough for a message; a large network has thousands of combinations.
+        # Sufficient for a message; a large network has thousands of combinations.
         free = list(islice(unused, _MOST_NAMED)) or request.couples[:1]
         if len(free) > 1:
             raise _several(request, free)
-        # A frame that an earlier connection has taken is reported with that connection.
+        # If an earlier connection uses the frame, that connection is reported.
         for frame in request.frames(free[0]):
             other = user(frame, early=True)
             if other is not None:
@@ -480,7 +480,7 @@ def _pairs(sub: SubDevice) -> tuple[FramePair, ...]:
 
 
 def _several(request: _Request, free: list[_Couple]) -> _Refusal:
-    """Several couples are free: they differ in the frames of the MainInstance, or else there."""
+    """Several pairs are free: report which end has the choice."""
     pairs = {main.slot: main for main, _ in free}
     key, name = "main", request.main.name
     if len(pairs) == 1:

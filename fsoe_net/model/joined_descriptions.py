@@ -1,7 +1,7 @@
-"""Several descriptions of one bus joined: each fills the gaps of the others.
+"""Joins several descriptions of one bus; each fills the gaps of the others.
 
-Nothing is replaced: a layout is filled in where there is none, copies and connections where no
-description before had any. Descriptions that contradict each other are refused.
+Nothing is replaced: a layout is added if there is none, copies and connections if no earlier
+description has any. Contradicting descriptions are rejected.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from fsoe_net.model.description import (
 
 
 def has_layout(device: Device) -> bool:
-    """Whether it is known which process data the device has."""
+    """Whether the process data of the device are known."""
     return any(device.pdos_of(sm) for sm in device.sync_managers)
 
 
 def _is_of_type(sub: DescribedSubDevice, row: DescribedSubDevice) -> bool:
-    """Whether a SubDevice is of a type: by identity, and by order number where it has none."""
+    """Whether a SubDevice is of a type: by identity, or by order number if it has none."""
     one, two = sub.device, row.device
     if one.product_code:
         return (one.vendor_id, one.product_code) == (two.vendor_id, two.product_code)
@@ -36,14 +36,14 @@ def _is_of_type(sub: DescribedSubDevice, row: DescribedSubDevice) -> bool:
 def join_buses(buses: Sequence[Description], notes: list[str]) -> Description:
     """Join descriptions whose SubDevices have a place in the ring.
 
-    A SubDevice of one is that of another when position, or alias, is the same.
+    SubDevices of two descriptions are the same if position or alias is the same.
 
     Args:
-        buses: At least one; the first one leads.
-        notes: Takes what could not be joined.
+        buses: At least one; the first one has precedence.
+        notes: Takes notes on parts that could not be joined.
 
     Raises:
-        InputError: Two descriptions name different devices for one place.
+        InputError: Two descriptions have different devices at one position.
     """
     joined = buses[0]
     for other in buses[1:]:
@@ -86,7 +86,7 @@ def _joined(first: Description, other: Description, notes: list[str]) -> Descrip
 def _joined_copies(
     first: Description, other: Description, numbers: Mapping[int, int], notes: list[str]
 ) -> tuple[DescribedCopy, ...]:
-    """Return the copies of the first description that has some."""
+    """Return the copies of the first description that has any."""
     if first.copies:
         if other.copies:
             notes.append(f"{other.path}: its copies are left out; those of {first.path} are taken")
@@ -104,9 +104,9 @@ def _joined_copies(
 def _joined_connections(
     first: Description, other: Description, numbers: Mapping[int, int], notes: list[str]
 ) -> tuple[DescribedConnection, ...]:
-    """Return the connections of the first description that has some."""
+    """Return the connections of the first description that has any."""
     if first.connections:
-        # Connections of two sources are not mixed: half of each would fit neither safety project.
+        # Connections of two sources are not mixed: half of each would match neither safety project.
         if other.connections:
             notes.append(f"{other.path}: its connections are left out; {first.path} has some")
         return first.connections
@@ -139,7 +139,7 @@ def _name(sub: DescribedSubDevice) -> str:
 
 
 def _refuse_another_type(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> None:
-    """Refuse two device types at one place.
+    """Reject two device types at one position.
 
     Raises:
         InputError: Vendor or product differ.
@@ -155,10 +155,10 @@ def _refuse_another_type(sub: DescribedSubDevice, other: DescribedSubDevice, pat
 
 def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> DescribedSubDevice:
     """Return the SubDevice with the additional facts of the other one."""
-    # Before anything is filled in: two device types in one place mean two different buses.
+    # Before any addition: two device types at one position mean two different buses.
     _refuse_another_type(sub, other, path)
     device = sub.device
-    # A layout is taken as a whole: parts of two layouts would shift each other.
+    # A layout is used as a whole: parts of two layouts would shift each other.
     if not has_layout(device) and has_layout(other.device):
         device = replace(
             other.device,
@@ -185,7 +185,7 @@ def _filled(sub: DescribedSubDevice, other: DescribedSubDevice, path: str) -> De
 def _filled_by_type(
     sub: DescribedSubDevice, row: DescribedSubDevice, path: str, notes: list[str]
 ) -> DescribedSubDevice:
-    """Return a SubDevice with the process data of its type; its own revision stays."""
+    """Return a SubDevice with the process data of its type; its own revision is kept."""
     if sub.revision is not None and row.revision not in (None, sub.revision):
         notes.append(
             f"{_shown(sub)}: revision 0x{sub.revision:08x} is not in {path}; the process data "
@@ -203,7 +203,7 @@ def fill_devices(bus: Description, types: Sequence[Description], notes: list[str
 
     Args:
         bus: SubDevices in a ring.
-        types: Device types, as ESI and SII give them; an exact revision comes first.
+        types: Device types, as read from ESI and SII; an exact revision comes first.
         notes: Takes notes about differing revisions.
     """
     rows = [(sub, t.path) for t in types for sub in t.subdevices]
@@ -224,7 +224,7 @@ def fill_devices(bus: Description, types: Sequence[Description], notes: list[str
 
 
 def idle_types(bus: Description, types: Sequence[Description]) -> list[str]:
-    """Return a note for each device type that no SubDevice of a ring is of."""
+    """Return a note for each device type without a SubDevice in the ring."""
     return [
         f"{t.path}: no SubDevice is {_type(row)}; it is left out"
         for t in types

@@ -1,9 +1,9 @@
-"""PDO layout of each sync manager to the bit, and the FSoE frames that can be recognised in it.
+"""PDO layout of each sync manager to the bit, and the FSoE frames recognised in it.
 
 The rule (observed in the IgH master): the PDOs of a sync manager follow each other in assignment
-order, the entries of a PDO in listed order, nothing is aligned, padding counts. The first entry
-with an index:subindex, lowest sync manager first, is the one a driver gets; an end of a copy means
-the first in its own direction.
+order, the entries of a PDO in listed order, nothing is aligned, padding counts. A driver uses the
+first entry with an index:subindex, lowest sync manager first; an end of a copy refers to the first
+one in its own direction.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fsoe_net.model.bus import Device, Direction, Entry, Pdo, SyncManager
 _CRC_BITS = 16
 _COMMAND_BITS = 8
 _LONGEST_FRAME = 255  # bytes
-_NEIGHBOUR = 0x0F  # a CRC was seen eight objects away from its command, never farther
+_NEIGHBOUR = 0x0F  # a CRC was observed at most eight objects away from its command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,8 +45,8 @@ class Placed:
 class FsoeBlock:
     """An FSoE frame recognised by structure.
 
-    ``likely`` is true when a CRC stands on another index than the command, as some maps do: the
-    frame is used, but a size check against it only warns.
+    ``likely`` is true if a CRC has another index than the command, as in some mappings: the frame
+    is used, but a size check against it only warns.
     """
 
     byte_offset: int
@@ -63,21 +63,21 @@ class FsoeBlock:
 
     @property
     def safe_bytes(self) -> int:
-        """Safe data bytes the frame carries."""
+        """Number of safe data bytes in the frame."""
         return safe_data_length(self.frame_bytes)
 
     @property
     def key(self) -> tuple[int, int]:
-        """Sync manager number and byte offset, unique inside a device."""
+        """Sync manager number and byte offset, unique within a device."""
         return (self.sm_index, self.byte_offset)
 
 
-@dataclass(frozen=True, kw_only=True)  # no slots: `written` is kept
+@dataclass(frozen=True, kw_only=True)  # no slots, as `written` is cached
 class SmLayout:
-    """One sync manager with every entry placed; ``number`` is its place in the device's layout.
+    """One sync manager with every entry placed; ``number`` is its index in the device's layout.
 
     ``known_bits`` is smaller than ``bits``, or 0, if it contains a PDO without channels: the device
-    inserts its own content, and no offset after it is known.
+    inserts its own content, and the offsets after it are unknown.
     """
 
     number: int
@@ -90,12 +90,12 @@ class SmLayout:
 
     @property
     def size_bytes(self) -> int:
-        """Length of the process data; a started byte counts."""
+        """Length of the process data, rounded up to bytes."""
         return (self.bits + 7) // 8
 
     @property
     def registered(self) -> bool:
-        """Whether a driver registers an entry here, so that it gets a place in the image."""
+        """Whether a driver registers an entry here, which gives it a place in the image."""
         return any(p.entry.registered for p in self.placed)
 
     @cached_property
@@ -106,9 +106,9 @@ class SmLayout:
         )
 
     def has_safe_data(self, block: FsoeBlock) -> bool:
-        """Return whether an entry stands where the frame has safe data, other than padding.
+        """Return whether the safe data of the frame contain an entry other than padding.
 
-        A frame that is one entry counts: its content is not known.
+        A frame that is a single entry counts, because its content is unknown.
         """
         at = {safe_byte_offset(n) for n in range(block.safe_bytes)}
         first = block.byte_offset
@@ -119,21 +119,20 @@ class SmLayout:
         )
 
     def block_at(self, bit_offset: int) -> FsoeBlock | None:
-        """Return the frame that holds this bit, or ``None``."""
+        """Return the frame that contains this bit, or ``None``."""
         byte = bit_offset // 8
         return next((b for b in self.blocks if b.byte_offset <= byte < b.end_byte), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FramePair:
-    """The n-th frame among the inputs of a device with the n-th among its outputs.
+    """The n-th frame among the inputs of a device and the n-th among its outputs.
 
     Attributes:
         slot: Number, from 0 in the order of the process image.
-        sends: Frame of the device to the MainDevice; ``None`` when it has fewer of these.
-        takes: Frame of the MainDevice to the device; ``None`` when it has fewer of these.
-        matched: Both are there, and the object numbers do not say that they belong to two
-            connections.
+        sends: Frame from the device to the MainDevice; ``None`` if it has fewer of these.
+        takes: Frame from the MainDevice to the device; ``None`` if it has fewer of these.
+        matched: Whether both exist and their object numbers do not belong to two connections.
     """
 
     slot: int
@@ -148,16 +147,16 @@ class FramePair:
 
     @property
     def sent_bytes(self) -> int:
-        """Length of the frame to the MainDevice, 0 without one."""
+        """Length of the frame to the MainDevice; 0 if there is none."""
         return self.sends.frame_bytes if self.sends is not None else 0
 
     @property
     def taken_bytes(self) -> int:
-        """Length of the frame from the MainDevice, 0 without one."""
+        """Length of the frame from the MainDevice; 0 if there is none."""
         return self.takes.frame_bytes if self.takes is not None else 0
 
     def fits(self, other: FramePair) -> bool:
-        """Whether what each of the two sends is as long as what the other takes."""
+        """Whether the frames that each of the two sends are as long as those the other receives."""
         return self.sent_bytes == other.taken_bytes and self.taken_bytes == other.sent_bytes
 
 
@@ -169,14 +168,14 @@ class EntryPlace(NamedTuple):
     block: FsoeBlock | None
 
 
-@dataclass(frozen=True, kw_only=True)  # no slots: what is worked out of it is kept
+@dataclass(frozen=True, kw_only=True)  # no slots, as derived values are cached
 class DeviceLayout:
-    """All sync managers of a device, by rising number, also those without PDOs.
+    """All sync managers of a device in ascending order, including those without PDOs.
 
     ``partners`` maps each output frame to the input frame of the same connection, as
-    `FsoeBlock.key`. On all known devices the two commands stand on objects 0x1000 apart
-    (0x7080 / 0x6080), 0x100 apart (0xE700 / 0xE600) or 0x10 apart (0x6770 / 0x6760); frames
-    without such a partner are left out.
+    `FsoeBlock.key`. On all known devices the indices of the two commands differ by 0x1000 (0x7080 /
+    0x6080), 0x100 (0xE700 / 0xE600) or 0x10 (0x6770 / 0x6760); frames without such a partner are
+    omitted.
     """
 
     managers: tuple[SmLayout, ...]
@@ -189,9 +188,9 @@ class DeviceLayout:
 
     @cached_property
     def by_address(self) -> Mapping[tuple[int, int], tuple[EntryPlace, ...]]:
-        """Where each entry is, by index and subindex: the first place in each direction.
+        """Places of each entry by index and subindex: the first place in each direction.
 
-        A driver that does not ask for a direction gets the first of them.
+        A driver that does not specify a direction uses the first one.
         """
         found: dict[tuple[int, int], tuple[EntryPlace, ...]] = {}
         for sm in self.managers:
@@ -200,8 +199,8 @@ class DeviceLayout:
                     continue
                 key = (placed.entry.index, placed.entry.subindex)
                 places = found.get(key, ())
-                # In each direction the first place counts, because the IgH master looks it up in
-                # that way.
+                # The first place in each direction counts, because the IgH master looks it up this
+                # way.
                 if all(place.sm.sm.direction is not sm.sm.direction for place in places):
                     place = EntryPlace(sm, placed, sm.block_at(placed.bit_offset))
                     found[key] = (*places, place)
@@ -211,10 +210,10 @@ class DeviceLayout:
     def frame_pairs(self) -> tuple[FramePair, ...]:
         """The frame pairs of the device by slot; ``slot`` has this meaning everywhere.
 
-        Frames after a PDO whose layout is not known offline have no number.
+        Frames after a PDO with an unknown layout have no number.
         """
         inputs, outputs = (self._numbered(way) for way in (Direction.INPUT, Direction.OUTPUT))
-        # Without numbered partners, equal counts on both sides are what makes order a proof.
+        # Without numbered partners, the order is a proof only if both sides have equal counts.
         even = len(inputs) == len(outputs)
         with_partner = {*self.partners, *self.partners.values()}
         rows = []
@@ -222,8 +221,8 @@ class DeviceLayout:
             matched = sends is not None and takes is not None
             if sends is not None and takes is not None:
                 partner = self.partners.get(takes.key)
-                # Partners by index win over the order; a lone frame joins only where no other
-                # claims it.
+                # Partners by index have precedence over the order; a single frame joins only if no
+                # other claims it.
                 matched = partner == sends.key or (
                     even and partner is None and sends.key not in with_partner
                 )
@@ -247,7 +246,7 @@ class DeviceLayout:
 
 
 def place_device(device: Device) -> DeviceLayout:
-    """Place every entry of a device and recognise its FSoE frames; `Device.layout` keeps it."""
+    """Place every entry of a device and recognise its FSoE frames; cached in `Device.layout`."""
     managers = tuple(
         _place(device, sm, number)
         for number, sm in enumerate(sorted(device.sync_managers, key=lambda sm: sm.index))
@@ -256,7 +255,7 @@ def place_device(device: Device) -> DeviceLayout:
 
 
 def place_entries(pdos: Iterable[Pdo]) -> tuple[Placed, ...]:
-    """Place the entries of PDOs that follow each other."""
+    """Place the entries of consecutive PDOs."""
     placed: list[Placed] = []
     bit = 0
     for number, pdo in enumerate(pdos):
@@ -274,7 +273,7 @@ def _place(device: Device, sm: SyncManager, number: int) -> SmLayout:
     end_bit = 0
     for pdo in pdos:
         if not pdo.entries and known_bits is None:
-            # From the first PDO without entries on, no offset is known offline.
+            # From the first PDO without entries on, offsets are unknown.
             known_bits = end_bit
         end_bit += pdo.bits
     return SmLayout(
@@ -293,7 +292,7 @@ def _partners(managers: tuple[SmLayout, ...]) -> dict[tuple[int, int], tuple[int
     inputs = {b.command.index: b for b in blocks if b.direction is Direction.INPUT}
     pairs: dict[tuple[int, int], tuple[int, int]] = {}
     for out in (b for b in blocks if b.direction is Direction.OUTPUT):
-        # Distances of indices in the FSoE profiles: outputs are above their inputs.
+        # Index distances in the FSoE profiles: outputs have higher indices than their inputs.
         for distance in (0x1000, 0x100, 0x10):
             partner = inputs.get(out.command.index - distance)
             if partner is not None:
@@ -303,7 +302,7 @@ def _partners(managers: tuple[SmLayout, ...]) -> dict[tuple[int, int], tuple[int
 
 
 def find_blocks(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeBlock, ...]:
-    """Recognise FSoE frames by structure; names are never trusted (they are empty or swapped).
+    """Recognise FSoE frames by structure; names are never used (they are empty or swapped).
 
     A frame starts with an 8-bit command on a byte boundary. CRCs of 16 bits are at byte 2 (one safe
     byte) or at bytes 3, 7, 11 … (even numbers of safe bytes); the connection ID ends it. Command,
@@ -319,7 +318,7 @@ def find_blocks(placed: tuple[Placed, ...], sm: SyncManager) -> tuple[FsoeBlock,
     free_from = 0
     for number, place in enumerate(placed):
         if place.bit_offset < free_from or not _can_be_command(place):
-            # Frames do not overlap: inside of one, an entry that looks like a command is data.
+            # Frames do not overlap: within a frame, an entry that looks like a command is data.
             continue
         block = _block_at(placed, starts, number, sm)
         if block is not None:
@@ -364,16 +363,16 @@ def _matches(
     command: Placed,
     words: tuple[Placed, ...],
 ) -> str | None:
-    """Return ``sure`` or ``likely`` when these words belong to the command, else ``None``."""
+    """Return ``sure`` or ``likely`` if these words belong to the command, otherwise ``None``."""
     checks = [w.entry for w in words]
     index = command.entry.index
     same = [e.index == index for e in checks]
-    # A frame that reads one object twice is not what a device maps.
+    # No device maps a frame that reads one object twice.
     if not _subindices_differ(command.entry, checks):
         return None
     if all(same):
         return "sure" if _data_differs(placed, starts, command, words) else None
-    # Some maps put a single CRC on a neighbouring object; the connection ID stays on the command's.
+    # Some mappings put a single CRC on a neighbouring object; the connection ID has the command's.
     near = all(abs(e.index - index) <= _NEIGHBOUR for e in checks)
     if near and same[-1] and sum(same) >= len(same) - 1 and len(same) > 2:
         return "likely"
@@ -383,13 +382,13 @@ def _matches(
 def frames_at(
     placed: tuple[Placed, ...], starts: Mapping[int, int], command: Placed, end_bit: int
 ) -> Iterator[tuple[Placed, ...]]:
-    """Yield the CRCs and the connection ID of every frame that fits by its places alone.
+    """Yield the CRCs and the connection ID of every frame that is possible by position alone.
 
     Args:
         placed: All entries of the sync manager.
         starts: Number in ``placed`` of the entry that starts at a bit.
-        command: Where the frame begins.
-        end_bit: Where it has to end at the latest.
+        command: The command at the beginning of the frame.
+        end_bit: Latest end of the frame.
 
     Yields:
         The 16-bit entries, none of them padding, the connection ID last; shorter frames first.
@@ -412,7 +411,7 @@ def frames_at(
     for byte in range(3, _LONGEST_FRAME - 3, 4):
         crc = word(byte)
         if crc is None:
-            return  # longer frames need it too
+            return  # longer frames also need it
         crcs.append(crc)
         connection = word(byte + 2)
         if connection is not None:
@@ -430,7 +429,7 @@ def _data_differs(
     command: Placed,
     words: tuple[Placed, ...],
 ) -> bool:
-    """Safe data of a frame never stand on the index of its command; ordinary records do."""
+    """Whether no safe data have the index of the command: true for frames, not for records."""
     checks = {w.bit_offset for w in words}
     for number in range(starts[command.bit_offset] + 1, starts[words[-1].bit_offset]):
         place = placed[number]

@@ -1,6 +1,6 @@
 """Prior knowledge about FSoE devices: identity, process data, frames, figures, sources.
 
-A library helps to propose and to explain. The device and its files take precedence.
+The library is used for proposals and explanations. The device and its files take precedence.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class LibraryIdentity(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LibraryFrame(Located):
-    """One FSoE frame as the library states it; ``byte_offset`` inside the sync manager."""
+    """One FSoE frame as stated by the library; ``byte_offset`` is within the sync manager."""
 
     sm_index: int
     byte_offset: int
@@ -43,9 +43,9 @@ class LibraryMapping(Located):
             PDOs.
         frames: Stated frames, by sync manager and place.
         restart_relevant: Index and subindex of standard outputs that can start a machine.
-        revision_from: First revision it was seen on; ``None``: unknown.
-        revision_to: Last revision it is for; ``None``: open.
-        module_ident: Module that brings it; ``None``: PDOs of the device itself.
+        revision_from: First revision it was observed on; ``None`` if unknown.
+        revision_to: Last revision it applies to; ``None`` if open.
+        module_ident: Module that adds it; ``None`` for PDOs of the device itself.
         notes: Notes for the user.
     """
 
@@ -69,7 +69,7 @@ class LibraryMapping(Located):
         return sum(f.sm_index in outputs for f in self.frames)
 
     def fits(self, revision: int | None) -> bool:
-        """Whether it may be that of a revision; every one when the revision is not known."""
+        """Whether it may apply to a revision; always true if the revision is unknown."""
         if revision is None:
             return True
         return (self.revision_from or 0) <= revision and (
@@ -100,9 +100,10 @@ class LibraryDevice(Located):
     """One device.
 
     Attributes:
-        sources: Keys to where the facts were found.
-        mappings: Process data it was seen with; none where a project of the user's makes them.
-        role: ``sub`` or ``main`` for a device without mappings; else empty, they state it.
+        sources: Sources of the facts, by key.
+        mappings: Observed process data; none if they are defined by a project of the user.
+        role: ``sub`` or ``main`` for a device without mappings; otherwise empty, as the mappings
+            state it.
     """
 
     name: str
@@ -116,7 +117,7 @@ class LibraryDevice(Located):
 
     @property
     def roles(self) -> tuple[str, ...]:
-        """Sides of FSoE connections it can be on, ``main`` first."""
+        """Sides of FSoE connections that it can be on, ``main`` first."""
         return tuple(sorted({m.role for m in self.mappings} or {self.role}))
 
 
@@ -135,7 +136,7 @@ class Library:
         return None
 
     def named(self, name: str) -> LibraryDevice | None:
-        """Return the device of a name or order number, case aside, or ``None``."""
+        """Return the device with a name or order number, ignoring case, or ``None``."""
         wanted = name.casefold()
         for device in self.devices:
             words = [device.name, *(i.order for i in device.identities)]
@@ -145,10 +146,10 @@ class Library:
 
 
 def contradictions(device: LibraryDevice) -> list[tuple[Located, str]]:
-    """Return where a device contradicts itself or FSoE, with the object that is wrong.
+    """Return contradictions within a device or with FSoE, each with the object concerned.
 
-    The frames the structural detector finds have to be exactly the stated ones, with the lengths
-    FSoE allows, and each output frame needs its partner.
+    The frames found by the structural detector must be exactly the stated ones, with lengths
+    permitted by FSoE, and each output frame needs its partner.
     """
     found: list[tuple[Located, str]] = []
     # A role at the device and roles at its mappings would contradict each other.
@@ -172,7 +173,7 @@ def _frames(device: LibraryDevice, mapping: LibraryMapping) -> list[tuple[Locate
     stated = {(f.sm_index, f.byte_offset): f for f in mapping.frames}
     layout = mapping.device(device.identities[0], "").layout
     seen = {b.key: b for sm in layout.managers for b in sm.blocks}
-    # Found and not stated: the figures of this frame would be missing.
+    # Found but not stated: the figures of this frame would be missing.
     for key in sorted(seen.keys() - stated.keys()):
         at = f"byte {key[1]} of sync manager {key[0]}"
         found.append((mapping, f"the entries have a frame at {at} that is not stated"))
@@ -184,11 +185,11 @@ def _frames(device: LibraryDevice, mapping: LibraryMapping) -> list[tuple[Locate
             continue
         if block.frame_bytes != frame.frame_bytes:
             found.append((frame, f"{at}: {frame.frame_bytes} bytes, {block.frame_bytes} by entry"))
-        # The number of safe bytes follows from the frame length; a stated one must agree.
+        # The number of safe bytes follows from the frame length; a stated one must match.
         elif safe_data_length(frame.frame_bytes) != frame.safe_bytes:
             right = safe_data_length(frame.frame_bytes)
             found.append((frame, f"{at}: {frame.safe_bytes} safe bytes, FSoE has {right} in it"))
-        # An output frame without its partner cannot make a connection.
+        # An output frame without its partner cannot form a connection.
         if block.direction is Direction.OUTPUT and key not in layout.partners:
             found.append((frame, f"{at}: no frame in the other direction belongs to it"))
     found += _restart(mapping, layout)

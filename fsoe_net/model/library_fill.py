@@ -1,4 +1,4 @@
-"""Process data out of the device library, for SubDevices whose own files have none."""
+"""Process data from the device library, for SubDevices whose own files have none."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from fsoe_net.model.library import Library, LibraryDevice, LibraryIdentity, Libr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LibraryFill:
-    """A SubDevice after a look into the library.
+    """A SubDevice after a lookup in the library.
 
     Attributes:
-        sub: With process data, when the library has exactly the right ones.
-        remarks: Where they come from, or why there are none.
-        question: Which mapping it is, where the library has several.
-        wrong: The answer names no mapping of this device: the mappings there are.
+        sub: The SubDevice, with process data if the library has a unique match.
+        remarks: Source of the process data, or why there are none.
+        question: Question about the mapping, if the library has several.
+        wrong: The available mappings, if the answer names none of them.
     """
 
     sub: DescribedSubDevice
@@ -29,7 +29,7 @@ class LibraryFill:
 
 
 def library_device(sub: DescribedSubDevice, library: Library) -> LibraryDevice | None:
-    """Return the library entry of a SubDevice, by identity, else by order number."""
+    """Return the library entry of a SubDevice, by identity or else by order number."""
     device = sub.device
     if device.product_code:
         return library.find(device.vendor_id, device.product_code)
@@ -39,7 +39,7 @@ def library_device(sub: DescribedSubDevice, library: Library) -> LibraryDevice |
 def library_role(
     sub: DescribedSubDevice, lengths: tuple[tuple[int, int], ...], library: Library
 ) -> str:
-    """Return ``main`` or ``sub`` where the library leaves no doubt, else nothing.
+    """Return ``main`` or ``sub`` if the library leaves no doubt, otherwise an empty string.
 
     Args:
         sub: A SubDevice.
@@ -66,20 +66,20 @@ def _lengths(mapping: LibraryMapping) -> list[tuple[int, int]]:
 def fill_from_library(
     sub: DescribedSubDevice, name: str, library: Library, answers: Answers
 ) -> LibraryFill:
-    """Fill a SubDevice without process data where the library leaves no choice, or as answered.
+    """Add process data to a SubDevice if the library has a single match, or as answered.
 
     Args:
         sub: A SubDevice.
-        name: Its name, as answers call it.
+        name: Its name in the answers.
         library: The devices.
-        answers: May say which mapping it is.
+        answers: Answers, which may select the mapping.
     """
     # A layout from the user's files is never replaced by one of the library.
     known = None if has_layout(sub.device) else library_device(sub, library)
     answer = answers.process_data.get(name)
     if known is None:
         return LibraryFill(sub=sub)
-    # A revision can rule out mappings, so that fewer are left to ask about.
+    # A revision can exclude mappings, so that fewer are left to ask about.
     fitting = _fitting(sub, known)
     if answer is not None:
         chosen = [m for m in known.mappings if m.name.casefold() == answer.text.casefold()]
@@ -97,7 +97,7 @@ def fill_from_library(
                 *(() if known.mappings else known.notes),
             ),
         )
-    # Several fit: only a person has the safety project.
+    # Several match: only a person has the safety project.
     question = Question(
         ask=Ask.PROCESS_DATA,
         subject=name,
@@ -128,7 +128,7 @@ def _shown(mapping: LibraryMapping, known: LibraryDevice) -> str:
 
 
 def _identity(sub: DescribedSubDevice, known: LibraryDevice) -> LibraryIdentity:
-    """Return the identity of a SubDevice; where its files have none, that of its order number."""
+    """Return the identity of a SubDevice, or else that of its order number."""
     words = (sub.device.product_code, sub.order.casefold())
     rows = known.identities
     return next(

@@ -1,4 +1,4 @@
-"""Names that are given once each."""
+"""Unique names."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 
 class Names:
-    """Names in use; cost is linear also if all request the same name.
+    """Names in use; the cost is linear even if all requests are for the same name.
 
     Args:
         taken: Names in use.
@@ -20,7 +20,7 @@ class Names:
         self._next: dict[str, int] = {}
 
     def add(self, *wanted: str) -> str:
-        """Take the first free name, else the last with a number appended, from 2 on."""
+        """Add the first free name, or else the last one with a number appended, from 2 on."""
         free = next((name for name in wanted if name not in self._taken), None)
         name = wanted[-1] if free is None else free
         if free is None:
@@ -34,7 +34,7 @@ class Names:
 
 
 def numbered(wanted: Sequence[str]) -> tuple[str, ...]:
-    """Return a name for each: as wanted, with a number from 1 on where several want the same."""
+    """Return a name for each request; equal requests get a number, from 1 on."""
     total, seen, names = Counter(wanted), Counter[str](), Names()
     found = []
     for name in wanted:

@@ -13,11 +13,11 @@ from fsoe_net.model.bus import Located, SubDevice
 from fsoe_net.model.safety import SafetyFunction
 
 MOST_COMBINATIONS = 64
-"""Of groups: more are not listed."""
+"""Maximum number of combinations of groups that are listed."""
 
 
 class TransferKind(enum.Enum):
-    """What a transfer moves: one FSoE frame, or ordinary process data."""
+    """Content of a transfer: one FSoE frame, or ordinary process data."""
 
     FSOE = "fsoe"
     STANDARD = "standard"
@@ -25,7 +25,7 @@ class TransferKind(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Endpoint(Located):
-    """One end of a transfer: the first entry of the bytes that move."""
+    """One end of a transfer: the first entry of the bytes."""
 
     module: str
     index: int
@@ -47,13 +47,13 @@ class Transfer(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConnectionFacts(Located):
-    """A connection as stated by the user: frames, and facts not in PDOs. ``None``: not stated.
+    """A connection as stated by the user: frames, and facts not in PDOs. ``None`` if not stated.
 
-    ``main`` and ``sub`` are SubDevice names; an answer of the user may leave ``main`` empty.
+    ``main`` and ``sub`` are SubDevice names; ``main`` may be empty in an answer of the user.
     ``slot`` is the number of the frame pair of ``main``, from 0 in the order of the process image
-    (`frame_pairs`); ``sub_slot`` the same for ``sub``. Transfers that the net does not have are
-    made from it (`expand`). ``unconfirmed``: not yet compared with the safety project; the text is
-    the reason, and may be empty.
+    (`frame_pairs`); ``sub_slot`` the same for ``sub``. Missing transfers of the net are created
+    from it (`expand`). ``unconfirmed``: not yet compared with the safety project; the text is the
+    reason, and may be empty.
     """
 
     main: str = ""
@@ -71,8 +71,8 @@ class ConnectionFacts(Located):
 class Net(Located):
     """One FSoE MainInstance with its transfers.
 
-    ``incomplete``: a transfer or a connection could not be read or made, so what is missing is no
-    finding of its own.
+    ``incomplete``: a transfer or a connection could not be read or expanded, so missing parts are
+    not separate findings.
     """
 
     name: str
@@ -84,10 +84,10 @@ class Net(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bus(Located):
-    """One of several buses; ``cycle_ns`` is ``None`` when the file does not state it.
+    """One of several buses; ``cycle_ns`` is ``None`` if the file does not state it.
 
-    ``interface``: the network interface of the PC, or the number of the IgH master; empty when not
-    stated, then it is given on the command line.
+    ``interface``: the network interface of the PC, or the number of the IgH master; if it is empty,
+    it must be given on the command line.
     """
 
     name: str
@@ -97,10 +97,10 @@ class Bus(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group(Located):
-    """SubDevices that may be absent, by name, in the order in which they stand on the bus.
+    """SubDevices that may be absent, by name, in bus order.
 
-    The first is found by its alias. Groups of one ``place`` are alternatives, never there together;
-    empty where there are none. ``places``: where each name is written.
+    The first one is found by its alias. Groups with the same ``place`` are alternatives that are
+    never present together; empty without alternatives. ``places``: place of each name in the file.
     """
 
     name: str
@@ -117,15 +117,15 @@ class SourceFile:
     sha256: str
 
 
-@dataclass(frozen=True, kw_only=True)  # no slots: the groups by name are kept
+@dataclass(frozen=True, kw_only=True)  # no slots, as the groups by name are cached
 class NetworkConfig(Located):
     """All facts known before the bus exists.
 
     ``subdevices``: in the order in which a driver adds them to its master, which is the order of
-    the process image. ``cycle_ns`` is ``None`` when no file states it. ``partial``: modules may be
-    declared in a file that was not given, so unknown names are not errors. ``project`` heads
-    reports; empty when not stated. ``buses``: at least two, numbered by ``master_id`` of the
-    SubDevices, or empty if the file has one bus; ``cycle_ns`` is that of the first, which leads.
+    the process image. ``cycle_ns`` is ``None`` if no file states it. ``partial``: modules may be
+    declared in a file that was not given, so unknown names are not errors. ``project`` is the
+    heading of reports; empty if not stated. ``buses``: at least two, numbered by ``master_id`` of
+    the SubDevices, or empty if the file has one bus; ``cycle_ns`` is that of the first bus.
     ``groups``: SubDevices that may be absent; all others are always present.
     """
 
@@ -141,7 +141,7 @@ class NetworkConfig(Located):
     groups: tuple[Group, ...] = ()
 
     def group_of(self, subdevice: str) -> Group | None:
-        """Return the group that a SubDevice is in; ``None``: it is always there."""
+        """Return the group of a SubDevice, or ``None`` if it is always present."""
         return self._groups.get(subdevice)
 
     @cached_property
@@ -153,15 +153,15 @@ class NetworkConfig(Located):
         return found
 
     def combinations(self) -> tuple[tuple[str, ...], ...]:
-        """Return which groups may be there together: of each place one or none, others or not.
+        """Return the combinations of groups that may be present: at most one group per place.
 
-        At most `MOST_COMBINATIONS`, the one with nothing first; empty without groups.
+        At most `MOST_COMBINATIONS`, beginning with the one without any group; empty without groups.
         """
         if not self.groups:
             return ()
         places: dict[str, list[str]] = {}
         for group in self.groups:
-            # Groups of one place exclude each other; a group without a place is its own place.
+            # Groups of one place exclude each other; a group without a place is independent.
             places.setdefault(f"place {group.place}" if group.place else group.name, []).append(
                 group.name
             )
@@ -171,13 +171,14 @@ class NetworkConfig(Located):
         return tuple(itertools.islice(found, MOST_COMBINATIONS))
 
     def has_way(self, source: SubDevice, destination: SubDevice) -> bool:
-        """Whether one program moves frames between them: of several masters none does."""
+        """Whether one program moves frames between them; with several masters, none does."""
         return bool(self.buses) or source.master_id == destination.master_id
 
     def way(self, source: SubDevice, destination: SubDevice) -> tuple[int, ...]:
-        """Return the numbers of the buses whose cycles move a frame from one to another.
+        """Return the buses whose cycles move a frame from one SubDevice to another.
 
-        Each step is an exchange between two cycles. The first bus leads: it copies what crosses.
+        Each step is an exchange between two cycles. The first bus copies all frames that cross
+        buses.
         """
         ends = (source.master_id, destination.master_id)
         if ends[0] == ends[1]:
@@ -185,7 +186,7 @@ class NetworkConfig(Located):
         return ends if 0 in ends else (ends[0], 0, ends[1])
 
     def way_cycles_ns(self, source: SubDevice, destination: SubDevice) -> tuple[int, ...] | None:
-        """Return the cycle of each bus on that way, ns; ``None`` when one is not stated."""
+        """Return the cycle of each bus on that path in ns; ``None`` if one is not stated."""
         way = self.way(source, destination)
         cycles = [self.buses[n].cycle_ns if self.buses else self.cycle_ns for n in way]
         known = tuple(ns for ns in cycles if ns)

@@ -1,4 +1,4 @@
-"""Which SubInstance belongs to which slot of a MainInstance, as far as lengths and direction show.
+"""Assigns SubInstances to slots of MainInstances, as far as lengths and direction show.
 
 A connection has a frame in each direction, so a SubDevice takes part with pairs of frames:
 
@@ -7,9 +7,9 @@ A connection has a frame in each direction, so a SubDevice takes part with pairs
     outputs  n-th frame  <--------------     inputs   m-th frame
              slot n                                   sub_slot m
 
-Frames are equal in length at both ends. Two pairs are joined by lengths only when nothing else is
-possible: one slot of these lengths, one SubInstance of these lengths. Everything else is a proposal
-with its candidates, for a person to decide.
+A frame has the same length at both ends. Two pairs are joined by lengths only if there is no
+alternative: one slot and one SubInstance with these lengths. Everything else is a proposal with its
+candidates, for a person to decide.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ class PairEnd:
 
     @property
     def lengths(self) -> tuple[int, int]:
-        """Bytes to the SubDevice, bytes from it."""
+        """Bytes to the SubDevice, and bytes from it."""
         return (self.written.frame_bytes, self.read.frame_bytes)
 
     def fits(self, other: PairEnd) -> bool:
-        """Whether both frames of the other end have the lengths of these."""
+        """Whether both frames of the other end have matching lengths."""
         return self.lengths == other.lengths[::-1]
 
 
@@ -57,10 +57,10 @@ class OpenPair:
 
     Attributes:
         sub: Its frames.
-        candidates: Free slots of these lengths; empty when none fits.
+        candidates: Free slots of these lengths; empty if there are none.
         rivals: Other SubInstances for the same slots.
-        proposed: The next slot in ring order, ``None`` when all are assigned. It is as likely as
-            the other candidates.
+        proposed: The next slot in ring order, ``None`` if all are assigned. It is as likely as the
+            other candidates.
     """
 
     sub: PairEnd
@@ -78,7 +78,7 @@ class Pairing:
 
 
 def pair_ends(layout: DeviceLayout, subdevice: int) -> tuple[PairEnd, ...]:
-    """Return the pairs of a SubDevice whose frames belong together, by slot.
+    """Return the pairs of matching frames of a SubDevice, by slot.
 
     Args:
         layout: Its layout.
@@ -92,22 +92,22 @@ def pair_ends(layout: DeviceLayout, subdevice: int) -> tuple[PairEnd, ...]:
 
 
 def lonely_frames(layout: DeviceLayout) -> tuple[FsoeBlock, ...]:
-    """Return the frames of a SubDevice that no frame in the other direction belongs to."""
+    """Return the frames of a SubDevice without a frame in the other direction."""
     return tuple(b for pair in layout.frame_pairs if not pair.matched for b in pair.blocks)
 
 
 def pair_by_lengths(
     mains: Sequence[PairEnd], subs: Sequence[PairEnd], doubtful: Iterable[PairEnd] = ()
 ) -> Pairing:
-    """Pair free slots and free SubInstances where lengths and direction leave only one choice.
+    """Pair free slots and free SubInstances if lengths and direction leave only one choice.
 
     Args:
         mains: Slots of all MainInstances that no known connection uses, in ring order.
         subs: SubInstances without a connection, in ring order.
-        doubtful: Pairs whose participation, or end, is unknown; nothing is paired where they could
-            take part.
+        doubtful: Pairs whose participation or end is unknown; they block all pairs that they could
+            be part of.
     """
-    # A doubtful pair may take either role: both orders of its lengths are blocked.
+    # A doubtful pair may have either role: both orders of its lengths are blocked.
     unknown = {p.lengths for p in doubtful} | {p.lengths[::-1] for p in doubtful}
     settled: list[tuple[PairEnd, PairEnd]] = []
     rows: list[OpenPair] = []
@@ -115,11 +115,11 @@ def pair_by_lengths(
     for sub in subs:
         slots = tuple(m for m in mains if m.fits(sub))
         rivals = tuple(s for s in subs if s.lengths == sub.lengths and s is not sub)
-        # Settled only if nothing else of these lengths is left on either side.
+        # Decided only if nothing else with these lengths is left on either side.
         if len(slots) == 1 and not rivals and sub.lengths not in unknown:
             settled.append((slots[0], sub))
             continue
-        # In turn: equal SubInstances would otherwise all be proposed for the first slot.
+        # In turn: otherwise, all equal SubInstances would be proposed for the first slot.
         turn = given.get(sub.lengths, 0)
         given[sub.lengths] = turn + 1
         rows.append(

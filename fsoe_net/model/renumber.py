@@ -1,4 +1,4 @@
-"""Copies of one description in the numbers of another one of the same bus."""
+"""Copies of one description with the SubDevice numbers of another one of the same bus."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from fsoe_net.model.layout import SmLayout
 def renumbered_copies(bus: Description, other: Description) -> tuple[DescribedCopy, ...]:
     """Return the copies of ``bus`` with SubDevices of ``other`` as ends.
 
-    SubDevices are the same when they have the same ring position and the same identity.
+    SubDevices are the same if they have the same ring position and the same identity.
 
     Args:
         bus: Description with copies and ring positions.
         other: Description of the same bus, with all its SubDevices and their process data.
 
     Raises:
-        InputError: They are not the same bus, or an end has other process data; with the location.
+        InputError: The buses differ, or an end has other process data; with the location.
     """
     places = {s.position: n for n, s in enumerate(other.subdevices)}
     numbers = [_partner(sub, places, other) for sub in bus.subdevices]
-    # Copies of SubDevices that the other description lacks would be lost without a word.
+    # Copies of SubDevices that are missing in the other description would be lost silently.
     missing = set(range(len(other.subdevices))) - set(numbers)
     for copy in other.copies:
         if {copy.source.subdevice, copy.destination.subdevice} & missing:
@@ -89,9 +89,9 @@ def _manager(sub: DescribedSubDevice, index: int) -> SmLayout | None:
 
 
 def _range(manager: SmLayout | None, first: int, bits: int) -> list[tuple[int, ...]] | None:
-    """Return what is moved: place, index and length of each entry.
+    """Return the content of a range: place, index and length of each entry.
 
-    Sub-indexes are not in it: a device and its module swap those of CRC and connection ID.
+    Subindexes are not included: a device and its module swap those of CRC and connection ID.
     """
     if manager is None or first + bits > manager.bits:
         return None

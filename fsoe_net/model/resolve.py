@@ -1,7 +1,7 @@
-"""From names to bytes: which block of which sync manager each end of a transfer means.
+"""Resolves names to bytes: the block and sync manager that each end of a transfer refers to.
 
-Pure functions on the model; rules turn what does not resolve into diagnostics, the plan takes what
-does.
+Pure functions on the model; rules report unresolved ends as diagnostics, the plan uses resolved
+ones.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from fsoe_net.model.transfer_ends import ResolvedEnd, ResolvedTransfer, find_end
 class Connection:
     """Two FSoE transfers in opposite directions between a MainInstance and a SubInstance.
 
-    ``slot`` and ``sub_slot`` number the frame pairs it uses (`frame_pairs`); ``None`` where a frame
-    is not recognised, or both directions use different pairs. ``net_number`` counts the nets,
+    ``slot`` and ``sub_slot`` are the numbers of its frame pairs (`frame_pairs`); ``None`` if a
+    frame is not recognised, or both directions use different pairs. ``net_number`` counts the nets,
     ``facts_number`` the connections that the net states.
     """
 
@@ -41,7 +41,7 @@ class Connection:
 
     @property
     def stated(self) -> ConnectionFacts:
-        """The facts; where the files state none, facts of which each is not said."""
+        """The stated facts; if the files state none, facts without values."""
         return self.facts or ConnectionFacts(main=self.main.name, sub=self.sub.name)
 
     @property
@@ -52,7 +52,7 @@ class Connection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnmatchedFacts:
-    """Facts of a connection that the net does not have, or that another one has (``twin``)."""
+    """Facts about a connection that is not in the net, or that has other facts (``twin``)."""
 
     net_number: int
     net: Net
@@ -60,13 +60,13 @@ class UnmatchedFacts:
     twin: ConnectionFacts | None = None
 
 
-@dataclass(frozen=True, kw_only=True)  # no slots: what is worked out of it is kept
+@dataclass(frozen=True, kw_only=True)  # no slots, as derived values are cached
 class Resolution:
-    """A network with every transfer and connection worked out.
+    """A network with every transfer and connection resolved.
 
-    ``network`` has the transfers made from its connections (`expand`); ``troubles`` are those that
-    could not be made. ``single``: FSoE transfers without a partner in the opposite direction. Parts
-    are numbered by their index in their tuple.
+    ``network`` includes the transfers created from its connections (`expand`); ``troubles`` are the
+    connections without them. ``single``: FSoE transfers without a partner in the opposite
+    direction. Parts are numbered by their index in their tuple.
     """
 
     network: NetworkConfig
@@ -78,21 +78,21 @@ class Resolution:
 
     @cached_property
     def numbers(self) -> Mapping[str, int]:
-        """The number of the SubDevice that a name means: the first of two with one name."""
+        """The number of each SubDevice by name; of two with one name, the first."""
         names = [sub.name for sub in self.network.subdevices]
         return {name: len(names) - 1 - n for n, name in enumerate(reversed(names))}
 
     @cached_property
     def device_numbers(self) -> tuple[int, ...]:
-        """For each SubDevice the number of the first with the same device."""
+        """For each SubDevice, the number of the first one with the same device."""
         return same_devices(sub.device for sub in self.network.subdevices)
 
 
 @without_collector
 def resolve(network: NetworkConfig) -> Resolution:
-    """Work out layouts, transfer ends and connections of a network. Never raises."""
+    """Determine layouts, transfer ends and connections of a network. Never raises."""
     by_name: dict[str, SubDevice] = {}
-    # With a duplicate name the first one counts; the rule of names reports the second.
+    # With a duplicate name the first one counts; the rule for names reports the second.
     for sub in network.subdevices:
         by_name.setdefault(sub.name, sub)
     stated = [len(net.transfers) for net in network.nets]
@@ -100,7 +100,7 @@ def resolve(network: NetworkConfig) -> Resolution:
     expansion = expand(network, transfers, by_name)
     if expansion.network is not network:
         network = expansion.network
-        # Made transfers are resolved like stated ones, so that all rules see them.
+        # Created transfers are resolved like stated ones, so that all rules see them.
         transfers = _transfers(network, by_name, stated)
     pairing = _Pairing(by_name)
     per_net: list[_Rows] = [[] for _ in network.nets]
@@ -122,7 +122,7 @@ def resolve(network: NetworkConfig) -> Resolution:
 def _transfers(
     network: NetworkConfig, by_name: Mapping[str, SubDevice], stated: list[int]
 ) -> tuple[ResolvedTransfer, ...]:
-    """Look up all ends; ``stated`` is how many transfers of each net its file has."""
+    """Look up all ends; ``stated`` is the number of transfers of each net in its file."""
     rows: list[ResolvedTransfer] = []
     for net_number, net in enumerate(network.nets):
         for number, transfer in enumerate(net.transfers):
@@ -144,7 +144,7 @@ def _transfers(
 
 
 def shared_modules(ends: list[tuple[str, str]]) -> set[str]:
-    """Return the modules that every one of these transfers touches."""
+    """Return the modules that are part of every one of these transfers."""
     return set.intersection(*map(set, ends)) if ends else set()
 
 
@@ -174,7 +174,7 @@ class _Couple:
     sub_slots: frozenset[int]
 
     def may_be(self, facts: ConnectionFacts) -> bool:
-        """Whether facts can be those of this connection; invisible frames count as a match."""
+        """Whether facts can be those of this connection; unknown frames count as a match."""
         return _allows(self.slots, facts.slot) and _allows(self.sub_slots, facts.sub_slot)
 
 
@@ -204,7 +204,7 @@ def _only(slots: frozenset[int]) -> int | None:
 
 
 class _Pairing:
-    """Finds the two transfers of each connection, and the facts that are stated of it."""
+    """Finds the two transfers of each connection, and the facts stated about it."""
 
     def __init__(self, by_name: dict[str, SubDevice]) -> None:
         self._by_name = by_name
@@ -217,11 +217,11 @@ class _Pairing:
     def add(
         self, net_number: int, net: Net, rows: _Rows, left_out: frozenset[tuple[int, int]]
     ) -> None:
-        """Add the connections of a net; the facts in ``left_out`` are of none."""
+        """Add the connections of a net; facts in ``left_out`` are not assigned."""
         ends = [(r.transfer.source.module, r.transfer.destination.module) for r in rows]
         groups = _by_partner(rows, main_instance_of(net, ends))
         stated: dict[tuple[str, str], _Stated] = {}
-        # A connection that could not be expanded has no frames; its own trouble was reported.
+        # A connection that could not be expanded has no frames; this is already reported.
         for number, fact in enumerate(net.connections):
             if (net_number, number) not in left_out:
                 stated.setdefault((fact.main, fact.sub), {})[number] = fact
@@ -232,7 +232,7 @@ class _Pairing:
             facts = self._assign(net_number, net, stated.pop((main, sub), {}), couples)
             if main in self._by_name and sub in self._by_name:
                 self._connect(net_number, net, main, sub, couples, facts)
-        # Facts that no transfer belongs to: most often a typing error in a name.
+        # Facts without a transfer: usually a typing error in a name.
         for facts_of_pair in stated.values():
             self.unmatched += [
                 UnmatchedFacts(net_number=net_number, net=net, facts=f)
@@ -242,7 +242,7 @@ class _Pairing:
     def _assign(
         self, net_number: int, net: Net, stated: _Stated, couples: list[_Couple]
     ) -> dict[int, int]:
-        """Return the number of the facts of each couple; those that name a slot choose first."""
+        """Return the number of the facts of each couple; those with a slot are assigned first."""
         taken: dict[int, int] = {}
         order = sorted(stated, key=lambda n: stated[n].slot is None and stated[n].sub_slot is None)
         for number in order:
@@ -266,7 +266,7 @@ class _Pairing:
     def _several(self, net: Net, fact: ConnectionFacts, couples: list[_Couple]) -> None:
         main, sub = self._by_name.get(fact.main), self._by_name.get(fact.sub)
         if main is None or sub is None:
-            return  # said of the name
+            return  # reported for the name
         slots = frozenset().union(*(c.slots for c in couples))
         key, there, numbers = "main", main, slots
         if fact.slot is not None or len(slots) < len(couples):
@@ -312,12 +312,12 @@ class _Pairing:
 
 
 def _by_partner(rows: _Rows, main_name: str | None) -> dict[tuple[str, str], tuple[_Rows, _Rows]]:
-    """Group transfers by (main, sub); rules speak about those that miss the MainInstance."""
+    """Group transfers by (main, sub); rules report those without the MainInstance."""
     groups: dict[tuple[str, str], tuple[_Rows, _Rows]] = {}
     for row in rows:
         source, destination = row.transfer.source.module, row.transfer.destination.module
         if main_name is None or main_name not in (source, destination):
-            # Without a MainInstance the two directions still belong together: take either order.
+            # Without a MainInstance the two directions still belong together, in either order.
             main, sub = sorted((source, destination))
         elif source == main_name:
             main, sub = source, destination
@@ -333,8 +333,8 @@ def _couple(
 ) -> tuple[list[tuple[ResolvedTransfer, ResolvedTransfer]], _Rows]:
     """Match the two directions of each connection between one pair of SubDevices.
 
-    First by the blocks they use (a device's output block has one input block as partner), then in
-    file order for what the blocks do not show.
+    First by their blocks (an output block of a device has one input block as partner), then the
+    rest in file order.
     """
     if len(to_sub) == len(to_main) == 1:
         return [(to_sub[0], to_main[0])], []
@@ -369,7 +369,7 @@ def _key(end: ResolvedEnd) -> tuple[int, int] | None:
 def partner_block(end: ResolvedEnd) -> tuple[int, int] | None:
     """Return the key of the input frame that belongs to the output frame of this end.
 
-    ``None`` when the end is not an output frame or the device has no such partner.
+    ``None`` if the end is not an output frame or the device has no such partner.
     """
     block = end.block
     if block is None or end.layout is None or block.direction is not Direction.OUTPUT:

@@ -31,7 +31,7 @@ class ElementFrame:
 
     @property
     def safe_bits(self) -> int | None:
-        """How many bits of safe data the frame has; ``None`` when no frame has its length."""
+        """Number of bits of safe data in the frame; ``None`` if its length is invalid."""
         size_bytes = self.transfer.transfer.size_bytes
         return 8 * safe_data_length(size_bytes) if is_frame_length(size_bytes) else None
 
@@ -50,15 +50,15 @@ def element_frames(
     """Return the FSoE frames that carry the signal of an element to or from the logic.
 
     Args:
-        element: Only an input and an output with a SubDevice have frames.
-        function: The function that it belongs to. When its logic names SubDevices, only
-            connections with these count; an element in the logic itself has no frame.
-        connections: Those of the network.
+        element: The element; only an input and an output with a SubDevice have frames.
+        function: The function that it belongs to. If its logic names SubDevices, only connections
+            with these count; an element in the logic itself has no frame.
+        connections: Connections of the network.
     """
     if element.kind not in (ElementKind.INPUT, ElementKind.OUTPUT) or not element.sub:
         return ()
     logic = {e.sub for e in function.elements if e.kind is ElementKind.LOGIC and e.sub}
-    # Inside of the logic the signal does not cross the bus.
+    # Within the logic, the signal does not cross the bus.
     if element.sub in logic:
         return ()
     found = []
@@ -82,13 +82,13 @@ def _frame(element: SafetyElement, c: Connection) -> ElementFrame:
 
 
 def frame_of(bit: SafeBit, frames: Sequence[ElementFrame]) -> ElementFrame | None:
-    """Return the frame of an element that has this bit; ``None`` unless there is exactly one."""
+    """Return the frame of an element that contains this bit, or ``None`` if it is not unique."""
     fitting = [f for f in frames if bit.slot is None or f.slot == bit.slot]
     return fitting[0] if len(fitting) == 1 else None
 
 
 def frame_place(bit: int) -> tuple[int, int]:
-    """Return the byte of an FSoE frame and the bit in it, both from 0, that hold a safe bit."""
+    """Return the byte of an FSoE frame and the bit in it, both from 0, of a safe bit."""
     byte, inside = divmod(bit, 8)
     return safe_byte_offset(byte), inside
 
@@ -99,7 +99,7 @@ def bit_words(element: SafetyElement) -> list[str]:
 
 
 def frame_words(element: SafetyElement, bit: SafeBit) -> str:
-    """Return which frame a safe bit of an element is in: ``the frame to io``."""
+    """Return the frame that contains a safe bit of an element, in words: ``the frame to io``."""
     slot = "" if bit.slot is None else f" of slot {bit.slot}"
     way = "from" if element.kind is ElementKind.INPUT else "to"
     return f"the frame{slot} {way} {element.sub}"

@@ -9,7 +9,7 @@ from fsoe_net.model.bus import Located
 
 
 class ElementKind(enum.Enum):
-    """Which part of a safety function an element is, in the order of the signal."""
+    """The part of a safety function that an element forms, in the order of the signal."""
 
     SENSOR = "sensor"
     INPUT = "input"
@@ -38,11 +38,11 @@ class SafetyElement(Located):
     """One part of a safety function.
 
     Attributes:
-        kind: Its part.
+        kind: The part of the function.
         sub: Name of the SubDevice; empty for other parts, such as a contactor.
         name: Common name; by default the name of the SubDevice.
-        time_ms: Processing time in ms as its manual states it; ``None`` when not stated.
-        pfh_per_hour: PFH per hour as its manual states it; ``None`` when not stated.
+        time_ms: Processing time in ms according to its manual; ``None`` if not stated.
+        pfh_per_hour: PFH per hour according to its manual; ``None`` if not stated.
         zero_because: Reason for a time or PFH of 0, in words; empty when not stated.
         pl: Performance level that its manual claims, ``a`` … ``e``; empty when not stated.
         sil: Safety integrity level that its manual claims, 1 … 3; ``None`` when not stated.
@@ -50,7 +50,7 @@ class SafetyElement(Located):
         mission_years: Mission time, for which its PFH holds, in years; ``None`` when not stated.
         source: Source of all values, in words.
         manual: Revision of the manual consulted; empty when not stated.
-        bits: Safe bits that carry its signal, rising by slot and bit; empty when not stated. An
+        bits: Safe bits that carry its signal, ascending by slot and bit; empty if not stated. An
             input has them in the frame that its SubDevice sends, an output in the frame that it
             receives.
     """
@@ -72,14 +72,14 @@ class SafetyElement(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyFunction(Located):
-    """What the user asks for.
+    """A safety function as required by the user.
 
     Attributes:
         name: Unique in the network.
         trigger: The event, in words.
         reaction: The state that is reached, in words.
-        reset: How it is left again, in words.
-        modes: Modes of the machine in which it acts, in words.
+        reset: How the function is reset, in words.
+        modes: Operating modes of the machine in which it is active, in words.
         elements: Parts in the order of the signal.
         required_reaction_ms: Longest time allowed by the risk assessment, ms.
         pl: Required performance level, ``a`` … ``e``; empty when not stated.
@@ -98,6 +98,6 @@ class SafetyFunction(Located):
 
 
 def level_words(of: SafetyElement | SafetyFunction) -> list[str]:
-    """Return ``PL d``, ``SIL 2``: what it claims or requires, without what is not stated."""
+    """Return the claimed or required levels, such as ``PL d``, ``SIL 2``; none if not stated."""
     pl = [f"PL {of.pl}"] if of.pl else []
     return pl if of.sil is None else [*pl, f"SIL {of.sil}"]

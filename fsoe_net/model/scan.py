@@ -1,4 +1,4 @@
-"""Results of a scan of the bus; ``None`` if unreadable."""
+"""Results of a scan of the bus; ``None`` if a value was not readable."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ScannedEntry(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScannedPdo(Located):
-    """One assigned PDO. ``entries`` is ``None`` when its mapping was not read."""
+    """One assigned PDO. ``entries`` is ``None`` if its mapping was not read."""
 
     index: int
     name: str = ""
@@ -41,11 +41,11 @@ class ScannedSm(Located):
     Attributes:
         index: Its number.
         kind: ``outputs``, ``inputs``, ``mailbox_out`` or ``mailbox_in``.
-        start_byte: Where it begins in the memory of the SubDevice.
+        start_byte: Start address in the memory of the SubDevice.
         size_bytes: Its length.
-        source: Where assignment and mapping were read: ``coe``, ``sii`` or empty.
-        pdos: Assigned PDOs in order, ``None`` when they were not read.
-        complete: Whether all of it was read, so that its length is known.
+        source: Source of assignment and mapping: ``coe``, ``sii`` or empty.
+        pdos: Assigned PDOs in order; ``None`` if they were not read.
+        complete: Whether it was read completely, so that its length is known.
     """
 
     index: int
@@ -58,7 +58,7 @@ class ScannedSm(Located):
 
     @property
     def is_process_data(self) -> bool:
-        """Whether it carries process data, not mailbox messages."""
+        """Whether it carries process data instead of mailbox messages."""
         return self.kind in ("outputs", "inputs")
 
 
@@ -79,13 +79,13 @@ class ScannedConnection(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScannedFsoe(Located):
-    """FSoE addresses of a device (0xF980:01, …) and what it reports of its connections.
+    """FSoE addresses of a device (0xF980:01, …) and its report about its connections.
 
     Attributes:
         address: The first of ``addresses``; most devices have one.
-        addresses: Of its SubInstances.
-        connections: Of its MainInstances; those too whose side it does not say.
-        given: Of its SubInstances: what their MainInstances gave them, 0 before that.
+        addresses: FSoE addresses of its SubInstances.
+        connections: Connections of its MainInstances, and those with an unknown side.
+        given: Connections of its SubInstances: values received from their MainInstances, 0 before.
     """
 
     address: int | None = None
@@ -108,8 +108,8 @@ class ScannedPort(Located):
 class ScannedSubDevice(Located):
     """One SubDevice in ring order.
 
-    ``al_code_text``: the AL status code in words, may be empty; ``problems``: what could not be
-    read, in words.
+    ``al_code_text``: the AL status code in words, may be empty; ``problems``: unreadable data, in
+    words.
     """
 
     position: int
@@ -133,7 +133,7 @@ class ScannedSubDevice(Located):
 
     @property
     def is_silent(self) -> bool:
-        """Whether a running ``fsn-master`` has seen it before, but it no longer answers."""
+        """Whether a running ``fsn-master`` found it before, but it no longer answers."""
         return self.al_status == 0
 
     @property
@@ -151,17 +151,17 @@ class ScannedSubDevice(Located):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Information for a person: its error, and unreadable data."""
+        """Remarks for a person: its error, and unreadable data."""
         return tuple(text for text in (self.al_error, *self.problems) if text)
 
     @property
     def process_data(self) -> tuple[ScannedSm, ...]:
-        """Return its sync managers of process data that are not empty."""
+        """Return its non-empty sync managers of process data."""
         return tuple(s for s in self.sms or () if s.is_process_data and (s.size_bytes or s.pdos))
 
     @property
     def numbers(self) -> tuple[int, int] | None:
-        """Vendor and product, ``None`` unless both were read."""
+        """Vendor and product; ``None`` unless both were read."""
         if self.vendor_id is None or self.product_code is None:
             return None
         return self.vendor_id, self.product_code
@@ -177,7 +177,7 @@ class ScannedSubDevice(Located):
 class Scan(Located):
     """A whole bus at one moment, SubDevices in ring order.
 
-    ``states_changed``: SubDevices were brought to PREOP to be read.
+    ``states_changed``: SubDevices were set to PREOP for reading.
     """
 
     interface: str

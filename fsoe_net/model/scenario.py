@@ -11,7 +11,7 @@ from fsoe_net.model.drives import DriveSetup
 
 
 class Action(enum.Enum):
-    """What a step does."""
+    """The action of a step."""
 
     SET = "set"
     PRESS = "press"
@@ -44,7 +44,7 @@ class Action(enum.Enum):
 
     @property
     def needs_segment(self) -> bool:
-        """Whether only an emulated EtherCAT segment can do it."""
+        """Whether it requires an emulated EtherCAT segment."""
         return self in _ON_SEGMENT
 
 
@@ -66,7 +66,7 @@ _ON_SEGMENT = frozenset(Action) - {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioStep(Located):
-    """Something done at a time.
+    """An action at a time.
 
     ``target`` is the SubDevice, connection or button, ``other`` the one it is swapped with.
     ``values`` are values by name: of signals, by SubDevice, or the fields of ``wrong`` and
@@ -83,12 +83,12 @@ class ScenarioStep(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation(Located):
-    """What must hold from ``from_ns`` to ``to_ns`` (equal: at that moment).
+    """A condition from ``from_ns`` to ``to_ns`` (equal for a single moment).
 
     ``drives`` are states of emulated axes, in the words of a statusword.
 
     ``state`` is a word such as ``data_process`` for ``connection`` (empty: for all).
-    ``safe_outputs`` are values the SubInstances hand to their outputs. ``outputs_on`` is the
+    ``safe_outputs`` are values that SubInstances pass to their outputs. ``outputs_on`` is the
     verdict of the logic. ``min_resets`` and ``max_resets`` bound the Resets since the start.
     """
 
@@ -105,9 +105,9 @@ class Expectation(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogicChoice:
-    """Which safe inputs must be 1, and which safe outputs are switched; ``None``: the default.
+    """The safe inputs that must be 1, and the safe outputs to switch; ``None`` for the default.
 
-    ``delays_ns`` are outputs that go off later than the others, as those of an SS1 do.
+    ``delays_ns`` are outputs that switch off later than the others, such as those of an SS1.
     """
 
     inputs: tuple[str, ...] | None = None

@@ -28,21 +28,21 @@ class Signal:
 
     @property
     def address(self) -> str:
-        """``0x6001:01``, as `Entry.address`."""
+        """``0x6001:01``, as in `Entry.address`."""
         return f"0x{self.index:04x}:{self.subindex:02x}"
 
     def read(self, data: bytes | bytearray) -> int:
-        """Return the value in these safe data."""
+        """Return the value from these safe data."""
         whole = int.from_bytes(data, "little")
         return whole >> self.bit & ((1 << self.bits) - 1)
 
     def write(self, data: bytearray, value: int) -> None:
-        """Put a value into these safe data; bits that do not fit are cut off."""
+        """Write a value into these safe data; bits that do not fit are truncated."""
         write_bits(data, self.bit, self.bits, value)
 
 
 def write_bits(data: bytearray, bit: int, bits: int, value: int) -> None:
-    """Put a value at a bit offset, low bit first; bits that do not fit are cut off."""
+    """Write a value at a bit offset, low bit first; bits that do not fit are truncated."""
     if not (bit | bits) % 8:  # most are whole bytes
         first, count = bit // 8, bits // 8
         data[first : first + count] = (value & ((1 << bits) - 1)).to_bytes(count, "little")
@@ -55,7 +55,7 @@ def write_bits(data: bytearray, bit: int, bits: int, value: int) -> None:
 def signals_of(
     subdevice: str, sm: SmLayout, byte_offset: int, frame_bytes: int
 ) -> dict[str, Signal]:
-    """Return the safe data entries of a frame by name; padding and repeated objects are left out.
+    """Return the safe data entries of a frame by name, without padding and repeated objects.
 
     Safe data are interleaved with a CRC after every second byte (after the first if only one):
 
@@ -71,7 +71,7 @@ def signals_of(
             continue
         start = _safe_bit(placed.bit_offset - 8 * byte_offset, frame_bytes)
         end = _safe_bit(placed.end_bit - 1 - 8 * byte_offset, frame_bytes)
-        # An entry across a CRC has no place in one piece and cannot be named.
+        # An entry across a CRC is not contiguous and cannot be named.
         if start is None or end is None or end - start != entry.bits - 1:
             continue
         name = f"{subdevice}.{entry.address}"
@@ -93,7 +93,7 @@ def signals_of(
 def connection_signals(connection: Connection) -> tuple[dict[str, Signal], dict[str, Signal]]:
     """Return the safe data of a connection by name: main to sub, sub to main.
 
-    Both are named by the PDOs of the SubInstance; the slots of a safety logic are mere numbers.
+    Both are named by the PDOs of the SubInstance; the slots of a safety logic have only numbers.
     """
     sub, to_sub, to_main = connection.sub.name, connection.to_sub, connection.to_main
     return (
@@ -108,8 +108,8 @@ def _signals_at(subdevice: str, end: ResolvedEnd, frame_bytes: int) -> dict[str,
     return signals_of(subdevice, end.sm, end.byte_offset, frame_bytes)
 
 
-# Safety objects of drives (ETG.6100.2) as manuals of several makers print them; in the frame to the
-# drive a bit at 0 demands the function, in the frame from it a bit at 1 reports it.
+# Safety objects of drives (ETG.6100.2) as printed in manuals of several vendors. In the frame to
+# the drive, a bit of 0 requests the function; in the frame from it, a bit of 1 reports it.
 _DRIVE_OBJECTS = {
     0x6630: "restart acknowledge",
     0x6632: "error acknowledge",
@@ -125,13 +125,13 @@ _DRIVE_OBJECTS = {
 
 
 def _label(entry: Entry) -> str:
-    """Return the name a file gives, else that of the drive profile."""
+    """Return the name from the file, or else from the drive profile."""
     given = entry.name or entry.state_interface or entry.command_interface
     return given or _DRIVE_OBJECTS.get(entry.index, "")
 
 
 def _safe_bit(frame_bit: int, frame_bytes: int) -> int | None:
-    """Return the safe data bit of a bit of the frame, ``None`` for command, CRC and ConnID."""
+    """Return the safe data bit for a bit of the frame; ``None`` for command, CRC and ConnID."""
     byte, bit = divmod(frame_bit, 8)
     if not 1 <= byte < frame_bytes - 2:
         return None

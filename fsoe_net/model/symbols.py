@@ -1,4 +1,4 @@
-"""The ordinary process data of a device by name: a symbol for each value a program may use."""
+"""Names for the ordinary process data of a device: a symbol for each value for programs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class DeviceSymbol:
     """A value outside FSoE frames that a driver registers.
 
     ``sm`` is the number of the sync manager in the layout, ``bit_offset`` counts from its first
-    bit. ``view`` is the type of the bits; for an entry without ``data_mapping`` the whole entry.
+    bit. ``view`` is the type of the bits; for an entry without ``data_mapping``, the whole entry.
     """
 
     name: str
@@ -29,7 +29,7 @@ class DeviceSymbol:
 
     @property
     def stated(self) -> str:
-        """Return the interface of the slave YAML, else the name of the entry; may be empty."""
+        """Return the interface in the slave YAML, or else the name of the entry; may be empty."""
         return _stated(self.entry, self.view)
 
     @property
@@ -41,8 +41,8 @@ class DeviceSymbol:
 def device_symbols(layout: DeviceLayout) -> tuple[DeviceSymbol, ...]:
     """Return the symbols of a device, by sync manager and place.
 
-    A name is the interface of the slave YAML, else the name of the entry, else its address, such
-    as ``0x6041:00``. It is unique among the inputs or among the outputs: the command and the
+    A name is the interface in the slave YAML, or else the name of the entry, or else its address,
+    such as ``0x6041:00``. It is unique among the inputs or among the outputs: the command and the
     state of an axis share the interface ``position``, and both keep it.
     """
     found: list[DeviceSymbol] = []
@@ -68,7 +68,7 @@ def device_symbols(layout: DeviceLayout) -> tuple[DeviceSymbol, ...]:
 def directed_names(symbols: Sequence[tuple[bool, str]]) -> list[str]:
     """Return a name for each pair of *is output* and name that is unique over both directions.
 
-    It is the name itself, and ``in:NAME`` or ``out:NAME`` where an input and an output share it.
+    This is the name itself, or ``in:NAME`` and ``out:NAME`` if an input and an output share it.
     """
     known = set(symbols)
     shared = {name for is_output, name in symbols if (not is_output, name) in known}
@@ -88,7 +88,7 @@ def _values(manager: SmLayout) -> Iterator[tuple[Entry, EntryView, int]]:
         first, last = placed.bit_offset, max(placed.bit_offset, placed.end_bit - 1)
         # An entry may begin before a frame and end inside of it.
         in_frame = manager.block_at(first) is not None or manager.block_at(last) is not None
-        # Bytes of a frame belong to FSoE: a program that wrote them would break the connection.
+        # Bytes of a frame belong to FSoE: writing them from a program would break the connection.
         if not entry.registered or in_frame or not 0 < entry.bits <= _MOST_BITS:
             continue
         for view in entry.views or (_whole(entry),):
@@ -96,7 +96,8 @@ def _values(manager: SmLayout) -> Iterator[tuple[Entry, EntryView, int]]:
 
 
 def _whole(entry: Entry) -> EntryView:
-    # Interfaces of a data_mapping whose items no symbol can hold are not those of the channel.
+    # If no symbol can represent the items of a data_mapping, its interfaces are not those of the
+    # channel.
     own = "data_mapping" not in entry.fields
     return EntryView(
         bit=0,

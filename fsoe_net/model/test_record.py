@@ -13,7 +13,7 @@ EMULATED_NOTE = "EMULATED, not evidence for this machine"
 
 
 class StepKind(enum.Enum):
-    """What a step tries."""
+    """The subject of a test step."""
 
     START_UP = "start_up"
     COMBINATION = "combination"
@@ -23,12 +23,12 @@ class StepKind(enum.Enum):
 
     @property
     def at_machine(self) -> bool:
-        """Whether a person tries it at the machine; faults are put into the emulated bus only."""
+        """Whether a person does it at the machine; faults are injected only on the emulated bus."""
         return self is not StepKind.FAULT
 
 
 class StepOutcome(enum.Enum):
-    """What came of a step."""
+    """Outcome of a step."""
 
     AS_EXPECTED = "as expected"
     NOT_AS_EXPECTED = "not as expected"
@@ -37,11 +37,11 @@ class StepOutcome(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepResult(Located):
-    """Result seen by a program: on the emulated bus, or through a running ``fsn-master``.
+    """Result determined by a program: on the emulated bus, or with a running ``fsn-master``.
 
     Attributes:
         outcome: The outcome.
-        measured_ms: Measured time, ms; ``None`` without one.
+        measured_ms: Measured time, ms; ``None`` if there is none.
         time_is: Meaning of that time: start, end and resolution.
         remark: Other observations, or why it was not run.
     """
@@ -54,11 +54,11 @@ class StepResult(Located):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtMachine(Located):
-    """Entries of a person; all empty at first, never filled in by a program.
+    """Entries of a person; initially empty, never filled in by a program.
 
     Attributes:
         outcome: ``None`` until filled in.
-        measured_ms: As measured, ms.
+        measured_ms: Measured time, ms.
         remark: In words.
         by: Person present.
         date: Date of the test.
@@ -79,7 +79,7 @@ class AtMachine(Located):
 
     @property
     def who(self) -> str:
-        """The persons present, and the time; empty until then."""
+        """The persons present, and the time; empty before the test."""
         return ", ".join(part for part in (self.by, self.date) if part)
 
 
@@ -93,7 +93,7 @@ class TestStep(Located):
         subject: Safety function, connection, SubDevice or class of faults.
         what: Instruction.
         expected: Expected result.
-        limit_ms: Longest time allowed, ms; ``None`` without one.
+        limit_ms: Longest permitted time, ms; ``None`` if there is none.
         limit_source: Source of the limit.
         emulated: Result on the emulated bus: `EMULATED_NOTE`.
         live: Result with a running ``fsn-master``.
@@ -113,7 +113,7 @@ class TestStep(Located):
 
     @property
     def is_open(self) -> bool:
-        """Whether the step still waits for a person: results of programs never close it."""
+        """Whether the step still requires a person: results of programs never close it."""
         machine = self.machine
         return self.kind.at_machine and (
             machine.outcome in (None, StepOutcome.NOT_RUN)
@@ -123,7 +123,7 @@ class TestStep(Located):
 
     @property
     def is_late(self) -> bool:
-        """Whether a person measured a longer time than is allowed."""
+        """Whether a person measured a longer time than permitted."""
         measured, limit = self.machine.measured_ms, self.limit_ms
         return measured is not None and limit is not None and measured > limit
 
@@ -131,7 +131,7 @@ class TestStep(Located):
     def is_failed(self) -> bool:
         """Whether the result at the machine was unexpected, signed or not.
 
-        A step that is not tried at the machine has failed when it failed on the emulated bus.
+        A step that is not done at the machine has failed if it failed on the emulated bus.
         """
         if not self.kind.at_machine:
             return _otherwise(self.emulated)
@@ -139,12 +139,12 @@ class TestStep(Located):
 
     @property
     def is_done(self) -> bool:
-        """Whether a person tried it at the machine, signed it, and it went as expected."""
+        """Whether a person did it at the machine and signed it, with the expected result."""
         return self.kind.at_machine and not self.is_open and not self.is_failed
 
     @property
     def is_disputed(self) -> bool:
-        """Whether a person saw the expected result, and a program did not."""
+        """Whether a person observed the expected result, but a program did not."""
         return self.is_done and (_otherwise(self.emulated) or _otherwise(self.live))
 
 
@@ -154,11 +154,11 @@ def _otherwise(seen: StepResult | None) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceEntry(Located):
-    """Data that a person reads at a SubDevice with an FSoE end; all empty at first.
+    """Data that a person reads at a SubDevice with an FSoE end; initially empty.
 
     Attributes:
         subdevice: Its name.
-        firmware: Version, as the device or its tool shows it.
+        firmware: Version shown by the device or its tool.
         serial: Serial number.
         safety_project_crc: CRC of the safety project; ``None`` without a MainInstance.
     """
@@ -189,8 +189,8 @@ class TestRecord(Located):
         network: Name of the network.
         project: Machine or project; may be empty.
         plan_sha256: Hash of the tested plan.
-        fingerprint: Fingerprint of the configuration; empty when it was not determined.
-        made: Day (ISO 8601) on which its first test record was written; empty when unknown.
+        fingerprint: Fingerprint of the configuration; empty if it was not determined.
+        made: Day (ISO 8601) on which its first test record was written; empty if unknown.
         devices: Data to read at the SubDevices with an FSoE end.
         steps: Steps in the recommended order.
     """
@@ -205,7 +205,7 @@ class TestRecord(Located):
 
     @property
     def machine_steps(self) -> tuple[TestStep, ...]:
-        """Return the steps that a person tries at the machine; a sign-off needs all of them."""
+        """Return the steps that a person does at the machine; a sign-off needs all of them."""
         return tuple(step for step in self.steps if step.kind.at_machine)
 
     @property
@@ -215,10 +215,10 @@ class TestRecord(Located):
 
     @property
     def failed_steps(self) -> tuple[TestStep, ...]:
-        """Return the steps that went otherwise than expected; one may be open besides."""
+        """Return the steps with an unexpected result; they may also be open."""
         return tuple(step for step in self.steps if step.is_failed)
 
     @property
     def disputed_steps(self) -> tuple[TestStep, ...]:
-        """Return the finished steps in which a program saw something else than the person."""
+        """Return the completed steps whose result differs between a program and the person."""
         return tuple(step for step in self.steps if step.is_disputed)

@@ -1,4 +1,4 @@
-"""Times as people write them: ``30``, ``30s``, ``500ms``, ``2min``."""
+"""Times as written by people: ``30``, ``30s``, ``500ms``, ``2min``."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _TIME = re.compile(rf"([0-9]{{1,12}}(?:\.[0-9]{{1,9}})?) ?({'|'.join(TIME_UNITS_
 
 
 def time_ns(text: str, *, bare_ns: int = 0) -> int | None:
-    """Return a time in nanoseconds, or ``None`` when the text is not a time.
+    """Return a time in nanoseconds, or ``None`` if the text is not a time.
 
     Args:
         text: Number and unit.

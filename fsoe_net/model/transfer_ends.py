@@ -1,4 +1,4 @@
-"""The ends of transfers: which entry of which sync manager a name, index and subindex mean."""
+"""The ends of transfers: the entry of a sync manager for a name, index and subindex."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fsoe_net.model.network import Endpoint, Net, Transfer
 
 
 class Miss(enum.Enum):
-    """Why an end of a transfer means no bytes."""
+    """Reason why an end of a transfer does not refer to bytes."""
 
     MODULE = "module is not known"
     DEVICE = "device description could not be read"
@@ -23,9 +23,9 @@ class Miss(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResolvedEnd:
-    """One end of a transfer. ``miss`` is ``None`` when all other fields are set.
+    """One end of a transfer. ``miss`` is ``None`` if all other fields are set.
 
-    ``block`` is the recognised FSoE frame the entry lies in, or ``None``.
+    ``block`` is the recognised FSoE frame that contains the entry, or ``None``.
     """
 
     endpoint: Endpoint
@@ -37,12 +37,12 @@ class ResolvedEnd:
 
     @property
     def layout(self) -> DeviceLayout | None:
-        """The layout of the SubDevice, where there is one."""
+        """The layout of the SubDevice, if there is one."""
         return None if self.subdevice is None else self.subdevice.layout
 
     @property
     def byte_offset(self) -> int:
-        """Byte inside the sync manager where the copy starts (bits are dropped, as memcpy does)."""
+        """Byte in the sync manager where the copy starts (bits are dropped, as in memcpy)."""
         return self.placed.bit_offset // 8 if self.placed is not None else 0
 
 
@@ -50,8 +50,8 @@ class ResolvedEnd:
 class ResolvedTransfer:
     """A transfer of a net with both ends looked up.
 
-    ``number`` counts the transfers of the network, ``net_number`` its nets. ``made``: from a
-    connection, not stated.
+    ``number`` counts the transfers of the network, ``net_number`` its nets. ``made``: created from
+    a connection, not stated.
     """
 
     number: int
@@ -64,12 +64,12 @@ class ResolvedTransfer:
 
     @property
     def found(self) -> bool:
-        """Whether both ends mean bytes."""
+        """Whether both ends refer to bytes."""
         return self.source.miss is None and self.destination.miss is None
 
     @property
     def usable(self) -> bool:
-        """Whether both ends mean bytes and the direction is input to output."""
+        """Whether both ends refer to bytes and the direction is input to output."""
         return (
             self.found
             and self.source.sm is not None
@@ -80,12 +80,12 @@ class ResolvedTransfer:
 
 
 def find_end(endpoint: Endpoint, sub: SubDevice | None, wanted: Direction) -> ResolvedEnd:
-    """Look up one end; what it does not mean is in ``miss``.
+    """Look up one end; if it fails, ``miss`` is the reason.
 
     Args:
         endpoint: The end.
-        sub: The SubDevice with its name, ``None`` without one.
-        wanted: Its direction, which decides where an entry is mapped in both.
+        sub: The SubDevice with its name; ``None`` if there is none.
+        wanted: Its direction, which decides if an entry is mapped in both.
     """
     if sub is None:
         return ResolvedEnd(endpoint=endpoint, miss=Miss.MODULE)

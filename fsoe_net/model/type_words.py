@@ -1,4 +1,4 @@
-"""Words for data types: those of the slave YAML, and those of other tools."""
+"""Names of data types: those of the slave YAML, and those of other tools."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TYPE_BITS: Mapping[str, int] = MappingProxyType(
         "real64": 64,
     }
 )
-"""Length in bits of each type word of ethercat_driver_ros2, apart from ``bitN``."""
+"""Length in bits of each type word of ethercat_driver_ros2, except ``bitN``."""
 
 DRIVER_WORD: Mapping[str, str] = MappingProxyType(
     {
@@ -48,4 +48,4 @@ DRIVER_WORD: Mapping[str, str] = MappingProxyType(
         "integer32": "int32",
     }
 )
-"""The word of `TYPE_BITS` for each other name of a type, in small letters."""
+"""The word of `TYPE_BITS` for each other name of a type, in lower case."""

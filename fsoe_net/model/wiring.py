@@ -1,8 +1,8 @@
-"""The cabling of a bus, derived from the links that a scan has seen at the ports.
+"""The cabling of a bus, derived from the links that a scan found at the ports.
 
 A frame enters a SubDevice at port 0 and leaves it at ports 3, 1 and 2, in this order, if the port
 has a link: the frame processing order of EtherCAT SubDevice controllers. Positions count in the
-order in which frames pass, so links and positions determine one tree. If there is one link more
+order in which frames pass, so links and positions determine one tree. If there is one more link
 than following SubDevices, the last cable returns to the MainDevice: a ring.
 """
 
@@ -17,12 +17,12 @@ _ORDER = (3, 1, 2)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cable:
-    """The cable at which a SubDevice hangs.
+    """The cable that connects a SubDevice.
 
     Attributes:
         position: Ring position of the SubDevice.
-        parent: That of the one before it; ``None``: the MainDevice.
-        port: Port of that one, 0 to 3; 0 at the MainDevice.
+        parent: Position of the preceding device; ``None`` for the MainDevice.
+        port: Port of the preceding device, 0 to 3; 0 at the MainDevice.
     """
 
     position: int
@@ -36,7 +36,7 @@ class Wiring:
 
     Attributes:
         cables: One for each SubDevice, by position.
-        ring_from: Position and port from which a cable goes back to the MainDevice; ``None``: a
+        ring_from: Position and port from which a cable returns to the MainDevice; ``None`` for a
             line or a tree.
     """
 
@@ -45,10 +45,10 @@ class Wiring:
 
 
 def wiring_of(scan: Scan) -> Wiring | None:
-    """Return how the cables run; ``None`` where the links leave it open.
+    """Return the cabling; ``None`` if the links do not determine it.
 
-    That is so where a link was not read, a SubDevice is not fed at port 0, or links and SubDevices
-    do not match, as on a bus with a cable that was pulled during the scan.
+    This is the case if a link was not read, a SubDevice is not fed at port 0, or links and
+    SubDevices do not match, for example if a cable was unplugged during the scan.
 
     Args:
         scan: SubDevices in ring order.
@@ -77,6 +77,6 @@ def _is_fed_at_port_0(sub: ScannedSubDevice) -> bool:
 
 
 def _ends(sub: ScannedSubDevice) -> list[tuple[int, int]]:
-    """Return the ports from which something may hang, the first one last."""
+    """Return the ports that may have a following device, the first one last."""
     linked = {port.port for port in sub.ports if port.link}
     return [(sub.position, port) for port in reversed(_ORDER) if port in linked]

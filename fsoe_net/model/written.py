@@ -1,4 +1,4 @@
-"""What people write into a form: whether it answers, and whether two names are one person."""
+"""Text entered by people in a form: whether it is an answer, whether two names are one person."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _WITH_PRINCIPAL = re.compile(r"([^<>]*)<([A-Za-z0-9][A-Za-z0-9._%+@-]{0,253})>\s
 
 
 def says_something(text: str) -> bool:
-    """Whether there is a letter or a digit in a text: spaces and invisible characters are none."""
+    """Whether a text contains a letter or a digit; spaces and invisible characters do not count."""
     return any(map(str.isalnum, text))
 
 
@@ -30,7 +30,7 @@ def names_a_person(text: str) -> bool:
 
 
 def principal_of(name: str) -> str:
-    """Return the principal after a name, ``NAME <PRINCIPAL>``; empty without one."""
+    """Return the principal after a name, ``NAME <PRINCIPAL>``; empty if there is none."""
     found = _WITH_PRINCIPAL.fullmatch(name)
     return "" if found is None else found[2]
 
@@ -41,9 +41,9 @@ def _without_principal(name: str) -> str:
 
 
 def same_person(one: str, other: str) -> bool:
-    """Whether two names are one, apart from case, spaces, dots and how letters are encoded.
+    """Whether two names are equal, ignoring case, spaces, dots and the encoding of letters.
 
-    One principal is one person, and another principal makes no other one.
+    Equal principals are one person; different principals do not prove different persons.
     """
     principal = principal_of(one).casefold()
     if principal and principal == principal_of(other).casefold():
