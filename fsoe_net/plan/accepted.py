@@ -1,4 +1,4 @@
-"""The plan that an acceptance record holds."""
+"""The plan in an acceptance record."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fsoe_net.plan.model import Plan
 
 
 def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerprint] | None:
-    """Return the plan in a record with its fingerprint, computed again.
+    """Return the plan in a record, and its fingerprint calculated from the plan.
 
     Args:
         record: The record.
@@ -24,14 +24,14 @@ def accepted_plan(record: Acceptance, out: FindingList) -> tuple[Plan, Fingerpri
     except PlanFormatError as exc:
         out.add("FSN162", record.at("plan"), f"the plan in this record: {exc}", hint=fix)
         return None
-    # Safety functions are not in the plan records; only their hash binds them to it.
+    # Safety functions are not in the plan records; only their hash links them to it.
     if plan.safety_sha256 != safety_sha256(record.safety_functions):
         place = record.at("safety_functions")
         text = "the safety functions in this record are not those of its plan"
         out.add("FSN162", place, text, hint=fix)
         return None
     found = fingerprint_of(plan)
-    # Compared section by section, so that the message names what does not fit.
+    # Compared section by section, so that the message names the differing ones.
     stated = {name: record.sections.get(name) for name in SECTIONS}
     wrong = [name for name in SECTIONS if stated[name] != found.sections[name]]
     if wrong or record.whole != found.whole:

@@ -41,7 +41,7 @@ from fsoe_net.plan.records import (
 MAGIC = b"FSNPLAN\0"
 MAJOR = 1
 SECTIONS = 10
-SECTIONS_WITH_SAFETY = 11  # the last holds the hash of the safety functions
+SECTIONS_WITH_SAFETY = 11  # the last one contains the hash of the safety functions
 SECTIONS_WITH_BUSES = 12
 SECTIONS_WITH_GROUPS = 13
 
@@ -73,7 +73,7 @@ _KNOWN = ("connection_id", "address", "watchdog_ms")  # bit 0, 1 and 2 of `known
 
 
 class _Strings:
-    """The string table while writing: offset 0 is the empty string, equal strings share one."""
+    """The string table during writing: offset 0 is the empty string, equal strings are shared."""
 
     def __init__(self) -> None:
         self._offsets = {"": 0}
@@ -96,14 +96,14 @@ def encode_plan(plan: Plan) -> bytes:
     buses = b"".join(_packed(BUS_RECORD, plan.buses, strings))
     groups = b"".join(_packed(GROUP_RECORD, plan.groups, strings))
     sections.append((bytes(strings.data), STRING_BYTES))
-    # Later sections need the earlier ones to exist: a reader counts them by their number.
+    # Later sections require the earlier ones, because a reader counts them by number.
     if plan.safety_sha256 or buses or groups:
         sections.append((bytes.fromhex(plan.safety_sha256), HASH_BYTES))
     if buses or groups:
         sections.append((buses, BUS_RECORD.layout.size))
     if groups:
         sections.append((groups, GROUP_RECORD.layout.size))
-    # The minor version is the number of added sections; old readers refuse a plan that they would
+    # The minor version is the number of added sections; old readers reject a plan that they would
     # misread.
     minor = len(sections) - SECTIONS
     offset = _HEADER.size + len(sections) * _ROW.size
@@ -155,7 +155,7 @@ def _packed(record: Record, rows: Iterable[object], strings: _Strings) -> Iterat
 
 
 def _sdo_values(sdo: PlanSdo) -> tuple[int, ...]:
-    value = (sdo.value + (1 << 63)) % (1 << 64) - (1 << 63)  # unsigned ones of 64 bits as well
+    value = (sdo.value + (1 << 63)) % (1 << 64) - (1 << 63)  # also unsigned values of 64 bits
     return sdo.index, sdo.subindex, sdo.size_bytes, value
 
 
@@ -173,7 +173,7 @@ def _connection_values(c: PlanConnection) -> tuple[object, ...]:
     return *place, *(value or 0 for value in known), flags, *safe, c.app_parameters
 
 
-# How a row is stored that differs from its attributes.
+# Storage of rows that differs from their attributes.
 _VALUES: dict[str, Callable[[Any], tuple[object, ...]]] = {
     "sdo": _sdo_values,
     "symbol": _symbol_values,
@@ -186,14 +186,14 @@ _VALUES: dict[str, Callable[[Any], tuple[object, ...]]] = {
 
 @without_collector
 def decode_plan(data: bytes) -> Plan:
-    """Read a plan for showing it. The C core proves more before it copies anything.
+    """Read a plan to show it. The C core verifies more before it copies anything.
 
     Raises:
         PlanFormatError: Not a plan: wrong magic, version, length, CRC, or a number out of range.
     """
     sections, cycle_ns = _open(data)
     reader = _Reader(data, sections)
-    names = [field.name for field in fields(Plan)][1:-3]  # between cycle and hash: the tables
+    names = [field.name for field in fields(Plan)][1:-3]  # the tables are between cycle and hash
     rows = map(reader.rows, RECORDS, _ROW_TYPES)
     tables = dict(zip(names, rows, strict=True))
     if len(sections) >= SECTIONS_WITH_BUSES:
@@ -228,7 +228,7 @@ def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
     expected = _HEADER.size + count * _ROW.size
     if expected > len(data):
         raise PlanFormatError("the section table is cut off")
-    # Strict positions: a plan has one form, so that equal networks have equal bytes.
+    # Strict positions: a plan has only one form, so that equal networks have equal bytes.
     for number, size in enumerate(_SIZES[:count], start=1):
         expected += -expected % 4
         kind, offset, records, record_bytes = _ROW.unpack_from(
@@ -242,10 +242,10 @@ def _section_table(data: bytes, count: int) -> list[tuple[int, int]]:
     if expected != len(data):
         raise PlanFormatError("the last section does not end the file")
     first, length = sections[SECTIONS - 1]
-    # Offset 0 is the empty name; without the last zero a reader would run over the end.
+    # Offset 0 is the empty name; without the final zero a reader would run past the end.
     if not length or data[first] or data[first + length - 1]:
         raise PlanFormatError("the strings do not start and end with a zero byte")
-    # Names reach logs and terminals.
+    # Names appear in logs and terminals.
     if re.search(rb"[\x01-\x1f\x7f]", data[first : first + length]):
         raise PlanFormatError("a name has a control character")
     _newer_sections(sections)
@@ -264,7 +264,7 @@ def _newer_sections(sections: list[tuple[int, int]]) -> None:
 
 
 class _Reader:
-    """Unpacks records once the section table is known to be right."""
+    """Unpacks records after the section table has been verified."""
 
     def __init__(self, data: bytes, sections: list[tuple[int, int]]) -> None:
         self._data = data
@@ -272,11 +272,11 @@ class _Reader:
         self._strings_at, self._strings_bytes = sections[SECTIONS - 1]
 
     def rows(self, record: Record, make: Callable[..., Any]) -> tuple[Any, ...]:
-        """Return all rows of a section; those of equal bytes are one object."""
+        """Return all rows of a section; equal rows are one object."""
         offset, count = self._sections[record.number - 1]
         size = record.layout.size
         read = self._reader(record, make)
-        known: dict[bytes, Any] = {}  # thousands of SubDevices are of one type
+        known: dict[bytes, Any] = {}  # thousands of SubDevices have the same type
         rows = []
         for at in range(offset, offset + size * count, size):
             raw = self._data[at : at + size]
@@ -341,9 +341,9 @@ _ATTRIBUTES: dict[str, Callable[[dict[str, Any]], None]] = {
 
 
 def _references(plan: Plan) -> None:
-    """Refuse record numbers out of range, so that showing a plan cannot fail later."""
+    """Reject record numbers out of range, so that showing a plan cannot fail later."""
     sms, subs = len(plan.sync_managers), len(plan.subdevices)
-    # Checked by numbers: a plan of an unknown source must not lead to an index error later.
+    # Checked here: a plan of unknown origin must not lead to an index error later.
     copies, connections = len(plan.copies), len(plan.connections)
     for number, sub in enumerate(plan.subdevices):
         _need(sub.first_sm + sub.sm_count, sms + 1, f"SubDevice {number}: sync manager")

@@ -44,11 +44,11 @@ _REAL_FORMAT = {32: "<f", 64: "<d"}
 
 @without_collector
 def compile_plan(resolution: Resolution) -> Plan:
-    """Compile a network whose rules found no error.
+    """Compile a network without errors.
 
     Raises:
-        InputError: A transfer does not resolve to bytes, or an FSoE transfer has no partner; the
-            rules name the place, so run `fsoe_net.rules.check.check` first.
+        InputError: A transfer does not resolve to bytes, or an FSoE transfer has no partner. The
+            rules report the place, so run `fsoe_net.rules.check.check` first.
     """
     for row in resolution.transfers:
         if not row.usable or row.transfer.size_bytes == 0:
@@ -64,7 +64,7 @@ def compile_plan(resolution: Resolution) -> Plan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SharedSymbol:
-    """A symbol but for its SubDevice and the number of its sync manager."""
+    """A symbol except for its SubDevice and the number of its sync manager."""
 
     name: str
     bit_offset: int
@@ -79,7 +79,7 @@ class _SharedSymbol:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Shared:
-    """What one sync manager gives to the plan, the same for every SubDevice of a type.
+    """Records of one sync manager in the plan, the same for every SubDevice of a type.
 
     ``pdos`` their entries from the first of this
     sync manager. ``frames`` are the key and the numbers of each FSoE frame.
@@ -165,7 +165,7 @@ class _Compiler:
         )
 
     def _used(self) -> dict[int, set[tuple[int, int]]]:
-        """Return, for every SubDevice of a copy, its frames that a copy moves."""
+        """Return, for every SubDevice of a copy, those of its frames that are copied."""
         used: dict[int, set[tuple[int, int]]] = {}
         for row in self.resolution.transfers:
             for end in (row.source, row.destination):
@@ -185,8 +185,8 @@ class _Compiler:
         copied = used.get(number, set())
         device = self.resolution.device_numbers[number]
         for sm in sub.layout.managers if sub.layout else ():
-            # Devices of one type share their records, which keeps a plan of thousands of SubDevices
-            # small.
+            # Devices of one type share their records, which keeps a plan with thousands of
+            # SubDevices small.
             if (device, sm.number) not in self.shared:
                 self.shared |= {(device, n): row for n, row in _shared_of(sub)}
             self._sync_manager(number, sub, sm, self.shared[device, sm.number], copied)
@@ -205,7 +205,7 @@ class _Compiler:
             position=sub.position,
             vendor_id=sub.device.vendor_id if sub.device else 0,
             product_code=sub.device.product_code if sub.device else 0,
-            # Without a stated revision, each one is accepted.
+            # If no revision is stated, each one is accepted.
             revision_low=_ANY_REVISION[0] if sub.revision is None else sub.revision,
             revision_high=_ANY_REVISION[1] if sub.revision is None else sub.revision,
             first_sm=first_sm,
@@ -282,12 +282,12 @@ class _Compiler:
     def _symbol_name(self, name: str, output: bool) -> str:
         """Return a name that is unique among the inputs or outputs.
 
-        Two SubDevices may give the same one: ``a`` with ``b.c``, and ``a.b`` with ``c``.
+        Two SubDevices may have the same name: ``a`` with ``b.c``, and ``a.b`` with ``c``.
         """
         return self.symbol_names[output].add(name)
 
     def _copies(self) -> tuple[tuple[PlanCopy, ...], dict[int, int]]:
-        """Return the copies sorted by destination, and transfer → copy number."""
+        """Return the copies sorted by destination, and a map from transfer to copy number."""
         owner = {
             row.number: number
             for number, c in enumerate(self.resolution.connections)
@@ -424,11 +424,11 @@ def entry_kind(entry: Entry | EntryView) -> int:
 
 
 def stop_value(entry: EntryView) -> int:
-    """Return the raw bits of an output's ``default``, 0 without one; see the plan format."""
+    """Return the raw bits of an output's ``default``, or 0; see the plan format."""
     value = entry.default
     if value is None or math.isnan(value):
         return 0
-    # The interface shows a part of the entry, whose raw value is shifted.
+    # The interface is a part of the entry, whose raw value is shifted.
     value /= 1 << entry.shift
     kind = entry_kind(entry)
     if kind == _REAL and entry.bits in _REAL_FORMAT:
@@ -436,7 +436,7 @@ def stop_value(entry: EntryView) -> int:
     signed = kind == _SIGNED
     low = -(1 << (entry.bits - 1)) if signed else 0
     high = (1 << (entry.bits - signed)) - 1
-    # Out of range is limited, as the driver does; an overflow would become another value.
+    # Values out of range are limited, as in the driver; an overflow would become another value.
     whole = int(min(max(value, low), high))
     return whole & ((1 << entry.bits) - 1)
 

@@ -1,7 +1,8 @@
 """The fingerprint of a plan: SHA-256 over a canonical text of everything safety-relevant in it.
 
-The text is described line by line in ``docs/reference/fingerprint.md``; the C core makes the same
-from the tables it has loaded (``master_core/src/plan/fingerprint.c``), and neither asks the other.
+The text is described line by line in ``docs/reference/fingerprint.md``; the C core creates the same
+text from the tables that it has loaded (``master_core/src/plan/fingerprint.c``). Both are
+independent of each other.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from fsoe_net.model.safety import SafetyElement, SafetyFunction
 from fsoe_net.plan.model import NONE, Plan, PlanEntry, PlanSdo, PlanSymbol, PlanSyncManager
 
 FORM = "fsoe-net fingerprint 2"
-"""Name and version of the canonical text; every section and the whole start with it."""
+"""Name and version of the canonical text; every section and the whole begin with it."""
 
 SECTIONS = ("devices", "process_data", "copies", "connections", "cycle", "safety_functions")
 _PLAIN = frozenset(range(0x21, 0x7F)) - {ord("%")}
@@ -28,7 +29,7 @@ _BITS = struct.Struct("<d")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fingerprint:
-    """The accepted or the current state.
+    """The fingerprint of an accepted or a current state.
 
     Attributes:
         whole: SHA-256 over the names and hashes of all sections, in hex.
@@ -89,8 +90,8 @@ def fingerprint_from_json(document: object) -> Fingerprint:
     """Return the fingerprint of a JSON document: `Fingerprint.to_json`, or a plan in JSON.
 
     Raises:
-        PlanFormatError: It is not a fingerprint or of another form, or its whole does not fit its
-            sections.
+        PlanFormatError: It is not a fingerprint, has another form, or its total hash does not match
+            its sections.
     """
     if isinstance(document, Mapping):
         document = document.get("fingerprint", document)
@@ -105,7 +106,7 @@ def fingerprint_from_json(document: object) -> Fingerprint:
     for name in SECTIONS:
         if not _HASH.fullmatch(str(sections.get(name))):
             raise PlanFormatError(f"section {name!r} has no SHA-256 of 64 hexadecimal digits")
-    # Computed again: a whole that was edited must not pass.
+    # Computed again, because an edited total hash must not pass.
     found = fingerprint_of_sections({name: str(sections[name]) for name in SECTIONS})
     if str(document.get("whole")).lower() != found.whole:
         raise PlanFormatError("the whole does not fit the sections: the fingerprint was changed")
@@ -113,18 +114,18 @@ def fingerprint_from_json(document: object) -> Fingerprint:
 
 
 def cycle_sha256(cycle_ns: int) -> str:
-    """Return the hash of the section ``cycle`` for a bus cycle in ns, 0 for none stated."""
+    """Return the hash of the section ``cycle`` for a bus cycle in ns, 0 if not stated."""
     return _sha256(_text([f"{FORM} cycle", _cycle_line(cycle_ns)]))
 
 
 def canonical_section(plan: Plan, name: str) -> str:
     """Return the text whose SHA-256 is the hash of a section.
 
-    A plan holds only the hash of the safety functions: of these, `safety_text` has the text, and
-    this function what a plan without any has.
+    A plan contains only the hash of the safety functions. `safety_text` returns their text; this
+    function returns the text of a plan without any.
 
     Raises:
-        KeyError: No such section.
+        KeyError: Unknown section.
     """
     return _text([f"{FORM} {name}", *_LINES[name](plan)])
 
@@ -170,7 +171,7 @@ def _sha256(text: str) -> str:
 
 
 def _word(text: str) -> str:
-    """Return a text as one word: UTF-8, with ``%XX`` for all but visible ASCII and for ``%``."""
+    """Return a text as one word: UTF-8, with ``%XX`` for ``%`` and all but visible ASCII."""
     raw = text.replace("\0", "").encode("utf-8")
     return "".join(chr(b) if b in _PLAIN else f"%{b:02X}" for b in raw)
 
@@ -213,7 +214,7 @@ def _sdo(sdo: PlanSdo) -> str:
 
 
 def _process_data(plan: Plan) -> Iterator[str]:
-    # The text of an entry is made once for all SubDevices of its type.
+    # The text of an entry is created once for all SubDevices of its type.
     known: dict[PlanEntry, str] = {}  # thousands of SubDevices of one type have equal entries
     for sm in plan.sync_managers:
         yield (f"sm {_place(sm)} direction={sm.direction} watchdog={sm.watchdog} bits={sm.bits}")
@@ -274,7 +275,7 @@ def _place(sm: PlanSyncManager) -> str:
 
 
 def _connection_order(plan: Plan) -> list[int]:
-    """Return the connections in the order of the bytes that they write to their SubInstance."""
+    """Return the connections in the order of the bytes written to their SubInstance."""
     # Numbers of connections follow the order in the files, which must not matter.
     ends = [plan.copies[c.copy_to_sub] for c in plan.connections]
     return sorted(range(len(ends)), key=lambda n: (ends[n].destination_sm, ends[n].destination_bit))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from fsoe_net.plan.model import Plan
 
-# IgH cuts a domain into datagrams between FMMUs, at this many bytes (EC_MAX_DATA_SIZE).
+# IgH splits a domain into datagrams between FMMUs, at this many bytes (EC_MAX_DATA_SIZE).
 MAX_DATAGRAM_BYTES = 1486
 
 
@@ -22,7 +22,7 @@ class IghFmmu:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IghDatagram:
-    """One datagram of the domain and the working counter with which it comes back."""
+    """One datagram of the domain, and the working counter with which it returns."""
 
     offset_bytes: int
     size_bytes: int
@@ -31,7 +31,7 @@ class IghDatagram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IghDomain:
-    """Domain 0 as the IgH master lays it out when entries are registered in driver order."""
+    """Domain 0 as laid out by the IgH master if entries are registered in driver order."""
 
     fmmus: tuple[IghFmmu, ...]
     size_bytes: int
@@ -47,8 +47,9 @@ def igh_image(plan: Plan) -> IghDomain:
     """Lay out the domain: per SubDevice first the output, then the input sync managers.
 
     A sync manager gets its FMMU when its first entry is registered; RxPDO entries are registered
-    first. One without registered entries gets no place. A datagram that reads and writes counts 2
-    for each SubDevice with outputs and 1 for each with inputs, any other 1 for each SubDevice.
+    first. A sync manager without registered entries has no place. A datagram that reads and writes
+    counts 2 for each SubDevice with outputs and 1 for each with inputs, any other 1 for each
+    SubDevice.
     """
     fmmus: list[IghFmmu] = []
     end = 0
@@ -99,7 +100,7 @@ def _datagrams(plan: Plan, fmmus: list[IghFmmu]) -> tuple[IghDatagram, ...]:
 
 
 def igh_text(plan: Plan) -> str:
-    """Return what ``ethercat domains -v`` prints for this plan before any data has arrived.
+    """Return the output of ``ethercat domains -v`` for this plan before any data are received.
 
     The master prints configuration addresses as ``alias:position``; data lines end in a blank.
     """

@@ -1,7 +1,7 @@
 """The copy plan in memory: plain records, numbered as in the file.
 
-Those of which a large bus has hundreds of thousands are named tuples, since making a frozen
-dataclass takes several times as long; they give up the `index` method of tuples.
+Records that occur hundreds of thousands of times on a large bus are named tuples, because creating
+a frozen dataclass takes several times as long. They replace the `index` method of tuples.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class PlanSubDevice:
 
 
 class PlanSyncManager(NamedTuple):
-    """One sync manager; ``direction`` 1 output, 2 input; ``watchdog`` 0 leave, 1 on, 2 off."""
+    """One sync manager; ``direction`` 1 output, 2 input; ``watchdog`` 0 unchanged, 1 on, 2 off."""
 
     subdevice: int
     index: int  # type: ignore[assignment]
@@ -55,7 +55,7 @@ class PlanSyncManager(NamedTuple):
 
     @property
     def size_bytes(self) -> int:
-        """Length of the process data; a started byte counts."""
+        """Length of the process data, rounded up to bytes."""
         return (self.bits + 7) // 8
 
     @property
@@ -139,7 +139,7 @@ class PlanCopy:
 
     @property
     def size_bytes(self) -> int:
-        """Bytes moved."""
+        """Number of bytes copied."""
         return self.bits // 8
 
 
@@ -147,7 +147,7 @@ class PlanCopy:
 class PlanConnection:
     """One FSoE connection: a pair of copies; ``None`` for facts that are not stated.
 
-    ``app_parameters``: hex digits, empty when not stated.
+    ``app_parameters``: hex digits, empty if not stated.
     """
 
     name: str
@@ -165,7 +165,7 @@ class PlanConnection:
 
     @property
     def parameters(self) -> FsoeParameters:
-        """What the plan states of its parameters."""
+        """The stated parameters."""
         app = bytes.fromhex(self.app_parameters)
         return FsoeParameters(
             connection_id=self.connection_id,
@@ -178,7 +178,7 @@ class PlanConnection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanBus:
-    """One of several buses: its SubDevices follow each other. Cycle in nanoseconds."""
+    """One of several buses: its SubDevices are consecutive. The cycle is in nanoseconds."""
 
     name: str
     cycle_ns: int
@@ -203,8 +203,8 @@ class PlanGroup:
 class Plan:
     """All records of a plan, in file order.
 
-    ``safety_sha256``: hash of the safety functions in hex, empty when none is stated. ``buses``:
-    two at least, or none where there is one bus without a name. ``cycle_ns`` is that of the first.
+    ``safety_sha256``: hash of the safety functions in hex, empty if none is stated. ``buses``: at
+    least two, or none for a single bus without a name. ``cycle_ns`` is that of the first.
     """
 
     cycle_ns: int
@@ -222,7 +222,7 @@ class Plan:
     groups: tuple[PlanGroup, ...] = ()
 
     def __repr__(self) -> str:
-        """Return one line: the cycle and how many SubDevices, connections and copies there are."""
+        """Return one line: the cycle and the number of SubDevices, connections and copies."""
         sizes = (
             counted(len(self.subdevices), "SubDevice"),
             counted(len(self.connections), "connection"),
@@ -232,7 +232,7 @@ class Plan:
 
     @property
     def format(self) -> str:
-        """Version of the plan format that it needs."""
+        """Required version of the plan format."""
         if self.groups:
             return "1.3"
         if self.buses:
@@ -245,12 +245,12 @@ class Plan:
         return next((number for number, end in enumerate(ends) if subdevice < end), 0)
 
     def way_cycle_ns(self, main: int, sub: int) -> int:
-        """Return the longest bus cycle between two SubDevices; no cycle is below the first's."""
+        """Return the longest bus cycle between two SubDevices; the first bus has the shortest."""
         cycles = [self.buses[self.bus_number(n)].cycle_ns for n in (main, sub) if self.buses]
         return max(cycles, default=self.cycle_ns)
 
     def group_number(self, subdevice: int) -> int | None:
-        """Return the number of the group of a SubDevice; ``None``: it is always there."""
+        """Return the number of the group of a SubDevice, or ``None`` if it is always present."""
         for number, group in enumerate(self.groups):
             if 0 <= subdevice - group.first_subdevice < group.subdevice_count:
                 return number
@@ -267,11 +267,11 @@ class Plan:
         return encode_plan(self)
 
     def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the `.fsnplan` file, whole or not at all.
+        """Write the `.fsnplan` file, completely or not at all.
 
         Raises:
-            InputError: The file exists, and is not to be replaced.
-            EnvironmentFault: It cannot be written; the existing content is unchanged.
+            InputError: The file exists and must not be replaced.
+            EnvironmentFault: The file cannot be written; the existing content is unchanged.
         """
         from fsoe_net.formats.shared.write_files import write_whole
 
@@ -282,8 +282,8 @@ class Plan:
         """Read a `.fsnplan` file, and check that its tables are consistent.
 
         Raises:
-            InputError: It cannot be read.
-            PlanFormatError: It is not a valid plan.
+            InputError: The file cannot be read.
+            PlanFormatError: The file is not a valid plan.
         """
         from fsoe_net.formats.shared.files import Collector, read_bytes
         from fsoe_net.formats.shared.limits import MAX_PLAN_BYTES
@@ -299,14 +299,14 @@ class Plan:
             raise PlanFormatError(f"{name}: {exc}") from exc
 
     def show(self) -> str:
-        """Return its connections and copies as tables, with names, offsets and lengths."""
+        """Return its connections and copies as tables with names, offsets and lengths."""
         from fsoe_net.plan.show import plan_text
 
         return plan_text(self)
 
     @property
     def fingerprint(self) -> Fingerprint:
-        """What identifies everything safety-relevant in it."""
+        """The fingerprint of everything safety-relevant in the plan."""
         from fsoe_net.plan.fingerprint import fingerprint_of
 
         return fingerprint_of(self)

@@ -1,7 +1,7 @@
-"""The records of a plan file: the one table that the codec reads.
+"""The records of a plan file: the table that the codec reads.
 
 ``scripts/plan-records`` writes the fields of the C core and the tables of
-``docs/reference/plan-format.md`` from it. Bytes follow each other in the order of the fields.
+``docs/reference/plan-format.md`` from it. The bytes are in the order of the fields.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ RESERVED = "reserved"
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field; a reserved one is zero, and no attribute of the row in memory."""
+    """One field; a reserved one is zero and has no attribute in the row in memory."""
 
     type: str
     name: str
@@ -43,7 +43,7 @@ class Field:
 
     @property
     def size(self) -> int:
-        """Bytes."""
+        """Size in bytes."""
         return struct.calcsize("<" + self.code)
 
 
@@ -57,7 +57,7 @@ class Record:
 
     @property
     def named(self) -> tuple[Field, ...]:
-        """The fields that a row in memory has."""
+        """The fields of a row in memory."""
         return tuple(field for field in self.fields if field.name != RESERVED)
 
     @property
@@ -167,14 +167,14 @@ _CONNECTION = """
     u16    safe_to_main    safe data sub to main, bytes
     string app_parameters  application parameters, two lower-case hex digits each; empty: not stated
 """
-# Of format 1.2 only: the records above of one bus follow each other.
+# Only in format 1.2: the records above of one bus are consecutive.
 _BUS = """
     string name            name, unique
     u32    cycle_ns        bus cycle in nanoseconds
     u32    first_subdevice first SubDevice
     u32    subdevice_count number of SubDevices
 """
-# Of format 1.3 only.
+# Only in format 1.3.
 _GROUP = """
     string name            name, unique
     string place           place of alternatives; empty: none

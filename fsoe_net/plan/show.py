@@ -14,7 +14,7 @@ from fsoe_net.plan.model import NONE, Plan, PlanConnection, PlanCopy
 
 
 def copy_end(plan: Plan, sm_number: int, bit: int) -> str:
-    """Return ``ek1914 SM3 byte 0 (0x6000:01)``: the entry that starts there, if one does."""
+    """Return ``ek1914 SM3 byte 0 (0x6000:01)``; the entry only if one starts there."""
     sm = plan.sync_managers[sm_number]
     name = plan.subdevices[sm.subdevice].name
     entry = entry_at(plan, sm_number, bit)
